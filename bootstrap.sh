@@ -1,0 +1,120 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
+# From a fresh checkout on Debian or Ubuntu to a fitted capture, or to the test report.
+# What is already there is left alone: a second run installs and compiles nothing.
+set -euo pipefail
+unset CDPATH
+
+usage() {
+  cat <<'USAGE'
+usage: ./bootstrap.sh fit     install what is missing, build, fit the bundled capture (out/fit/index.html)
+       ./bootstrap.sh test    install what is missing, build, run the tests
+
+Missing packages are installed with apt-get, as root or through sudo. All else stays in this folder.
+JOBS=N ./bootstrap.sh ...     compile and test with N processes (default: one per processor, at most
+                              one for every 1.5 GB of free memory)
+USAGE
+}
+
+# The same names in Debian 12, Debian 13 and Ubuntu 24.04.
+packages=(
+  g++ cmake ninja-build pkg-config
+  libeigen3-dev libceres-dev libembree-dev libtbb-dev
+  libopenexr-dev nlohmann-json3-dev libcli11-dev libzip-dev zlib1g-dev
+  libjs-d3
+  libgtest-dev libgmock-dev libbenchmark-dev
+)
+
+die() {
+  echo "bootstrap.sh: $*" >&2
+  exit 1
+}
+
+# Names of those arguments that are not installed Debian packages.
+missing_packages() {
+  local installed name
+  # dpkg-query fails when it does not know one of the names; what it prints of the others counts.
+  installed=" $(dpkg-query -W -f '${Package}:${db:Status-Status} ' "$@" 2>/dev/null || true)"
+  for name in "$@"; do
+    [[ "$installed" == *" $name:installed "* ]] || echo "$name"
+  done
+}
+
+# Installs those arguments that are missing; does not call apt-get when none is.
+install_packages() {
+  { command -v dpkg-query && command -v apt-get; } >/dev/null ||
+    die "this needs Debian or Ubuntu (apt-get); elsewhere install what README.md lists and run: cmake --preset release"
+  local missing as_root=()
+  mapfile -t missing < <(missing_packages "$@")
+  ((${#missing[@]})) || return 0
+  if [[ "$(id -u)" != 0 ]]; then
+    command -v sudo >/dev/null || die "missing packages and neither root nor sudo; as root: apt-get install ${missing[*]}"
+    as_root=(sudo)
+  fi
+  echo "Installing ${missing[*]}"
+  # A source that cannot be reached is no reason to stop: the lists at hand may do.
+  "${as_root[@]}" apt-get update -q || echo "bootstrap.sh: apt-get update failed; trying with the package lists at hand" >&2
+  "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -q -y --no-install-recommends "${missing[@]}" ||
+    die "apt-get could not install: ${missing[*]}"
+}
+
+# Memory that compilers may use, MB: what is free, or what a container may have if that is less.
+free_memory() {
+  local megabytes limit
+  megabytes=$(($(sed -n 's/^MemAvailable: *\([0-9]*\) kB/\1/p' /proc/meminfo) / 1024))
+  limit=$(cat /sys/fs/cgroup/memory.max 2>/dev/null || echo max)
+  if [[ "$limit" != max ]] && ((limit / 1048576 < megabytes)); then
+    megabytes=$((limit / 1048576))
+  fi
+  echo "$megabytes"
+}
+
+# Processes to compile with. The largest sources (Eigen, Ceres, JSON) take 1 to 1.5 GB each.
+job_count() {
+  local jobs memory_jobs
+  if [[ -n "${JOBS:-}" ]]; then
+    [[ "$JOBS" =~ ^[1-9][0-9]*$ ]] || die "JOBS=$JOBS: expected a number of processes, 1 or more"
+    echo "$JOBS"
+    return
+  fi
+  jobs=$(nproc)
+  memory_jobs=$(($(free_memory) / 1500))
+  ((memory_jobs >= 1)) || memory_jobs=1
+  echo $((jobs < memory_jobs ? jobs : memory_jobs))
+}
+
+# Configures and builds a target of the preset `release`.
+build() {
+  local log=build/configure.log
+  mkdir -p build
+  cmake --preset release >"$log" 2>&1 || {
+    cat "$log" >&2
+    die "CMake failed"
+  }
+  cmake --build --preset release --parallel "$1" --target "$2"
+}
+
+main() {
+  case "${1:-}" in
+    fit | test) (($# == 1)) || { usage >&2; exit 2; } ;;
+    '' | -h | --help) usage; exit 0 ;;
+    *) usage >&2; exit 2 ;;
+  esac
+  local jobs
+  jobs=$(job_count)
+  cd -- "$(dirname -- "${BASH_SOURCE[0]}")"
+  install_packages "${packages[@]}"
+  if [[ "$1" == fit ]]; then
+    build "$jobs" blindcorner_program
+    build/release/blindcorner fit scenes/tmf8828_wall.json scenes/captures/tmf8828_wall.exr -o out/fit
+    echo "Page with the picture: $PWD/out/fit/index.html"
+  else
+    build "$jobs" all
+    ctest --preset release --parallel "$jobs"
+  fi
+}
+
+# Sourced by other scripts for install_packages.
+if [[ "${BASH_SOURCE[0]}" == "$0" ]]; then
+  main "$@"
+fi

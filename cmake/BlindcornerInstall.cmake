@@ -1,0 +1,12 @@
+include(CMakePackageConfigHelpers)
+install(DIRECTORY include/blindcorner DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
+install(DIRECTORY scenes/ DESTINATION ${CMAKE_INSTALL_DATADIR}/blindcorner/scenes)
+install(TARGETS blindcorner_program RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+set(package_dir ${CMAKE_INSTALL_LIBDIR}/cmake/blindcorner)
+install(EXPORT blindcornerTargets NAMESPACE blindcorner:: DESTINATION ${package_dir})
+configure_package_config_file(cmake/blindcornerConfig.cmake.in
+  ${CMAKE_CURRENT_BINARY_DIR}/blindcornerConfig.cmake INSTALL_DESTINATION ${package_dir})
+write_basic_package_version_file(${CMAKE_CURRENT_BINARY_DIR}/blindcornerConfigVersion.cmake
+  COMPATIBILITY SameMinorVersion)
+install(FILES ${CMAKE_CURRENT_BINARY_DIR}/blindcornerConfig.cmake
+              ${CMAKE_CURRENT_BINARY_DIR}/blindcornerConfigVersion.cmake DESTINATION ${package_dir})

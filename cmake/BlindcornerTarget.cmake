@@ -1,0 +1,27 @@
+# blindcorner_library(name SOURCES... ) makes target blindcorner_<name> with alias blindcorner::<name>,
+# the project's warnings, and its installation.
+function(blindcorner_flags target)
+  target_compile_options(${target} PRIVATE -Wall -Wextra -Wpedantic -Wconversion -Wshadow
+                                           -fno-math-errno -fno-trapping-math)
+  if(BLINDCORNER_WARNINGS_AS_ERRORS)
+    target_compile_options(${target} PRIVATE -Werror)
+  endif()
+  if(BLINDCORNER_SANITIZE)
+    target_compile_options(${target} PRIVATE -fsanitize=address,undefined -fno-sanitize-recover=all
+                                             -fno-omit-frame-pointer)
+    target_compile_definitions(${target} PRIVATE BLINDCORNER_SANITIZE)
+    target_link_options(${target} PRIVATE -fsanitize=address,undefined)
+  endif()
+endfunction()
+
+function(blindcorner_library name)
+  add_library(blindcorner_${name} STATIC ${ARGN})
+  add_library(blindcorner::${name} ALIAS blindcorner_${name})
+  set_target_properties(blindcorner_${name} PROPERTIES EXPORT_NAME ${name})
+  target_include_directories(blindcorner_${name} PUBLIC
+    $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include> $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
+  target_compile_features(blindcorner_${name} PUBLIC cxx_std_20)
+  blindcorner_flags(blindcorner_${name})
+  install(TARGETS blindcorner_${name} EXPORT blindcornerTargets
+          ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
+endfunction()

@@ -1,0 +1,254 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "blindcorner/forward/relay.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "blindcorner/forward/constants.h"
+#include "blindcorner/forward/error.h"
+
+namespace blindcorner {
+namespace {
+
+using Eigen::Vector3d;
+
+/// Cell in the region's own two parameters: tangents (rectangle) or polar angles (cone).
+struct Cell {
+  double u0, u1, v0, v1;
+  bool polar;
+
+  Vector3d direction(double u, double v) const {
+    if (!polar) return direction_from_tangents(u, v);
+    return {std::cos(u), -std::sin(u) * std::cos(v), -std::sin(u) * std::sin(v)};
+  }
+  double solid_angle() const {
+    if (polar) return (std::cos(u0) - std::cos(u1)) * (v1 - v0);
+    const auto corner = [](double x, double y) {
+      return std::atan2(x * y, std::sqrt(1 + x * x + y * y));
+    };
+    return corner(u1, v1) - corner(u0, v1) - corner(u1, v0) + corner(u0, v0);
+  }
+  /// Solid angle per unit of the parameters, up to a constant.
+  double density(double u, double v) const {
+    return polar ? std::sin(u) : std::pow(1 + u * u + v * v, -1.5);
+  }
+  std::array<Cell, 2> halves(int along) const {
+    const double u = 0.5 * (u0 + u1);
+    const double v = 0.5 * (v0 + v1);
+    if (along == 1) return {Cell{u0, u, v0, v1, polar}, Cell{u, u1, v0, v1, polar}};
+    return {Cell{u0, u1, v0, v, polar}, Cell{u0, u1, v, v1, polar}};
+  }
+  std::array<Cell, 4> quarters() const {
+    const double u = 0.5 * (u0 + u1);
+    const double v = 0.5 * (v0 + v1);
+    return {Cell{u0, u, v0, v, polar}, Cell{u, u1, v0, v, polar}, Cell{u0, u, v, v1, polar},
+            Cell{u, u1, v, v1, polar}};
+  }
+};
+
+class Sampler {
+ public:
+  Sampler(const RayScene& rays, const std::vector<Surface>& surfaces, const Vector3d& origin,
+          const Eigen::Matrix3d& rotation, const RelaySampling& sampling)
+      : rays_(rays),
+        surfaces_(surfaces),
+        origin_(origin),
+        rotation_(rotation),
+        sampling_(sampling) {}
+
+  void sample(const Cell& cell, int splits, int edges) {
+    RelayPatch patch;
+    const Trace trace = look(cell, patch);
+    if (trace == Trace::mixed && edges < sampling_.edge_depth) {
+      for (const Cell& quarter : cell.quarters()) sample(quarter, splits, edges + 1);
+      return;
+    }
+    if (patch.surface < 0) return;
+    const int split =
+        splits < sampling_.split_depth && sampling_.split ? sampling_.split(patch) : 0;
+    if (split != 0) {
+      for (const Cell& half : cell.halves(split)) sample(half, splits + 1, edges);
+      return;
+    }
+    patch.group = group_++;
+    if (sampling_.gauss && trace == Trace::whole && sampling_.gauss(patch)) {
+      add_nodes(cell, patch);
+    } else {
+      patches.push_back(patch);
+    }
+  }
+
+  std::vector<RelayPatch> patches;
+
+ private:
+  enum class Trace { nothing, mixed, whole };
+
+  /// Four nodes with the solid angle shared by its density.
+  void add_nodes(const Cell& cell, const RelayPatch& whole) {
+    static const double kNode = 1 / std::sqrt(3.0);
+    const double uc = 0.5 * (cell.u0 + cell.u1), hu = 0.5 * (cell.u1 - cell.u0);
+    const double vc = 0.5 * (cell.v0 + cell.v1), hv = 0.5 * (cell.v1 - cell.v0);
+    std::array<RelayPatch, 4> nodes;
+    double total = 0;
+    for (std::size_t i = 0; i < 4; ++i) {
+      const double u = uc + ((i & 1) != 0 ? kNode : -kNode) * hu;
+      const double v = vc + ((i & 2) != 0 ? kNode : -kNode) * hv;
+      const Vector3d d = world(cell, u, v);
+      RelayPatch& node = nodes[i];
+      node = whole;
+      node.node = true;
+      node.distance = (whole.center - origin_).dot(whole.normal) / d.dot(whole.normal);
+      node.center = origin_ + node.distance * d;
+      node.half_u = 0.5 * whole.half_u;
+      node.half_v = 0.5 * whole.half_v;
+      node.solid_angle = cell.density(u, v);
+      total += node.solid_angle;
+    }
+    for (RelayPatch& node : nodes) {
+      node.solid_angle *= whole.solid_angle / total;
+      patches.push_back(node);
+    }
+  }
+
+  /// Fills the patch from the cell's centre ray; `mixed` when the corners see something else.
+  Trace look(const Cell& cell, RelayPatch& patch) const {
+    const double uc = 0.5 * (cell.u0 + cell.u1);
+    const double vc = 0.5 * (cell.v0 + cell.v1);
+    const auto hit = rays_.first_hit(origin_, world(cell, uc, vc));
+    // Corners a hair inside, so that a field that ends on a surface's edge is not mixed.
+    constexpr double kInset = 0.02;
+    const std::array<double, 2> us = {cell.u0 + kInset * (cell.u1 - cell.u0),
+                                      cell.u1 - kInset * (cell.u1 - cell.u0)};
+    const std::array<double, 2> vs = {cell.v0 + kInset * (cell.v1 - cell.v0),
+                                      cell.v1 - kInset * (cell.v1 - cell.v0)};
+    int same = 0;
+    int missed = 0;
+    for (const double u : us) {
+      for (const double v : vs) {
+        const auto corner = rays_.first_hit(origin_, world(cell, u, v));
+        if (!corner) ++missed;
+        if (corner.has_value() == hit.has_value() &&
+            (!hit || (corner->surface == hit->surface && corner->normal.dot(hit->normal) > 0.999)))
+          ++same;
+      }
+    }
+    if (!hit) return missed == 4 ? Trace::nothing : Trace::mixed;
+    patch.surface = hit->surface;
+    patch.normal = hit->normal;
+    patch.center = hit->point;
+    patch.distance = hit->distance;
+    patch.albedo = reflects(*hit) ? surfaces_[static_cast<std::size_t>(hit->surface)].albedo : 0.0;
+    patch.solid_angle = cell.solid_angle();
+    const auto on_plane = [&](double u, double v) {
+      const Vector3d d = world(cell, u, v);
+      const double rate = d.dot(hit->normal);
+      const double reach = (hit->point - origin_).dot(hit->normal);
+      // A corner ray that misses the tangent plane keeps the centre's distance.
+      const double t = reach * rate > 1e-6 * reach * reach ? reach / rate : hit->distance;
+      return Vector3d(origin_ + std::min(t, 4 * hit->distance) * d);
+    };
+    patch.half_u = 0.5 * (on_plane(cell.u1, vc) - on_plane(cell.u0, vc));
+    patch.half_v = 0.5 * (on_plane(uc, cell.v1) - on_plane(uc, cell.v0));
+    return same == 4 ? Trace::whole : Trace::mixed;
+  }
+
+  /// Rectangles reflect on one side only; closed shapes are seen from outside.
+  bool reflects(const RayHit& hit) const { return hit.normal.dot(origin_ - hit.point) > 0; }
+
+  Vector3d world(const Cell& cell, double u, double v) const {
+    return rotation_ * cell.direction(u, v);
+  }
+
+  const RayScene& rays_;
+  const std::vector<Surface>& surfaces_;
+  Vector3d origin_;
+  Eigen::Matrix3d rotation_;
+  const RelaySampling& sampling_;
+  int group_ = 0;
+};
+
+}  // namespace
+
+Vector3d direction_from_tangents(double right, double down) {
+  return Vector3d(1, -right, -down).normalized();
+}
+
+double solid_angle(const FieldOfIllumination& region) {
+  if (const auto* r = std::get_if<AngularRectangle>(&region)) {
+    return Cell{std::tan(r->left), std::tan(r->right), std::tan(r->top), std::tan(r->bottom), false}
+        .solid_angle();
+  }
+  return 2 * kPi * (1 - std::cos(std::get<AngularCone>(region).half_angle));
+}
+
+bool contains(const FieldOfIllumination& region, const Vector3d& direction) {
+  if (direction.x() <= 0) return false;
+  if (const auto* r = std::get_if<AngularRectangle>(&region)) {
+    const double right = std::atan2(-direction.y(), direction.x());
+    const double down = std::atan2(-direction.z(), direction.x());
+    return right >= r->left && right <= r->right && down >= r->top && down <= r->bottom;
+  }
+  return direction.x() >= std::cos(std::get<AngularCone>(region).half_angle) * direction.norm();
+}
+
+std::vector<RelayPatch> sample_region(const RayScene& rays, const std::vector<Surface>& surfaces,
+                                      const Vector3d& origin, const Eigen::Matrix3d& rotation,
+                                      const FieldOfIllumination& region,
+                                      const RelaySampling& sampling) {
+  Sampler sampler(rays, surfaces, origin, rotation, sampling);
+  const int n = sampling.divisions;
+  if (const auto* r = std::get_if<AngularRectangle>(&region)) {
+    const double u0 = std::tan(r->left), u1 = std::tan(r->right);
+    const double v0 = std::tan(r->top), v1 = std::tan(r->bottom);
+    for (int j = 0; j < n; ++j) {
+      for (int i = 0; i < n; ++i) {
+        sampler.sample({u0 + (u1 - u0) * i / n, u0 + (u1 - u0) * (i + 1) / n,
+                        v0 + (v1 - v0) * j / n, v0 + (v1 - v0) * (j + 1) / n, false},
+                       0, 0);
+      }
+    }
+  } else {
+    // Rings of equal width with 6 (2 ring + 1) sectors: cells of equal size and nearly square.
+    const double half = std::get<AngularCone>(region).half_angle;
+    for (int ring = 0; ring < n; ++ring) {
+      const int sectors = n == 1 ? 4 : 3 * (2 * ring + 1);
+      for (int s = 0; s < sectors; ++s) {
+        sampler.sample({half * ring / n, half * (ring + 1) / n, 2 * kPi * s / sectors,
+                        2 * kPi * (s + 1) / sectors, true},
+                       0, 0);
+      }
+    }
+  }
+  return std::move(sampler.patches);
+}
+
+RelayPatch relay_point_patch(const std::vector<Surface>& surfaces, const Vector3d& point,
+                             double tolerance) {
+  RelayPatch patch;
+  double best = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < surfaces.size(); ++i) {
+    if (!surfaces[i].relay) continue;
+    for (const auto& quad : flat_faces(surfaces[i].shape, surfaces[i].T_world_surface, 1.0)) {
+      const Vector3d normal = (quad[1] - quad[0]).cross(quad[3] - quad[0]).normalized();
+      const double distance = std::abs(normal.dot(point - quad[0]));
+      if (distance < best) {
+        best = distance;
+        patch.surface = static_cast<int>(i);
+        patch.normal = normal;
+        patch.albedo = surfaces[i].albedo;
+      }
+    }
+  }
+  if (!(best <= tolerance)) {
+    throw Error("relay_points_m", "found a point " + std::to_string(best) +
+                                      " m from any relay surface, accepted: at most " +
+                                      std::to_string(tolerance) + " m");
+  }
+  patch.center = point;
+  patch.solid_angle = 1.0;
+  return patch;
+}
+
+}  // namespace blindcorner

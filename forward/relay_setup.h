@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Shared by both models: what the sensor lights and sees on the relay, and the direct return.
+#pragma once
+
+#include <Eigen/Core>
+#include <memory>
+#include <vector>
+
+#include "blindcorner/forward/forward_model.h"
+#include "blindcorner/forward/pulse_table.h"
+#include "blindcorner/forward/relay.h"
+
+namespace blindcorner {
+
+/// Patch of the relay with its radiometric weight and the path of its outer leg.
+struct WeightedPatch {
+  RelayPatch patch;
+  /// Lit: I dOmega rho / pi (W/sr). Seen: dOmega rho / pi (sr).
+  double weight = 0.0;
+  double leg = 0.0;                                         ///< m, outer leg's path length
+  Eigen::Vector3d leg_direction = Eigen::Vector3d::Zero();  ///< gradient of the leg at the patch
+  /// Seen patches: radiance that the source makes the patch send back, W/m^2/sr (for the direct
+  /// return and the retroreflective single sum).
+  double radiance = 0.0;
+};
+
+/// Geometry of one sensor placement, compiled for sampling.
+class RelaySetup {
+ public:
+  RelaySetup(const Scene& scene, const SensorPlacement& placement);
+
+  /// Patches that the flash field lights, relay surfaces only.
+  std::vector<WeightedPatch> lit(const RelaySampling& sampling) const;
+  /// Patches that zone z sees, relay surfaces only.
+  std::vector<WeightedPatch> seen(int zone, const RelaySampling& sampling) const;
+  /// Patches that zone z lights by itself (confocal).
+  std::vector<WeightedPatch> lit_by_zone(int zone, const RelaySampling& sampling) const;
+
+  /// Direct return of all surfaces, W/m^2 per bin; `divisions` cells along each side of a zone,
+  /// each a midpoint with its spread or four Gauss nodes.
+  HistogramCube direct_return(const PulseTable& pulses, int divisions, bool gauss) const;
+
+  /// Relay points that span what is lit and seen, for the plan.
+  std::vector<Eigen::Vector3d> relay_points() const;
+  /// Diameter of the lit spot, m.
+  double lit_extent() const;
+
+  /// Position of the detector, m.
+  const Eigen::Vector3d& origin() const { return detector_; }
+
+  bool uses_points() const { return !placement_.relay_points.empty(); }
+  const RayScene& occluder_rays() const { return *occluder_rays_; }
+
+ private:
+  std::vector<WeightedPatch> region(const Eigen::Vector3d& origin, const FieldOfIllumination& field,
+                                    const RelaySampling& sampling, bool relay_only) const;
+  WeightedPatch point_patch(int zone) const;
+  /// Outer legs of seen patches when path lengths count from the relay: twice the zone's own
+  /// distance has been taken off, which leaves minus the distance on the way back.
+  void take_off_direct_path(std::vector<WeightedPatch>& seen) const;
+  /// Radiance sent back by the patch, the rim of the field resolved within the patch.
+  double radiance(const RelayPatch& patch, const FieldOfIllumination& field, double* leg) const;
+  const FieldOfIllumination& field_of_zone(int zone, FieldOfIllumination& storage) const;
+
+  const Scene& scene_;
+  SensorPlacement placement_;
+  Eigen::Vector3d source_;
+  Eigen::Vector3d detector_;
+  std::unique_ptr<RayScene> rays_;           // all surfaces
+  std::unique_ptr<RayScene> occluder_rays_;  // occluders only
+};
+
+/// Length of the time axis in bins on which light is collected before it wraps.
+int unwrapped_bins(const Sensor& sensor);
+
+/// Adds the light of an unwrapped row to the sensor's bins.
+void fold(const Sensor& sensor, const double* unwrapped, int unwrapped_count, double* row);
+
+}  // namespace blindcorner

@@ -1,0 +1,283 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "blindcorner/forward/shape.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "blindcorner/forward/constants.h"
+#include "blindcorner/forward/error.h"
+
+namespace blindcorner {
+namespace {
+
+using Eigen::Vector3d;
+
+template <class... Ts>
+struct overloaded : Ts... {
+  using Ts::operator()...;
+};
+
+int divisions(double edge, double max_edge, int min_divisions) {
+  return std::max(min_divisions, static_cast<int>(std::ceil(edge / max_edge - 1e-9)));
+}
+
+/// Divides the parallelogram center +- half_u +- half_v; normal = u x v.
+void divide_flat(const Vector3d& center, const Vector3d& half_u, const Vector3d& half_v,
+                 double max_edge, int min_divisions, std::vector<SurfaceCell>& cells) {
+  const int nu = divisions(2 * half_u.norm(), max_edge, min_divisions);
+  const int nv = divisions(2 * half_v.norm(), max_edge, min_divisions);
+  SurfaceCell cell;
+  cell.half_u = half_u / nu;
+  cell.half_v = half_v / nv;
+  const Vector3d cross = cell.half_u.cross(cell.half_v);
+  cell.area = 4 * cross.norm();
+  cell.normal = cross.normalized();
+  for (int v = 0; v < nv; ++v) {
+    for (int u = 0; u < nu; ++u) {
+      cell.center = center + half_u * ((2 * u + 1.0) / nu - 1) + half_v * ((2 * v + 1.0) / nv - 1);
+      cells.push_back(cell);
+    }
+  }
+}
+
+/// The six faces of a box as (centre, half_u, half_v) with outward u x v.
+std::array<std::array<Vector3d, 3>, 6> box_faces(const Vector3d& size) {
+  std::array<std::array<Vector3d, 3>, 6> faces;
+  const Vector3d h = size / 2;
+  for (int axis = 0; axis < 3; ++axis) {
+    const int b = (axis + 1) % 3;
+    const int c = (axis + 2) % 3;
+    for (int side = 0; side < 2; ++side) {
+      const double sign = side == 0 ? 1 : -1;
+      faces[static_cast<std::size_t>(2 * axis + side)] = {
+          Vector3d(Vector3d::Unit(axis) * (sign * h[axis])), Vector3d(Vector3d::Unit(b) * h[b]),
+          Vector3d(Vector3d::Unit(c) * (sign * h[c]))};
+    }
+  }
+  return faces;
+}
+
+/// Sphere in bands of equal height (equal area), so every cell has the same area. The cell lies in
+/// the tangent plane.
+void divide_sphere(double radius, double max_edge, int min_divisions,
+                   std::vector<SurfaceCell>& cells) {
+  const int bands = divisions(kPi * radius, max_edge, std::max(4, 2 * min_divisions));
+  const int around = divisions(2 * kPi * radius, max_edge, std::max(8, 4 * min_divisions));
+  const double area = 4 * kPi * radius * radius / (bands * around);
+  for (int b = 0; b < bands; ++b) {
+    const double z = (2 * b + 1.0) / bands - 1;
+    const double s = std::sqrt(1 - z * z);
+    for (int a = 0; a < around; ++a) {
+      const double phi = 2 * kPi * (a + 0.5) / around;
+      SurfaceCell cell;
+      cell.normal = Vector3d(s * std::cos(phi), s * std::sin(phi), z);
+      cell.center = radius * cell.normal;
+      const Vector3d east(-std::sin(phi), std::cos(phi), 0);
+      cell.half_u = east * (kPi * radius * s / around);
+      cell.half_v = cell.normal.cross(east) * (area / (4 * kPi * radius * s / around));
+      cell.area = area;
+      cells.push_back(cell);
+    }
+  }
+}
+
+void divide_cylinder(const CylinderShape& shape, double max_edge, int min_divisions,
+                     std::vector<SurfaceCell>& cells) {
+  const double r = shape.radius;
+  const int around = divisions(2 * kPi * r, max_edge, std::max(12, 4 * min_divisions));
+  const int up = divisions(shape.height, max_edge, min_divisions);
+  SurfaceCell cell;
+  cell.half_v = Vector3d(0, 0, shape.height / (2 * up));
+  cell.area = 2 * kPi * r / around * shape.height / up;
+  for (int a = 0; a < around; ++a) {
+    const double phi = 2 * kPi * (a + 0.5) / around;
+    cell.normal = Vector3d(std::cos(phi), std::sin(phi), 0);
+    cell.half_u = Vector3d(-std::sin(phi), std::cos(phi), 0) * (kPi * r / around);
+    for (int k = 0; k < up; ++k) {
+      cell.center = r * cell.normal + Vector3d(0, 0, shape.height * ((k + 0.5) / up - 0.5));
+      cells.push_back(cell);
+    }
+  }
+  // Caps: rings of equal width, each sector with its own area.
+  const int rings = divisions(r, max_edge, min_divisions);
+  for (const double side : {1.0, -1.0}) {
+    for (int k = 0; k < rings; ++k) {
+      const double inner = r * k / rings;
+      const double outer = r * (k + 1) / rings;
+      const int sectors = std::max(4, around / (rings - k));
+      for (int a = 0; a < sectors; ++a) {
+        const double phi = 2 * kPi * (a + 0.5) / sectors;
+        // Centroid of an annular sector.
+        const double half_angle = kPi / sectors;
+        const double centroid = 2.0 / 3.0 * std::sin(half_angle) / half_angle *
+                                (outer * outer + outer * inner + inner * inner) / (outer + inner);
+        const Vector3d radial(std::cos(phi), std::sin(phi), 0);
+        cell.normal = Vector3d(0, 0, side);
+        cell.center = centroid * radial + Vector3d(0, 0, side * shape.height / 2);
+        cell.half_u = radial * ((outer - inner) / 2);
+        cell.half_v = Vector3d(-radial.y(), radial.x(), 0) * (side * half_angle * centroid);
+        cell.area = kPi * (outer * outer - inner * inner) / sectors;
+        cells.push_back(cell);
+      }
+    }
+  }
+}
+
+void add_quad(const std::array<Vector3d, 4>& quad, std::vector<Triangle>& triangles) {
+  triangles.push_back({quad[0], quad[1], quad[2]});
+  triangles.push_back({quad[0], quad[2], quad[3]});
+}
+
+std::vector<Triangle> triangulate_round(const Shape& shape, int segments) {
+  std::vector<Triangle> triangles;
+  const auto ring = [&](double radius, double z, int a) {
+    const double phi = 2 * kPi * a / segments;
+    return Vector3d(radius * std::cos(phi), radius * std::sin(phi), z);
+  };
+  if (const auto* sphere = std::get_if<SphereShape>(&shape)) {
+    const int bands = std::max(4, segments / 2);
+    for (int b = 0; b < bands; ++b) {
+      const double t0 = kPi * b / bands - kPi / 2;
+      const double t1 = kPi * (b + 1) / bands - kPi / 2;
+      const double r = sphere->radius;
+      for (int a = 0; a < segments; ++a) {
+        add_quad({ring(r * std::cos(t0), r * std::sin(t0), a),
+                  ring(r * std::cos(t0), r * std::sin(t0), a + 1),
+                  ring(r * std::cos(t1), r * std::sin(t1), a + 1),
+                  ring(r * std::cos(t1), r * std::sin(t1), a)},
+                 triangles);
+      }
+    }
+  } else if (const auto* cylinder = std::get_if<CylinderShape>(&shape)) {
+    const double h = cylinder->height / 2;
+    const double r = cylinder->radius;
+    for (int a = 0; a < segments; ++a) {
+      add_quad({ring(r, -h, a), ring(r, -h, a + 1), ring(r, h, a + 1), ring(r, h, a)}, triangles);
+      triangles.push_back({Vector3d(0, 0, h), ring(r, h, a), ring(r, h, a + 1)});
+      triangles.push_back({Vector3d(0, 0, -h), ring(r, -h, a + 1), ring(r, -h, a)});
+    }
+  }
+  return triangles;
+}
+
+}  // namespace
+
+std::string shape_name(const Shape& shape) {
+  return std::visit(
+      overloaded{[](const RectangleShape&) { return "rectangle"; },
+                 [](const BoxShape&) { return "box"; }, [](const SphereShape&) { return "sphere"; },
+                 [](const CylinderShape&) { return "cylinder"; }},
+      shape);
+}
+
+Anchor default_anchor(const Shape& shape) {
+  const bool stands =
+      std::holds_alternative<BoxShape>(shape) || std::holds_alternative<CylinderShape>(shape);
+  return stands ? Anchor::base : Anchor::center;
+}
+
+double yaw_period(const Shape& shape) {
+  if (std::holds_alternative<RectangleShape>(shape)) return 2 * kPi;
+  if (const auto* box = std::get_if<BoxShape>(&shape)) {
+    return std::abs(box->size.x() - box->size.y()) < 1e-12 ? kPi / 2 : kPi;
+  }
+  return 0.0;
+}
+
+namespace {
+
+double shape_height(const Shape& shape) {
+  return std::visit(overloaded{[](const RectangleShape& s) { return s.height; },
+                               [](const BoxShape& s) { return s.size.z(); },
+                               [](const SphereShape& s) { return 2 * s.radius; },
+                               [](const CylinderShape& s) { return s.height; }},
+                    shape);
+}
+
+}  // namespace
+
+double bounding_radius(const Shape& shape, Anchor anchor) {
+  const double half_height = shape_height(shape) / 2;
+  const double vertical = anchor == Anchor::base ? 2 * half_height : half_height;
+  return std::visit(
+      overloaded{
+          [&](const RectangleShape& s) { return std::hypot(s.width / 2, vertical); },
+          [&](const BoxShape& s) { return std::hypot(s.size.x() / 2, s.size.y() / 2, vertical); },
+          [&](const SphereShape& s) { return anchor == Anchor::base ? vertical : s.radius; },
+          [&](const CylinderShape& s) { return std::hypot(s.radius, vertical); }},
+      shape);
+}
+
+Transform object_to_world(const Shape& shape, Anchor anchor, const Placement& placement) {
+  Transform T = Transform::Identity();
+  T.translation() = placement.position;
+  if (anchor == Anchor::base) T.translation().z() += placement.size * shape_height(shape) / 2;
+  T.linear() = Eigen::AngleAxisd(placement.yaw, Vector3d::UnitZ()).toRotationMatrix();
+  return T;
+}
+
+std::vector<SurfaceCell> divide(const Shape& shape, const Transform& T_world_shape, double size,
+                                double max_edge, int min_divisions) {
+  std::vector<SurfaceCell> cells;
+  std::visit(
+      overloaded{
+          [&](const RectangleShape& s) {
+            divide_flat(Vector3d::Zero(), Vector3d(0, s.width / 2, 0), Vector3d(0, 0, s.height / 2),
+                        max_edge, min_divisions, cells);
+          },
+          [&](const BoxShape& s) {
+            for (const auto& [center, u, v] : box_faces(s.size)) {
+              divide_flat(center, u, v, max_edge, min_divisions, cells);
+            }
+          },
+          [&](const SphereShape& s) { divide_sphere(s.radius, max_edge, min_divisions, cells); },
+          [&](const CylinderShape& s) { divide_cylinder(s, max_edge, min_divisions, cells); }},
+      shape);
+  const Eigen::Matrix3d rotation = T_world_shape.linear();
+  for (SurfaceCell& cell : cells) {
+    cell.center = T_world_shape * Vector3d(size * cell.center);
+    cell.normal = rotation * cell.normal;
+    cell.half_u = size * (rotation * cell.half_u);
+    cell.half_v = size * (rotation * cell.half_v);
+    cell.area *= size * size;
+  }
+  return cells;
+}
+
+std::vector<std::array<Vector3d, 4>> flat_faces(const Shape& shape, const Transform& T_world_shape,
+                                                double size) {
+  std::vector<std::array<Vector3d, 4>> quads;
+  const auto add = [&](const Vector3d& center, const Vector3d& u, const Vector3d& v) {
+    const auto world = [&](double su, double sv) {
+      return Vector3d(T_world_shape * Vector3d(size * (center + su * u + sv * v)));
+    };
+    quads.push_back({world(-1, -1), world(1, -1), world(1, 1), world(-1, 1)});
+  };
+  if (const auto* rectangle = std::get_if<RectangleShape>(&shape)) {
+    add(Vector3d::Zero(), Vector3d(0, rectangle->width / 2, 0),
+        Vector3d(0, 0, rectangle->height / 2));
+  } else if (const auto* box = std::get_if<BoxShape>(&shape)) {
+    for (const auto& [center, u, v] : box_faces(box->size)) add(center, u, v);
+  } else {
+    throw Error("shape", "found " + shape_name(shape) + ", accepted: rectangle or box");
+  }
+  return quads;
+}
+
+std::vector<Triangle> triangulate(const Shape& shape, const Transform& T_world_shape, double size,
+                                  int segments) {
+  const bool flat =
+      std::holds_alternative<RectangleShape>(shape) || std::holds_alternative<BoxShape>(shape);
+  std::vector<Triangle> triangles;
+  if (flat) {
+    for (const auto& quad : flat_faces(shape, T_world_shape, size)) add_quad(quad, triangles);
+    return triangles;
+  }
+  triangles = triangulate_round(shape, segments);
+  for (Triangle& triangle : triangles) {
+    for (Vector3d& point : triangle) point = T_world_shape * Vector3d(size * point);
+  }
+  return triangles;
+}
+
+}  // namespace blindcorner

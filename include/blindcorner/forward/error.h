@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+/// The one exception type of the library: a single clear line for whoever caused it.
+#pragma once
+
+#include <stdexcept>
+#include <string>
+
+namespace blindcorner {
+
+/// Wrong input. `what()` is one line that names the place (file, field), what was found there and
+/// what is accepted.
+class Error : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+
+  /// "where: problem".
+  Error(const std::string& where, const std::string& problem)
+      : std::runtime_error(where + ": " + problem) {}
+};
+
+}  // namespace blindcorner

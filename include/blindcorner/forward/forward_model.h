@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Pose in, expected histogram out: one interface, two models behind it.
+#pragma once
+
+#include <Eigen/Core>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "blindcorner/forward/capture.h"
+#include "blindcorner/forward/scene.h"
+#include "blindcorner/forward/transport_plan.h"
+
+namespace blindcorner {
+
+/// Where the sensor stood, as far as a capture says so.
+struct SensorPlacement {
+  Transform T_world_sensor = Transform::Identity();
+  std::vector<Eigen::Vector3d> relay_points;  ///< [zones] m, world; empty: from the footprints
+};
+
+/// Sensor placement of a capture: its own where it carries one, else the scene's.
+SensorPlacement sensor_placement(const Scene& scene, const Capture* capture = nullptr);
+
+/// Expected light of a scene. Thread safe: all methods are const and keep no state.
+class ForwardModel {
+ public:
+  virtual ~ForwardModel() = default;
+
+  /// S of the design: light that went source, relay, object, relay, detector. W/m^2 per bin for a
+  /// zone that weighs all its directions alike; gains and linear unknowns are not applied. `out` is
+  /// resized to [rows, columns, bins]. The pose holds the scene's unknowns in order, SI units.
+  virtual void three_bounce(const PoseVector& pose, HistogramCube& out) const = 0;
+
+  HistogramCube three_bounce(const PoseVector& pose) const {
+    HistogramCube out;
+    three_bounce(pose, out);
+    return out;
+  }
+
+  /// Light that went source, surface, detector; same unit. Zero when path lengths count from the
+  /// relay (the first bounce is then no part of a capture).
+  virtual const HistogramCube& direct_return() const = 0;
+
+  virtual const TransportPlan& plan() const = 0;
+};
+
+/// Sampling of the reference renderer: uniform, denser than and different from the fast model's.
+struct ReferenceOptions {
+  int zone_divisions = 7;    ///< relay cells along each side of a zone
+  int field_divisions = 23;  ///< relay cells along each side of the field (rings of a cone)
+  int object_divisions = 5;  ///< least cells along each edge of the object
+  double object_edge = 0.2;  ///< m, largest cell edge on the object
+
+  void validate() const;
+};
+
+/// The sum of the design, pair by pair: any material, point-to-point visibility rays, no closure.
+std::unique_ptr<ForwardModel> make_reference_renderer(const Scene& scene,
+                                                      const SensorPlacement& placement,
+                                                      const ReferenceOptions& options = {});
+
+struct FastModelOptions {
+  /// Tolerated relative L2 error against the reference. It sets how much path spread one Gaussian
+  /// pulse may stand for and how large a cell may be against its distance.
+  double tolerance = 0.01;
+  /// Standard deviation of an extra Gaussian pulse, s: widens the basins of attraction.
+  double extra_pulse_sigma = 0.0;
+
+  void validate() const;
+};
+
+/// Moments instead of pairs: weight, mean path and path variance of groups of patches, and one
+/// Gaussian-blurred pulse for each pair of groups. Smooth in the pose.
+std::unique_ptr<ForwardModel> make_fast_model(const Scene& scene, const SensorPlacement& placement,
+                                              const FastModelOptions& options = {});
+
+}  // namespace blindcorner

@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Everything that is known before a capture is looked at.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "blindcorner/forward/pose.h"
+#include "blindcorner/forward/sensor.h"
+#include "blindcorner/forward/shape.h"
+
+namespace blindcorner {
+
+/// A known surface. A relay scatters light on to the hidden side; an occluder blocks light. A
+/// surface may be both. All of them give a direct return.
+struct Surface {
+  std::string name;
+  Shape shape;
+  /// Takes the shape's own centred axes to the world (rectangle: x normal, z up).
+  Transform T_world_surface = Transform::Identity();
+  double albedo = 0.5;  ///< 0..1, Lambertian
+  bool relay = false;
+  bool occluder = false;
+};
+
+struct LambertianMaterial {};
+/// Reflects back to where the light came from, in a Gaussian lobe.
+struct RetroreflectiveMaterial {
+  double lobe_sigma = 0.017;  ///< rad, standard deviation per axis
+};
+using Material = std::variant<LambertianMaterial, RetroreflectiveMaterial>;
+
+struct HiddenObject {
+  std::string name = "object";
+  Shape shape;
+  Anchor anchor = Anchor::center;
+  Placement placement;  ///< known components; unknown ones hold the middle of their range
+  Material material;
+  double albedo = 0.5;  ///< Lambertian albedo or retroreflectance, 0..1
+};
+
+/// How a linear unknown is treated.
+enum class LinearMode { fixed, shared, per_zone };
+
+/// Log-normal prior of the amplitude.
+struct AmplitudePrior {
+  double median = 1.0;
+  double sigma_log = 1.5;
+};
+
+/// Linear unknowns of the model gain * (a S + b static) + ambient.
+struct LinearUnknowns {
+  LinearMode amplitude = LinearMode::shared;
+  double fixed_amplitude = 1.0;
+  AmplitudePrior amplitude_prior;
+  LinearMode ambient = LinearMode::per_zone;  ///< fixed or per_zone
+  double fixed_ambient = 0.0;                 ///< counts per bin
+  LinearMode direct = LinearMode::fixed;      ///< fixed or per_zone: scale of the static return
+  double fixed_direct = 1.0;                  ///< 0: the static return is absent from captures
+};
+
+struct Scene {
+  std::string name;
+  std::string path;  ///< where it was read from, for messages; may be empty
+  Sensor sensor;
+  Transform T_world_sensor = Transform::Identity();
+  std::optional<Eigen::Matrix<double, 6, 6>> sensor_covariance;  ///< x, y, z (m), rotation (rad)
+  std::vector<Surface> surfaces;
+  HiddenObject hidden;
+  std::vector<Unknown> unknowns;
+  LinearUnknowns linear;
+  double presence_prior = 0.5;  ///< probability that an object is there at all
+};
+
+/// Names of the unknowns with units, in order: "x_m", "yaw_rad", ...
+std::vector<std::string> unknown_names(const Scene& scene);
+
+}  // namespace blindcorner

@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+/// The instrument: zones, time axis, pulse, noise, illumination. Data, not code.
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "blindcorner/forward/impulse_response.h"
+#include "blindcorner/forward/pose.h"
+
+namespace blindcorner {
+
+/// Rectangle of directions about the optical axis (+x of the sensor frame), radians, measured in
+/// the two axis planes: a direction is proportional to (1, -tan(right), -tan(down)).
+struct AngularRectangle {
+  double left = 0.0, right = 0.0;  ///< rightwards positive, left < right
+  double top = 0.0, bottom = 0.0;  ///< downwards positive, top < bottom
+};
+/// Cone about the optical axis; half angle in radians.
+struct AngularCone {
+  double half_angle = 0.0;
+};
+using FieldOfIllumination = std::variant<AngularRectangle, AngularCone>;
+
+/// What one histogram looks at: a rectangle of directions, or one known point on a relay surface
+/// (world, m) that stands for a spot too small to matter.
+using ZoneFootprint = std::variant<AngularRectangle, Eigen::Vector3d>;
+
+struct Zone {
+  ZoneFootprint footprint = AngularRectangle{};
+  double time_zero = 0.0;  ///< s, when light of zero path length peaks
+  double gain = 1.0;       ///< counts per W/m^2
+  bool dead = false;       ///< carries no information
+  int first_valid_bin = 0;
+  int last_valid_bin = -1;  ///< inclusive; -1: the sensor's last bin
+};
+
+enum class Illumination {
+  flash,    ///< one field lights all, every zone sees light from everywhere
+  confocal  ///< each zone is lit by itself
+};
+
+/// From where optical path lengths are counted.
+enum class PathOrigin {
+  sensor,  ///< source to detector, all legs
+  relay    ///< the direct path of each zone (twice its distance) has been taken off
+};
+
+/// Photon counts: variance = dispersion * mean.
+struct PoissonNoise {};
+/// Gaussian counts, as of a sensor that subtracts its own background:
+/// variance = floor + per_count * expected signal. Negative values are data.
+struct GaussianNoise {
+  double variance_floor = 1.0;      ///< counts^2
+  double variance_per_count = 0.0;  ///< counts
+  bool censored_at_zero = false;    ///< values below zero were stored as zero
+};
+using NoiseLaw = std::variant<PoissonNoise, GaussianNoise>;
+
+struct Sensor {
+  std::string name = "custom";
+  int rows = 1;
+  int columns = 1;
+  std::vector<Zone> zones;  ///< [rows * columns], row by row
+  int bins = 128;
+  double bin_width = 1e-10;  ///< s
+  ImpulseResponse response;
+  int wrap_bins = 0;  ///< light later than this bin reappears this many bins earlier; 0: never
+  NoiseLaw noise = PoissonNoise{};
+  double dispersion = 1.0;  ///< variance / mean of one exposure's counts
+  Illumination illumination = Illumination::flash;
+  FieldOfIllumination field = AngularCone{};
+  double radiant_intensity = 1.0;                          ///< W/sr inside the field
+  Eigen::Vector3d light_offset = Eigen::Vector3d::Zero();  ///< m, sensor frame
+  PathOrigin path_origin = PathOrigin::sensor;
+
+  int zone_count() const { return rows * columns; }
+  /// One past the last valid bin of a zone.
+  int valid_end(int zone) const {
+    const int last = zones[static_cast<std::size_t>(zone)].last_valid_bin;
+    return last < 0 ? bins : last + 1;
+  }
+};
+
+}  // namespace blindcorner

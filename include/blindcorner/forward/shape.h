@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Shapes of surfaces and hidden objects, and their division into small flat cells.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "blindcorner/forward/pose.h"
+
+namespace blindcorner {
+
+/// Flat rectangle in its own y-z plane, normal +x; reflects on the normal's side only.
+struct RectangleShape {
+  double width = 1.0;   ///< m, along its own y
+  double height = 1.0;  ///< m, along its own z
+};
+/// Box with edges along its own axes.
+struct BoxShape {
+  Eigen::Vector3d size = Eigen::Vector3d::Ones();  ///< m
+};
+struct SphereShape {
+  double radius = 0.5;  ///< m
+};
+/// Vertical cylinder, closed at top and bottom.
+struct CylinderShape {
+  double radius = 0.5;  ///< m
+  double height = 1.0;  ///< m, along z
+};
+
+using Shape = std::variant<RectangleShape, BoxShape, SphereShape, CylinderShape>;
+
+/// "rectangle", "box", "sphere" or "cylinder".
+std::string shape_name(const Shape& shape);
+
+/// Which point of the shape its position names: the centre, or the centre of its footprint.
+enum class Anchor { center, base };
+
+/// `base` for shapes that stand (box, cylinder), `center` otherwise.
+Anchor default_anchor(const Shape& shape);
+
+/// Period in radians after which a yaw turn looks the same: 2 pi for a rectangle, pi for a box,
+/// pi/2 for a box of square footprint, 0 for shapes that yaw does not change.
+double yaw_period(const Shape& shape);
+
+/// Largest distance of a point of the shape from its anchor, m.
+double bounding_radius(const Shape& shape, Anchor anchor);
+
+/// Small flat piece of a surface, in world coordinates (m). For curved shapes it lies in the
+/// tangent plane and its area is that of the curved piece.
+struct SurfaceCell {
+  Eigen::Vector3d center;
+  Eigen::Vector3d normal;  ///< unit, outward
+  Eigen::Vector3d half_u;  ///< half edge
+  Eigen::Vector3d half_v;  ///< half edge
+  double area = 0.0;       ///< m^2
+};
+
+/// Takes the shape's own centred coordinates to the world, for a placement of its anchor. Lengths
+/// are scaled by `placement.size` separately.
+Transform object_to_world(const Shape& shape, Anchor anchor, const Placement& placement);
+
+/// Divides the placed shape into flat cells whose edges are at most `max_edge` metres (before the
+/// factor `size`), and at least `min_divisions` along each edge. The number and the order of cells
+/// depend only on the shape and these two numbers, never on the placement, so that sums over cells
+/// are smooth in the placement. Cells of a curved shape carry the area of the curved piece.
+std::vector<SurfaceCell> divide(const Shape& shape, const Transform& T_world_shape, double size,
+                                double max_edge, int min_divisions = 1);
+
+using Triangle = std::array<Eigen::Vector3d, 3>;
+
+/// Triangles of the placed shape for ray tracing, counter-clockwise seen from outside. Curved
+/// shapes are tessellated with `segments` steps around.
+std::vector<Triangle> triangulate(const Shape& shape, const Transform& T_world_shape, double size,
+                                  int segments = 48);
+
+/// Flat faces of a rectangle (1) or a box (6) as planar quads, corners counter-clockwise seen from
+/// outside; throws Error for curved shapes.
+std::vector<std::array<Eigen::Vector3d, 4>> flat_faces(const Shape& shape,
+                                                       const Transform& T_world_shape, double size);
+
+}  // namespace blindcorner

@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: Apache-2.0
+/// The facade: histograms in, pose with uncertainty out.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "blindcorner/forward/capture.h"
+#include "blindcorner/forward/pose_mixture.h"
+#include "blindcorner/forward/scene.h"
+
+namespace blindcorner {
+
+/// How hard the solver tries. The defaults are for use; change them to trade time for safety.
+struct FitOptions {
+  /// Tolerated error of the fast model relative to the peak of the three-bounce signal.
+  double model_tolerance = 0.015;
+  /// Most poses scored exhaustively before refinement. The pulse is widened when the search region
+  /// would need more of them.
+  int max_scored_poses = 20'000;
+  /// Most candidates that are refined by nonlinear least squares.
+  int max_starts = 24;
+  /// A candidate or mode is dropped when its log posterior is this far below the best one.
+  double negligible_log_posterior = 12.0;
+  /// Samples of the importance sampler that replaces Laplace's approximation where that fails; 0
+  /// keeps Laplace everywhere.
+  int importance_samples = 384;
+  /// Empty captures simulated per scene to calibrate the false-alarm probability; 0: leave it out.
+  int empty_captures = 128;
+  std::uint64_t seed = 1;
+
+  /// Throws Error naming the field that is out of range.
+  void validate() const;
+};
+
+/// Deviance at the best fit against its expectation for the actual, possibly small, counts.
+struct GoodnessOfFit {
+  double deviance = 0.0;
+  double expected = 0.0;            ///< its mean when the model is right
+  double standard_deviation = 0.0;  ///< its spread when the model is right
+  double inflation = 1.0;           ///< factor by which covariances were multiplied
+};
+
+/// Wall-clock times of one fit, ms.
+struct StageTimes {
+  double prepare = 0.0;      ///< compiling scene and templates (shared ones: 0 after the first)
+  double score = 0.0;        ///< exhaustive scoring
+  double refine = 0.0;       ///< nonlinear least squares
+  double uncertainty = 0.0;  ///< Fisher information, importance sampling
+  double detect = 0.0;       ///< presence and false alarms
+  double total = 0.0;
+};
+
+/// The best fit of one capture, for looking at.
+struct FittedHistograms {
+  HistogramCube measured;          ///< counts
+  HistogramCube model;             ///< expected counts, all terms
+  HistogramCube object;            ///< of these, the light that visited the hidden object
+  std::vector<bool> zone_used;     ///< [zones]
+  int first_bin = 0, end_bin = 0;  ///< bins that entered the likelihood
+  std::vector<double> amplitude;   ///< [zones] fitted scale of the object's light
+  std::vector<double> ambient;     ///< [zones] counts per bin
+  std::vector<double> direct;      ///< [zones] scale of the static return
+};
+
+/// What a fit returns. A joint fit lists all its captures.
+struct FitResult {
+  std::vector<std::string> sources;
+  std::vector<int> indices;
+  PoseMixture posterior;
+  double false_alarm_probability = 1.0;  ///< of an empty scene looking at least this much like one
+  GoodnessOfFit goodness_of_fit;
+  std::vector<std::string> flags;  ///< documented words
+  std::map<std::string, double> truth;
+  std::string error;  ///< empty when the fit went well
+  StageTimes time_ms;
+  std::vector<FittedHistograms> histograms;  ///< per capture
+};
+
+/// Fits captures of one scene. Compiled models are kept between calls and shared by threads.
+class Fitter {
+ public:
+  explicit Fitter(Scene scene, FitOptions options = {});
+  ~Fitter();
+  Fitter(Fitter&&) noexcept;
+  Fitter& operator=(Fitter&&) noexcept;
+
+  /// Pose of the hidden object from one capture. Throws Error when the capture does not suit the
+  /// scene (zones, bins, values that are not counts). Thread safe.
+  FitResult fit(const Capture& capture) const;
+
+  /// One object seen in all captures, from different sensor poses. Thread safe.
+  FitResult fit_joint(std::span<const Capture> captures) const;
+
+  const Scene& scene() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// One-call form of Fitter for a single capture.
+FitResult fit(const Scene& scene, const Capture& capture, const FitOptions& options = {});
+
+}  // namespace blindcorner

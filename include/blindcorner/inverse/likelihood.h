@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Likelihood of one histogram bin under the sensor's noise law.
+#pragma once
+
+#include "blindcorner/forward/sensor.h"
+
+namespace blindcorner {
+
+/// Negative log likelihood of a count n when m is expected, its derivatives in m, and the Fisher
+/// information of m. Constants that depend on n alone are chosen so that the deviance is
+/// 2 (value(n, m) - least(n)) >= 0.
+///
+/// Poisson:  value = k (m - n log m), k = exposures / dispersion.
+/// Gaussian: value = (n - m)^2 / (2 V) + log(V) / 2 with V = (floor + per_count * max(m, 0)) /
+///           exposures; a count stored as zero under censoring has value = -log P(N <= 0).
+class BinLikelihood {
+ public:
+  struct Terms {
+    double value = 0, first = 0, second = 0;
+  };
+
+  BinLikelihood(const NoiseLaw& law, double dispersion, double exposures);
+
+  bool poisson() const { return poisson_; }
+  bool censored() const { return censored_; }
+  /// k of the Poisson law.
+  double scale() const { return scale_; }
+
+  Terms terms(double n, double m) const;
+  double value(double n, double m) const;
+  /// Expected information about m, 1/counts^2.
+  double information(double m) const;
+  /// min over m of value(n, m).
+  double least(double n) const { return value(n, best(n)); }
+  /// The m that explains n best.
+  double best(double n) const;
+  /// sign(m - best(n)) sqrt(2 (value - least)).
+  double residual(double n, double m, double least_value, double best_mean) const;
+  /// Variance of a count when m is expected.
+  double variance(double m) const;
+
+ private:
+  bool poisson_;
+  double scale_ = 1;
+  double floor_ = 1, per_count_ = 0;
+  bool censored_ = false;
+};
+
+}  // namespace blindcorner

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Elimination of the linear unknowns (variable projection): for a given pose, the amplitude,
+/// ambient light and direct return that explain the counts best.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "blindcorner/forward/scene.h"
+#include "blindcorner/inverse/observation.h"
+
+namespace blindcorner {
+
+/// Expected shapes of one observed zone, counts at unit amplitude, aligned with its window.
+struct ZoneShapes {
+  const double* object = nullptr;  ///< gain * S, [window]; null: no object
+  const double* direct = nullptr;  ///< gain * static, [window]; null: none
+  int object_first = 0;            ///< bins of the window that the object lights: [first, end)
+  int object_end = 0;
+};
+
+/// Values that minimise the negative log posterior for given shapes.
+struct LinearSolution {
+  std::vector<double> amplitude;  ///< [observed zones] (equal ones when shared)
+  std::vector<double> ambient;    ///< [observed zones] counts per bin
+  std::vector<double> direct;     ///< [observed zones]
+  double log_likelihood = 0;      ///< relative to the best attainable one: minus half the deviance
+  double log_prior = 0;           ///< of the amplitude, normalised density in log a
+  /// log of the integral over the linear unknowns around the maximum, by Laplace's method, minus
+  /// the maximum itself: -log det(H)/2 + (dimension/2) log(2 pi).
+  double log_volume = 0;
+  bool converged = false;
+};
+
+/// Solver for one observation. Keeps no state between calls; pass `warm` from a nearby pose to
+/// start there. Newton's method, damped by the Newton decrement, to machine precision.
+class LinearSolver {
+ public:
+  /// The observation must outlive the solver.
+  LinearSolver(const Observation& observation, const LinearUnknowns& unknowns);
+
+  /// `shapes` is [observed zones]. Without an object (all `object` null) the amplitude is left out.
+  void solve(std::span<const ZoneShapes> shapes, LinearSolution& solution, bool warm) const;
+
+  /// Expected counts of one zone for a solution, [window].
+  void expected(const ObservedZone& zone, const ZoneShapes& shapes, double amplitude,
+                double ambient, double direct, double* out) const;
+
+  /// Signed deviance residuals of all windows, of the ambient light outside them, and of the
+  /// amplitude's prior, [residual_count()]. Half their squared sum is minus (log_likelihood +
+  /// log_prior) up to a constant.
+  void residuals(std::span<const ZoneShapes> shapes, const LinearSolution& solution,
+                 double* out) const;
+  int residual_count() const { return residual_count_; }
+
+  const Observation& observation() const { return observation_; }
+  const LinearUnknowns& unknowns() const { return unknowns_; }
+
+ private:
+  struct Local;
+  Local local(const ObservedZone& zone, const ZoneShapes& shapes, double amplitude, double ambient,
+              double direct) const;
+  void start(std::span<const ZoneShapes> shapes, LinearSolution& solution) const;
+  void solve_shared(std::span<const ZoneShapes> shapes, std::size_t begin, std::size_t end,
+                    LinearSolution& solution) const;
+
+  const Observation& observation_;
+  LinearUnknowns unknowns_;
+  std::vector<double> ambient_floor_;  // [observed zones]
+  std::vector<double> empty_value_;    // [observed zones] deviance/2 of a bin range at zero mean
+  std::vector<std::vector<double>> zero_prefix_;  // prefix sums of value(n, fixed ambient) - least
+  int residual_count_ = 0;
+  bool has_direct_ = false;
+};
+
+}  // namespace blindcorner

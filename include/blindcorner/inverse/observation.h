@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Captures made ready for the likelihood: which bins of which zones count.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "blindcorner/forward/capture.h"
+#include "blindcorner/forward/scene.h"
+#include "blindcorner/inverse/likelihood.h"
+
+namespace blindcorner {
+
+/// One zone of one capture. Bins in which neither the object nor the direct return can put light
+/// hold only ambient light; under a Poisson law their sum says all that they know.
+struct ObservedZone {
+  int capture = 0;  ///< index among the captures of a joint fit
+  int zone = 0;
+  int first = 0;               ///< first bin of the window
+  std::vector<double> counts;  ///< [window]
+  std::vector<double> least;   ///< [window] best attainable negative log likelihood
+  std::vector<double> best;    ///< [window] the mean that attains it
+  double outside_bins = 0;     ///< valid bins outside the window
+  double outside_count = 0;    ///< their total count
+  double gain = 1;             ///< counts per W/m^2
+
+  int bins() const { return static_cast<int>(counts.size()); }
+};
+
+/// Window of bins per zone: [first, end).
+struct BinWindow {
+  int first = 0, end = 0;
+};
+
+/// All zones of one or several captures, with the likelihood of each capture.
+struct Observation {
+  std::vector<ObservedZone> zones;
+  std::vector<BinLikelihood> likelihood;  ///< [captures]
+  int captures = 0;
+
+  double total_count() const;
+  const BinLikelihood& law(const ObservedZone& zone) const {
+    return likelihood[static_cast<std::size_t>(zone.capture)];
+  }
+};
+
+/// Throws Error when a capture does not suit the scene: zones, bins, NaN or infinite values,
+/// negative counts under a Poisson law.
+void check_capture(const Scene& scene, const Capture& capture);
+
+/// Cuts captures to their windows. `windows` is [captures][zones]; an empty window drops the zone.
+Observation observe(const Scene& scene, std::span<const Capture> captures,
+                    const std::vector<std::vector<BinWindow>>& windows);
+
+}  // namespace blindcorner

@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Scene files: JSON, documented field by field in docs/scene.md.
+#pragma once
+
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+
+#include "blindcorner/forward/scene.h"
+
+namespace blindcorner {
+
+/// Reads a scene file. Throws Error with one line: file, field path, what was found, what is
+/// accepted. Unknown fields are errors.
+Scene read_scene(const std::string& path);
+
+/// The same from JSON in memory; `path` names it in messages and resolves relative file names.
+Scene parse_scene(const nlohmann::json& json, const std::string& path);
+
+}  // namespace blindcorner

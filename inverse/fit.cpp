@@ -1,0 +1,355 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "blindcorner/inverse/fit.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <list>
+#include <mutex>
+
+#include "blindcorner/forward/constants.h"
+#include "blindcorner/forward/error.h"
+#include "compiled_scene.h"
+#include "detection.h"
+#include "refine.h"
+#include "scoring.h"
+#include "uncertainty.h"
+
+namespace blindcorner {
+namespace {
+
+/// A false-alarm probability above this is called no detection.
+constexpr double kAlarm = 0.05;
+/// Finite-difference steps of the sensor's own pose, m and rad.
+constexpr double kSensorStep = 2e-3;
+
+class Stopwatch {
+ public:
+  /// Milliseconds since the last call.
+  double lap() {
+    const auto now = std::chrono::steady_clock::now();
+    const double ms = std::chrono::duration<double, std::milli>(now - start_).count();
+    start_ = now;
+    return ms;
+  }
+
+ private:
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+/// A scene compiled for certain sensor placements, with what is learned about empty captures.
+struct Prepared {
+  std::vector<SensorPlacement> placements;
+  std::once_flag once;
+  std::unique_ptr<CompiledScene> compiled;
+  std::unique_ptr<MovedModels> moved;
+  FalseAlarmCalibration false_alarms;
+};
+
+bool same(const std::vector<SensorPlacement>& a, const std::vector<SensorPlacement>& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
+                    [](const SensorPlacement& x, const SensorPlacement& y) {
+                      return x.T_world_sensor.isApprox(y.T_world_sensor, 1e-12) &&
+                             std::equal(x.relay_points.begin(), x.relay_points.end(),
+                                        y.relay_points.begin(), y.relay_points.end(),
+                                        [](const Eigen::Vector3d& p, const Eigen::Vector3d& q) {
+                                          return p == q || (!p.allFinite() && !q.allFinite());
+                                        });
+                    });
+}
+
+std::unique_ptr<MovedModels> move_sensor(const Scene& scene,
+                                         const std::vector<SensorPlacement>& placements,
+                                         const FitOptions& options) {
+  auto moved = std::make_unique<MovedModels>();
+  for (std::size_t i = 0; i < 6; ++i) {
+    moved->step[i] = kSensorStep;
+    for (const double sign : {1.0, -1.0}) {
+      ModelSet& set = sign > 0 ? moved->plus[i] : moved->minus[i];
+      for (SensorPlacement placement : placements) {
+        if (i < 3) {
+          placement.T_world_sensor.translation()[static_cast<int>(i)] += sign * kSensorStep;
+        } else {
+          placement.T_world_sensor.linear() =
+              Eigen::AngleAxisd(sign * kSensorStep,
+                                Eigen::Vector3d::Unit(static_cast<int>(i) - 3)) *
+              placement.T_world_sensor.linear();
+        }
+        set.push_back(make_fast_model(scene, placement, {options.model_tolerance, 0.0}));
+      }
+    }
+  }
+  return moved;
+}
+
+/// The answer to a capture without a single photon: the prior, and how likely darkness is.
+void answer_darkness(const CompiledScene& compiled, const Observation& observation,
+                     FitResult& result) {
+  const Scene& scene = compiled.scene;
+  PoseMode mode;
+  mode.weight = 1;
+  const auto n = static_cast<Eigen::Index>(scene.unknowns.size());
+  mode.pose.resize(n);
+  mode.covariance.setZero(n, n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const Unknown& unknown = scene.unknowns[static_cast<std::size_t>(i)];
+    mode.pose[i] = 0.5 * (unknown.lower + unknown.upper);
+    mode.covariance(i, i) = unknown.range() * unknown.range() / 12;
+    mode.undetermined.push_back(static_cast<int>(i));
+  }
+  mode.optimum = mode.pose;
+  // P(no photon | object) averaged over poses and the amplitude's prior; P(no photon | empty) = 1.
+  const AmplitudePrior& prior = scene.linear.amplitude_prior;
+  double dark = 0;
+  int count = 0;
+  const Eigen::Index stride = std::max<Eigen::Index>(1, compiled.templates.cols() / 500);
+  for (Eigen::Index i = 0; i < compiled.templates.cols(); i += stride) {
+    const double light = observation.likelihood.front().scale() *
+                         static_cast<double>(compiled.templates.col(i).sum());
+    for (int k = -4; k <= 4; ++k) {
+      const double u = 0.5 * k;
+      const double a = prior.median * std::exp(prior.sigma_log * u);
+      dark += std::exp(-a * light - 0.5 * u * u) * 0.5 / std::sqrt(2 * kPi);
+    }
+    ++count;
+  }
+  result.posterior.modes = {mode};
+  result.posterior.mean = mode.pose;
+  result.posterior.covariance = mode.covariance;
+  result.posterior.presence_probability =
+      presence_probability(std::log(dark / count), 0.0, scene.presence_prior);
+  result.false_alarm_probability = 1;
+  result.flags = {"no_photons", "nothing_detected"};
+}
+
+FittedHistograms histograms(const PoseObjective& objective, const Refined& best,
+                            const Capture& capture, int index) {
+  const Scene& scene = objective.compiled().scene;
+  const Sensor& sensor = scene.sensor;
+  FittedHistograms h;
+  h.measured = capture.counts;
+  h.model = HistogramCube(sensor.rows, sensor.columns, sensor.bins);
+  h.object = h.model;
+  h.zone_used.assign(static_cast<std::size_t>(sensor.zone_count()), false);
+  h.amplitude.assign(h.zone_used.size(), 0.0);
+  h.ambient.assign(h.zone_used.size(), 0.0);
+  h.direct.assign(h.zone_used.size(), 0.0);
+  h.first_bin = sensor.bins;
+  const auto& model = objective.compiled().models()[static_cast<std::size_t>(index)];
+  const HistogramCube light = model->three_bounce(best.pose);
+  const auto& zones = objective.solver().observation().zones;
+  for (std::size_t i = 0; i < zones.size(); ++i) {
+    if (zones[i].capture != index) continue;
+    const auto z = static_cast<std::size_t>(zones[i].zone);
+    h.zone_used[z] = true;
+    h.amplitude[z] = best.linear.amplitude[i];
+    h.ambient[z] = best.linear.ambient[i];
+    h.direct[z] = objective.compiled().direct.empty() ? 0.0 : best.linear.direct[i];
+    h.first_bin = std::min(h.first_bin, zones[i].first);
+    h.end_bin = std::max(h.end_bin, zones[i].first + zones[i].bins());
+    for (int k = 0; k < sensor.bins; ++k) {
+      const double object = zones[i].gain * h.amplitude[z] * light.zone(zones[i].zone)[k];
+      h.object.zone(zones[i].zone)[k] = object;
+      h.model.zone(zones[i].zone)[k] =
+          object + h.ambient[z] +
+          zones[i].gain * h.direct[z] * model->direct_return().zone(zones[i].zone)[k];
+    }
+  }
+  return h;
+}
+
+void set_flags(const Scene& scene, const Posterior& posterior, FitResult& result) {
+  const auto flag = [&](bool condition, const char* word) {
+    if (condition) result.flags.emplace_back(word);
+  };
+  const PoseMixture& mixture = posterior.mixture;
+  flag(result.false_alarm_probability > kAlarm && mixture.presence_probability < 0.5,
+       "nothing_detected");
+  flag(mixture.modes.size() > 1 && mixture.modes.front().weight < 0.9, "multimodal");
+  flag(!mixture.modes.front().undetermined.empty(), "undetermined");
+  flag(result.goodness_of_fit.inflation > 1, "model_misfit");
+  flag(posterior.sampled, "sampled");
+  flag(posterior.sampled && posterior.effective_samples < 20, "few_effective_samples");
+  bool at_bound = false;
+  for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
+    if (period_of(scene, i) > 0) continue;
+    const double value = mixture.modes.front().optimum[static_cast<Eigen::Index>(i)];
+    const double margin = 1e-6 * scene.unknowns[i].range();
+    at_bound = at_bound || value < scene.unknowns[i].lower + margin ||
+               value > scene.unknowns[i].upper - margin;
+  }
+  flag(at_bound, "at_bound");
+}
+
+void validate_scene(const Scene& scene) {
+  const std::string where = scene.path.empty() ? scene.name : scene.path;
+  if (scene.unknowns.empty()) {
+    throw Error(where, "unknowns: found none, accepted: at least one component to fit");
+  }
+  if (scene.sensor.zones.size() != static_cast<std::size_t>(scene.sensor.zone_count())) {
+    throw Error(where, "sensor.zones: found " + std::to_string(scene.sensor.zones.size()) +
+                           ", accepted: rows * columns");
+  }
+}
+
+}  // namespace
+
+void FitOptions::validate() const {
+  const auto require = [](bool condition, const char* field, const char* accepted) {
+    if (!condition)
+      throw Error(std::string("FitOptions.") + field, std::string("accepted: ") + accepted);
+  };
+  require(model_tolerance > 0 && model_tolerance < 1, "model_tolerance", "between 0 and 1");
+  require(max_scored_poses >= 1, "max_scored_poses", "at least 1");
+  require(max_starts >= 1, "max_starts", "at least 1");
+  require(negligible_log_posterior > 0, "negligible_log_posterior", "above 0");
+  require(importance_samples >= 0, "importance_samples", "at least 0");
+  require(empty_captures == 0 || empty_captures >= 16, "empty_captures", "0 or at least 16");
+}
+
+struct Fitter::Impl {
+  Scene scene;
+  FitOptions options;
+  std::mutex mutex;
+  std::list<Prepared> prepared;
+
+  /// The scene compiled for these placements; compiled once, by whoever comes first.
+  Prepared& prepare(const std::vector<SensorPlacement>& placements) {
+    Prepared* entry = nullptr;
+    {
+      const std::scoped_lock lock(mutex);
+      for (Prepared& known : prepared) {
+        if (same(known.placements, placements)) entry = &known;
+      }
+      if (entry == nullptr) {
+        entry = &prepared.emplace_back();
+        entry->placements = placements;
+      }
+    }
+    std::call_once(entry->once, [&] {
+      GridOptions grid;
+      grid.max_poses = options.max_scored_poses;
+      entry->compiled = compile(scene, placements, options, grid);
+      if (scene.sensor_covariance) entry->moved = move_sensor(scene, placements, options);
+    });
+    return *entry;
+  }
+
+  FitResult fit(std::span<const Capture> captures);
+};
+
+/// The method, top to bottom.
+FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
+  Stopwatch total;
+  Stopwatch stage;
+  FitResult result;
+  std::vector<SensorPlacement> placements;
+  for (const Capture& capture : captures) {
+    check_capture(scene, capture);
+    result.sources.push_back(capture.source);
+    result.indices.push_back(capture.index);
+    placements.push_back(sensor_placement(scene, &capture));
+  }
+  if (!captures.empty()) result.truth = captures.front().truth;
+
+  // What no capture changes: models, windows, scored poses.
+  Prepared& known = prepare(placements);
+  const CompiledScene& compiled = *known.compiled;
+  const Observation observation = observe(scene, captures, compiled.windows);
+  const PoseObjective objective(compiled, observation);
+  result.time_ms.prepare = stage.lap();
+  if (observation.zones.empty()) {
+    throw Error(captures.front().source, "found no zone with valid bins, accepted: at least one");
+  }
+  if (observation.likelihood.front().poisson() && observation.total_count() <= 0) {
+    answer_darkness(compiled, observation, result);
+    for (const Capture& capture : captures) {
+      FittedHistograms dark;
+      dark.measured = capture.counts;
+      dark.model = dark.object =
+          HistogramCube(capture.counts.rows, capture.counts.columns, capture.counts.bins);
+      dark.zone_used.assign(static_cast<std::size_t>(capture.counts.zones()), true);
+      dark.amplitude.assign(dark.zone_used.size(), 0.0);
+      dark.ambient = dark.direct = dark.amplitude;
+      dark.end_bin = capture.counts.bins;
+      result.histograms.push_back(std::move(dark));
+    }
+    result.time_ms.total = total.lap();
+    return result;
+  }
+
+  // The scene without an object; every pose on the grid; the best ones refined.
+  LinearSolution empty;
+  const PoseValue nothing = objective.evaluate_empty(empty);
+  const Scored scored =
+      score(objective, empty, options.max_starts, options.negligible_log_posterior);
+  result.time_ms.score = stage.lap();
+  std::vector<Refined> basins;
+  for (const Candidate& start : scored.starts) {
+    basins.push_back(approach(objective, compiled.poses[static_cast<std::size_t>(start.index)]));
+  }
+  // The cheap model's own error must not decide which basins are dropped.
+  basins = merge(compiled, std::move(basins), 1.5 * options.negligible_log_posterior);
+  std::vector<Refined> optima;
+  for (const Refined& basin : basins) optima.push_back(polish(objective, basin.pose));
+  optima = merge(compiled, std::move(optima), options.negligible_log_posterior);
+  if (optima.empty())
+    throw Error(captures.front().source, "found no finite likelihood at any pose");
+  result.time_ms.refine = stage.lap();
+
+  // How sure: goodness of fit, Fisher information, evidences.
+  result.goodness_of_fit = goodness_of_fit(objective, optima.front());
+  PosteriorOptions sampling;
+  sampling.negligible = options.negligible_log_posterior;
+  sampling.samples = options.importance_samples;
+  sampling.inflation = result.goodness_of_fit.inflation;
+  sampling.seed = options.seed;
+  const Posterior posterior =
+      blindcorner::posterior(objective, optima, scored.exact, known.moved.get(), sampling);
+  result.posterior = posterior.mixture;
+  result.time_ms.uncertainty = stage.lap();
+
+  // Is there anything at all?
+  const double log_evidence_empty =
+      nothing.log_integrand - nothing.log_likelihood * (1 - 1 / sampling.inflation);
+  result.posterior.presence_probability =
+      presence_probability(posterior.log_evidence, log_evidence_empty, scene.presence_prior);
+  if (options.empty_captures > 0) {
+    result.false_alarm_probability =
+        known.false_alarms.probability(objective, empty, options.empty_captures, options.seed);
+  }
+  result.time_ms.detect = stage.lap();
+
+  set_flags(scene, posterior, result);
+  for (std::size_t i = 0; i < captures.size(); ++i) {
+    result.histograms.push_back(
+        histograms(objective, optima.front(), captures[i], static_cast<int>(i)));
+  }
+  result.time_ms.total = total.lap();
+  return result;
+}
+
+Fitter::Fitter(Scene scene, FitOptions options) : impl_(std::make_unique<Impl>()) {
+  options.validate();
+  validate_scene(scene);
+  impl_->scene = std::move(scene);
+  impl_->options = options;
+}
+Fitter::~Fitter() = default;
+Fitter::Fitter(Fitter&&) noexcept = default;
+Fitter& Fitter::operator=(Fitter&&) noexcept = default;
+
+FitResult Fitter::fit(const Capture& capture) const { return impl_->fit({&capture, 1}); }
+
+FitResult Fitter::fit_joint(std::span<const Capture> captures) const {
+  if (captures.empty()) throw Error("captures", "found none, accepted: at least one");
+  return impl_->fit(captures);
+}
+
+const Scene& Fitter::scene() const { return impl_->scene; }
+
+FitResult fit(const Scene& scene, const Capture& capture, const FitOptions& options) {
+  return Fitter(scene, options).fit(capture);
+}
+
+}  // namespace blindcorner

@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "blindcorner/inverse/likelihood.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "blindcorner/forward/constants.h"
+
+namespace blindcorner {
+namespace {
+
+/// log Phi(x) and the ratio phi(x)/Phi(x), stable in the far tail.
+void log_normal_tail(double x, double& log_phi, double& ratio) {
+  if (x > -20) {
+    const double p = 0.5 * std::erfc(-x / std::numbers::sqrt2);
+    log_phi = std::log(p);
+    ratio = std::exp(-0.5 * x * x) / (std::sqrt(2 * kPi) * p);
+    return;
+  }
+  // Phi(x) = phi(x)/(-x) (1 - 1/x^2 + 3/x^4 - ...).
+  const double y = 1 / (x * x);
+  const double series = 1 - y * (1 - 3 * y * (1 - 5 * y));
+  log_phi = -0.5 * x * x - std::log(-x * std::sqrt(2 * kPi)) + std::log(series);
+  ratio = -x / series;
+}
+
+}  // namespace
+
+BinLikelihood::BinLikelihood(const NoiseLaw& law, double dispersion, double exposures)
+    : poisson_(std::holds_alternative<PoissonNoise>(law)) {
+  if (poisson_) {
+    scale_ = exposures / dispersion;
+  } else {
+    const auto& gaussian = std::get<GaussianNoise>(law);
+    floor_ = gaussian.variance_floor / exposures;
+    per_count_ = gaussian.variance_per_count / exposures;
+    censored_ = gaussian.censored_at_zero;
+  }
+}
+
+double BinLikelihood::variance(double m) const {
+  if (poisson_) return m / scale_;
+  return floor_ + per_count_ * std::max(m, 0.0);
+}
+
+BinLikelihood::Terms BinLikelihood::terms(double n, double m) const {
+  Terms t;
+  if (poisson_) {
+    t.value = scale_ * (n > 0 ? m - n * std::log(m) : m);
+    t.first = scale_ * (1 - n / m);
+    t.second = scale_ * n / (m * m);
+    return t;
+  }
+  const double v = variance(m);
+  const double slope = m > 0 ? per_count_ : 0.0;
+  if (censored_ && n <= 0) {
+    const double sigma = std::sqrt(v);
+    const double x = -m / sigma;
+    double log_phi = 0;
+    double ratio = 0;
+    log_normal_tail(x, log_phi, ratio);
+    const double dx = -1 / sigma + 0.5 * m * slope / (v * sigma);
+    const double ddx = slope / (v * sigma) - 0.75 * m * slope * slope / (v * v * sigma);
+    t.value = -log_phi;
+    t.first = -ratio * dx;
+    t.second = ratio * (x + ratio) * dx * dx - ratio * ddx;
+    return t;
+  }
+  const double d = n - m;
+  t.value = 0.5 * d * d / v + 0.5 * std::log(v);
+  t.first = -d / v - 0.5 * d * d * slope / (v * v) + 0.5 * slope / v;
+  t.second = 1 / v + 2 * d * slope / (v * v) + d * d * slope * slope / (v * v * v) -
+             0.5 * slope * slope / (v * v);
+  return t;
+}
+
+double BinLikelihood::value(double n, double m) const {
+  if (poisson_) return scale_ * (n > 0 ? m - n * std::log(m) : m);
+  return terms(n, m).value;
+}
+
+double BinLikelihood::information(double m) const {
+  if (poisson_) return scale_ / m;
+  const double v = variance(m);
+  const double slope = m > 0 ? per_count_ : 0.0;
+  const double own = 0.5 * slope * slope / (v * v);
+  if (!censored_) return 1 / v + own;
+  // Information of a normal mean censored at zero (Tobit).
+  const double x = m / std::sqrt(v);
+  double log_phi = 0;
+  double ratio = 0;
+  log_normal_tail(-x, log_phi, ratio);  // ratio = phi(x) / Phi(-x)
+  const double density = std::exp(-0.5 * x * x) / std::sqrt(2 * kPi);
+  const double above = 0.5 * std::erfc(-x / std::numbers::sqrt2);
+  const double share = std::clamp(above - x * density + density * ratio, 0.0, 1.0);
+  return (1 / v + own) * share;
+}
+
+double BinLikelihood::best(double n) const {
+  if (poisson_) return n;
+  if (censored_ && n <= 0) return 0;
+  if (per_count_ <= 0 || n <= 0) return n;
+  // Stationary point of (n - m)^2 / (2V) + log(V)/2: V slope - 2 d V - slope d^2 = 0, d = n - m.
+  double m = n;
+  for (int i = 0; i < 30; ++i) {
+    const Terms t = terms(n, m);
+    const double step = t.first / std::max(t.second, 0.1 / variance(m));
+    m = std::max(m - step, 0.0);
+    if (std::abs(step) < 1e-12 * (1 + std::abs(m))) break;
+  }
+  return m;
+}
+
+double BinLikelihood::residual(double n, double m, double least_value, double best_mean) const {
+  double half = 0;
+  if (poisson_) {
+    // n log(n/m) + m - n without cancellation where m is close to n.
+    const double x = n > 0 ? (m - n) / n : 0;
+    if (n > 0 && std::abs(x) < 1e-3) {
+      half = scale_ * n * x * x * (0.5 - x * (1.0 / 3 - x * 0.25));
+    } else {
+      half = scale_ * (n > 0 ? m - n + n * std::log(n / m) : m);
+    }
+  } else {
+    half = value(n, m) - least_value;
+  }
+  const double root = std::sqrt(std::max(2 * half, 0.0));
+  return m >= best_mean ? root : -root;
+}
+
+}  // namespace blindcorner

@@ -1,0 +1,407 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "blindcorner/inverse/linear_unknowns.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "blindcorner/forward/constants.h"
+
+namespace blindcorner {
+namespace {
+
+constexpr int kMaxIterations = 100;
+/// Newton decrement below which one more full step reaches machine precision.
+constexpr double kQuadratic = 1e-6;
+/// Expected photons at which the ambient light of a whole zone is taken as none.
+constexpr double kAmbientFloor = 1e-6;
+
+double log_normal_prior(double log_a, const AmplitudePrior& prior) {
+  const double u = (log_a - std::log(prior.median)) / prior.sigma_log;
+  return -0.5 * u * u - std::log(prior.sigma_log * std::sqrt(2 * kPi));
+}
+
+}  // namespace
+
+/// Derivatives of one zone's negative log likelihood in (a, c, b).
+struct LinearSolver::Local {
+  double ga = 0, gc = 0, gb = 0;
+  double haa = 0, hac = 0, hab = 0, hcc = 0, hcb = 0, hbb = 0;
+};
+
+LinearSolver::LinearSolver(const Observation& observation, const LinearUnknowns& unknowns)
+    : observation_(observation),
+      unknowns_(unknowns),
+      has_direct_(unknowns.direct == LinearMode::per_zone) {
+  for (const ObservedZone& zone : observation_.zones) {
+    const BinLikelihood& law = observation_.law(zone);
+    const double all_bins = zone.bins() + zone.outside_bins;
+    ambient_floor_.push_back(law.poisson() ? kAmbientFloor / (all_bins * law.scale()) : -1e300);
+    residual_count_ += zone.bins() + (law.poisson() && zone.outside_bins > 0 ? 1 : 0);
+    // Bins without object light never change when nothing else is unknown.
+    std::vector<double> prefix(1, 0.0);
+    if (unknowns_.ambient == LinearMode::fixed && !law.poisson()) {
+      for (std::size_t k = 0; k < zone.counts.size(); ++k) {
+        prefix.push_back(prefix.back() + law.value(zone.counts[k], unknowns_.fixed_ambient) -
+                         zone.least[k]);
+      }
+    }
+    zero_prefix_.push_back(std::move(prefix));
+  }
+  const std::size_t amplitudes =
+      unknowns_.amplitude == LinearMode::shared
+          ? 1
+          : (unknowns_.amplitude == LinearMode::per_zone ? observation_.zones.size() : 0);
+  residual_count_ += static_cast<int>(amplitudes);
+}
+
+LinearSolver::Local LinearSolver::local(const ObservedZone& zone, const ZoneShapes& shapes,
+                                        double amplitude, double ambient, double direct) const {
+  Local h;
+  const BinLikelihood& law = observation_.law(zone);
+  const double* s = shapes.object;
+  const double* t = shapes.direct;
+  const double* n = zone.counts.data();
+  const bool ambient_free = unknowns_.ambient == LinearMode::per_zone;
+  const bool narrow = !ambient_free && !has_direct_ && s != nullptr;
+  const int begin = narrow ? shapes.object_first : 0;
+  const int end = narrow ? shapes.object_end : zone.bins();
+  if (law.poisson()) {
+    double ga = 0, gc = 0, gb = 0, haa = 0, hac = 0, hab = 0, hcc = 0, hcb = 0, hbb = 0;
+    const double k = law.scale();
+    if (t == nullptr) {
+      for (int i = begin; i < end; ++i) {
+        const double si = s != nullptr ? s[i] : 0.0;
+        const double m = std::max(amplitude * si + ambient, 1e-300);
+        const double ratio = n[i] / m;
+        const double d1 = 1 - ratio;
+        const double d2 = ratio / m;
+        ga += d1 * si;
+        gc += d1;
+        haa += d2 * si * si;
+        hac += d2 * si;
+        hcc += d2;
+      }
+    } else {
+      for (int i = begin; i < end; ++i) {
+        const double si = s != nullptr ? s[i] : 0.0;
+        const double m = std::max(amplitude * si + direct * t[i] + ambient, 1e-300);
+        const double ratio = n[i] / m;
+        const double d1 = 1 - ratio;
+        const double d2 = ratio / m;
+        ga += d1 * si;
+        gc += d1;
+        gb += d1 * t[i];
+        haa += d2 * si * si;
+        hac += d2 * si;
+        hab += d2 * si * t[i];
+        hcc += d2;
+        hcb += d2 * t[i];
+        hbb += d2 * t[i] * t[i];
+      }
+    }
+    if (zone.outside_bins > 0 && ambient > 0) {
+      gc += zone.outside_bins - zone.outside_count / ambient;
+      hcc += zone.outside_count / (ambient * ambient);
+    }
+    return {k * ga, k * gc, k * gb, k * haa, k * hac, k * hab, k * hcc, k * hcb, k * hbb};
+  }
+  for (int i = begin; i < end; ++i) {
+    const double si = s != nullptr ? s[i] : 0.0;
+    const double ti = t != nullptr ? t[i] : 0.0;
+    const double m = amplitude * si + direct * ti + ambient;
+    const BinLikelihood::Terms terms = law.terms(n[i], m);
+    // The variance law's term is not convex far from the data: fall back on the information.
+    const double d2 = terms.second > 0 ? terms.second : law.information(m);
+    h.ga += terms.first * si;
+    h.gc += terms.first;
+    h.gb += terms.first * ti;
+    h.haa += d2 * si * si;
+    h.hac += d2 * si;
+    h.hab += d2 * si * ti;
+    h.hcc += d2;
+    h.hcb += d2 * ti;
+    h.hbb += d2 * ti * ti;
+  }
+  return h;
+}
+
+void LinearSolver::start(std::span<const ZoneShapes> shapes, LinearSolution& solution) const {
+  const std::size_t zones = observation_.zones.size();
+  solution.ambient.assign(zones, unknowns_.fixed_ambient);
+  solution.direct.assign(zones, unknowns_.direct == LinearMode::fixed ? unknowns_.fixed_direct : 1);
+  solution.amplitude.assign(zones, unknowns_.amplitude == LinearMode::fixed
+                                       ? unknowns_.fixed_amplitude
+                                       : unknowns_.amplitude_prior.median);
+  double numerator = 0;
+  double denominator = 0;
+  for (std::size_t z = 0; z < zones; ++z) {
+    const ObservedZone& zone = observation_.zones[z];
+    if (unknowns_.ambient == LinearMode::per_zone) {
+      // The mean of the lower half: the object and the direct return only add.
+      std::vector<double> sorted = zone.counts;
+      std::sort(sorted.begin(), sorted.end());
+      const std::size_t half = std::max<std::size_t>(1, sorted.size() / 2);
+      double level =
+          std::accumulate(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(half), 0.0) /
+          static_cast<double>(half);
+      const double all = zone.bins() + zone.outside_bins;
+      if (zone.outside_bins > 0) level = std::max(level, zone.outside_count / zone.outside_bins);
+      solution.ambient[z] =
+          std::max({level, 0.5 / (all * std::max(observation_.law(zone).scale(), 1e-12)),
+                    ambient_floor_[z]});
+      if (!observation_.law(zone).poisson()) solution.ambient[z] = level;
+    }
+    if (shapes[z].object == nullptr || unknowns_.amplitude == LinearMode::fixed) continue;
+    double zone_numerator = 0;
+    double zone_denominator = 0;
+    const double* t = shapes[z].direct;
+    for (int i = shapes[z].object_first; i < shapes[z].object_end; ++i) {
+      const double s = shapes[z].object[i];
+      const double n = zone.counts[static_cast<std::size_t>(i)];
+      const double base = solution.ambient[z] + (t != nullptr ? solution.direct[z] * t[i] : 0.0);
+      const double weight = 1 / std::max(observation_.law(zone).variance(std::max(base, n)), 1e-30);
+      zone_numerator += s * (n - base) * weight;
+      zone_denominator += s * s * weight;
+    }
+    if (unknowns_.amplitude == LinearMode::per_zone && zone_numerator > 0) {
+      solution.amplitude[z] = zone_numerator / zone_denominator;
+    }
+    numerator += zone_numerator;
+    denominator += zone_denominator;
+  }
+  if (unknowns_.amplitude == LinearMode::shared && denominator > 0) {
+    const double low =
+        unknowns_.amplitude_prior.median * std::exp(-3 * unknowns_.amplitude_prior.sigma_log);
+    std::fill(solution.amplitude.begin(), solution.amplitude.end(),
+              std::max(numerator / denominator, low));
+  }
+}
+
+/// Newton for zones [begin, end) that share one amplitude. Unknowns: u = log a, and (c, b) of each
+/// zone, whose blocks are eliminated (the Hessian is an arrow).
+void LinearSolver::solve_shared(std::span<const ZoneShapes> shapes, std::size_t begin,
+                                std::size_t end, LinearSolution& solution) const {
+  const bool ambient_free = unknowns_.ambient == LinearMode::per_zone;
+  bool object = false;
+  for (std::size_t z = begin; z < end; ++z) object = object || shapes[z].object != nullptr;
+  const bool amplitude_free = object && unknowns_.amplitude != LinearMode::fixed;
+  const double prior_mean = std::log(unknowns_.amplitude_prior.median);
+  const double prior_weight = std::pow(unknowns_.amplitude_prior.sigma_log, -2);
+
+  struct Block {
+    double gc, gb, hcc, hcb, hbb, hac, hab;  // inverse of the local block in hcc, hcb, hbb
+    bool c_free, b_free;
+  };
+  thread_local std::vector<Block> blocks;
+  blocks.resize(end - begin);
+  double u = amplitude_free ? std::log(solution.amplitude[begin]) : 0.0;
+  double log_det = 0;
+  int dimension = 0;
+  bool last = false;
+  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+    const double a = amplitude_free ? std::exp(u) : solution.amplitude[begin];
+    double gradient = amplitude_free ? (u - prior_mean) * prior_weight : 0.0;
+    double hessian = amplitude_free ? prior_weight : 1.0;
+    double positive = hessian;  // without the sign-indefinite part
+    double schur = 0;
+    double reduced = 0;
+    double decrement = 0;
+    log_det = 0;
+    dimension = 0;
+    for (std::size_t z = begin; z < end; ++z) {
+      const Local h =
+          local(observation_.zones[z], shapes[z], a, solution.ambient[z], solution.direct[z]);
+      Block& block = blocks[z - begin];
+      block.c_free =
+          ambient_free && !(solution.ambient[z] <= ambient_floor_[z] * (1 + 1e-9) && h.gc > 0);
+      block.b_free =
+          has_direct_ && shapes[z].direct != nullptr && !(solution.direct[z] <= 0 && h.gb > 0);
+      block.gc = h.gc;
+      block.gb = h.gb;
+      block.hac = a * h.hac;
+      block.hab = a * h.hab;
+      double i_cc = 0, i_cb = 0, i_bb = 0;
+      if (block.c_free && block.b_free) {
+        const double det = h.hcc * h.hbb - h.hcb * h.hcb;
+        if (det > 1e-14 * h.hcc * h.hbb) {
+          i_cc = h.hbb / det;
+          i_cb = -h.hcb / det;
+          i_bb = h.hcc / det;
+          log_det += std::log(det);
+        } else {
+          block.b_free = false;
+        }
+      }
+      if (block.c_free && !block.b_free) {
+        i_cc = h.hcc > 0 ? 1 / h.hcc : 0;
+        if (h.hcc > 0) log_det += std::log(h.hcc);
+      } else if (!block.c_free && block.b_free) {
+        i_bb = h.hbb > 0 ? 1 / h.hbb : 0;
+        if (h.hbb > 0) log_det += std::log(h.hbb);
+      }
+      dimension += (block.c_free ? 1 : 0) + (block.b_free ? 1 : 0);
+      block.hcc = i_cc;
+      block.hcb = i_cb;
+      block.hbb = i_bb;
+      // H_z^-1 g and H_z^-1 h.
+      const double xc = i_cc * h.gc + i_cb * h.gb;
+      const double xb = i_cb * h.gc + i_bb * h.gb;
+      decrement += h.gc * xc + h.gb * xb;
+      if (amplitude_free) {
+        gradient += a * h.ga;
+        hessian += a * a * h.haa + a * h.ga;
+        positive += a * a * h.haa;
+        const double yc = i_cc * block.hac + i_cb * block.hab;
+        const double yb = i_cb * block.hac + i_bb * block.hab;
+        schur += block.hac * yc + block.hab * yb;
+        reduced += block.hac * xc + block.hab * xb;
+      }
+    }
+    double du = 0;
+    if (amplitude_free) {
+      double curvature = hessian - schur;
+      if (!(curvature > 0.1 * prior_weight)) curvature = std::max(positive - schur, prior_weight);
+      const double force = gradient - reduced;
+      du = -force / curvature;
+      decrement += force * force / curvature;
+      log_det += std::log(curvature);
+      dimension += 1;
+    }
+    if (last) break;
+    const double lambda = std::sqrt(std::max(decrement, 0.0));
+    last = lambda < kQuadratic;
+    double step = lambda > 0.25 ? 1 / (1 + lambda) : 1.0;
+    // Far from the optimum damping by the decrement alone is slow for bright data; relative changes
+    // up to a factor of three are safe as well.
+    double largest = std::abs(du) / 1.1;
+    for (std::size_t z = begin; z < end; ++z) {
+      const Block& block = blocks[z - begin];
+      const double rc = block.c_free ? block.gc + block.hac * du : 0;
+      const double rb = block.b_free ? block.gb + block.hab * du : 0;
+      const double dc = -(block.hcc * rc + block.hcb * rb);
+      const double db = -(block.hcb * rc + block.hbb * rb);
+      if (observation_.law(observation_.zones[z]).poisson()) {
+        if (block.c_free) largest = std::max(largest, std::abs(dc) / (0.7 * solution.ambient[z]));
+        if (block.b_free)
+          largest = std::max(largest, std::abs(db) / (0.7 * std::max(solution.direct[z], 1e-3)));
+      }
+    }
+    step = std::max(step, std::min(1.0, 0.5 / largest));
+    for (std::size_t z = begin; z < end; ++z) {
+      const Block& block = blocks[z - begin];
+      const double rc = block.c_free ? block.gc + block.hac * du : 0;
+      const double rb = block.b_free ? block.gb + block.hab * du : 0;
+      if (block.c_free) {
+        const double moved = solution.ambient[z] - step * (block.hcc * rc + block.hcb * rb);
+        const bool positive_only = observation_.law(observation_.zones[z]).poisson();
+        solution.ambient[z] =
+            positive_only ? std::max({moved, 0.1 * solution.ambient[z], ambient_floor_[z]}) : moved;
+        if (positive_only && solution.ambient[z] < 4 * ambient_floor_[z] && moved < 0) {
+          solution.ambient[z] = ambient_floor_[z];
+        }
+      }
+      if (block.b_free) {
+        const double moved = solution.direct[z] - step * (block.hcb * rc + block.hbb * rb);
+        solution.direct[z] =
+            moved > 0 ? moved : (solution.direct[z] > 1e-9 ? 0.1 * solution.direct[z] : 0);
+      }
+    }
+    if (amplitude_free) u += std::clamp(step * du, -2.0, 2.0);
+  }
+  solution.converged = solution.converged && last;
+  if (amplitude_free) {
+    const double a = std::exp(u);
+    std::fill(solution.amplitude.begin() + static_cast<std::ptrdiff_t>(begin),
+              solution.amplitude.begin() + static_cast<std::ptrdiff_t>(end), a);
+    solution.log_prior += log_normal_prior(u, unknowns_.amplitude_prior);
+  }
+  solution.log_volume += -0.5 * log_det + 0.5 * dimension * std::log(2 * kPi);
+}
+
+void LinearSolver::solve(std::span<const ZoneShapes> shapes, LinearSolution& solution,
+                         bool warm) const {
+  const std::size_t zones = observation_.zones.size();
+  if (!warm || solution.ambient.size() != zones) start(shapes, solution);
+  solution.log_prior = 0;
+  solution.log_volume = 0;
+  solution.converged = true;
+  if (unknowns_.amplitude == LinearMode::per_zone) {
+    for (std::size_t z = 0; z < zones; ++z) solve_shared(shapes, z, z + 1, solution);
+  } else {
+    solve_shared(shapes, 0, zones, solution);
+  }
+  double loss = 0;
+  for (std::size_t z = 0; z < zones; ++z) {
+    const ObservedZone& zone = observation_.zones[z];
+    const BinLikelihood& law = observation_.law(zone);
+    const double* s = shapes[z].object;
+    const double* t = shapes[z].direct;
+    const double a = solution.amplitude[z];
+    const double b = solution.direct[z];
+    const double c = solution.ambient[z];
+    int begin = 0;
+    int end = zone.bins();
+    if (zero_prefix_[z].size() > 1 && t == nullptr) {
+      begin = s != nullptr ? shapes[z].object_first : 0;
+      end = s != nullptr ? shapes[z].object_end : 0;
+      loss += zero_prefix_[z].back() - zero_prefix_[z][static_cast<std::size_t>(end)] +
+              zero_prefix_[z][static_cast<std::size_t>(begin)];
+    }
+    for (int i = begin; i < end; ++i) {
+      const auto k = static_cast<std::size_t>(i);
+      const double m = (s != nullptr ? a * s[i] : 0.0) + (t != nullptr ? b * t[i] : 0.0) + c;
+      const double n = zone.counts[k];
+      if (law.poisson()) {
+        loss += law.scale() * (n > 0 ? m - n + n * std::log(n / std::max(m, 1e-300)) : m);
+      } else {
+        loss += law.value(n, m) - zone.least[k];
+      }
+    }
+    if (law.poisson() && zone.outside_bins > 0) {
+      const double m = zone.outside_bins * c;
+      const double n = zone.outside_count;
+      loss += law.scale() * (n > 0 ? m - n + n * std::log(n / std::max(m, 1e-300)) : m);
+    }
+  }
+  solution.log_likelihood = -loss;
+}
+
+void LinearSolver::expected(const ObservedZone& zone, const ZoneShapes& shapes, double amplitude,
+                            double ambient, double direct, double* out) const {
+  for (int i = 0; i < zone.bins(); ++i) {
+    out[i] = ambient + (shapes.object != nullptr ? amplitude * shapes.object[i] : 0.0) +
+             (shapes.direct != nullptr ? direct * shapes.direct[i] : 0.0);
+  }
+}
+
+void LinearSolver::residuals(std::span<const ZoneShapes> shapes, const LinearSolution& solution,
+                             double* out) const {
+  thread_local std::vector<double> mean;
+  const double prior_mean = std::log(unknowns_.amplitude_prior.median);
+  const double sigma = unknowns_.amplitude_prior.sigma_log;
+  for (std::size_t z = 0; z < observation_.zones.size(); ++z) {
+    const ObservedZone& zone = observation_.zones[z];
+    const BinLikelihood& law = observation_.law(zone);
+    mean.resize(zone.counts.size());
+    expected(zone, shapes[z], solution.amplitude[z], solution.ambient[z], solution.direct[z],
+             mean.data());
+    for (std::size_t k = 0; k < zone.counts.size(); ++k) {
+      const double m = law.poisson() ? std::max(mean[k], 1e-300) : mean[k];
+      *out++ = law.residual(zone.counts[k], m, zone.least[k], zone.best[k]);
+    }
+    if (law.poisson() && zone.outside_bins > 0) {
+      *out++ = law.residual(zone.outside_count,
+                            std::max(zone.outside_bins * solution.ambient[z], 1e-300), 0,
+                            zone.outside_count);
+    }
+    if (unknowns_.amplitude == LinearMode::per_zone) {
+      *out++ = (std::log(solution.amplitude[z]) - prior_mean) / sigma;
+    }
+  }
+  if (unknowns_.amplitude == LinearMode::shared) {
+    *out++ = (std::log(solution.amplitude.front()) - prior_mean) / sigma;
+  }
+}
+
+}  // namespace blindcorner

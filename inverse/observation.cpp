@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "blindcorner/inverse/observation.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <string>
+
+#include "blindcorner/forward/error.h"
+
+namespace blindcorner {
+
+double Observation::total_count() const {
+  double total = 0;
+  for (const ObservedZone& zone : zones) {
+    total += zone.outside_count + std::accumulate(zone.counts.begin(), zone.counts.end(), 0.0);
+  }
+  return total;
+}
+
+void check_capture(const Scene& scene, const Capture& capture) {
+  const Sensor& sensor = scene.sensor;
+  const HistogramCube& counts = capture.counts;
+  const std::string where = capture.source + " capture " + std::to_string(capture.index);
+  const auto shape = [](int rows, int columns, int bins) {
+    return std::to_string(rows) + " x " + std::to_string(columns) + " zones of " +
+           std::to_string(bins) + " bins";
+  };
+  if (counts.rows != sensor.rows || counts.columns != sensor.columns ||
+      counts.bins != sensor.bins) {
+    throw Error(where, "counts: found " + shape(counts.rows, counts.columns, counts.bins) +
+                           ", accepted: the scene's " +
+                           shape(sensor.rows, sensor.columns, sensor.bins));
+  }
+  if (!(capture.exposures > 0) || !std::isfinite(capture.exposures)) {
+    throw Error(where, "exposures: found " + std::to_string(capture.exposures) + ", accepted: > 0");
+  }
+  if (capture.dispersion && !(*capture.dispersion > 0 && std::isfinite(*capture.dispersion))) {
+    throw Error(where,
+                "dispersion: found " + std::to_string(*capture.dispersion) + ", accepted: > 0");
+  }
+  const bool poisson = std::holds_alternative<PoissonNoise>(sensor.noise);
+  for (int z = 0; z < counts.zones(); ++z) {
+    const Zone& zone = sensor.zones[static_cast<std::size_t>(z)];
+    if (zone.dead) continue;
+    for (int k = zone.first_valid_bin; k < sensor.valid_end(z); ++k) {
+      const double value = counts.zone(z)[k];
+      if (std::isfinite(value) && (value >= 0 || !poisson)) continue;
+      throw Error(where, "counts[zone " + std::to_string(z) + "][bin " + std::to_string(k) +
+                             "]: found " + std::to_string(value) + ", accepted: " +
+                             (poisson ? "finite counts >= 0 (Poisson law)" : "finite values"));
+    }
+  }
+}
+
+Observation observe(const Scene& scene, std::span<const Capture> captures,
+                    const std::vector<std::vector<BinWindow>>& windows) {
+  const Sensor& sensor = scene.sensor;
+  Observation observation;
+  observation.captures = static_cast<int>(captures.size());
+  for (std::size_t c = 0; c < captures.size(); ++c) {
+    const Capture& capture = captures[c];
+    observation.likelihood.emplace_back(
+        sensor.noise, capture.dispersion.value_or(sensor.dispersion), capture.exposures);
+    const BinLikelihood& law = observation.likelihood.back();
+    for (int z = 0; z < sensor.zone_count(); ++z) {
+      const Zone& zone = sensor.zones[static_cast<std::size_t>(z)];
+      const int valid_first = zone.first_valid_bin;
+      const int valid_end = sensor.valid_end(z);
+      BinWindow window = windows[c][static_cast<std::size_t>(z)];
+      window.first = std::max(window.first, valid_first);
+      window.end = std::min(window.end, valid_end);
+      if (zone.dead || window.first >= window.end) continue;
+      ObservedZone observed;
+      observed.capture = static_cast<int>(c);
+      observed.zone = z;
+      observed.first = window.first;
+      observed.gain = zone.gain;
+      const double* counts = capture.counts.zone(z);
+      observed.counts.assign(counts + window.first, counts + window.end);
+      for (const double n : observed.counts) {
+        observed.best.push_back(law.best(n));
+        observed.least.push_back(law.poisson() ? 0.0 : law.value(n, observed.best.back()));
+      }
+      observed.outside_bins = valid_end - valid_first - (window.end - window.first);
+      observed.outside_count = std::accumulate(counts + valid_first, counts + window.first, 0.0) +
+                               std::accumulate(counts + window.end, counts + valid_end, 0.0);
+      observation.zones.push_back(std::move(observed));
+    }
+  }
+  return observation;
+}
+
+}  // namespace blindcorner

@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pose_objective.h"
+
+#include <cmath>
+
+namespace blindcorner {
+namespace {
+
+ShapeBuffer& scratch() {
+  thread_local ShapeBuffer buffer;
+  return buffer;
+}
+
+}  // namespace
+
+PoseObjective::PoseObjective(const CompiledScene& compiled, const Observation& observation)
+    : compiled_(compiled), solver_(observation, compiled.scene.linear) {
+  for (const ObservedZone& zone : observation.zones) rows_ += zone.bins();
+}
+
+void PoseObjective::point(ShapeBuffer& buffer, bool object) const {
+  const auto& zones = solver_.observation().zones;
+  buffer.shapes.resize(zones.size());
+  std::size_t row = 0;
+  for (std::size_t z = 0; z < zones.size(); ++z) {
+    ZoneShapes& shapes = buffer.shapes[z];
+    const int bins = zones[z].bins();
+    shapes.object = object ? buffer.object.data() + row : nullptr;
+    shapes.direct = compiled_.direct.empty() ? nullptr : compiled_.direct.data() + row;
+    shapes.object_first = 0;
+    shapes.object_end = object ? bins : 0;
+    if (object) {
+      while (shapes.object_first < shapes.object_end && shapes.object[shapes.object_first] <= 0) {
+        ++shapes.object_first;
+      }
+      while (shapes.object_end > shapes.object_first && shapes.object[shapes.object_end - 1] <= 0) {
+        --shapes.object_end;
+      }
+    }
+    row += static_cast<std::size_t>(bins);
+  }
+}
+
+void PoseObjective::shapes(const ModelSet& models, const PoseVector& pose,
+                           ShapeBuffer& buffer) const {
+  thread_local HistogramCube light;
+  buffer.object.resize(static_cast<std::size_t>(rows_));
+  double* out = buffer.object.data();
+  int current = -1;
+  for (const ObservedZone& zone : solver_.observation().zones) {
+    if (zone.capture != current) {
+      current = zone.capture;
+      models[static_cast<std::size_t>(current)]->three_bounce(pose, light);
+    }
+    const double* values = light.zone(zone.zone) + zone.first;
+    for (int k = 0; k < zone.bins(); ++k) *out++ = zone.gain * values[k];
+  }
+  point(buffer, true);
+}
+
+void PoseObjective::empty_shapes(ShapeBuffer& buffer) const { point(buffer, false); }
+
+PoseValue PoseObjective::finish(const PoseVector& pose, ShapeBuffer& buffer,
+                                LinearSolution& solution, bool warm) const {
+  solver_.solve(buffer.shapes, solution, warm);
+  PoseValue value;
+  value.log_likelihood = solution.log_likelihood;
+  value.log_posterior =
+      solution.log_likelihood + solution.log_prior + log_pose_prior(compiled_.scene, pose);
+  value.log_integrand = value.log_posterior + solution.log_volume;
+  return value;
+}
+
+PoseValue PoseObjective::evaluate(const ModelSet& models, const PoseVector& pose,
+                                  LinearSolution& solution, bool warm) const {
+  ShapeBuffer& buffer = scratch();
+  shapes(models, pose, buffer);
+  return finish(pose, buffer, solution, warm);
+}
+
+PoseValue PoseObjective::evaluate_template(int index, LinearSolution& solution, bool warm) const {
+  ShapeBuffer& buffer = scratch();
+  buffer.object.resize(static_cast<std::size_t>(rows_));
+  const float* column = compiled_.templates.col(index).data();
+  for (std::size_t i = 0; i < buffer.object.size(); ++i) buffer.object[i] = column[i];
+  point(buffer, true);
+  return finish(compiled_.poses[static_cast<std::size_t>(index)], buffer, solution, warm);
+}
+
+PoseValue PoseObjective::evaluate_empty(LinearSolution& solution) const {
+  ShapeBuffer buffer;
+  point(buffer, false);
+  solver_.solve(buffer.shapes, solution, false);
+  PoseValue value;
+  value.log_likelihood = solution.log_likelihood;
+  value.log_posterior = solution.log_likelihood;
+  value.log_integrand = value.log_posterior + solution.log_volume;
+  return value;
+}
+
+}  // namespace blindcorner

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Log posterior of a pose for one observation, linear unknowns eliminated.
+#pragma once
+
+#include <vector>
+
+#include "blindcorner/inverse/linear_unknowns.h"
+#include "compiled_scene.h"
+
+namespace blindcorner {
+
+/// Shapes of all observed zones, with their storage.
+struct ShapeBuffer {
+  std::vector<double> object;  ///< rows as in CompiledScene::templates
+  std::vector<ZoneShapes> shapes;
+};
+
+struct PoseValue {
+  double log_posterior = 0;  ///< likelihood, amplitude prior and pose prior
+  double log_likelihood = 0;
+  double log_integrand = 0;  ///< log_posterior plus the linear unknowns' log volume
+};
+
+class PoseObjective {
+ public:
+  PoseObjective(const CompiledScene& compiled, const Observation& observation);
+
+  /// Evaluates at a pose with the given models; `solution` is the warm start and the result.
+  PoseValue evaluate(const ModelSet& models, const PoseVector& pose, LinearSolution& solution,
+                     bool warm) const;
+
+  /// The same from the precomputed histograms of a scored pose.
+  PoseValue evaluate_template(int index, LinearSolution& solution, bool warm) const;
+
+  /// No object at all.
+  PoseValue evaluate_empty(LinearSolution& solution) const;
+
+  /// Fills shapes for a pose.
+  void shapes(const ModelSet& models, const PoseVector& pose, ShapeBuffer& buffer) const;
+  void empty_shapes(ShapeBuffer& buffer) const;
+
+  const LinearSolver& solver() const { return solver_; }
+  const CompiledScene& compiled() const { return compiled_; }
+  int rows() const { return rows_; }
+
+ private:
+  void point(ShapeBuffer& buffer, bool object) const;
+  PoseValue finish(const PoseVector& pose, ShapeBuffer& buffer, LinearSolution& solution,
+                   bool warm) const;
+
+  const CompiledScene& compiled_;
+  LinearSolver solver_;
+  int rows_ = 0;
+};
+
+}  // namespace blindcorner

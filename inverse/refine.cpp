@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "refine.h"
+
+#include <ceres/ceres.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace blindcorner {
+namespace {
+
+/// When to stop. Tolerances are relative decreases of half the deviance, which is of the order of
+/// the number of bins (1e3): 1e-2 in log likelihood to tell basins apart, 1e-4 at the end.
+struct Stop {
+  int iterations;
+  double function_tolerance;
+};
+constexpr Stop kApproach{12, 1e-5};
+constexpr Stop kPolish{40, 1e-7};
+
+/// Residuals of a pose with the linear unknowns eliminated, differentiated numerically.
+class ResidualCost final : public ceres::CostFunction {
+ public:
+  ResidualCost(const PoseObjective& objective, const ModelSet& models, LinearSolution& linear,
+               int& evaluations)
+      : objective_(objective), models_(models), linear_(linear), evaluations_(evaluations) {
+    const auto& unknowns = objective.compiled().scene.unknowns;
+    priors_ = static_cast<int>(std::count_if(unknowns.begin(), unknowns.end(),
+                                             [](const Unknown& u) { return u.prior.has_value(); }));
+    set_num_residuals(objective.solver().residual_count() + priors_);
+    mutable_parameter_block_sizes()->push_back(objective.compiled().unknown_count());
+  }
+
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override {
+    const int n = objective_.compiled().unknown_count();
+    PoseVector pose = Eigen::Map<const PoseVector>(parameters[0], n);
+    compute(pose, residuals);
+    if (jacobians == nullptr || jacobians[0] == nullptr) return true;
+    const Scene& scene = objective_.compiled().scene;
+    Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> jacobian(
+        jacobians[0], num_residuals(), n);
+    Eigen::VectorXd plus(num_residuals());
+    Eigen::VectorXd minus(num_residuals());
+    for (int i = 0; i < n; ++i) {
+      const double step = objective_.compiled().step[i];
+      const Unknown& unknown = scene.unknowns[static_cast<std::size_t>(i)];
+      // Sizes must stay positive; other bounds may be overstepped by a difference step.
+      PoseVector up = pose;
+      PoseVector down = pose;
+      up[i] += step;
+      down[i] -= step;
+      if (unknown.component == Component::size) down[i] = std::max(down[i], 0.5 * unknown.lower);
+      compute(up, plus.data());
+      compute(down, minus.data());
+      jacobian.col(i) = (plus - minus) / (up[i] - down[i]);
+    }
+    return true;
+  }
+
+ private:
+  void compute(const PoseVector& pose, double* residuals) const {
+    ++evaluations_;
+    objective_.shapes(models_, pose, buffer_);
+    objective_.solver().solve(buffer_.shapes, linear_, !linear_.ambient.empty());
+    objective_.solver().residuals(buffer_.shapes, linear_, residuals);
+    double* out = residuals + objective_.solver().residual_count();
+    const auto& unknowns = objective_.compiled().scene.unknowns;
+    for (std::size_t i = 0; i < unknowns.size(); ++i) {
+      if (!unknowns[i].prior) continue;
+      *out++ =
+          (pose[static_cast<Eigen::Index>(i)] - unknowns[i].prior->mean) / unknowns[i].prior->sigma;
+    }
+  }
+
+  const PoseObjective& objective_;
+  const ModelSet& models_;
+  LinearSolution& linear_;
+  int& evaluations_;
+  int priors_ = 0;
+  mutable ShapeBuffer buffer_;
+};
+
+/// Ceres on one model set, from and to `result`.
+void minimise(const PoseObjective& objective, const ModelSet& models, const Stop& stop,
+              Refined& result) {
+  const Scene& scene = objective.compiled().scene;
+  ResidualCost cost(objective, models, result.linear, result.evaluations);
+  ceres::Problem::Options ownership;
+  ownership.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  ceres::Problem problem(ownership);
+  double* x = result.pose.data();
+  problem.AddResidualBlock(&cost, nullptr, x);
+  for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
+    if (period_of(scene, i) > 0) continue;
+    problem.SetParameterLowerBound(x, static_cast<int>(i), scene.unknowns[i].lower);
+    problem.SetParameterUpperBound(x, static_cast<int>(i), scene.unknowns[i].upper);
+  }
+  ceres::Solver::Options options;
+  options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
+  options.max_num_iterations = stop.iterations;
+  options.function_tolerance = stop.function_tolerance;
+  options.parameter_tolerance = 1e-7;
+  options.gradient_tolerance = 1e-9;
+  options.logging_type = ceres::SILENT;
+  options.num_threads = 1;
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, &problem, &summary);
+  result.converged = summary.IsSolutionUsable();
+}
+
+Refined finish(const PoseObjective& objective, const ModelSet& models, Refined result) {
+  wrap_pose(objective.compiled().scene, result.pose);
+  result.value = objective.evaluate(models, result.pose, result.linear, true);
+  return result;
+}
+
+}  // namespace
+
+Refined approach(const PoseObjective& objective, const PoseVector& start) {
+  const CompiledScene& compiled = objective.compiled();
+  Refined result;
+  result.pose = start;
+  for (std::size_t rung = 0; rung + 1 < compiled.ladder.size(); ++rung) {
+    minimise(objective, compiled.ladder[rung], kApproach, result);
+  }
+  return finish(objective, compiled.cheap_models(), std::move(result));
+}
+
+Refined polish(const PoseObjective& objective, const PoseVector& start) {
+  Refined result;
+  result.pose = start;
+  minimise(objective, objective.compiled().models(), kPolish, result);
+  return finish(objective, objective.compiled().models(), std::move(result));
+}
+
+}  // namespace blindcorner

@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "scoring.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+namespace blindcorner {
+namespace {
+
+/// Poses scored exactly: this many times the wanted starts, but at least `kLeastExact`.
+constexpr int kExactPerStart = 25;
+constexpr int kLeastExact = 300;
+
+}  // namespace
+
+MatchedFilter::MatchedFilter(const PoseObjective& objective, const LinearSolution& empty,
+                             Weights weights)
+    : objective_(objective) {
+  const Observation& observation = objective.solver().observation();
+  ShapeBuffer buffer;
+  objective.empty_shapes(buffer);
+  mean_.resize(objective.rows());
+  counts_.resize(objective.rows());
+  weight_.resize(objective.rows());
+  basis_ = Eigen::MatrixXf::Zero(objective.rows(), 2);
+  const LinearUnknowns& unknowns = objective.solver().unknowns();
+  std::vector<double> mean;
+  int row = 0;
+  for (std::size_t z = 0; z < observation.zones.size(); ++z) {
+    const ObservedZone& zone = observation.zones[z];
+    const BinLikelihood& law = observation.law(zone);
+    const int bins = zone.bins();
+    zone_begin_.push_back(row);
+    mean.resize(static_cast<std::size_t>(bins));
+    objective.solver().expected(zone, buffer.shapes[z], empty.amplitude[z], empty.ambient[z],
+                                empty.direct[z], mean.data());
+    for (int k = 0; k < bins; ++k) {
+      const auto i = static_cast<std::size_t>(k);
+      double level = std::max(mean[i], 1e-12);
+      if (weights == Weights::observed) {
+        const double before = zone.counts[static_cast<std::size_t>(std::max(k - 1, 0))];
+        const double after = zone.counts[static_cast<std::size_t>(std::min(k + 1, bins - 1))];
+        level = std::max(level, 0.25 * before + 0.5 * zone.counts[i] + 0.25 * after);
+      }
+      mean_[row + k] = static_cast<float>(mean[i]);
+      counts_[row + k] = static_cast<float>(zone.counts[i]);
+      weight_[row + k] = static_cast<float>(1 / std::max(law.variance(level), 1e-12));
+    }
+    // Nuisance directions: the ambient light (its bins outside the window count as well), then the
+    // direct return, orthogonal in the weighted inner product.
+    const auto w = weight_.segment(row, bins);
+    if (unknowns.ambient == LinearMode::per_zone) {
+      const double outside =
+          zone.outside_bins / std::max(law.variance(std::max(empty.ambient[z], 1e-12)), 1e-12);
+      const auto norm = static_cast<float>(static_cast<double>(w.sum()) + outside);
+      basis_.block(row, 0, bins, 1).setConstant(1 / std::sqrt(norm));
+    }
+    if (unknowns.direct == LinearMode::per_zone && buffer.shapes[z].direct != nullptr) {
+      Eigen::VectorXf t(bins);
+      for (int k = 0; k < bins; ++k) t[k] = static_cast<float>(buffer.shapes[z].direct[k]);
+      const Eigen::VectorXf e = basis_.block(row, 0, bins, 1);
+      const float before = (t.array() * t.array() * w.array()).sum();
+      t -= e * (t.array() * e.array() * w.array()).sum();
+      const float norm = (t.array() * t.array() * w.array()).sum();
+      if (norm > 1e-6F * before) basis_.block(row, 1, bins, 1) = t / std::sqrt(norm);
+    }
+    row += bins;
+  }
+  zone_begin_.push_back(row);
+}
+
+Eigen::MatrixXf MatchedFilter::scores_of(const Eigen::MatrixXf& counts) const {
+  const Eigen::MatrixXf& templates = objective_.compiled().templates;
+  const Eigen::Index poses = templates.cols();
+  const Eigen::Index sets = counts.cols();
+  const bool shared = objective_.solver().unknowns().amplitude != LinearMode::per_zone;
+  Eigen::MatrixXf scores = Eigen::MatrixXf::Zero(poses, sets);
+  Eigen::MatrixXf projection = Eigen::MatrixXf::Zero(poses, sets);
+  Eigen::VectorXf norm = Eigen::VectorXf::Zero(poses);
+  const auto finish = [&](const Eigen::MatrixXf& numerator, const Eigen::VectorXf& denominator) {
+    const Eigen::ArrayXf scale = 0.5F / denominator.array().max(1e-30F);
+    for (Eigen::Index set = 0; set < sets; ++set) {
+      scores.col(set).array() += numerator.col(set).array().max(0.0F).square() * scale;
+    }
+  };
+  for (std::size_t z = 0; z + 1 < zone_begin_.size(); ++z) {
+    const int begin = zone_begin_[z];
+    const int bins = zone_begin_[z + 1] - begin;
+    const auto w = weight_.segment(begin, bins);
+    const auto t = templates.middleRows(begin, bins);
+    const Eigen::MatrixXf basis = basis_.middleRows(begin, bins);
+    const Eigen::MatrixXf weighted_basis = w.asDiagonal() * basis;
+    Eigen::MatrixXf residual =
+        counts.middleRows(begin, bins).colwise() - mean_.segment(begin, bins);
+    residual -= basis * (weighted_basis.transpose() * residual);
+    residual = w.asDiagonal() * residual;
+    const Eigen::MatrixXf along = t.transpose() * residual;
+    const Eigen::VectorXf own =
+        t.array().square().matrix().transpose() * w -
+        (t.transpose() * weighted_basis).array().square().matrix().rowwise().sum();
+    if (shared) {
+      projection += along;
+      norm += own;
+    } else {
+      finish(along, own);
+    }
+  }
+  if (shared) finish(projection, norm);
+  return scores;
+}
+
+Eigen::VectorXf MatchedFilter::scores() const { return scores_of(counts_).col(0); }
+
+Eigen::VectorXf MatchedFilter::largest_scores(const Eigen::MatrixXf& counts) const {
+  return scores_of(counts).colwise().maxCoeff().transpose();
+}
+
+Scored score(const PoseObjective& objective, const LinearSolution& empty, int count,
+             double negligible) {
+  const CompiledScene& compiled = objective.compiled();
+  const MatchedFilter filter(objective, empty, MatchedFilter::Weights::observed);
+  const Eigen::VectorXf scores = filter.scores();
+  std::vector<int> order(static_cast<std::size_t>(scores.size()));
+  std::iota(order.begin(), order.end(), 0);
+  const std::size_t exact = std::min<std::size_t>(
+      order.size(), static_cast<std::size_t>(std::max(kLeastExact, kExactPerStart * count)));
+  std::partial_sort(
+      order.begin(), order.begin() + static_cast<std::ptrdiff_t>(exact), order.end(),
+      [&](int a, int b) { return scores[a] != scores[b] ? scores[a] > scores[b] : a < b; });
+  Scored result;
+  std::vector<Candidate>& scored = result.exact;
+  for (std::size_t i = 0; i < exact; ++i) {
+    LinearSolution solution;
+    scored.push_back(
+        {order[i], objective.evaluate_template(order[i], solution, false).log_posterior});
+  }
+  std::sort(scored.begin(), scored.end(), [](const Candidate& a, const Candidate& b) {
+    return a.log_posterior != b.log_posterior ? a.log_posterior > b.log_posterior
+                                              : a.index < b.index;
+  });
+  // A template half a step off keeps at least 0.8 of its gain over the empty scene.
+  const double best = scored.front().log_posterior;
+  const double gain = std::max(best - empty.log_likelihood, 0.0);
+  const double cut = best - negligible - 0.25 * gain;
+  std::vector<Candidate>& chosen = result.starts;
+  for (const Candidate& candidate : scored) {
+    if (static_cast<int>(chosen.size()) >= count || candidate.log_posterior < cut) break;
+    const bool close = std::any_of(chosen.begin(), chosen.end(), [&](const Candidate& other) {
+      const PoseVector d =
+          pose_difference(compiled.scene, compiled.poses[static_cast<std::size_t>(other.index)],
+                          compiled.poses[static_cast<std::size_t>(candidate.index)]);
+      return (d.array().abs() < 1.1 * compiled.spacing.array()).all();
+    });
+    if (!close) chosen.push_back(candidate);
+  }
+  return result;
+}
+
+}  // namespace blindcorner

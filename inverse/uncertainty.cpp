@@ -1,0 +1,596 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "uncertainty.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <random>
+#include <unordered_map>
+
+#include "blindcorner/forward/constants.h"
+
+namespace blindcorner {
+namespace {
+
+/// An unknown is called undetermined when its posterior keeps this share of the prior's width.
+constexpr double kUndetermined = 0.8;
+/// Laplace holds when the posterior 1.5 sigma from the optimum has fallen by 1.5^2/2, give or take
+/// this factor, in every direction.
+constexpr double kSigmaPoint = 1.5;
+constexpr double kLaplaceFactor = 1.5;
+/// Degrees of freedom of the proposal's Student t: tails heavier than any posterior's.
+constexpr double kTailFreedom = 5;
+/// Share of the samples drawn over the scored grid cells instead of around the modes.
+constexpr double kGridShare = 0.4;
+/// The grid's scores are flattened by this power before they are sampled.
+constexpr double kGridTemper = 0.7;
+/// Modes closer than this (Mahalanobis) are one.
+constexpr double kMergeDistance = 1.0;
+
+/// Prior variance of one unknown: uniform on its range, times the normal prior.
+double prior_variance(const Scene& scene, std::size_t i) {
+  const Unknown& unknown = scene.unknowns[i];
+  const double period = period_of(scene, i);
+  const double range = period > 0 ? period : unknown.range();
+  double precision = 12 / (range * range);
+  if (unknown.prior) precision += 1 / (unknown.prior->sigma * unknown.prior->sigma);
+  return 1 / precision;
+}
+
+Eigen::MatrixXd prior_precision(const Scene& scene) {
+  const auto n = static_cast<Eigen::Index>(scene.unknowns.size());
+  Eigen::MatrixXd precision = Eigen::MatrixXd::Zero(n, n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    precision(i, i) = 1 / prior_variance(scene, static_cast<std::size_t>(i));
+  }
+  return precision;
+}
+
+/// Moments of the deviance of a Poisson count with mean mu: E[d], Var[d].
+struct DevianceMoments {
+  static constexpr double kLow = 1e-4, kHigh = 300;
+  static constexpr int kSteps = 400;
+  std::vector<double> mean, variance;
+
+  DevianceMoments() {
+    for (int i = 0; i <= kSteps; ++i) {
+      const double mu = kLow * std::pow(kHigh / kLow, static_cast<double>(i) / kSteps);
+      const int last = static_cast<int>(mu + 12 * std::sqrt(mu) + 30);
+      double first = 0;
+      double second = 0;
+      double log_probability = -mu;
+      for (int n = 0; n <= last; ++n) {
+        if (n > 0) log_probability += std::log(mu / n);
+        const double d = 2 * (n > 0 ? mu - n + n * std::log(n / mu) : mu);
+        first += std::exp(log_probability) * d;
+        second += std::exp(log_probability) * d * d;
+      }
+      mean.push_back(first);
+      variance.push_back(second - first * first);
+    }
+  }
+
+  void at(double mu, double& e, double& v) const {
+    if (mu >= kHigh) {
+      e = 1 + 1 / (6 * mu);
+      v = 2;
+      return;
+    }
+    const double x = std::max(std::log(mu / kLow) / std::log(kHigh / kLow) * kSteps, 0.0);
+    const auto i = static_cast<std::size_t>(std::min(x, kSteps - 1.0));
+    const double t = x - static_cast<double>(i);
+    e = mean[i] * (1 - t) + mean[i + 1] * t;
+    v = variance[i] * (1 - t) + variance[i + 1] * t;
+    if (mu < kLow) {
+      e *= mu / kLow;
+      v *= mu / kLow;
+    }
+  }
+};
+
+const DevianceMoments& deviance_moments() {
+  static const DevianceMoments moments;
+  return moments;
+}
+
+/// Mean and variance of the deviance of a Gaussian-law count with mean m, by quadrature.
+void gaussian_deviance_moments(const BinLikelihood& law, double m, double& e, double& v) {
+  constexpr int kPoints = 24;
+  const double sigma = std::sqrt(law.variance(m));
+  double first = 0, second = 0, total = 0;
+  for (int i = 0; i <= kPoints; ++i) {
+    const double u = 8.0 * i / kPoints - 4;
+    const double weight = std::exp(-0.5 * u * u);
+    const double n = law.censored() ? std::max(m + sigma * u, 0.0) : m + sigma * u;
+    const double d = 2 * (law.value(n, m) - law.least(n));
+    first += weight * d;
+    second += weight * d * d;
+    total += weight;
+  }
+  e = first / total;
+  v = second / total - e * e;
+}
+
+/// A mode of the posterior before its weight is known.
+struct Peak {
+  PoseVector center;
+  Eigen::MatrixXd covariance;
+  Eigen::MatrixXd root;     // Cholesky factor
+  double log_det = 0;       // of the covariance
+  double log_evidence = 0;  // Laplace
+};
+
+double mahalanobis2(const Scene& scene, const Peak& peak, const PoseVector& pose) {
+  const PoseVector d = pose_difference(scene, peak.center, pose);
+  return peak.root.triangularView<Eigen::Lower>().solve(d).squaredNorm();
+}
+
+double log_student(const Peak& peak, double distance2) {
+  const auto n = static_cast<double>(peak.center.size());
+  return std::lgamma((kTailFreedom + n) / 2) - std::lgamma(kTailFreedom / 2) -
+         0.5 * n * std::log(kTailFreedom * kPi) - 0.5 * peak.log_det -
+         0.5 * (kTailFreedom + n) * std::log1p(distance2 / kTailFreedom);
+}
+
+/// Weighted log posterior integrand with the likelihood tempered by the inflation.
+double tempered(const PoseValue& value, double inflation) {
+  return value.log_integrand - value.log_likelihood * (1 - 1 / inflation);
+}
+
+Peak make_peak(const PoseObjective& objective, const Refined& optimum, const MovedModels* moved,
+               double inflation, Eigen::MatrixXd* sensor_covariance) {
+  const Scene& scene = objective.compiled().scene;
+  const Information info = information(objective, optimum, moved);
+  Peak peak;
+  peak.center = optimum.pose;
+  const Eigen::MatrixXd precision = info.pose / inflation + prior_precision(scene);
+  peak.covariance =
+      precision.ldlt().solve(Eigen::MatrixXd::Identity(precision.rows(), precision.cols()));
+  peak.covariance = 0.5 * (peak.covariance + peak.covariance.transpose().eval());
+  peak.root = peak.covariance.llt().matrixL();
+  peak.log_det = 2 * peak.root.diagonal().array().log().sum();
+  peak.log_evidence = tempered(optimum.value, inflation) +
+                      0.5 * static_cast<double>(peak.center.size()) * std::log(2 * kPi) +
+                      0.5 * peak.log_det;
+  if (moved != nullptr && sensor_covariance != nullptr && scene.sensor_covariance) {
+    // The optimum moves by -I_tt^-1 I_ts ds when the sensor is not where it was said to be.
+    const Eigen::MatrixXd gain = peak.covariance * info.pose_sensor / inflation;
+    *sensor_covariance = gain * *scene.sensor_covariance * gain.transpose();
+  }
+  return peak;
+}
+
+/// Whether the posterior falls as the Gaussian says, in every principal direction.
+bool laplace_holds(const PoseObjective& objective, const Refined& optimum, const Peak& peak,
+                   double inflation) {
+  const Scene& scene = objective.compiled().scene;
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(peak.covariance);
+  const double top = tempered(optimum.value, inflation);
+  const double expected = 0.5 * kSigmaPoint * kSigmaPoint;
+  for (Eigen::Index i = 0; i < peak.center.size(); ++i) {
+    const PoseVector step = kSigmaPoint * std::sqrt(std::max(eigen.eigenvalues()[i], 0.0)) *
+                            eigen.eigenvectors().col(i);
+    for (const double sign : {-1.0, 1.0}) {
+      PoseVector pose = optimum.pose + sign * step;
+      if (!std::isfinite(log_pose_prior(scene, pose))) return false;
+      LinearSolution linear = optimum.linear;
+      const PoseValue value = objective.evaluate(objective.compiled().models(), pose, linear, true);
+      const double drop = top - tempered(value, inflation);
+      if (drop > expected * kLaplaceFactor || drop < expected / kLaplaceFactor) return false;
+    }
+  }
+  return true;
+}
+
+/// Proposal density over grid cells and modes, and its samples.
+class Proposal {
+ public:
+  Proposal(const CompiledScene& compiled, const std::vector<Peak>& peaks,
+           const std::vector<Candidate>& scored, double inflation)
+      : compiled_(compiled), peaks_(peaks) {
+    double best = -std::numeric_limits<double>::infinity();
+    for (const Peak& peak : peaks) best = std::max(best, peak.log_evidence);
+    double total = 0;
+    for (const Peak& peak : peaks) {
+      // No mode is starved: its Laplace evidence may be far off.
+      weights_.push_back(std::max(std::exp(peak.log_evidence - best), 1e-2));
+      total += weights_.back();
+    }
+    for (double& weight : weights_) weight /= total;
+    double sum = 0;
+    for (const Candidate& c : scored) {
+      const double p =
+          std::exp(kGridTemper * (c.log_posterior - scored.front().log_posterior) / inflation);
+      sum += p;
+      cells_.push_back(c.index);
+      cumulative_.push_back(sum);
+      probability_[c.index] = p;
+    }
+    for (double& c : cumulative_) c /= sum;
+    cell_volume_ = compiled.spacing.prod();
+    for (auto& [index, p] : probability_) p /= sum;
+  }
+
+  PoseVector draw(std::mt19937_64& random) const {
+    std::uniform_real_distribution<double> uniform;
+    if (uniform(random) < kGridShare) {
+      const auto it = std::lower_bound(cumulative_.begin(), cumulative_.end(), uniform(random));
+      const auto i = static_cast<std::size_t>(std::min<std::ptrdiff_t>(
+          it - cumulative_.begin(), static_cast<std::ptrdiff_t>(cells_.size()) - 1));
+      PoseVector pose = compiled_.poses[static_cast<std::size_t>(cells_[i])];
+      for (Eigen::Index k = 0; k < pose.size(); ++k) {
+        pose[k] += (uniform(random) - 0.5) * compiled_.spacing[k];
+      }
+      return pose;
+    }
+    double pick = uniform(random);
+    std::size_t j = 0;
+    while (j + 1 < weights_.size() && pick > weights_[j]) pick -= weights_[j++];
+    std::normal_distribution<double> normal;
+    std::gamma_distribution<double> gamma(kTailFreedom / 2, 2 / kTailFreedom);
+    PoseVector z(peaks_[j].center.size());
+    for (Eigen::Index k = 0; k < z.size(); ++k) z[k] = normal(random);
+    PoseVector pose = peaks_[j].center + peaks_[j].root * z / std::sqrt(gamma(random));
+    wrap_pose(compiled_.scene, pose);
+    return pose;
+  }
+
+  double log_density(const PoseVector& pose) const {
+    double density = 0;
+    for (std::size_t j = 0; j < peaks_.size(); ++j) {
+      density += (1 - kGridShare) * weights_[j] *
+                 std::exp(log_student(peaks_[j], mahalanobis2(compiled_.scene, peaks_[j], pose)));
+    }
+    const auto cell = probability_.find(cell_of(pose));
+    if (cell != probability_.end()) density += kGridShare * cell->second / cell_volume_;
+    return std::log(density);
+  }
+
+ private:
+  int cell_of(const PoseVector& pose) const {
+    int index = 0;
+    for (std::size_t i = 0; i < compiled_.counts.size(); ++i) {
+      const auto k = static_cast<Eigen::Index>(i);
+      const double at =
+          std::floor((pose[k] - compiled_.scene.unknowns[i].lower) / compiled_.spacing[k]);
+      if (at < 0 || at >= compiled_.counts[i]) return -1;
+      index = index * compiled_.counts[i] + static_cast<int>(at);
+    }
+    return index;
+  }
+
+  const CompiledScene& compiled_;
+  const std::vector<Peak>& peaks_;
+  std::vector<double> weights_;
+  std::vector<int> cells_;
+  std::vector<double> cumulative_;
+  std::unordered_map<int, double> probability_;
+  double cell_volume_ = 1;
+};
+
+struct Sample {
+  PoseVector pose;
+  double log_weight = 0;
+  double weight = 0;
+  std::size_t mode = 0;
+};
+
+/// Weighted mean and covariance about a reference (circular unknowns handled by differences).
+void moments(const Scene& scene, const std::vector<const Sample*>& samples,
+             const PoseVector& reference, PoseVector& mean, Eigen::MatrixXd& covariance) {
+  PoseVector shift = PoseVector::Zero(reference.size());
+  double total = 0;
+  for (const Sample* s : samples) {
+    shift += s->weight * pose_difference(scene, reference, s->pose);
+    total += s->weight;
+  }
+  shift /= total;
+  covariance.setZero(reference.size(), reference.size());
+  for (const Sample* s : samples) {
+    const PoseVector d = pose_difference(scene, reference, s->pose) - shift;
+    covariance += s->weight / total * d * d.transpose();
+  }
+  mean = reference + shift;
+  wrap_pose(scene, mean);
+}
+
+void finish_mixture(const Scene& scene, PoseMixture& mixture) {
+  double total = 0;
+  for (const PoseMode& mode : mixture.modes) total += mode.weight;
+  for (PoseMode& mode : mixture.modes) mode.weight /= total;
+  std::stable_sort(mixture.modes.begin(), mixture.modes.end(),
+                   [](const PoseMode& a, const PoseMode& b) { return a.weight > b.weight; });
+  for (PoseMode& mode : mixture.modes) {
+    mode.undetermined.clear();
+    for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
+      const auto k = static_cast<Eigen::Index>(i);
+      if (mode.covariance(k, k) > kUndetermined * kUndetermined * prior_variance(scene, i)) {
+        mode.undetermined.push_back(static_cast<int>(i));
+      }
+    }
+  }
+  // Mean and covariance of the mixture about its heaviest mode.
+  const PoseVector& reference = mixture.modes.front().pose;
+  PoseVector shift = PoseVector::Zero(reference.size());
+  for (const PoseMode& mode : mixture.modes) {
+    shift += mode.weight * pose_difference(scene, reference, mode.pose);
+  }
+  mixture.covariance.setZero(reference.size(), reference.size());
+  for (const PoseMode& mode : mixture.modes) {
+    const PoseVector d = pose_difference(scene, reference, mode.pose) - shift;
+    mixture.covariance += mode.weight * (mode.covariance + d * d.transpose());
+  }
+  mixture.mean = reference + shift;
+  wrap_pose(scene, mixture.mean);
+}
+
+}  // namespace
+
+Information information(const PoseObjective& objective, const Refined& optimum,
+                        const MovedModels* moved) {
+  const CompiledScene& compiled = objective.compiled();
+  const Observation& observation = objective.solver().observation();
+  const LinearUnknowns& unknowns = objective.solver().unknowns();
+  const int n = compiled.unknown_count();
+  const int sensor = moved != nullptr ? 6 : 0;
+  const bool shared = unknowns.amplitude == LinearMode::shared;
+  const int global = n + sensor + (shared ? 1 : 0);
+
+  // Derivatives of the unit-amplitude light in the pose and in the sensor's pose.
+  const int rows = objective.rows();
+  Eigen::MatrixXd gradient(rows, global);
+  ShapeBuffer at;
+  objective.shapes(compiled.models(), optimum.pose, at);
+  ShapeBuffer plus;
+  ShapeBuffer minus;
+  const auto column = [&](int index, double width) {
+    for (int r = 0; r < rows; ++r) {
+      const auto k = static_cast<std::size_t>(r);
+      gradient(r, index) = (plus.object[k] - minus.object[k]) / width;
+    }
+  };
+  for (int i = 0; i < n; ++i) {
+    PoseVector up = optimum.pose;
+    PoseVector down = optimum.pose;
+    up[i] += compiled.step[i];
+    down[i] -= compiled.step[i];
+    objective.shapes(compiled.models(), up, plus);
+    objective.shapes(compiled.models(), down, minus);
+    column(i, 2 * compiled.step[i]);
+  }
+  for (int i = 0; i < sensor; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    objective.shapes(moved->plus[k], optimum.pose, plus);
+    objective.shapes(moved->minus[k], optimum.pose, minus);
+    column(n + i, 2 * moved->step[k]);
+  }
+
+  Eigen::MatrixXd total = Eigen::MatrixXd::Zero(global, global);
+  std::vector<double> mean;
+  int row = 0;
+  for (std::size_t z = 0; z < observation.zones.size(); ++z) {
+    const ObservedZone& zone = observation.zones[z];
+    const BinLikelihood& law = observation.law(zone);
+    const double a = optimum.linear.amplitude[z];
+    const double c = optimum.linear.ambient[z];
+    const double b = optimum.linear.direct[z];
+    mean.resize(zone.counts.size());
+    objective.solver().expected(zone, at.shapes[z], a, c, b, mean.data());
+    Eigen::MatrixXd cross = Eigen::MatrixXd::Zero(global, 3);
+    Eigen::Matrix3d local = Eigen::Matrix3d::Zero();
+    const bool own_amplitude = unknowns.amplitude == LinearMode::per_zone;
+    const bool own_ambient = unknowns.ambient == LinearMode::per_zone;
+    const bool own_direct =
+        unknowns.direct == LinearMode::per_zone && at.shapes[z].direct != nullptr;
+    Eigen::VectorXd g(global);
+    for (int k = 0; k < zone.bins(); ++k, ++row) {
+      const auto i = static_cast<std::size_t>(k);
+      const double weight = law.information(std::max(mean[i], law.poisson() ? 1e-12 : -1e300));
+      g.head(n + sensor) = a * gradient.row(row).head(n + sensor).transpose();
+      const double light = a * at.shapes[z].object[k];
+      if (shared) g[global - 1] = light;  // derivative in log a
+      const Eigen::Vector3d l(own_amplitude ? light : 0, own_ambient ? 1 : 0,
+                              own_direct ? at.shapes[z].direct[k] : 0);
+      total.noalias() += weight * g * g.transpose();
+      cross.noalias() += weight * g * l.transpose();
+      local.noalias() += weight * l * l.transpose();
+    }
+    if (own_ambient && zone.outside_bins > 0) {
+      local(1, 1) += zone.outside_bins * law.information(std::max(c, 1e-12));
+    }
+    if (own_amplitude) local(0, 0) += std::pow(unknowns.amplitude_prior.sigma_log, -2);
+    for (int i = 0; i < 3; ++i) local(i, i) = local(i, i) > 0 ? local(i, i) * (1 + 1e-12) : 1.0;
+    total -= cross * local.ldlt().solve(cross.transpose());
+  }
+  if (shared) {
+    total(global - 1, global - 1) += std::pow(unknowns.amplitude_prior.sigma_log, -2);
+    const Eigen::VectorXd last = total.col(global - 1);
+    total -= last * last.transpose() / last[global - 1];
+  }
+  Information info;
+  info.pose = total.topLeftCorner(n, n);
+  if (moved != nullptr) info.pose_sensor = total.block(0, n, n, 6);
+  return info;
+}
+
+GoodnessOfFit goodness_of_fit(const PoseObjective& objective, const Refined& optimum) {
+  const Observation& observation = objective.solver().observation();
+  GoodnessOfFit fit;
+  ShapeBuffer at;
+  objective.shapes(objective.compiled().models(), optimum.pose, at);
+  std::vector<double> mean;
+  double variance = 0;
+  const auto add = [&](const BinLikelihood& law, double m) {
+    double e = 0;
+    double v = 0;
+    if (law.poisson()) {
+      deviance_moments().at(std::max(law.scale() * m, 1e-12), e, v);
+    } else {
+      gaussian_deviance_moments(law, m, e, v);
+    }
+    fit.expected += e;
+    variance += v;
+  };
+  for (std::size_t z = 0; z < observation.zones.size(); ++z) {
+    const ObservedZone& zone = observation.zones[z];
+    const BinLikelihood& law = observation.law(zone);
+    mean.resize(zone.counts.size());
+    objective.solver().expected(zone, at.shapes[z], optimum.linear.amplitude[z],
+                                optimum.linear.ambient[z], optimum.linear.direct[z], mean.data());
+    for (const double m : mean) add(law, m);
+    if (law.poisson() && zone.outside_bins > 0)
+      add(law, zone.outside_bins * optimum.linear.ambient[z]);
+  }
+  fit.deviance = -2 * optimum.value.log_likelihood;
+  // Fitted unknowns take up about one unit of deviance each, where the data carries that much.
+  const LinearUnknowns& unknowns = objective.solver().unknowns();
+  double fitted = objective.compiled().unknown_count() + 1.0;
+  const auto zones = static_cast<double>(observation.zones.size());
+  if (unknowns.ambient == LinearMode::per_zone) fitted += zones;
+  if (unknowns.direct == LinearMode::per_zone) fitted += zones;
+  if (unknowns.amplitude == LinearMode::per_zone) fitted += zones - 1;
+  fit.expected = std::max(fit.expected - fitted, 0.5 * fit.expected);
+  fit.standard_deviation = std::sqrt(variance);
+  const double excess = fit.deviance - fit.expected;
+  fit.inflation = excess > 3 * fit.standard_deviation ? fit.deviance / fit.expected : 1.0;
+  return fit;
+}
+
+std::vector<Refined> merge(const CompiledScene& compiled, std::vector<Refined> optima,
+                           double negligible) {
+  std::stable_sort(optima.begin(), optima.end(), [](const Refined& a, const Refined& b) {
+    return a.value.log_posterior > b.value.log_posterior;
+  });
+  std::vector<Refined> kept;
+  for (Refined& optimum : optima) {
+    if (!std::isfinite(optimum.value.log_posterior)) continue;
+    if (!kept.empty() &&
+        optimum.value.log_posterior < kept.front().value.log_posterior - negligible) {
+      break;
+    }
+    const bool known = std::any_of(kept.begin(), kept.end(), [&](const Refined& other) {
+      const PoseVector d = pose_difference(compiled.scene, other.pose, optimum.pose);
+      return (d.array().abs() < 0.25 * compiled.spacing.array()).all();
+    });
+    if (!known) kept.push_back(std::move(optimum));
+  }
+  return kept;
+}
+
+Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& optima,
+                    const std::vector<Candidate>& scored, const MovedModels* moved,
+                    const PosteriorOptions& options) {
+  const Scene& scene = objective.compiled().scene;
+  Posterior result;
+  std::vector<Peak> peaks;
+  std::vector<const Refined*> tops;
+  std::vector<Eigen::MatrixXd> sensor_part;
+  for (const Refined& optimum : optima) {
+    Eigen::MatrixXd extra = Eigen::MatrixXd::Zero(optimum.pose.size(), optimum.pose.size());
+    Peak peak = make_peak(objective, optimum, moved, options.inflation, &extra);
+    // An optimum inside a better one's width is part of it.
+    const bool inside = std::any_of(peaks.begin(), peaks.end(), [&](const Peak& other) {
+      return mahalanobis2(scene, other, peak.center) < kMergeDistance * kMergeDistance;
+    });
+    if (inside) continue;
+    peaks.push_back(std::move(peak));
+    tops.push_back(&optimum);
+    sensor_part.push_back(std::move(extra));
+  }
+  double best = -std::numeric_limits<double>::infinity();
+  for (const Peak& peak : peaks) best = std::max(best, peak.log_evidence);
+  bool laplace = true;
+  for (std::size_t j = 0; j < peaks.size() && laplace; ++j) {
+    if (peaks[j].log_evidence < best - 7) continue;
+    laplace = laplace_holds(objective, *tops[j], peaks[j], options.inflation);
+  }
+
+  const auto add_mode = [&](std::size_t j, double weight, const PoseVector& mean,
+                            const Eigen::MatrixXd& covariance) {
+    PoseMode mode;
+    mode.weight = weight;
+    mode.pose = mean;
+    mode.covariance = covariance + sensor_part[j];
+    mode.log_likelihood = tops[j]->value.log_likelihood;
+    mode.optimum = tops[j]->pose;
+    result.mixture.modes.push_back(std::move(mode));
+  };
+
+  if (laplace || options.samples <= 0) {
+    double sum = 0;
+    for (const Peak& peak : peaks) sum += std::exp(peak.log_evidence - best);
+    result.log_evidence = best + std::log(sum);
+    for (std::size_t j = 0; j < peaks.size(); ++j) {
+      const double weight = std::exp(peaks[j].log_evidence - best) / sum;
+      if (j == 0 || weight > std::exp(-options.negligible)) {
+        add_mode(j, weight, peaks[j].center, peaks[j].covariance);
+      }
+    }
+    finish_mixture(scene, result.mixture);
+    return result;
+  }
+
+  // Importance sampling.
+  result.sampled = true;
+  const Proposal proposal(objective.compiled(), peaks, scored, options.inflation);
+  std::mt19937_64 random(options.seed);
+  std::vector<Sample> samples;
+  double top = -std::numeric_limits<double>::infinity();
+  for (int i = 0; i < options.samples; ++i) {
+    Sample sample;
+    sample.pose = proposal.draw(random);
+    sample.log_weight = -std::numeric_limits<double>::infinity();
+    if (std::isfinite(log_pose_prior(scene, sample.pose))) {
+      // Warm start from the nearest mode's linear unknowns.
+      double nearest = std::numeric_limits<double>::infinity();
+      for (std::size_t j = 0; j < peaks.size(); ++j) {
+        const double d = mahalanobis2(scene, peaks[j], sample.pose);
+        if (d < nearest) {
+          nearest = d;
+          sample.mode = j;
+        }
+      }
+      LinearSolution linear = tops[sample.mode]->linear;
+      const PoseValue value =
+          objective.evaluate(objective.compiled().models(), sample.pose, linear, true);
+      sample.log_weight = tempered(value, options.inflation) - proposal.log_density(sample.pose);
+    }
+    top = std::max(top, sample.log_weight);
+    samples.push_back(std::move(sample));
+  }
+  double sum = 0;
+  double squares = 0;
+  for (Sample& sample : samples) {
+    sample.weight = std::exp(sample.log_weight - top);
+    sum += sample.weight;
+    squares += sample.weight * sample.weight;
+  }
+  result.effective_samples = sum * sum / squares;
+  result.log_evidence = top + std::log(sum / options.samples);
+  for (std::size_t j = 0; j < peaks.size(); ++j) {
+    std::vector<const Sample*> own;
+    double weight = 0;
+    double own_squares = 0;
+    for (const Sample& sample : samples) {
+      if (sample.mode != j || sample.weight <= 0) continue;
+      own.push_back(&sample);
+      weight += sample.weight;
+      own_squares += sample.weight * sample.weight;
+    }
+    if (weight <= 0) continue;
+    PoseVector mean = peaks[j].center;
+    Eigen::MatrixXd covariance = peaks[j].covariance;
+    // Moments need several samples per dimension; with fewer the Laplace shape is kept.
+    if (weight * weight / own_squares > 3.0 * static_cast<double>(mean.size())) {
+      moments(scene, own, peaks[j].center, mean, covariance);
+      covariance += 1e-4 * peaks[j].covariance;
+    }
+    if (weight / sum > std::exp(-options.negligible)) add_mode(j, weight / sum, mean, covariance);
+  }
+  finish_mixture(scene, result.mixture);
+  return result;
+}
+
+}  // namespace blindcorner

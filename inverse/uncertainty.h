@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+/// From optima to a posterior: Fisher information, evidences, importance sampling.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "blindcorner/forward/pose_mixture.h"
+#include "blindcorner/inverse/fit.h"
+#include "refine.h"
+#include "scoring.h"
+
+namespace blindcorner {
+
+/// Expected Fisher information at an optimum, linear unknowns eliminated by the Schur complement;
+/// pose priors not included. sum (dm/dtheta)(dm/dtheta)' / variance over bins.
+struct Information {
+  Eigen::MatrixXd pose;         ///< [n, n]
+  Eigen::MatrixXd pose_sensor;  ///< [n, 6] with the sensor pose; empty without moved models
+};
+
+/// Models compiled with the sensor moved by +-step along each of x, y, z (m) and turned about each
+/// world axis (rad).
+struct MovedModels {
+  std::array<ModelSet, 6> plus, minus;
+  std::array<double, 6> step{};
+};
+
+Information information(const PoseObjective& objective, const Refined& optimum,
+                        const MovedModels* moved = nullptr);
+
+/// Deviance at an optimum against its expectation for counts as small as these are.
+GoodnessOfFit goodness_of_fit(const PoseObjective& objective, const Refined& optimum);
+
+struct PosteriorOptions {
+  double negligible = 12.0;
+  int samples = 384;
+  double inflation = 1.0;  ///< of covariances and of the information, from the goodness of fit
+  std::uint64_t seed = 1;
+};
+
+struct Posterior {
+  PoseMixture mixture;      ///< presence_probability not filled in
+  double log_evidence = 0;  ///< log integral of likelihood times priors over all unknowns
+  bool sampled = false;     ///< importance sampling replaced Laplace's approximation
+  double effective_samples = 0;
+};
+
+/// Modes with weights, means and covariances from refined optima (best first, duplicates merged).
+/// Laplace's approximation is kept where the posterior at the sigma points agrees with it;
+/// elsewhere (bounds, flat directions, skew, overlapping modes) samples drawn around the modes and
+/// over the scored poses are weighted by the posterior.
+Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& optima,
+                    const std::vector<Candidate>& scored, const MovedModels* moved,
+                    const PosteriorOptions& options);
+
+/// Merges refined starts that ended at the same optimum; drops those negligible against the best.
+std::vector<Refined> merge(const CompiledScene& compiled, std::vector<Refined> optima,
+                           double negligible);
+
+}  // namespace blindcorner

@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "commands/capture_inputs.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+
+#include "blindcorner/forward/error.h"
+#include "blindcorner/io/capture_file.h"
+
+namespace blindcorner {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A difference that moves the last of 128 bins by about one bin.
+constexpr double kBinWidthTolerance = 0.01;
+
+std::string bin_width_problem(double found, double expected) {
+  if (found <= 0.0 || std::abs(found / expected - 1.0) <= kBinWidthTolerance) return {};
+  char text[128];
+  std::snprintf(text, sizeof text,
+                "bin_width_ps: found %.6g, accepted: the scene's %.6g within 1 %%", found * 1e12,
+                expected * 1e12);
+  return text;
+}
+
+std::vector<std::string> files_in(const std::string& directory) {
+  std::vector<std::string> files;
+  for (const fs::directory_entry& entry : fs::directory_iterator(directory)) {
+    if (entry.is_regular_file() && entry.path().extension() == ".exr") {
+      files.push_back(entry.path().string());
+    }
+  }
+  if (files.empty()) throw Error(directory, "holds no .exr file, accepted: at least one");
+  std::ranges::sort(files);
+  return files;
+}
+
+void read_into(const std::string& path, double bin_width, std::vector<CaptureInput>& inputs) {
+  try {
+    CaptureFile file = read_captures(path);
+    const std::string problem = bin_width_problem(file.bin_width, bin_width);
+    for (Capture& capture : file.captures) {
+      CaptureInput input{std::nullopt, capture.source, capture.index, problem};
+      if (problem.empty()) input.capture = std::move(capture);
+      inputs.push_back(std::move(input));
+    }
+  } catch (const std::exception& error) {
+    inputs.push_back({std::nullopt, path, -1, error.what()});
+  }
+}
+
+}  // namespace
+
+std::vector<std::string> expand_directories(const std::vector<std::string>& paths) {
+  std::vector<std::string> files;
+  for (const std::string& path : paths) {
+    std::error_code code;
+    if (!fs::is_directory(path, code)) {
+      files.push_back(path);
+      continue;
+    }
+    const std::vector<std::string> found = files_in(path);
+    files.insert(files.end(), found.begin(), found.end());
+  }
+  return files;
+}
+
+std::vector<CaptureInput> read_capture_inputs(const std::vector<std::string>& paths,
+                                              double bin_width) {
+  std::vector<CaptureInput> inputs;
+  for (const std::string& path : expand_directories(paths)) read_into(path, bin_width, inputs);
+  return inputs;
+}
+
+void require_readable(const std::vector<CaptureInput>& inputs) {
+  const auto readable = [](const CaptureInput& input) { return input.capture.has_value(); };
+  if (std::ranges::any_of(inputs, readable)) return;
+  if (inputs.empty()) throw Error("no captures in the files given");
+  const CaptureInput& first = inputs.front();
+  const std::string reason =
+      first.error.starts_with(first.source) ? first.error : first.source + ": " + first.error;
+  throw Error("no capture is readable: " + reason);
+}
+
+}  // namespace blindcorner

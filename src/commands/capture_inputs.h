@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Captures named on the command line.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "blindcorner/forward/capture.h"
+
+namespace blindcorner {
+
+/// One capture, or why a file holds none.
+struct CaptureInput {
+  std::optional<Capture> capture;
+  std::string source;
+  int index = -1;     ///< place in the file; -1: the file as a whole
+  std::string error;  ///< empty when there is a capture
+};
+
+/// Files in the order given; a directory stands for the .exr files in it, sorted by name. Throws
+/// Error for a directory without any.
+std::vector<std::string> expand_directories(const std::vector<std::string>& paths);
+
+/// All captures of all files. A file that cannot be read, or whose bins are stated to be more than
+/// one per cent wider or narrower than `bin_width` (s), gives inputs with an error instead.
+std::vector<CaptureInput> read_capture_inputs(const std::vector<std::string>& paths,
+                                              double bin_width);
+
+/// Throws Error with the first reason when no input has a capture.
+void require_readable(const std::vector<CaptureInput>& inputs);
+
+}  // namespace blindcorner

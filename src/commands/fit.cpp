@@ -1,0 +1,213 @@
+// SPDX-License-Identifier: Apache-2.0
+/// `blindcorner fit SCENE CAPTURE... -o DIR [--joint]`.
+#include "blindcorner/inverse/fit.h"
+
+#include <tbb/global_control.h>
+#include <tbb/parallel_for.h>
+#include <tbb/partitioner.h>
+
+#include <CLI/CLI.hpp>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+
+#include "blindcorner/forward/error.h"
+#include "blindcorner/io/atomic_file.h"
+#include "blindcorner/io/capture_file.h"
+#include "blindcorner/io/scene_file.h"
+#include "commands/capture_inputs.h"
+#include "commands/commands.h"
+#include "commands/fit_table.h"
+#include "progress.h"
+#include "report/page.h"
+#include "report/result_file.h"
+
+namespace blindcorner {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+struct FitArguments {
+  std::string scene;
+  std::vector<std::string> captures;
+  std::string output;
+  bool joint = false;
+  bool no_page = false;
+  int threads = 0;
+  FitOptions options;
+};
+
+/// Runs a fit; whatever it throws becomes the result's error.
+template <typename Fit>
+FitResult guarded(const Fit& fit) {
+  try {
+    return fit();
+  } catch (const std::bad_alloc&) {
+    FitResult failed;
+    failed.error = "out of memory";
+    return failed;
+  } catch (const std::exception& error) {
+    FitResult failed;
+    failed.error = error.what();
+    return failed;
+  }
+}
+
+FitResult failure(const CaptureInput& input) {
+  FitResult failed;
+  failed.sources = {input.source};
+  if (input.index >= 0) failed.indices = {input.index};
+  failed.error = input.error;
+  return failed;
+}
+
+void name_captures(FitResult& result, const std::vector<const Capture*>& captures) {
+  result.sources.clear();
+  result.indices.clear();
+  for (const Capture* capture : captures) {
+    result.sources.push_back(capture->source);
+    result.indices.push_back(capture->index);
+  }
+  if (result.truth.empty() && !captures.empty()) result.truth = captures.front()->truth;
+}
+
+/// Each capture on its own, in parallel; results in the order of the inputs.
+std::vector<FitResult> fit_each(const Fitter& fitter, const std::vector<CaptureInput>& inputs) {
+  std::vector<FitResult> results(inputs.size());
+  Progress progress("captures", inputs.size());
+  const auto fit_one = [&](std::size_t i) {
+    if (!inputs[i].capture) {
+      results[i] = failure(inputs[i]);
+    } else {
+      const Capture& capture = *inputs[i].capture;
+      results[i] = guarded([&] { return fitter.fit(capture); });
+      name_captures(results[i], {&capture});
+    }
+    progress.advance();
+  };
+  // One task per capture: their times differ by an order of magnitude.
+  tbb::parallel_for(std::size_t{0}, inputs.size(), fit_one, tbb::simple_partitioner());
+  return results;
+}
+
+/// One fit of all readable captures, then those that could not be read.
+std::vector<FitResult> fit_joint(const Fitter& fitter, const std::vector<CaptureInput>& inputs) {
+  std::vector<Capture> captures;
+  std::vector<FitResult> results(1);
+  for (const CaptureInput& input : inputs) {
+    if (input.capture) {
+      captures.push_back(*input.capture);
+    } else {
+      results.push_back(failure(input));
+    }
+  }
+  results[0] = guarded([&] { return fitter.fit_joint(captures); });
+  std::vector<const Capture*> all;
+  for (const Capture& capture : captures) all.push_back(&capture);
+  name_captures(results[0], all);
+  return results;
+}
+
+/// How the captures of each result were taken, for the page.
+std::vector<std::vector<CaptureConditions>> conditions_of_all(
+    const Scene& scene, const std::vector<CaptureInput>& inputs, bool joint) {
+  std::vector<std::vector<CaptureConditions>> conditions(joint ? 1 : inputs.size());
+  for (std::size_t i = 0; i < inputs.size(); ++i) {
+    if (inputs[i].capture) {
+      conditions[joint ? 0 : i].push_back(conditions_of(scene, *inputs[i].capture));
+    }
+  }
+  return conditions;
+}
+
+/// The page first: whoever waits for result.json then finds both.
+void write_outputs(const FitArguments& arguments, const Scene& scene,
+                   const std::vector<FitResult>& results, const std::vector<CaptureInput>& inputs) {
+  const fs::path directory = arguments.output;
+  if (!arguments.no_page) {
+    const auto conditions = conditions_of_all(scene, inputs, arguments.joint);
+    write_atomically((directory / "index.html").string(), result_page(scene, results, conditions));
+  }
+  write_result(directory.string(), scene, results);
+}
+
+void make_directory(const std::string& path) {
+  std::error_code code;
+  fs::create_directories(path, code);
+  if (code || !fs::is_directory(path)) {
+    throw Error(path, "cannot be made a directory" + (code ? ": " + code.message() : ""));
+  }
+}
+
+int run_fit(const FitArguments& arguments) {
+  arguments.options.validate();
+  std::optional<tbb::global_control> threads;
+  if (arguments.threads > 0) {
+    threads.emplace(tbb::global_control::max_allowed_parallelism,
+                    static_cast<std::size_t>(arguments.threads));
+  }
+  const Scene scene = read_scene(arguments.scene);
+  const Fitter fitter(scene, arguments.options);
+  std::vector<CaptureInput> inputs =
+      read_capture_inputs(arguments.captures, scene.sensor.bin_width);
+  require_readable(inputs);
+  make_directory(arguments.output);
+
+  const std::vector<FitResult> results =
+      arguments.joint ? fit_joint(fitter, inputs) : fit_each(fitter, inputs);
+  write_outputs(arguments, scene, results, inputs);
+  std::fputs(fit_table(scene, results).c_str(), stdout);
+  const std::string failures = failure_lines(results);
+  std::fputs(failures.c_str(), stderr);
+  return failures.empty() ? kAllWell : kSomeFailed;
+}
+
+void add_fit_options(CLI::App& command, FitArguments& arguments) {
+  FitOptions& options = arguments.options;
+  command.add_option("--seed", options.seed, "seed of everything random")->capture_default_str();
+  command.add_option("--threads", arguments.threads, "threads; 0: one per processor")
+      ->check(CLI::Range(0, 1024))
+      ->capture_default_str();
+  command.add_option("--starts", options.max_starts, "most candidates that are refined")
+      ->capture_default_str();
+  command
+      .add_option("--scored-poses", options.max_scored_poses, "most poses scored before refinement")
+      ->capture_default_str();
+  command
+      .add_option("--tolerance", options.model_tolerance,
+                  "tolerated error of the fast model, relative to the peak of the signal")
+      ->capture_default_str();
+  command
+      .add_option("--importance-samples", options.importance_samples,
+                  "samples where Laplace's approximation fails; 0: never")
+      ->capture_default_str();
+  command
+      .add_option("--empty-captures", options.empty_captures,
+                  "empty captures simulated for the false-alarm probability; 0: leave it out")
+      ->capture_default_str();
+}
+
+}  // namespace
+
+void add_fit_command(CLI::App& app, int& exit_code) {
+  CLI::App& command = *app.add_subcommand(
+      "fit", "find the hidden object; writes DIR/result.json and DIR/index.html");
+  const auto arguments = std::make_shared<FitArguments>();
+  command.add_option("SCENE", arguments->scene, "scene file")->required();
+  command
+      .add_option("CAPTURE", arguments->captures,
+                  "capture files, or directories whose .exr files are taken in sorted order")
+      ->required();
+  command
+      .add_option("-o,--output", arguments->output, "directory for the results; made if missing")
+      ->required()
+      ->type_name("DIR");
+  command.add_flag("--joint", arguments->joint, "one object seen in all captures: one fit");
+  command.add_flag("--no-page", arguments->no_page, "do not write index.html");
+  add_fit_options(command, *arguments);
+  command.callback([arguments, &exit_code] { exit_code = run_fit(*arguments); });
+}
+
+}  // namespace blindcorner

@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: Apache-2.0
+/// `blindcorner import FILES... -o CAPTURE`.
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+
+#include "blindcorner/forward/constants.h"
+#include "blindcorner/forward/error.h"
+#include "blindcorner/io/capture_file.h"
+#include "blindcorner/io/import_file.h"
+#include "commands/commands.h"
+
+namespace blindcorner {
+
+namespace {
+
+struct ImportArguments {
+  std::vector<std::string> files;
+  std::string output;
+  ImportOptions options;
+  double bin_width_ps = 0.0;
+  double bin_width_ns = 0.0;
+  double sensor_yaw_deg = 0.0;
+  double sensor_yaw_rad = 0.0;
+};
+
+void require_exr(const std::string& path) {
+  if (std::filesystem::path(path).extension() != ".exr") {
+    throw Error("--output", "found " + path + ", accepted: a name that ends in .exr");
+  }
+}
+
+int run_import(const ImportArguments& arguments) {
+  require_exr(arguments.output);
+  ImportOptions options = arguments.options;
+  if (arguments.bin_width_ps != 0.0) options.bin_width = arguments.bin_width_ps * 1e-12;
+  if (arguments.bin_width_ns != 0.0) options.bin_width = arguments.bin_width_ns * 1e-9;
+  const double yaw = arguments.sensor_yaw_rad + arguments.sensor_yaw_deg * kDegree;
+  options.sensor_rotation = Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ());
+  options.validate();
+  std::vector<std::string> warnings;
+  const CaptureFile file = import_captures(arguments.files, options, &warnings);
+  write_captures(arguments.output, file);
+  for (const std::string& warning : warnings) {
+    std::fprintf(stderr, "blindcorner: warning: %s\n", warning.c_str());
+  }
+  const HistogramCube& first = file.captures.front().counts;
+  std::printf("%s: %zu capture%s of %d x %d zones, %d bins\n", arguments.output.c_str(),
+              file.captures.size(), file.captures.size() == 1 ? "" : "s", first.rows, first.columns,
+              first.bins);
+  return kAllWell;
+}
+
+void add_array_options(CLI::App& command, ImportOptions& options) {
+  const std::map<std::string, ImportFormat> formats = {
+      {"auto", ImportFormat::automatic},
+      {"numpy", ImportFormat::numpy},
+      {"tmf8828", ImportFormat::tmf8828_log},
+      {"st_person_tracking", ImportFormat::st_person_tracking}};
+  command.add_option("--format", options.format, "auto, numpy, tmf8828 or st_person_tracking")
+      ->transform(CLI::CheckedTransformer(formats, CLI::ignore_case).description(""))
+      ->type_name("NAME");
+  command
+      .add_option("--axes", options.axes,
+                  "order of the array's axes, slowest first, as capture,row,column,bin; zone "
+                  "stands for row and column (numpy)")
+      ->delimiter('\0');
+  command.add_option("--array", options.array, "array of a .npz that holds the counts");
+  command.add_option("--rows", options.rows, "rows of zones");
+  command.add_option("--columns", options.columns, "columns of zones");
+  command
+      .add_option("--sensor-positions", options.sensor_positions,
+                  "array of the .npz with the sensor's position in each capture, m")
+      ->type_name("ARRAY");
+  command
+      .add_option(
+          "--axes-world", options.axes_world,
+          "world axes in terms of the positions' axes, as z,-x,y; write --axes-world=-x,y,z "
+          "when it begins with a minus")
+      ->capture_default_str();
+  command.add_option("--i2c-address", options.i2c_address,
+                     "sensor of a TMF8828 log with several; 0: the only one");
+}
+
+void add_metadata_options(CLI::App& command, ImportArguments& arguments) {
+  ImportOptions& options = arguments.options;
+  auto* ps = command.add_option("--bin-width-ps", arguments.bin_width_ps, "width of a bin, ps")
+                 ->check(CLI::PositiveNumber);
+  command.add_option("--bin-width-ns", arguments.bin_width_ns, "width of a bin, ns")
+      ->check(CLI::PositiveNumber)
+      ->excludes(ps);
+  command.add_option("--exposures", options.exposures, "exposures averaged in each capture");
+  command.add_option("--dispersion", options.dispersion, "variance / mean of the counts");
+  command.add_option("--sensor", options.sensor, "name of the sensor");
+  command.add_option("--description", options.description, "free text");
+  auto* degrees = command.add_option("--sensor-yaw-deg", arguments.sensor_yaw_deg,
+                                     "direction of sight where positions are given, degrees");
+  command.add_option("--sensor-yaw-rad", arguments.sensor_yaw_rad, "the same, radians")
+      ->excludes(degrees);
+}
+
+}  // namespace
+
+void add_import_command(CLI::App& app, int& exit_code) {
+  CLI::App& command =
+      *app.add_subcommand("import", "turn other programs' files into a capture file");
+  const auto arguments = std::make_shared<ImportArguments>();
+  command.add_option("FILES", arguments->files, "files or folders to read")->required();
+  command.add_option("-o,--output", arguments->output, "capture file to write, .exr")
+      ->required()
+      ->type_name("CAPTURE");
+  add_array_options(command, arguments->options);
+  add_metadata_options(command, *arguments);
+  command.callback([arguments, &exit_code] { exit_code = run_import(*arguments); });
+}
+
+}  // namespace blindcorner

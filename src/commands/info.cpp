@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+/// `blindcorner info FILE...`: what is in scene and capture files.
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+
+#include "blindcorner/forward/constants.h"
+#include "blindcorner/io/capture_file.h"
+#include "blindcorner/io/capture_text.h"
+#include "blindcorner/io/import_file.h"
+#include "blindcorner/io/scene_file.h"
+#include "commands/commands.h"
+
+namespace blindcorner {
+
+namespace {
+
+struct InfoArguments {
+  std::vector<std::string> files;
+  DescribeOptions options;
+};
+
+template <typename... Values>
+std::string line(const char* format, Values... values) {
+  char text[512];
+  std::snprintf(text, sizeof text, format, values...);
+  return std::string(text) + "\n";
+}
+
+std::string sensor_text(const Sensor& sensor) {
+  int dead = 0;
+  for (const Zone& zone : sensor.zones) dead += zone.dead;
+  std::string text =
+      line("sensor    %s: %d x %d zones (%d dead), %d bins of %.6g ps, %s", sensor.name.c_str(),
+           sensor.rows, sensor.columns, dead, sensor.bins, sensor.bin_width * 1e12,
+           sensor.illumination == Illumination::flash ? "flash" : "confocal");
+  text += line("          %s noise, pulse %.4g ps (standard deviation of its core)",
+               std::holds_alternative<PoissonNoise>(sensor.noise) ? "Poisson" : "Gaussian",
+               sensor.response.core_sigma() * 1e12);
+  return text;
+}
+
+std::string unknowns_text(const Scene& scene) {
+  std::string text;
+  const std::vector<std::string> names = unknown_names(scene);
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const Unknown& unknown = scene.unknowns[i];
+    text += line("unknown   %-8s %.4g to %.4g", names[i].c_str(), unknown.lower, unknown.upper);
+    if (unknown.prior) {
+      text.pop_back();
+      text += line(", prior %.4g +- %.4g", unknown.prior->mean, unknown.prior->sigma);
+    }
+  }
+  return text;
+}
+
+std::string describe_scene(const Scene& scene) {
+  std::string text = "scene     " + scene.name + "\n" + sensor_text(scene.sensor);
+  const Eigen::Vector3d place = scene.T_world_sensor.translation();
+  const Eigen::Vector3d look = scene.T_world_sensor.linear() * Eigen::Vector3d::UnitX();
+  text += line("          at (%.4g, %.4g, %.4g) m, looks along (%.3g, %.3g, %.3g)", place.x(),
+               place.y(), place.z(), look.x(), look.y(), look.z());
+  for (const Surface& surface : scene.surfaces) {
+    const Eigen::Vector3d center = surface.T_world_surface.translation();
+    text +=
+        line("surface   %s: %s at (%.4g, %.4g, %.4g) m, albedo %.3g%s%s", surface.name.c_str(),
+             shape_name(surface.shape).c_str(), center.x(), center.y(), center.z(), surface.albedo,
+             surface.relay ? ", relay" : "", surface.occluder ? ", occluder" : "");
+  }
+  const HiddenObject& hidden = scene.hidden;
+  text += line("hidden    %s: %s, %s, albedo %.3g, there with probability %.3g beforehand",
+               hidden.name.c_str(), shape_name(hidden.shape).c_str(),
+               std::holds_alternative<LambertianMaterial>(hidden.material) ? "Lambertian"
+                                                                           : "retroreflective",
+               hidden.albedo, scene.presence_prior);
+  return text + unknowns_text(scene);
+}
+
+std::string describe_file(const std::string& path, const DescribeOptions& options) {
+  const std::string extension = std::filesystem::path(path).extension().string();
+  if (extension == ".json") return describe_scene(read_scene(path));
+  if (extension == ".exr") return describe(read_captures(path), options);
+  return describe(import_captures({path}), options);
+}
+
+int run_info(const InfoArguments& arguments) {
+  arguments.options.validate();
+  for (const std::string& path : arguments.files) {
+    const std::string text = describe_file(path, arguments.options);
+    std::printf("%s%s\n%s", &path == &arguments.files.front() ? "" : "\n", path.c_str(),
+                text.c_str());
+  }
+  return kAllWell;
+}
+
+}  // namespace
+
+void add_info_command(CLI::App& app, int& exit_code) {
+  CLI::App& command = *app.add_subcommand("info", "tell what scene and capture files hold");
+  const auto arguments = std::make_shared<InfoArguments>();
+  command.add_option("FILE", arguments->files, "scene (.json) or capture files")->required();
+  command
+      .add_option("--capture", arguments->options.capture,
+                  "capture whose histograms are drawn; -1: none")
+      ->capture_default_str();
+  command.add_option("--width", arguments->options.width, "characters per histogram")
+      ->capture_default_str();
+  command.add_flag("--log", arguments->options.logarithmic, "draw the logarithm of the counts");
+  command.callback([arguments, &exit_code] { exit_code = run_info(*arguments); });
+}
+
+}  // namespace blindcorner

@@ -1,0 +1,149 @@
+// SPDX-License-Identifier: Apache-2.0
+/// `blindcorner render SCENE -o CAPTURE`: captures of a scene made by a forward model.
+#include <tbb/parallel_for.h>
+
+#include <CLI/CLI.hpp>
+#include <cmath>
+#include <memory>
+#include <random>
+
+#include "blindcorner/forward/error.h"
+#include "blindcorner/forward/forward_model.h"
+#include "blindcorner/forward/photon_noise.h"
+#include "blindcorner/io/capture_file.h"
+#include "blindcorner/io/scene_file.h"
+#include "commands/commands.h"
+#include "pose_text.h"
+#include "progress.h"
+#include "synthetic.h"
+
+namespace blindcorner {
+namespace {
+
+struct RenderArguments {
+  std::string scene;
+  std::string output;
+  std::vector<std::string> poses;
+  std::string model = "reference";
+  bool noiseless = false;
+  bool empty = false;
+  std::uint64_t seed = 1;
+  int random = 0;
+  double photons = 0;
+  FastModelOptions fast;
+  ReferenceOptions reference;
+};
+
+/// The scene with every component free, so that a pose may set any of them.
+Scene fully_free(const Scene& scene) {
+  Scene free = scene;
+  free.unknowns.clear();
+  for (const Component component :
+       {Component::x, Component::y, Component::z, Component::yaw, Component::size}) {
+    const double value = scene.hidden.placement.get(component);
+    Unknown unknown{component, value, value, {}};
+    for (const Unknown& known : scene.unknowns) {
+      if (known.component == component) unknown = known;
+    }
+    free.unknowns.push_back(unknown);
+  }
+  return free;
+}
+
+std::vector<Placement> wanted_placements(const RenderArguments& arguments, const Scene& scene) {
+  std::vector<Placement> placements;
+  for (const std::string& text : arguments.poses) placements.push_back(parse_pose(scene, text));
+  std::mt19937_64 random(arguments.seed);
+  for (int i = 0; i < arguments.random; ++i) {
+    placements.push_back(place(scene.hidden.placement, scene.unknowns, draw_pose(scene, random)));
+  }
+  if (placements.empty()) placements.push_back(scene.hidden.placement);
+  return placements;
+}
+
+Capture render_one(const RenderArguments& arguments, const Scene& scene, const Scene& free,
+                   const ForwardModel& model, const Placement& placement, std::uint64_t seed) {
+  const PoseVector pose = pose_of(placement, free.unknowns);
+  Capture capture;
+  if (arguments.noiseless || arguments.empty) {
+    const HistogramCube light =
+        arguments.empty ? HistogramCube(scene.sensor.rows, scene.sensor.columns, scene.sensor.bins)
+                        : model.three_bounce(pose);
+    // Without noise: S plus static at gain one, in W/m^2 per W/sr, when gains are one.
+    const LinearValues linear{1.0, arguments.noiseless ? 0.0 : scene.linear.fixed_ambient,
+                              scene.linear.fixed_direct};
+    const HistogramCube expected = expected_counts(scene, light, model.direct_return(), linear);
+    capture.counts = arguments.noiseless ? expected : draw_counts(scene, expected, 1.0, seed);
+  } else {
+    LightBudget budget;
+    if (arguments.photons > 0) budget.third_bounce_photons = arguments.photons;
+    capture = make_capture(free, model, pose, budget, seed);
+  }
+  capture.truth = arguments.empty ? std::map<std::string, double>{} : truth_of(scene, placement);
+  return capture;
+}
+
+int run_render(const RenderArguments& arguments) {
+  const Scene scene = read_scene(arguments.scene);
+  const Scene free = fully_free(scene);
+  const SensorPlacement sensor = sensor_placement(scene);
+  const std::vector<Placement> placements = wanted_placements(arguments, scene);
+  const std::unique_ptr<ForwardModel> model =
+      arguments.model == "fast" ? make_fast_model(free, sensor, arguments.fast)
+                                : make_reference_renderer(free, sensor, arguments.reference);
+  CaptureFile file;
+  file.bin_width = scene.sensor.bin_width;
+  file.sensor = scene.sensor.name;
+  file.description = "rendered from scene " + scene.name + " by the " + arguments.model + " model";
+  file.captures.resize(placements.size());
+  Progress progress("captures", placements.size());
+  tbb::parallel_for(std::size_t{0}, placements.size(), [&](std::size_t i) {
+    file.captures[i] = render_one(arguments, scene, free, *model, placements[i],
+                                  arguments.seed + 1'000'003 * (i + 1));
+    file.captures[i].index = static_cast<int>(i);
+    file.captures[i].source = arguments.output;
+    progress.advance();
+  });
+  progress.finish();
+  write_captures(arguments.output, file);
+  return kAllWell;
+}
+
+}  // namespace
+
+void add_render_command(CLI::App& app, int& exit_code) {
+  CLI::App& command = *app.add_subcommand("render", "make captures of a scene");
+  const auto arguments = std::make_shared<RenderArguments>();
+  command.add_option("SCENE", arguments->scene, "scene file")->required();
+  command.add_option("-o,--output", arguments->output, "capture file to write")->required();
+  command.add_option("--pose", arguments->poses,
+                     "pose of the object, such as x_m=0.3,yaw_deg=20; may be repeated; components "
+                     "left out keep the scene's values");
+  command.add_option("--random", arguments->random, "this many poses drawn from the prior")
+      ->check(CLI::NonNegativeNumber);
+  command.add_option("--model", arguments->model, "reference or fast")
+      ->check(CLI::IsMember({"reference", "fast"}))
+      ->capture_default_str();
+  command.add_flag("--noiseless", arguments->noiseless,
+                   "expected values: S plus static return times gain, no ambient light");
+  command.add_flag("--empty", arguments->empty, "no hidden object");
+  command
+      .add_option("--photons", arguments->photons,
+                  "choose the exposure so that the third bounce gives this many photons, over an "
+                  "equal background in its time gate")
+      ->check(CLI::PositiveNumber);
+  command.add_option("--tolerance", arguments->fast.tolerance, "of the fast model")
+      ->capture_default_str();
+  command
+      .add_option("--zone-divisions", arguments->reference.zone_divisions,
+                  "of the reference renderer")
+      ->capture_default_str();
+  command
+      .add_option("--field-divisions", arguments->reference.field_divisions,
+                  "of the reference renderer")
+      ->capture_default_str();
+  command.add_option("--seed", arguments->seed, "of poses and photons")->capture_default_str();
+  command.callback([arguments, &exit_code] { exit_code = run_render(*arguments); });
+}
+
+}  // namespace blindcorner

@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Reading whole files, with errors worth showing.
+#pragma once
+
+#include <string>
+
+namespace blindcorner {
+
+/// Throws Error when `path` is missing, a directory, empty or not readable.
+void check_readable(const std::string& path);
+
+/// Contents of the file. Throws Error as `check_readable` does.
+std::string read_bytes(const std::string& path);
+
+/// `text` on a single line: messages of other libraries may hold line breaks.
+std::string one_line(std::string text);
+
+}  // namespace blindcorner

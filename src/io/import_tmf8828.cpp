@@ -1,0 +1,269 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "import_tmf8828.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cstdint>
+#include <optional>
+#include <string_view>
+#include <utility>
+
+#include "blindcorner/forward/error.h"
+
+namespace blindcorner {
+namespace {
+
+constexpr int kBins = 128;
+constexpr int kChannels = 10;          ///< of one measurement, the reference included
+constexpr int kLines = 3 * kChannels;  ///< of one measurement
+constexpr std::size_t kFieldsBeforeBins = 3;
+
+struct Layout {
+  int side = 3;          ///< rows and columns
+  int measurements = 1;  ///< per capture
+  int channels = 9;      ///< used per measurement, from channel 1
+
+  int zone(int measurement, int channel) const {
+    if (side < 8) return measurement * channels + channel - 1;
+    const int row = 7 - 2 * ((channel - 1) / 2) - measurement / 4;
+    const int column = 4 * ((channel - 1) % 2) + measurement % 4;
+    return row * side + column;
+  }
+};
+
+Layout layout_of(const ImportOptions& options) {
+  const int rows = options.rows == 0 ? 3 : options.rows;
+  const int columns = options.columns == 0 ? 3 : options.columns;
+  if (rows == 3 && columns == 3) return {3, 1, 9};
+  if (rows == 4 && columns == 4) return {4, 2, 8};
+  if (rows == 8 && columns == 8) return {8, 8, 8};
+  throw Error("rows, columns", "found " + std::to_string(rows) + " x " + std::to_string(columns) +
+                                   ", a TMF8828 log is 3 x 3, 4 x 4 or 8 x 8");
+}
+
+std::optional<int> whole_number(std::string_view field) {
+  int value = 0;
+  const auto [stop, error] = std::from_chars(field.data(), field.data() + field.size(), value);
+  if (error != std::errc() || stop != field.data() + field.size()) return std::nullopt;
+  return value;
+}
+
+std::vector<std::string_view> fields_of(std::string_view line) {
+  std::vector<std::string_view> fields;
+  for (std::size_t begin = 0; begin <= line.size();) {
+    const std::size_t end = std::min(line.find(',', begin), line.size());
+    fields.push_back(line.substr(begin, end - begin));
+    begin = end + 1;
+  }
+  return fields;
+}
+
+struct RawLine {
+  int address = 0;
+  int index = 0;
+  std::array<std::uint8_t, kBins> bytes{};
+};
+
+RawLine parse_raw_line(std::string_view line, const std::string& where) {
+  const std::vector<std::string_view> fields = fields_of(line);
+  const auto value = [&](std::size_t field, int highest, const std::string& name) {
+    const std::optional<int> number = whole_number(fields[field]);
+    if (!number || *number < 0 || *number > highest) {
+      throw Error(where, name + " is '" + std::string(fields[field]) +
+                             "', accepted a whole number from 0 to " + std::to_string(highest));
+    }
+    return *number;
+  };
+  if (fields.size() != kFieldsBeforeBins + kBins) {
+    throw Error(where, "a #Raw line has " + std::to_string(fields.size()) +
+                           " fields, accepted 131: #Raw, address, index and 128 bytes");
+  }
+  RawLine raw;
+  raw.address = value(1, 127, "the i2c address");
+  raw.index = value(2, kLines - 1, "the index");
+  for (std::size_t bin = 0; bin < kBins; ++bin) {
+    raw.bytes[bin] = static_cast<std::uint8_t>(
+        value(kFieldsBeforeBins + bin, 255, "byte " + std::to_string(bin)));
+  }
+  return raw;
+}
+
+/// Puts lines together to measurements and these to captures.
+class Assembler {
+ public:
+  Assembler(Layout layout, bool has_results, std::string path, std::vector<std::string>& warnings)
+      : layout_(layout),
+        has_results_(has_results),
+        path_(std::move(path)),
+        warnings_(warnings),
+        frame_(layout.side, layout.side, kBins) {}
+
+  void add(const RawLine& raw, int line) {
+    if (raw.index != expected_) lose(line, raw.index);
+    if (raw.index != expected_) return;  // still waiting for the next measurement to begin
+    if (raw.index == 0) counts_.fill(0.0);
+    const double significance = raw.index < 10 ? 1.0 : raw.index < 20 ? 256.0 : 65536.0;
+    const std::size_t channel = static_cast<std::size_t>(raw.index % 10);
+    for (std::size_t bin = 0; bin < kBins; ++bin) {
+      counts_[channel * kBins + bin] += significance * raw.bytes[bin];
+    }
+    begun_ = true;
+    waiting_ = false;
+    if (++expected_ == kLines) finish_measurement();
+  }
+
+  /// A result of 8 x 8 mode: its number's lowest two bits count the pairs of measurements.
+  void add_result(int number, int line) {
+    if (layout_.side != 8) return;
+    if (expected_ != 0) lose(line, -1);
+    const int next = 2 * (number % 4 + 1) % layout_.measurements;
+    if (known_ && next == measurement_) return;
+    if (known_ && begun_) {
+      warn(line,
+           "the result says that this is not where the frame was thought to be; the capture "
+           "is left out");
+    }
+    known_ = true;
+    measurement_ = next;
+    intact_ = next == 0;
+  }
+
+  std::vector<Capture> finish(bool cut_off) {
+    if (cut_off || expected_ != 0 || (measurement_ != 0 && known_)) {
+      warnings_.push_back(path_ + ": the log ends within a capture, which is left out");
+    }
+    const bool ninth_used = layout_.channels == 9;
+    if (!captures_.empty() && ninth_used != ninth_has_counts_) {
+      warnings_.push_back(path_ + ": channel 9 " +
+                          (ninth_used ? "is empty, which suggests 4 x 4 or 8 x 8 zones, not 3 x 3"
+                                      : "holds counts, which suggests 3 x 3 zones"));
+    }
+    return std::move(captures_);
+  }
+
+ private:
+  void warn(int line, const std::string& message) {
+    warnings_.push_back(path_ + ": line " + std::to_string(line) + ": " + message);
+  }
+
+  /// Lines are missing: forget the capture and wait for the beginning of another measurement.
+  void lose(int line, int found) {
+    if (!waiting_) {
+      waiting_ = true;
+      const std::string what = begun_ ? "expected index " + std::to_string(expected_) + ", found " +
+                                            (found < 0 ? "a result" : std::to_string(found)) +
+                                            ": lines are missing"
+                                      : "the log begins within a measurement";
+      if (layout_.measurements > 1 && !(layout_.side == 8 && has_results_)) {
+        throw Error(path_ + ": line " + std::to_string(line),
+                    what + ", so that it is unknown which zones the next measurement belongs to");
+      }
+      warn(line, what + "; the capture is left out");
+    }
+    expected_ = 0;
+    intact_ = layout_.measurements == 1;
+    known_ = layout_.measurements == 1;
+  }
+
+  void finish_measurement() {
+    expected_ = 0;
+    for (int channel = 1; channel <= layout_.channels; ++channel) {
+      const double* from = counts_.data() + channel * kBins;
+      std::copy(from, from + kBins, frame_.zone(layout_.zone(measurement_, channel)));
+    }
+    const double* ninth = counts_.data() + 9 * kBins;
+    for (int bin = 0; bin < kBins; ++bin) ninth_has_counts_ |= ninth[bin] > 0.0;
+    if (!known_ || ++measurement_ < layout_.measurements) return;
+    measurement_ = 0;
+    if (intact_) {
+      Capture capture;
+      capture.counts = frame_;
+      captures_.push_back(std::move(capture));
+    }
+    intact_ = true;
+  }
+
+  Layout layout_;
+  bool has_results_;
+  std::string path_;
+  std::vector<std::string>& warnings_;
+
+  std::array<double, kChannels * kBins> counts_{};  ///< of the current measurement
+  HistogramCube frame_;
+  int expected_ = 0;      ///< index of the next line
+  int measurement_ = 0;   ///< place of the current measurement in its frame
+  bool begun_ = false;    ///< a line was accepted
+  bool waiting_ = false;  ///< lines were lost, none accepted since
+  bool known_ = true;     ///< `measurement_` can be believed
+  bool intact_ = true;    ///< all measurements of the frame so far were seen
+  bool ninth_has_counts_ = false;
+  std::vector<Capture> captures_;
+};
+
+/// Which sensor's lines to use.
+class AddressFilter {
+ public:
+  explicit AddressFilter(int wanted) : wanted_(wanted), fixed_(wanted != 0) {}
+
+  bool accepts(int address, const std::string& where) {
+    if (wanted_ == 0) wanted_ = address;
+    if (address == wanted_) return true;
+    if (fixed_) return false;
+    throw Error(where, "the log holds sensors at i2c addresses " + std::to_string(wanted_) +
+                           " and " + std::to_string(address) + ", one has to be chosen");
+  }
+
+ private:
+  int wanted_;
+  bool fixed_;
+};
+
+}  // namespace
+
+std::vector<Capture> parse_tmf8828_log(const std::string& text, const std::string& path,
+                                       const ImportOptions& options,
+                                       std::vector<std::string>& warnings) {
+  const bool has_results = text.find("#Obj,") != std::string::npos;
+  Assembler assembler(layout_of(options), has_results, path, warnings);
+  AddressFilter filter(options.i2c_address);
+  int line_number = 0;
+  bool cut_off = false;  // within its last line
+  for (std::size_t begin = 0; begin < text.size();) {
+    const std::size_t end = std::min(text.find('\n', begin), text.size());
+    std::string_view line(text.data() + begin, end - begin);
+    begin = end + 1;
+    ++line_number;
+    while (!line.empty() && (line.back() == '\r' || line.back() == ' ')) line.remove_suffix(1);
+    const std::string where = path + ": line " + std::to_string(line_number);
+    if (line.starts_with("#Raw")) {
+      RawLine raw;
+      try {
+        raw = parse_raw_line(line, where);
+      } catch (const Error&) {
+        cut_off = end == text.size();
+        if (cut_off) break;
+        throw;
+      }
+      if (filter.accepts(raw.address, where)) assembler.add(raw, line_number);
+    } else if (line.starts_with("#Obj,")) {
+      const std::vector<std::string_view> fields = fields_of(line);
+      const auto address = whole_number(fields[1]);
+      const auto number = fields.size() > 2 ? whole_number(fields[2]) : std::nullopt;
+      if (address && number && *number >= 0 && filter.accepts(*address, where)) {
+        assembler.add_result(*number, line_number);
+      }
+    }
+  }
+  std::vector<Capture> captures = assembler.finish(cut_off);
+  if (captures.empty()) {
+    throw Error(path, "holds no complete capture of " + std::to_string(layout_of(options).side) +
+                          " x " + std::to_string(layout_of(options).side) +
+                          " zones (30 #Raw lines each " + "measurement, " +
+                          std::to_string(layout_of(options).measurements) +
+                          " measurements each capture)");
+  }
+  return captures;
+}
+
+}  // namespace blindcorner

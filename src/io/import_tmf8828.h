@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Serial log of the ams OSRAM TMF8828 Arduino driver with histogram dumping switched on.
+///
+/// Each measurement is 30 lines `#Raw,<i2c address>,<index>,<byte of bin 0>,...,<byte of bin 127>`,
+/// index 0 to 29 in this order: tens digit the byte of the 24-bit counts (0 least significant),
+/// units digit the channel (0 the reference). That is what the driver's own script
+/// `talk_to_arduino_combine_histograms.py` assembles. Other lines are skipped, but `#Obj` (the
+/// results, after every second measurement in 8 x 8 mode) tells where in a frame the log is.
+///
+/// Where a channel c lies, measurement s of the frame counted from 0:
+///   3 x 3  one measurement, channels 1..9 row by row.
+///   4 x 4  two measurements of channels 1..8 row by row, the upper half first. SparkFun's example
+///          of this SPAD map (TMF882X Arduino library, Example-09) lays them out in this way.
+///   8 x 8  eight measurements of channels 1..8:
+///          row = 7 - 2 ((c - 1) / 2) - s / 4, column = 4 ((c - 1) mod 2) + s mod 4.
+///          Two independent drivers agree on that (camera-culture/cc-hardware,
+///          KGammelgaard/TMF8828); it was not compared with a sensor here. Which way up row 0 is
+///          depends on the mounting.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "blindcorner/io/import_file.h"
+
+namespace blindcorner {
+
+/// Captures of a log without sensor name, bin width and exposures. `text` is the content of `path`.
+std::vector<Capture> parse_tmf8828_log(const std::string& text, const std::string& path,
+                                       const ImportOptions& options,
+                                       std::vector<std::string>& warnings);
+
+}  // namespace blindcorner

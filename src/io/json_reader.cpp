@@ -1,0 +1,274 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "json_reader.h"
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <cstdio>
+#include <set>
+
+#include "blindcorner/forward/error.h"
+#include "file_bytes.h"
+
+namespace blindcorner {
+namespace {
+
+using Json = JsonReader::Json;
+
+/// Longest value that is quoted in a message, characters.
+constexpr std::size_t kLongestQuote = 60;
+
+std::string format(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.10g", value);
+  return text;
+}
+
+/// Key as part of a path: quoted and escaped when it is not a plain name.
+std::string path_part(const std::string& key) {
+  const bool plain = !key.empty() && std::all_of(key.begin(), key.end(), [](unsigned char c) {
+    return std::isalnum(c) != 0 || c == '_' || c == '-' || c == '$';
+  });
+  return plain ? key : Json(key).dump(-1, ' ', true, Json::error_handler_t::replace);
+}
+
+std::size_t edit_distance(std::string_view a, std::string_view b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;
+  for (std::size_t i = 1; i <= a.size(); ++i) {
+    std::size_t diagonal = row[0];
+    row[0] = i;
+    for (std::size_t j = 1; j <= b.size(); ++j) {
+      const std::size_t replaced = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
+      diagonal = row[j];
+      row[j] = std::min({replaced, row[j] + 1, row[j - 1] + 1});
+    }
+  }
+  return row.back();
+}
+
+/// What the parser complains about, without its own prefix: "[...] parse error at line 3, column
+/// 7: syntax error while ..." becomes "line 3, column 7: found no JSON (syntax error while ...".
+std::string syntax_message(const std::string& what) {
+  std::string text = one_line(what);
+  if (const auto bracket = text.find("] "); bracket != std::string::npos) {
+    text.erase(0, bracket + 2);
+  }
+  std::string place;
+  if (const std::string prefix = "parse error at "; text.starts_with(prefix)) {
+    const auto colon = text.find(": ");
+    place = text.substr(prefix.size(), colon - prefix.size()) + ": ";
+    text.erase(0, colon == std::string::npos ? colon : colon + 2);
+  }
+  return place + "found what is not JSON (" + text + "), accepted: JSON";
+}
+
+std::vector<std::string> to_strings(std::initializer_list<std::string_view> words) {
+  return {words.begin(), words.end()};
+}
+
+}  // namespace
+
+bool NumberRange::contains(double value) const {
+  return std::isfinite(value) && (above_lower ? value > lower : value >= lower) &&
+         (below_upper ? value < upper : value <= upper);
+}
+
+std::string NumberRange::text(const char* noun) const {
+  const bool low = std::isfinite(lower);
+  const bool high = std::isfinite(upper);
+  if (low && high && !above_lower && !below_upper) {
+    return std::string(noun) + " from " + format(lower) + " to " + format(upper);
+  }
+  std::string text = noun;
+  if (low) text += (above_lower ? " > " : " >= ") + format(lower);
+  if (low && high) text += " and";
+  if (high) text += (below_upper ? " < " : " <= ") + format(upper);
+  return text;
+}
+
+JsonReader::JsonReader(const Json& document, std::string file)
+    : JsonReader(&document, std::move(file), "") {}
+
+Json JsonReader::parse(const std::string& text, const std::string& file) {
+  std::vector<std::set<std::string>> keys;  // of the objects that are open
+  std::string twice;
+  const auto watch = [&](int /*depth*/, Json::parse_event_t event, Json& value) {
+    if (event == Json::parse_event_t::object_start) keys.emplace_back();
+    if (event == Json::parse_event_t::object_end) keys.pop_back();
+    if (event == Json::parse_event_t::key && twice.empty()) {
+      auto key = value.get<std::string>();
+      if (!keys.back().insert(key).second) twice = std::move(key);
+    }
+    return true;
+  };
+  Json json;
+  try {
+    json = Json::parse(text, watch);
+  } catch (const Json::exception& error) {
+    throw Error(file, syntax_message(error.what()));
+  }
+  if (!twice.empty()) {
+    throw Error(file, path_part(twice) + ": found twice in one object, accepted: once");
+  }
+  return json;
+}
+
+void JsonReader::fail(const std::string& accepted) const { fail(found(), accepted); }
+
+void JsonReader::fail(const std::string& found, const std::string& accepted) const {
+  throw Error(path_.empty() ? file_ : file_ + ": " + path_,
+              "found " + found + ", accepted: " + accepted);
+}
+
+std::string JsonReader::found() const {
+  if (!present()) return "nothing";
+  if (json_->is_number_float() && !std::isfinite(json_->get<double>())) {
+    return "a number that is not finite";
+  }
+  std::string text = json_->dump(-1, ' ', true, Json::error_handler_t::replace);
+  if (text.size() > kLongestQuote) text = text.substr(0, kLongestQuote - 3) + "...";
+  return text;
+}
+
+JsonReader JsonReader::field(const std::string& key, const Json* value) const {
+  return {value, file_, path_.empty() ? path_part(key) : path_ + "." + path_part(key)};
+}
+
+JsonReader JsonReader::element(std::size_t index) const {
+  return {&(*json_)[index], file_, path_ + "[" + std::to_string(index) + "]"};
+}
+
+JsonReader JsonReader::at(std::string_view key) const {
+  if (!is_object()) fail("an object");
+  const auto it = json_->find(std::string(key));
+  return field(std::string(key), it == json_->end() ? nullptr : &*it);
+}
+
+std::vector<std::pair<std::string, JsonReader>> JsonReader::fields() const {
+  if (!is_object()) fail("an object");
+  std::vector<std::pair<std::string, JsonReader>> list;
+  for (const auto& item : json_->items()) {
+    list.emplace_back(item.key(), field(item.key(), &item.value()));
+  }
+  return list;
+}
+
+void JsonReader::allow_only(std::initializer_list<std::string_view> known) const {
+  for (const auto& [key, value] : fields()) {
+    if (std::find(known.begin(), known.end(), key) != known.end()) continue;
+    const std::vector<std::string> names = to_strings(known);
+    const std::string near = nearest_word(key, names);
+    const std::string hint = near.empty() ? "" : " (did you mean \"" + near + "\"?)";
+    value.fail("an unknown field" + hint, list_words(names));
+  }
+}
+
+std::string_view JsonReader::exactly_one_of(
+    std::initializer_list<std::string_view> alternatives) const {
+  std::string_view chosen;
+  for (const std::string_view name : alternatives) {
+    if (!has(name)) continue;
+    if (!chosen.empty()) {
+      at(name).fail("a field beside \"" + std::string(chosen) + "\"",
+                    "only one of " + list_words(to_strings(alternatives)));
+    }
+    chosen = name;
+  }
+  if (chosen.empty()) {
+    fail("none of these fields", "one of " + list_words(to_strings(alternatives)));
+  }
+  return chosen;
+}
+
+std::vector<JsonReader> JsonReader::elements(std::size_t smallest) const {
+  if (!is_array() || json_->size() < smallest) {
+    fail(smallest == 0   ? "an array"
+         : smallest == 1 ? "an array of at least 1 element"
+                         : "an array of at least " + std::to_string(smallest) + " elements");
+  }
+  std::vector<JsonReader> list;
+  for (std::size_t i = 0; i < json_->size(); ++i) list.push_back(element(i));
+  return list;
+}
+
+std::vector<JsonReader> JsonReader::elements_exactly(std::size_t size,
+                                                     const std::string& what) const {
+  const std::string accepted = "an array of " + std::to_string(size) + " " + what;
+  if (!is_array()) fail(accepted);
+  if (json_->size() != size) fail("an array of " + std::to_string(json_->size()), accepted);
+  return elements();
+}
+
+double JsonReader::number(const NumberRange& range) const {
+  if (!present() || !json_->is_number() || !range.contains(json_->get<double>())) {
+    fail(range.text());
+  }
+  return json_->get<double>();
+}
+
+int JsonReader::integer(int lower, int upper) const {
+  const NumberRange range = NumberRange::between(lower, upper);
+  if (!present() || !json_->is_number() || !range.contains(json_->get<double>()) ||
+      std::floor(json_->get<double>()) != json_->get<double>()) {
+    fail(range.text("a whole number"));
+  }
+  return static_cast<int>(json_->get<double>());
+}
+
+bool JsonReader::boolean() const {
+  if (!present() || !json_->is_boolean()) fail("true or false");
+  return json_->get<bool>();
+}
+
+std::string JsonReader::text() const {
+  if (!is_string()) fail("a string");
+  return json_->get<std::string>();
+}
+
+std::string JsonReader::word(std::initializer_list<std::string_view> words) const {
+  if (!is_string() ||
+      std::find(words.begin(), words.end(), json_->get<std::string>()) == words.end()) {
+    fail(list_words(to_strings(words)));
+  }
+  return json_->get<std::string>();
+}
+
+Eigen::Vector3d JsonReader::vector(const NumberRange& range) const {
+  const auto parts = elements_exactly(3, "numbers");
+  return {parts[0].number(range), parts[1].number(range), parts[2].number(range)};
+}
+
+std::pair<double, double> JsonReader::interval(const NumberRange& range) const {
+  const auto parts = elements_exactly(2, "numbers");
+  const std::pair<double, double> ends{parts[0].number(range), parts[1].number(range)};
+  if (!(ends.first < ends.second)) fail("[lower, upper] with lower < upper");
+  return ends;
+}
+
+std::string list_words(const std::vector<std::string>& words) {
+  std::string text;
+  for (std::size_t i = 0; i < words.size(); ++i) {
+    if (i > 0) text += i + 1 == words.size() ? " or " : ", ";
+    text += '"' + words[i] + '"';
+  }
+  return text;
+}
+
+std::string nearest_word(std::string_view word, const std::vector<std::string>& known) {
+  std::string nearest;
+  std::size_t least = 1 + std::max<std::size_t>(2, word.size() / 3);
+  for (const std::string& candidate : known) {
+    // A name without its unit, or the other way round, is the likeliest slip.
+    const bool stem =
+        candidate.starts_with(std::string(word) + "_") || word.starts_with(candidate + "_");
+    const std::size_t distance = stem ? 0 : edit_distance(word, candidate);
+    if (distance < least) {
+      least = distance;
+      nearest = candidate;
+    }
+  }
+  return nearest;
+}
+
+}  // namespace blindcorner

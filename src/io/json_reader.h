@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Strict reading of JSON: every value knows the path that leads to it, and whoever finds it wrong
+/// gets one line, `file: field.path[3]: found ..., accepted: ...`.
+#pragma once
+
+#include <Eigen/Core>
+#include <initializer_list>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+namespace blindcorner {
+
+/// Numbers that a field accepts; `lower` and `upper` themselves belong to it unless said otherwise.
+struct NumberRange {
+  double lower = -std::numeric_limits<double>::infinity();
+  double upper = std::numeric_limits<double>::infinity();
+  bool above_lower = false;  ///< `lower` itself is not accepted
+  bool below_upper = false;  ///< `upper` itself is not accepted
+
+  static NumberRange above(double lower) { return {.lower = lower, .above_lower = true}; }
+  static NumberRange at_least(double lower) { return {.lower = lower}; }
+  static NumberRange between(double lower, double upper) {
+    return {.lower = lower, .upper = upper};
+  }
+  /// Neither end is accepted.
+  static NumberRange inside(double lower, double upper) {
+    return {.lower = lower, .upper = upper, .above_lower = true, .below_upper = true};
+  }
+
+  bool contains(double value) const;
+  /// "a number > 0", "a number from 0 to 1", ...
+  std::string text(const char* noun = "a number") const;
+};
+
+/// A place in a JSON document, possibly empty. Cheap to copy; the document must outlive it.
+class JsonReader {
+ public:
+  using Json = nlohmann::ordered_json;
+
+  /// The document itself; `file` names it in messages.
+  JsonReader(const Json& document, std::string file);
+
+  /// Parses a text. Throws Error with line and column for what is not JSON, and for a key that
+  /// appears twice in one object.
+  static Json parse(const std::string& text, const std::string& file);
+
+  /// Refuses this value: `found` is what the value holds (or "nothing").
+  [[noreturn]] void fail(const std::string& accepted) const;
+  /// Refuses this value with other words for what was found.
+  [[noreturn]] void fail(const std::string& found, const std::string& accepted) const;
+
+  bool present() const { return json_ != nullptr; }
+  bool is_null() const { return present() && json_->is_null(); }
+  bool is_array() const { return present() && json_->is_array(); }
+  bool is_object() const { return present() && json_->is_object(); }
+  bool is_string() const { return present() && json_->is_string(); }
+  const Json& json() const { return *json_; }
+  const std::string& file() const { return file_; }
+
+  /// The same place with another value, for values that were completed from elsewhere.
+  JsonReader with_value(const Json& value) const { return {&value, file_, path_}; }
+
+  /// Field of an object; absent when the object has no such field. This must be an object.
+  JsonReader at(std::string_view key) const;
+  bool has(std::string_view key) const { return at(key).present(); }
+  /// Fields of an object in the order of the file.
+  std::vector<std::pair<std::string, JsonReader>> fields() const;
+  /// Refuses fields that are not in `known`, with the nearest known name as a suggestion.
+  void allow_only(std::initializer_list<std::string_view> known) const;
+  /// The one field of `alternatives` that is there. Refuses none and several.
+  std::string_view exactly_one_of(std::initializer_list<std::string_view> alternatives) const;
+
+  /// Elements of an array with at least `smallest` elements.
+  std::vector<JsonReader> elements(std::size_t smallest = 0) const;
+  /// Elements of an array of exactly `size`; `what` completes "an array of 3 ...".
+  std::vector<JsonReader> elements_exactly(std::size_t size, const std::string& what) const;
+
+  double number(const NumberRange& range = {}) const;
+  int integer(int lower, int upper) const;
+  bool boolean() const;
+  std::string text() const;
+  /// One of the given words.
+  std::string word(std::initializer_list<std::string_view> words) const;
+  Eigen::Vector3d vector(const NumberRange& range = {}) const;
+  /// [lower, upper] with lower < upper.
+  std::pair<double, double> interval(const NumberRange& range = {}) const;
+
+  /// The same with a default for a field that is absent.
+  double number_or(double absent, const NumberRange& range = {}) const {
+    return present() ? number(range) : absent;
+  }
+  bool boolean_or(bool absent) const { return present() ? boolean() : absent; }
+  std::string text_or(const std::string& absent) const { return present() ? text() : absent; }
+  std::string word_or(const std::string& absent,
+                      std::initializer_list<std::string_view> words) const {
+    return present() ? word(words) : absent;
+  }
+
+ private:
+  JsonReader(const Json* json, std::string file, std::string path)
+      : json_(json), file_(std::move(file)), path_(std::move(path)) {}
+
+  JsonReader element(std::size_t index) const;
+  JsonReader field(const std::string& key, const Json* value) const;
+  std::string found() const;
+
+  const Json* json_;  ///< null: the field is absent
+  std::string file_;
+  std::string path_;
+};
+
+/// `"a", "b" or "c"`.
+std::string list_words(const std::vector<std::string>& words);
+
+/// The word of `known` that is most like `word`, or an empty string when none is like it.
+std::string nearest_word(std::string_view word, const std::vector<std::string>& known);
+
+}  // namespace blindcorner

@@ -1,0 +1,416 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "blindcorner/io/scene_file.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "blindcorner/forward/constants.h"
+#include "file_bytes.h"
+#include "json_reader.h"
+#include "sensor_reader.h"
+
+namespace blindcorner {
+namespace {
+
+using Eigen::Vector3d;
+using Json = JsonReader::Json;
+
+/// Limits against slips of the pen: no scene is larger than 100 km or finer than a micrometre.
+const NumberRange kPosition = NumberRange::between(-1e5, 1e5);
+const NumberRange kLength = NumberRange::between(1e-6, 1e5);
+const NumberRange kAlbedo = NumberRange::between(0, 1);
+const NumberRange kAnyAngle = NumberRange::between(-3600, 3600);
+/// Sine of the smallest angle between two directions that span a plane.
+constexpr double kParallel = 1e-6;
+
+/// A freed component as scene files name it.
+struct UnknownName {
+  const char* key;
+  Component component;
+  double unit;  ///< SI per unit of the file
+};
+constexpr std::array<UnknownName, 5> kUnknownNames = {{{"x_m", Component::x, 1.0},
+                                                       {"y_m", Component::y, 1.0},
+                                                       {"z_m", Component::z, 1.0},
+                                                       {"yaw_deg", Component::yaw, kDegree},
+                                                       {"size", Component::size, 1.0}}};
+
+// --- Directions and poses ------------------------------------------------------------------------
+
+Vector3d read_direction(const JsonReader& reader) {
+  const Vector3d v = reader.vector(kPosition);
+  if (v.norm() < 1e-9) reader.fail("a direction of length > 0");
+  return v.normalized();
+}
+
+/// Columns x (given), y = z cross x, z ("up" made orthogonal to x). Up is +z unless given, and +x
+/// when x is itself vertical.
+Eigen::Matrix3d axes(const Vector3d& x, const JsonReader& up_field) {
+  const bool vertical = x.cross(Vector3d::UnitZ()).norm() < kParallel;
+  Vector3d up = vertical ? Vector3d::UnitX() : Vector3d::UnitZ();
+  if (up_field.present()) {
+    up = read_direction(up_field);
+    if (x.cross(up).norm() < kParallel) {
+      up_field.fail("a direction that is not parallel to the normal or line of sight");
+    }
+  }
+  Eigen::Matrix3d rotation;
+  rotation.col(0) = x;
+  rotation.col(2) = (up - up.dot(x) * x).normalized();
+  rotation.col(1) = rotation.col(2).cross(rotation.col(0));
+  return rotation;
+}
+
+Eigen::Matrix3d yaw_rotation(double yaw) {
+  return Eigen::AngleAxisd(yaw, Vector3d::UnitZ()).toRotationMatrix();
+}
+
+Eigen::Matrix3d read_rotation(const JsonReader& reader) {
+  const bool angles = reader.has("yaw_pitch_roll_deg");
+  const bool quaternion = reader.has("quaternion_wxyz");
+  if (!angles && !quaternion && !reader.has("look") && !reader.has("up")) {
+    return Eigen::Matrix3d::Identity();
+  }
+  const std::string_view way =
+      reader.exactly_one_of({"look", "yaw_pitch_roll_deg", "quaternion_wxyz"});
+  if (way == "look") return axes(read_direction(reader.at("look")), reader.at("up"));
+  if (reader.has("up")) reader.at("up").fail("no up beside \"" + std::string(way) + "\"");
+  if (angles) {
+    const Vector3d a = reader.at("yaw_pitch_roll_deg").vector(kAnyAngle) * kDegree;
+    return yaw_rotation(a[0]) * Eigen::AngleAxisd(a[1], Vector3d::UnitY()).toRotationMatrix() *
+           Eigen::AngleAxisd(a[2], Vector3d::UnitX()).toRotationMatrix();
+  }
+  const JsonReader field = reader.at("quaternion_wxyz");
+  const auto parts = field.elements_exactly(4, "numbers");
+  const NumberRange component = NumberRange::between(-1.01, 1.01);
+  const Eigen::Quaterniond q(parts[0].number(component), parts[1].number(component),
+                             parts[2].number(component), parts[3].number(component));
+  // Written by hand with a few digits; more than that is a mistake.
+  if (std::abs(q.norm() - 1) > 1e-3) field.fail("a quaternion of length 1");
+  return q.normalized().toRotationMatrix();
+}
+
+/// Standard deviations: one number for three axes, or three.
+Vector3d read_sigmas(const JsonReader& reader, const NumberRange& range) {
+  if (reader.is_array()) return reader.vector(range);
+  return Vector3d::Constant(reader.number_or(0, range));
+}
+
+void read_sensor_pose(const JsonReader& reader, Scene& scene) {
+  reader.allow_only({"position_m", "look", "up", "yaw_pitch_roll_deg", "quaternion_wxyz", "sigma_m",
+                     "sigma_deg"});
+  scene.T_world_sensor.translation() = reader.at("position_m").vector(kPosition);
+  scene.T_world_sensor.linear() = read_rotation(reader);
+  Eigen::Matrix<double, 6, 1> sigma;
+  sigma << read_sigmas(reader.at("sigma_m"), NumberRange::between(0, 1e3)),
+      read_sigmas(reader.at("sigma_deg"), NumberRange::between(0, 180)) * kDegree;
+  if (sigma.maxCoeff() > 0) {
+    scene.sensor_covariance = Eigen::Matrix<double, 6, 6>(sigma.cwiseAbs2().asDiagonal());
+  }
+}
+
+// --- Surfaces ------------------------------------------------------------------------------------
+
+Surface read_surface(const JsonReader& reader, const std::string& default_name) {
+  if (!reader.is_object()) reader.fail("an object with \"shape\"");
+  Surface surface;
+  if (reader.at("shape").word({"rectangle", "box"}) == "rectangle") {
+    reader.allow_only({"name", "shape", "center_m", "normal", "up", "width_m", "height_m", "albedo",
+                       "relay", "occluder"});
+    surface.shape = RectangleShape{.width = reader.at("width_m").number(kLength),
+                                   .height = reader.at("height_m").number(kLength)};
+    surface.T_world_surface.translation() = reader.at("center_m").vector(kPosition);
+    surface.T_world_surface.linear() = axes(read_direction(reader.at("normal")), reader.at("up"));
+  } else {
+    reader.allow_only({"name", "shape", "center_m", "base_m", "size_m", "yaw_deg", "albedo",
+                       "relay", "occluder"});
+    const Vector3d size = reader.at("size_m").vector(kLength);
+    surface.shape = BoxShape{size};
+    const std::string_view anchor = reader.exactly_one_of({"center_m", "base_m"});
+    Vector3d center = reader.at(anchor).vector(kPosition);
+    if (anchor == "base_m") center.z() += size.z() / 2;
+    surface.T_world_surface.translation() = center;
+    surface.T_world_surface.linear() =
+        yaw_rotation(reader.at("yaw_deg").number_or(0, kAnyAngle) * kDegree);
+  }
+  surface.name = reader.at("name").text_or(default_name);
+  surface.albedo = reader.at("albedo").number_or(0.5, kAlbedo);
+  surface.relay = reader.at("relay").boolean_or(false);
+  surface.occluder = reader.at("occluder").boolean_or(false);
+  if (surface.relay && surface.albedo <= 0) {
+    reader.at("albedo").fail("a number > 0 and <= 1 for a relay surface");
+  }
+  return surface;
+}
+
+std::vector<Surface> read_surfaces(const JsonReader& reader) {
+  std::vector<Surface> surfaces;
+  for (const JsonReader& surface : reader.elements(1)) {
+    surfaces.push_back(read_surface(surface, "surface " + std::to_string(surfaces.size())));
+  }
+  if (std::none_of(surfaces.begin(), surfaces.end(), [](const Surface& s) { return s.relay; })) {
+    reader.fail("no surface with \"relay\": true", "at least one relay surface");
+  }
+  return surfaces;
+}
+
+// --- The hidden object and its unknowns ----------------------------------------------------------
+
+Shape read_hidden_shape(const JsonReader& reader) {
+  const auto length = [&](const char* key) { return reader.at(key).number(kLength); };
+  const std::string shape = reader.at("shape").word({"rectangle", "box", "sphere", "cylinder"});
+  const auto allow_dimensions = [&](std::initializer_list<std::string_view> own) {
+    for (const std::string_view key : {"width_m", "height_m", "size_m", "radius_m"}) {
+      if (reader.has(key) && std::find(own.begin(), own.end(), key) == own.end()) {
+        reader.at(key).fail("a dimension that a " + shape + " does not have",
+                            list_words({own.begin(), own.end()}));
+      }
+    }
+  };
+  if (shape == "rectangle") {
+    allow_dimensions({"width_m", "height_m"});
+    return RectangleShape{.width = length("width_m"), .height = length("height_m")};
+  }
+  if (shape == "box") {
+    allow_dimensions({"size_m"});
+    return BoxShape{reader.at("size_m").vector(kLength)};
+  }
+  if (shape == "sphere") {
+    allow_dimensions({"radius_m"});
+    return SphereShape{length("radius_m")};
+  }
+  allow_dimensions({"radius_m", "height_m"});
+  return CylinderShape{.radius = length("radius_m"), .height = length("height_m")};
+}
+
+Material read_material(const JsonReader& reader) {
+  if (!reader.present()) return LambertianMaterial{};
+  if (reader.is_string()) {
+    if (reader.word({"lambertian", "retroreflective"}) == "lambertian") return LambertianMaterial{};
+    return RetroreflectiveMaterial{.lobe_sigma = kDegree};
+  }
+  if (!reader.is_object()) {
+    reader.fail(R"("lambertian", "retroreflective" or {"retroreflective": {...}})");
+  }
+  reader.allow_only({"retroreflective"});
+  const JsonReader lobe = reader.at("retroreflective");
+  lobe.allow_only({"lobe_sigma_deg"});
+  const NumberRange range{.lower = 0, .upper = 45, .above_lower = true};
+  return RetroreflectiveMaterial{lobe.at("lobe_sigma_deg").number_or(1, range) * kDegree};
+}
+
+bool has_yaw(const Shape& shape) {
+  return std::holds_alternative<RectangleShape>(shape) || std::holds_alternative<BoxShape>(shape);
+}
+
+/// "accepted" for one of the unknowns' ranges.
+std::string range_words(const Unknown& unknown, double unit) {
+  return NumberRange::between(unknown.lower / unit, unknown.upper / unit).text();
+}
+
+Unknown read_unknown(const JsonReader& reader, const UnknownName& name) {
+  Unknown unknown;
+  unknown.component = name.component;
+  JsonReader range = reader;
+  if (reader.is_object()) {
+    reader.allow_only({"range", "prior"});
+    range = reader.at("range");
+    if (const JsonReader prior = reader.at("prior"); prior.present()) {
+      prior.allow_only({"mean", "sigma"});
+      unknown.prior =
+          NormalPrior{.mean = prior.at("mean").number(kPosition) * name.unit,
+                      .sigma = prior.at("sigma").number(NumberRange::above(0)) * name.unit};
+    }
+  } else if (!reader.is_array()) {
+    reader.fail(R"([lower, upper] or {"range": [lower, upper], "prior": {...}})");
+  }
+  const bool size = name.component == Component::size;
+  const bool yaw = name.component == Component::yaw;
+  const auto [lower, upper] = range.interval(size  ? NumberRange::between(0.01, 100)
+                                             : yaw ? kAnyAngle
+                                                   : kPosition);
+  if (yaw && upper - lower > 360) range.fail("a range of at most 360 degrees");
+  unknown.lower = lower * name.unit;
+  unknown.upper = upper * name.unit;
+  return unknown;
+}
+
+std::vector<Unknown> read_unknowns(const JsonReader& reader, const Shape& shape) {
+  std::vector<Unknown> unknowns;
+  for (const auto& [key, field] : reader.fields()) {
+    const auto name = std::find_if(kUnknownNames.begin(), kUnknownNames.end(),
+                                   [&, &k = key](const UnknownName& n) { return k == n.key; });
+    if (name == kUnknownNames.end()) {
+      field.fail("an unknown of no known name",
+                 list_words({"x_m", "y_m", "z_m", "yaw_deg", "size"}));
+    }
+    if (name->component == Component::yaw && !has_yaw(shape)) {
+      field.fail("an angle", "no yaw, because a turned " + shape_name(shape) + " looks the same");
+    }
+    unknowns.push_back(read_unknown(field, *name));
+  }
+  if (unknowns.empty()) reader.fail("at least one unknown");
+  return unknowns;
+}
+
+const Unknown* find_unknown(const std::vector<Unknown>& unknowns, Component component) {
+  const auto it = std::find_if(unknowns.begin(), unknowns.end(),
+                               [&](const Unknown& u) { return u.component == component; });
+  return it == unknowns.end() ? nullptr : &*it;
+}
+
+/// Value of one component: the given one, which must suit the unknown's range if the component is
+/// unknown; else the middle of that range, or the default of a known component.
+void read_component(const JsonReader& field, const UnknownName& name, const NumberRange& range,
+                    std::optional<double> absent, const std::vector<Unknown>& unknowns,
+                    Placement& placement) {
+  const Unknown* unknown = find_unknown(unknowns, name.component);
+  if (!field.present() || field.is_null()) {
+    if (unknown == nullptr && (!absent || field.is_null())) {
+      field.fail(range.text() + ", because " + name.key + " is not among the unknowns");
+    }
+    placement.set(name.component,
+                  unknown != nullptr ? (unknown->lower + unknown->upper) / 2 : *absent);
+    return;
+  }
+  double value = field.number(range) * name.unit;
+  if (unknown != nullptr) {
+    if (name.component == Component::yaw) {  // any turn of the same direction
+      value += 2 * kPi * std::ceil((unknown->lower - value) / (2 * kPi) - 1e-12);
+    }
+    const double slack = 1e-9 * unknown->range();
+    if (value < unknown->lower - slack || value > unknown->upper + slack) {
+      field.fail(range_words(*unknown, name.unit) + ", the range of the unknown " + name.key);
+    }
+  }
+  placement.set(name.component, value);
+}
+
+Placement read_placement(const JsonReader& reader, const Shape& shape,
+                         const std::vector<Unknown>& unknowns) {
+  Placement placement;
+  const JsonReader position = reader.at("position_m");
+  std::vector<JsonReader> parts(3, position);
+  if (position.present()) parts = position.elements_exactly(3, "numbers (null for unknown ones)");
+  for (std::size_t i = 0; i < 3; ++i) {
+    read_component(parts[i], kUnknownNames[i], kPosition, {}, unknowns, placement);
+  }
+  const JsonReader yaw = reader.at("yaw_deg");
+  if (yaw.present() && !has_yaw(shape)) {
+    yaw.fail("no yaw, because a turned " + shape_name(shape) + " looks the same");
+  }
+  read_component(yaw, kUnknownNames[3], kAnyAngle, 0.0, unknowns, placement);
+  read_component(reader.at("size"), kUnknownNames[4], NumberRange::between(0.01, 100), 1.0,
+                 unknowns, placement);
+  return placement;
+}
+
+void read_hidden(const JsonReader& reader, const JsonReader& unknowns, Scene& scene) {
+  if (!reader.is_object()) reader.fail("an object with \"shape\"");
+  reader.allow_only({"name", "shape", "width_m", "height_m", "size_m", "radius_m", "anchor",
+                     "material", "albedo", "position_m", "yaw_deg", "size"});
+  HiddenObject& hidden = scene.hidden;
+  hidden.name = reader.at("name").text_or("object");
+  hidden.shape = read_hidden_shape(reader);
+  hidden.anchor = default_anchor(hidden.shape);
+  if (const JsonReader anchor = reader.at("anchor"); anchor.present()) {
+    hidden.anchor = anchor.word({"base", "center"}) == "base" ? Anchor::base : Anchor::center;
+  }
+  hidden.material = read_material(reader.at("material"));
+  hidden.albedo =
+      reader.at("albedo").number_or(0.5, NumberRange{.lower = 0, .upper = 1, .above_lower = true});
+  scene.unknowns = read_unknowns(unknowns, hidden.shape);
+  hidden.placement = read_placement(reader, hidden.shape, scene.unknowns);
+}
+
+// --- Linear unknowns -----------------------------------------------------------------------------
+
+LinearMode linear_mode(const std::string& word) {
+  return word == "shared"     ? LinearMode::shared
+         : word == "per_zone" ? LinearMode::per_zone
+                              : LinearMode::fixed;
+}
+
+void read_amplitude(const JsonReader& reader, LinearUnknowns& linear) {
+  reader.allow_only({"mode", "value", "prior"});
+  linear.amplitude =
+      linear_mode(reader.at("mode").word_or("shared", {"shared", "per_zone", "fixed"}));
+  linear.fixed_amplitude = reader.at("value").number_or(1, NumberRange::above(0));
+  linear.amplitude_prior.median = linear.fixed_amplitude;
+  if (const JsonReader prior = reader.at("prior"); prior.present()) {
+    if (linear.amplitude == LinearMode::fixed) prior.fail("no prior with mode \"fixed\"");
+    prior.allow_only({"median", "sigma_log"});
+    AmplitudePrior& p = linear.amplitude_prior;
+    p.median = prior.at("median").number_or(p.median, NumberRange::above(0));
+    p.sigma_log =
+        prior.at("sigma_log")
+            .number_or(p.sigma_log, NumberRange{.lower = 0, .upper = 20, .above_lower = true});
+  }
+}
+
+void read_direct(const JsonReader& reader, LinearUnknowns& linear) {
+  reader.allow_only({"mode", "scale"});
+  const std::string mode = reader.at("mode").word_or("fixed", {"fixed", "per_zone", "absent"});
+  linear.direct = linear_mode(mode);
+  linear.fixed_direct = reader.at("scale").number_or(1, NumberRange::at_least(0));
+  if (mode != "absent") return;
+  if (reader.has("scale")) reader.at("scale").fail("no scale with mode \"absent\"");
+  linear.fixed_direct = 0;
+}
+
+void read_linear(const JsonReader& reader, LinearUnknowns& linear) {
+  if (!reader.present()) return;
+  reader.allow_only({"amplitude", "ambient", "direct"});
+  if (reader.has("amplitude")) read_amplitude(reader.at("amplitude"), linear);
+  if (const JsonReader ambient = reader.at("ambient"); ambient.present()) {
+    ambient.allow_only({"mode", "counts_per_bin"});
+    linear.ambient = linear_mode(ambient.at("mode").word_or("per_zone", {"per_zone", "fixed"}));
+    linear.fixed_ambient = ambient.at("counts_per_bin").number_or(0, NumberRange::at_least(0));
+  }
+  if (reader.has("direct")) read_direct(reader.at("direct"), linear);
+}
+
+Scene read_document(const Json& json, const std::string& path) {
+  const JsonReader reader(json, path.empty() ? "scene" : path);
+  if (!reader.is_object()) reader.fail("an object");
+  reader.allow_only({"name", "description", "sensor", "sensor_pose", "surfaces", "hidden",
+                     "unknowns", "linear", "presence_prior"});
+  Scene scene;
+  scene.path = path;
+  scene.name = reader.at("name").text_or(std::filesystem::path(path).stem().string());
+  reader.at("description").text_or("");
+  scene.sensor = read_sensor(reader.at("sensor"));
+  read_sensor_pose(reader.at("sensor_pose"), scene);
+  scene.surfaces = read_surfaces(reader.at("surfaces"));
+  read_hidden(reader.at("hidden"), reader.at("unknowns"), scene);
+  read_linear(reader.at("linear"), scene.linear);
+  scene.presence_prior = reader.at("presence_prior").number_or(0.5, NumberRange::inside(0, 1));
+  return scene;
+}
+
+}  // namespace
+
+Scene read_scene(const std::string& path) {
+  return read_document(JsonReader::parse(read_bytes(path), path), path);
+}
+
+Scene parse_scene(const nlohmann::json& json, const std::string& path) {
+  Json document = json;
+  // This kind of JSON does not keep the order of fields, so the unknowns get the usual one.
+  if (document.is_object() && document.contains("unknowns") && document["unknowns"].is_object()) {
+    const Json given = document["unknowns"];
+    Json ordered = Json::object();
+    for (const UnknownName& name : kUnknownNames) {
+      if (given.contains(name.key)) ordered[name.key] = given[name.key];
+    }
+    for (const auto& item : given.items()) ordered[item.key()] = item.value();
+    document["unknowns"] = ordered;
+  }
+  return read_document(document, path);
+}
+
+}  // namespace blindcorner

@@ -1,0 +1,368 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "sensor_reader.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string_view>
+
+#include "blindcorner/forward/constants.h"
+
+namespace blindcorner::embedded {
+
+/// Text of a preset under src/io/presets, empty when there is none of that name.
+std::string_view sensor_preset(std::string_view name);
+std::vector<std::string_view> sensor_preset_names();
+
+}  // namespace blindcorner::embedded
+
+namespace blindcorner {
+namespace {
+
+using Json = JsonReader::Json;
+
+constexpr double kPicosecond = 1e-12;
+/// Limits against slips of the pen, far outside any instrument.
+constexpr int kMostZonesPerSide = 256;
+constexpr int kMostBins = 65'536;
+const NumberRange kDuration{.lower = 0, .upper = 1e9, .above_lower = true};  // ps
+const NumberRange kAngle = NumberRange::inside(-90, 90);                     // degrees
+const NumberRange kFullAngle = NumberRange::inside(0, 180);                  // degrees
+const NumberRange kPosition = NumberRange::between(-1e5, 1e5);               // m
+
+/// Ways to say where zones look; one replaces another that a preset has.
+const std::initializer_list<std::string_view> kZoneFields = {"fov_deg", "zones", "zone_columns_deg",
+                                                             "zone_rows_deg"};
+
+/// The preset with the fields of `given` put over it: whole fields, and `illumination` field by
+/// field.
+Json merge_preset(const JsonReader& given) {
+  const JsonReader name = given.at("preset");
+  const std::string_view text = embedded::sensor_preset(name.text());
+  if (text.empty()) {
+    std::vector<std::string> names;
+    for (const std::string_view known : embedded::sensor_preset_names()) names.emplace_back(known);
+    name.fail(list_words(names));
+  }
+  Json merged = JsonReader::parse(std::string(text), "preset " + name.text());
+  if (!merged.contains("name")) merged["name"] = name.text();
+  const auto replaces_zones = [&](std::string_view field) { return given.has(field); };
+  if (std::any_of(kZoneFields.begin(), kZoneFields.end(), replaces_zones)) {
+    for (const std::string_view field : kZoneFields) merged.erase(std::string(field));
+  }
+  for (const auto& [key, value] : given.fields()) {
+    if (key == "preset") continue;
+    if (key == "illumination" && value.is_object() && merged.contains(key)) {
+      for (const auto& [inner, part] : value.fields()) merged[key][inner] = part.json();
+    } else {
+      merged[key] = value.json();
+    }
+  }
+  return merged;
+}
+
+AngularRectangle even_rectangle(double horizontal_deg, double vertical_deg) {
+  const double h = horizontal_deg / 2 * kDegree;
+  const double v = vertical_deg / 2 * kDegree;
+  return {.left = -h, .right = h, .top = -v, .bottom = v};
+}
+
+AngularRectangle read_rectangle(const JsonReader& reader, const char* left, const char* right,
+                                const char* top, const char* bottom) {
+  const AngularRectangle r{.left = reader.at(left).number(kAngle) * kDegree,
+                           .right = reader.at(right).number(kAngle) * kDegree,
+                           .top = reader.at(top).number(kAngle) * kDegree,
+                           .bottom = reader.at(bottom).number(kAngle) * kDegree};
+  if (!(r.left < r.right)) reader.at(left).fail(std::string("a number < ") + right);
+  if (!(r.top < r.bottom)) reader.at(top).fail(std::string("a number < ") + bottom);
+  return r;
+}
+
+AngularRectangle read_field_of_view(const JsonReader& reader) {
+  const auto angles = reader.elements_exactly(2, "full angles (horizontal, vertical)");
+  return even_rectangle(angles[0].number(kFullAngle), angles[1].number(kFullAngle));
+}
+
+/// Edges of `count` equal parts in tangents, rad.
+std::vector<std::pair<double, double>> even_edges(double low, double high, int count) {
+  const auto edge = [&](int i) {
+    return std::atan(std::tan(low) + (std::tan(high) - std::tan(low)) * i / count);
+  };
+  std::vector<std::pair<double, double>> edges;
+  for (int i = 0; i < count; ++i) edges.emplace_back(edge(i), edge(i + 1));
+  return edges;
+}
+
+std::vector<std::pair<double, double>> read_edges(const JsonReader& reader, int count,
+                                                  const std::string& what) {
+  std::vector<std::pair<double, double>> edges;
+  for (const JsonReader& pair : reader.elements_exactly(static_cast<std::size_t>(count), what)) {
+    const auto [low, high] = pair.interval(kAngle);
+    edges.emplace_back(low * kDegree, high * kDegree);
+  }
+  return edges;
+}
+
+std::vector<ZoneFootprint> grid(const std::vector<std::pair<double, double>>& columns,
+                                const std::vector<std::pair<double, double>>& rows) {
+  std::vector<ZoneFootprint> footprints;
+  for (const auto& [top, bottom] : rows) {
+    for (const auto& [left, right] : columns) {
+      footprints.emplace_back(AngularRectangle{left, right, top, bottom});
+    }
+  }
+  return footprints;
+}
+
+/// "zones": a list of footprints, or "from_capture".
+std::vector<ZoneFootprint> read_zone_list(const JsonReader& reader, std::size_t count) {
+  if (reader.is_string()) {
+    reader.word({"from_capture"});
+    // The points come with each capture; without one they are not known.
+    const Eigen::Vector3d unknown = Eigen::Vector3d::Constant(std::nan(""));
+    return std::vector<ZoneFootprint>(count, unknown);
+  }
+  if (!reader.is_array()) {
+    reader.fail("\"from_capture\" or an array of " + std::to_string(count) + " zones");
+  }
+  std::vector<ZoneFootprint> footprints;
+  for (const JsonReader& zone : reader.elements_exactly(count, "zones (rows * columns)")) {
+    zone.allow_only({"angles_deg", "relay_point_m"});
+    if (zone.exactly_one_of({"angles_deg", "relay_point_m"}) == "relay_point_m") {
+      footprints.emplace_back(zone.at("relay_point_m").vector(kPosition));
+    } else {
+      const JsonReader angles = zone.at("angles_deg");
+      angles.allow_only({"left", "right", "top", "bottom"});
+      footprints.emplace_back(read_rectangle(angles, "left", "right", "top", "bottom"));
+    }
+    if (footprints.back().index() != footprints.front().index()) {
+      zone.fail("another kind of footprint than zones[0]", "the same kind for all zones");
+    }
+  }
+  return footprints;
+}
+
+std::vector<ZoneFootprint> read_footprints(const JsonReader& reader, int rows, int columns) {
+  const JsonReader by_columns = reader.at("zone_columns_deg");
+  const JsonReader by_rows = reader.at("zone_rows_deg");
+  if (by_rows.present() && !by_columns.present()) by_columns.fail("what goes with zone_rows_deg");
+  const std::string_view way = reader.exactly_one_of({"fov_deg", "zones", "zone_columns_deg"});
+  if (way == "fov_deg") {
+    const AngularRectangle all = read_field_of_view(reader.at("fov_deg"));
+    return grid(even_edges(all.left, all.right, columns), even_edges(all.top, all.bottom, rows));
+  }
+  if (way == "zones") {
+    return read_zone_list(reader.at("zones"),
+                          static_cast<std::size_t>(rows) * static_cast<std::size_t>(columns));
+  }
+  return grid(read_edges(by_columns, columns, "pairs [left, right], one per column"),
+              read_edges(by_rows, rows, "pairs [top, bottom], one per row"));
+}
+
+/// One number for all zones, or one for each.
+std::vector<double> read_per_zone(const JsonReader& reader, std::size_t count, double absent,
+                                  const NumberRange& range) {
+  if (!reader.is_array()) return std::vector<double>(count, reader.number_or(absent, range));
+  std::vector<double> values;
+  for (const JsonReader& value : reader.elements_exactly(count, "numbers, one per zone")) {
+    values.push_back(value.number(range));
+  }
+  return values;
+}
+
+void read_valid_pair(const JsonReader& reader, int bins, Zone& zone) {
+  const auto ends = reader.elements_exactly(2, "bins (first, last)");
+  zone.first_valid_bin = ends[0].integer(0, bins - 1);
+  zone.last_valid_bin = ends[1].integer(zone.first_valid_bin, bins - 1);
+}
+
+/// [first, last] for all zones, or one such pair for each.
+void read_valid_bins(const JsonReader& reader, Sensor& sensor) {
+  if (!reader.present()) return;
+  const auto parts = reader.elements(1);
+  if (!parts.front().is_array()) {
+    for (Zone& zone : sensor.zones) read_valid_pair(reader, sensor.bins, zone);
+    return;
+  }
+  const auto pairs =
+      reader.elements_exactly(sensor.zones.size(), "pairs [first, last], one per zone");
+  for (std::size_t z = 0; z < pairs.size(); ++z) {
+    read_valid_pair(pairs[z], sensor.bins, sensor.zones[z]);
+  }
+}
+
+void read_zones(const JsonReader& reader, Sensor& sensor) {
+  const auto count = static_cast<std::size_t>(sensor.zone_count());
+  const auto footprints = read_footprints(reader, sensor.rows, sensor.columns);
+  const auto time_zero =
+      read_per_zone(reader.at("time_zero_ps"), count, 0, NumberRange::between(-1e9, 1e9));
+  const auto gain = read_per_zone(reader.at("gain"), count, 1, NumberRange::above(0));
+  sensor.zones.resize(count);
+  for (std::size_t z = 0; z < count; ++z) {
+    sensor.zones[z].footprint = footprints[z];
+    sensor.zones[z].time_zero = time_zero[z] * kPicosecond;
+    sensor.zones[z].gain = gain[z];
+  }
+  read_valid_bins(reader.at("valid_bins"), sensor);
+  if (!reader.has("dead_zones")) return;
+  for (const JsonReader& dead : reader.at("dead_zones").elements()) {
+    sensor.zones[static_cast<std::size_t>(dead.integer(0, sensor.zone_count() - 1))].dead = true;
+  }
+}
+
+ResponseShape read_tails(const JsonReader& reader) {
+  ExponentialTailResponse response;
+  response.sigma = reader.at("fwhm_ps").number(kDuration) * kPicosecond / kGaussianFwhm;
+  double total = 0;
+  for (const JsonReader& tail : reader.at("tails").elements(1)) {
+    tail.allow_only({"fraction", "decay_ps"});
+    const double fraction = tail.at("fraction").number(NumberRange::inside(0, 1));
+    response.tails.push_back({fraction, tail.at("decay_ps").number(kDuration) * kPicosecond});
+    total += fraction;
+  }
+  if (total >= 1) reader.at("tails").fail("tails whose fractions have a sum < 1");
+  return response;
+}
+
+ResponseShape read_table(const JsonReader& reader) {
+  TableResponse response;
+  for (const JsonReader& time : reader.at("times_ps").elements(2)) {
+    const double t = time.number(NumberRange::between(-1e9, 1e9)) * kPicosecond;
+    if (!response.times.empty() && !(t > response.times.back())) {
+      time.fail("a number > the one before it");
+    }
+    response.times.push_back(t);
+  }
+  const JsonReader values = reader.at("values");
+  for (const JsonReader& value :
+       values.elements_exactly(response.times.size(), "numbers, as many as times_ps")) {
+    response.values.push_back(value.number(NumberRange::between(0, 1e30)));
+  }
+  if (std::all_of(response.values.begin(), response.values.end(),
+                  [](double v) { return v == 0; })) {
+    values.fail("at least one number > 0");
+  }
+  return response;
+}
+
+ImpulseResponse read_response(const JsonReader& reader) {
+  if (!reader.is_object()) reader.fail("an object with \"type\"");
+  const std::string type =
+      reader.at("type").word({"gaussian", "box_gaussian", "exponential_tail", "table"});
+  const auto duration = [&](const char* key) {
+    return reader.at(key).number(kDuration) * kPicosecond;
+  };
+  if (type == "gaussian") {
+    reader.allow_only({"type", "fwhm_ps"});
+    return ImpulseResponse(GaussianResponse{duration("fwhm_ps") / kGaussianFwhm});
+  }
+  if (type == "box_gaussian") {
+    reader.allow_only({"type", "box_ps", "sigma_ps"});
+    return ImpulseResponse(BoxGaussianResponse{duration("box_ps"), duration("sigma_ps")});
+  }
+  if (type == "exponential_tail") {
+    reader.allow_only({"type", "fwhm_ps", "tails"});
+    return ImpulseResponse(read_tails(reader));
+  }
+  reader.allow_only({"type", "times_ps", "values"});
+  return ImpulseResponse(read_table(reader));
+}
+
+void read_noise(const JsonReader& reader, Sensor& sensor) {
+  if (!reader.present()) return;
+  if (!reader.is_object()) reader.fail("an object with \"law\"");
+  if (reader.at("law").word({"poisson", "gaussian"}) == "poisson") {
+    reader.allow_only({"law", "dispersion"});
+    sensor.noise = PoissonNoise{};
+    sensor.dispersion = reader.at("dispersion").number_or(1, NumberRange::above(0));
+    return;
+  }
+  reader.allow_only({"law", "variance_floor", "variance_per_count", "censored_at_zero"});
+  GaussianNoise noise;
+  noise.variance_floor = reader.at("variance_floor").number(NumberRange::above(0));
+  noise.variance_per_count = reader.at("variance_per_count").number_or(0, NumberRange::at_least(0));
+  noise.censored_at_zero = reader.at("censored_at_zero").boolean_or(false);
+  sensor.noise = noise;
+}
+
+/// Smallest rectangle of directions around all zones; nothing for zones that are relay points.
+FieldOfIllumination around_zones(const std::vector<Zone>& zones) {
+  if (!std::holds_alternative<AngularRectangle>(zones.front().footprint)) return AngularCone{};
+  AngularRectangle all = std::get<AngularRectangle>(zones.front().footprint);
+  for (const Zone& zone : zones) {
+    const auto& r = std::get<AngularRectangle>(zone.footprint);
+    all = {std::min(all.left, r.left), std::max(all.right, r.right), std::min(all.top, r.top),
+           std::max(all.bottom, r.bottom)};
+  }
+  return all;
+}
+
+FieldOfIllumination read_field(const JsonReader& reader) {
+  reader.allow_only(
+      {"cone_half_angle_deg", "fov_deg", "left_deg", "right_deg", "top_deg", "bottom_deg"});
+  const std::string_view way =
+      reader.exactly_one_of({"cone_half_angle_deg", "fov_deg", "left_deg"});
+  if (way == "left_deg") {
+    return read_rectangle(reader, "left_deg", "right_deg", "top_deg", "bottom_deg");
+  }
+  for (const char* edge : {"right_deg", "top_deg", "bottom_deg"}) {
+    if (reader.has(edge)) reader.at(edge).fail("no edge beside \"" + std::string(way) + "\"");
+  }
+  if (way == "fov_deg") return read_field_of_view(reader.at("fov_deg"));
+  return AngularCone{reader.at("cone_half_angle_deg").number(NumberRange::inside(0, 90)) * kDegree};
+}
+
+void read_illumination(const JsonReader& reader, Sensor& sensor) {
+  sensor.field = around_zones(sensor.zones);
+  if (!reader.present()) return;
+  reader.allow_only({"mode", "field", "radiant_intensity_w_per_sr", "offset_m"});
+  const bool flash = reader.at("mode").word_or("flash", {"flash", "confocal"}) == "flash";
+  sensor.illumination = flash ? Illumination::flash : Illumination::confocal;
+  if (reader.has("field")) sensor.field = read_field(reader.at("field"));
+  sensor.radiant_intensity =
+      reader.at("radiant_intensity_w_per_sr").number_or(1, NumberRange::above(0));
+  if (reader.has("offset_m")) {
+    sensor.light_offset = reader.at("offset_m").vector(NumberRange::between(-100, 100));
+  }
+}
+
+void read_time_axis(const JsonReader& reader, Sensor& sensor) {
+  sensor.bins = reader.at("bins").integer(1, kMostBins);
+  sensor.bin_width = reader.at("bin_width_ps").number(kDuration) * kPicosecond;
+  if (const JsonReader wrap = reader.at("wrap_bins"); wrap.present()) {
+    sensor.wrap_bins = wrap.integer(0, sensor.bins);
+  }
+  sensor.response = read_response(reader.at("impulse_response"));
+}
+
+Sensor read_explicit(const JsonReader& reader) {
+  reader.allow_only({"name",         "description",      "preset",
+                     "rows",         "columns",          "fov_deg",
+                     "zones",        "zone_columns_deg", "zone_rows_deg",
+                     "bins",         "bin_width_ps",     "time_zero_ps",
+                     "gain",         "impulse_response", "wrap_bins",
+                     "valid_bins",   "dead_zones",       "noise",
+                     "illumination", "path_origin"});
+  Sensor sensor;
+  sensor.name = reader.at("name").text_or("custom");
+  reader.at("description").text_or("");
+  sensor.rows = reader.at("rows").integer(1, kMostZonesPerSide);
+  sensor.columns = reader.at("columns").integer(1, kMostZonesPerSide);
+  read_time_axis(reader, sensor);
+  read_zones(reader, sensor);
+  read_noise(reader.at("noise"), sensor);
+  read_illumination(reader.at("illumination"), sensor);
+  const bool relay = reader.at("path_origin").word_or("sensor", {"sensor", "relay"}) == "relay";
+  sensor.path_origin = relay ? PathOrigin::relay : PathOrigin::sensor;
+  return sensor;
+}
+
+}  // namespace
+
+Sensor read_sensor(const JsonReader& reader) {
+  if (!reader.is_object()) reader.fail("an object with \"preset\" or an explicit sensor");
+  if (!reader.has("preset")) return read_explicit(reader);
+  const Json merged = merge_preset(reader);
+  return read_explicit(reader.with_value(merged));
+}
+
+}  // namespace blindcorner

@@ -1,0 +1,13 @@
+// SPDX-License-Identifier: Apache-2.0
+/// The `sensor` part of a scene file, and the presets that it may start from.
+#pragma once
+
+#include "blindcorner/forward/sensor.h"
+#include "json_reader.h"
+
+namespace blindcorner {
+
+/// Reads a sensor: explicit, or a preset with overrides. Throws Error.
+Sensor read_sensor(const JsonReader& reader);
+
+}  // namespace blindcorner

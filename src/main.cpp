@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+/// The program `blindcorner`: one subcommand per file in commands/.
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdio>
+#include <exception>
+#include <new>
+#include <string>
+
+#include "blindcorner/forward/error.h"
+#include "commands/commands.h"
+
+namespace {
+
+/// One line on standard error, whatever the message holds.
+int fail(std::string message) {
+  std::ranges::replace(message, '\n', ' ');
+  std::fprintf(stderr, "blindcorner: %s\n", message.c_str());
+  return blindcorner::kUnusable;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app("Locates objects around corners by fitting single-photon LiDAR histograms.",
+               "blindcorner");
+  app.require_subcommand(1);
+  int exit_code = blindcorner::kAllWell;
+  blindcorner::add_fit_command(app, exit_code);
+  blindcorner::add_render_command(app, exit_code);
+  blindcorner::add_benchmark_command(app, exit_code);
+  blindcorner::add_import_command(app, exit_code);
+  blindcorner::add_export_command(app, exit_code);
+  blindcorner::add_info_command(app, exit_code);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    if (error.get_exit_code() == 0) return app.exit(error);  // --help
+    return fail(std::string(error.what()) + " (see blindcorner --help)");
+  } catch (const std::bad_alloc&) {
+    return fail("out of memory");
+  } catch (const std::exception& error) {
+    return fail(error.what());
+  }
+  return exit_code;
+}

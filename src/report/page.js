@@ -1,0 +1,1084 @@
+// SPDX-License-Identifier: Apache-2.0
+// Draws the result of a fit: bird's-eye view, histograms, tables. Needs D3 version 3 and the JSON
+// in #data; no network. Lengths are metres, angles radians.
+(function () {
+  "use strict";
+
+  var data = JSON.parse(document.getElementById("data").textContent);
+  var scene = data.scene;
+  var captures = data.result.captures;
+  var unknowns = data.result.unknowns;
+  var COLOUR = {  // Okabe and Ito: told apart with any colour vision
+    heaviest: "#d55e00", rival: "#0072b2", truth: "#009e73", relay: "#3d454d", occluder: "#3d454d",
+    sensor: "#1b1f24", field: "#f0e442", search: "#8b949d", object: "#e69f00", model: "#0072b2",
+    measured: "#3d454d"
+  };
+  // Dark to light through blue and green to yellow: monotone in lightness.
+  var TRACK = ["#30123b", "#3b528b", "#21918c", "#5ec962", "#d8c419"];
+  var CHI2_95 = [0, 3.841, 5.991];  // 95 % quantiles of chi-square, by degrees of freedom
+
+  var chosen = 0;    // index into captures
+  var inJoint = 0;   // capture within a joint fit
+  var look = { log: false, window: true, background: true, shared: false };
+
+  // ---------------------------------------------------------------- numbers and words
+
+  function finite(value) { return typeof value === "number" && isFinite(value); }
+  function unit(name) { return /_m$/.test(name) ? "m" : /_rad$/.test(name) ? "rad" : ""; }
+  function bare(name) { return name.replace(/_(m|rad)$/, ""); }
+
+  function digits(sigma) {
+    if (!finite(sigma) || sigma <= 0) return 3;
+    return Math.max(0, Math.min(6, 1 - Math.floor(Math.log(sigma) / Math.LN10)));
+  }
+  function fixed(value, sigma) {
+    return finite(value) ? value.toFixed(digits(sigma)).replace("-", "−") : "–";
+  }
+
+  function probability(p) {
+    if (!finite(p)) return "–";
+    if (p > 0 && p < 1e-6) return "< 10⁻⁶";
+    if (p > 0 && p < 0.001) return p.toExponential(1).replace("-", "−");
+    if (p < 1 && p > 0.999999) return "> 0.999999";
+    return p.toFixed(p > 0.99 && p < 1 ? 1 + Math.ceil(-Math.log(1 - p) / Math.LN10) : 3);
+  }
+  function milliseconds(t) {
+    if (!finite(t)) return "–";
+    return t >= 1000 ? (t / 1000).toFixed(2) + " s" : t.toFixed(t < 10 ? 2 : t < 100 ? 1 : 0) + " ms";
+  }
+  function length(metres) {
+    if (!finite(metres)) return "–";
+    if (metres < 0.001) return (metres * 1e6).toFixed(0) + " µm";
+    if (metres < 0.1) return (metres * 1000).toFixed(metres < 0.01 ? 2 : 1) + " mm";
+    return metres.toFixed(3) + " m";
+  }
+  function compact(value) {
+    if (value === 0) return "0";
+    var size = Math.abs(value);
+    if (size >= 1e4 || size < 1e-3) return value.toExponential(1).replace("e+", "e");
+    return String(+value.toPrecision(3));
+  }
+  function sourceOf(capture, j) {
+    var source = Array.isArray(capture.source) ? capture.source[j] : capture.source;
+    var index = Array.isArray(capture.index) ? capture.index[j] : capture.index;
+    return (source || "capture").split("/").pop() + (index === null || index === undefined ? ""
+      : " [" + index + "]");
+  }
+  function nameOf(capture) {
+    return Array.isArray(capture.source) ? capture.source.length + " captures, fitted jointly"
+      : sourceOf(capture, 0);
+  }
+  function isJoint(capture) { return Array.isArray(capture.source); }
+  function quantile(sorted, p) { return sorted.length ? d3.quantile(sorted, p) : NaN; }
+
+  // ---------------------------------------------------------------- poses
+
+  // Value and variance of a component in x, y, ...: of the unknown, or the known placement.
+  function component(vector, name) {
+    var i = unknowns.indexOf(name);
+    return i >= 0 && vector && finite(vector[i]) ? vector[i] : scene.known[name];
+  }
+  function point(vector) { return [component(vector, "x_m"), component(vector, "y_m")]; }
+  function covarianceOf(matrix, a, b) {
+    var i = unknowns.indexOf(a), j = unknowns.indexOf(b);
+    return i >= 0 && j >= 0 && matrix && finite(matrix[i][j]) ? matrix[i][j] : 0;
+  }
+  var freeInPlane = (unknowns.indexOf("x_m") >= 0 ? 1 : 0) + (unknowns.indexOf("y_m") >= 0 ? 1 : 0);
+
+  // 95 % ellipse of a mode in the x-y plane: half axes (m) and the long one's angle.
+  function ellipse(mode) {
+    var a = covarianceOf(mode.covariance, "x_m", "x_m");
+    var b = covarianceOf(mode.covariance, "x_m", "y_m");
+    var c = covarianceOf(mode.covariance, "y_m", "y_m");
+    var half = Math.sqrt((a - c) * (a - c) / 4 + b * b);
+    var k = CHI2_95[freeInPlane];
+    return { long: Math.sqrt(Math.max(0, k * ((a + c) / 2 + half))),
+             short: Math.sqrt(Math.max(0, k * ((a + c) / 2 - half))),
+             angle: Math.atan2(2 * b, a - c) / 2 };
+  }
+  function placedObject(vector) {
+    var at = point(vector), yaw = component(vector, "yaw_rad"), size = component(vector, "size");
+    var c = Math.cos(yaw) * size, s = Math.sin(yaw) * size;
+    return scene.object.outline.map(function (p) {
+      return [at[0] + c * p[0] - s * p[1], at[1] + s * p[0] + c * p[1]];
+    });
+  }
+  function difference(name, a, b) {
+    if (name !== "yaw_rad") return a - b;
+    var period = scene.object.yaw_period;
+    if (!(period > 0)) return 0;
+    return a - b - period * Math.round((a - b) / period);
+  }
+  // Distance from the truth over the unknown coordinates, m.
+  function positionError(capture, vector) {
+    if (!capture.truth || !vector) return NaN;
+    var sum = 0, any = false;
+    unknowns.forEach(function (name, i) {
+      if (unit(name) !== "m") return;
+      sum += Math.pow(finite(capture.truth[i]) ? vector[i] - capture.truth[i] : NaN, 2);
+      any = true;
+    });
+    return any ? Math.sqrt(sum) : NaN;
+  }
+  // Standard deviation of the position over the unknown coordinates, m.
+  function positionSigma(mode) {
+    var sum = 0, any = false;
+    unknowns.forEach(function (name, i) {
+      if (unit(name) === "m") { sum += mode.covariance[i][i]; any = true; }
+    });
+    return any ? Math.sqrt(sum) : NaN;
+  }
+  function heaviest(capture) { return capture.modes.length ? capture.modes[0] : null; }
+  // Whether the truth lies in the mode's 95 % ellipse (interval) in the plane; null if unknown.
+  function covers(capture) {
+    var mode = heaviest(capture);
+    if (!mode || !capture.truth || !freeInPlane) return null;
+    var e = ellipse(mode), p = point(mode.pose), t = point(capture.truth);
+    var dx = t[0] - p[0], dy = t[1] - p[1], c = Math.cos(e.angle), s = Math.sin(e.angle);
+    var u = (c * dx + s * dy) / Math.max(e.long, 1e-12);
+    var v = freeInPlane === 2 ? (c * dy - s * dx) / Math.max(e.short, 1e-12) : 0;
+    return u * u + v * v <= 1;
+  }
+
+  // ---------------------------------------------------------------- small helpers
+
+  function element(parent, tag, className, text) {
+    var node = parent.append(tag);
+    if (className) node.attr("class", className);
+    if (text !== undefined) node.text(text);
+    return node;
+  }
+  var tip = d3.select("body").append("div").attr("class", "tip");
+  function showTip(lines) {
+    tip.html("").style("display", "block");
+    lines.forEach(function (line) { tip.append("div").text(line); });
+    var x = d3.event.pageX + 14, y = d3.event.pageY + 12;
+    if (x + 240 > window.innerWidth + window.pageXOffset) x = d3.event.pageX - 250;
+    tip.style("left", x + "px").style("top", y + "px");
+  }
+  function hideTip() { tip.style("display", "none"); }
+  function button(parent, text, on, action) {
+    return element(parent, "button", on ? "on" : "", text).attr("type", "button").on("click", action);
+  }
+  function polygon(points, x, y) {
+    return "M" + points.map(function (p) { return x(p[0]) + "," + y(p[1]); }).join("L") +
+      (points.length > 2 ? "Z" : "");
+  }
+
+  // ---------------------------------------------------------------- map
+
+  // Extent [[x0, y0], [x1, y1]] of points, with a margin (share of the larger side, at least in m).
+  function extentOf(points, margin, least) {
+    var x = d3.extent(points, function (p) { return p[0]; });
+    var y = d3.extent(points, function (p) { return p[1]; });
+    var pad = Math.max(least || 0, margin * Math.max(x[1] - x[0], y[1] - y[0]));
+    return [[x[0] - pad, y[0] - pad], [x[1] + pad, y[1] + pad]];
+  }
+  function searchRegion() {
+    var bounds = ["x_m", "y_m"].map(function (name) {
+      var i = unknowns.indexOf(name);
+      return i >= 0 ? scene.bounds[i] : [scene.known[name], scene.known[name]];
+    });
+    return [[bounds[0][0], bounds[1][0]], [bounds[0][1], bounds[1][0]],
+            [bounds[0][1], bounds[1][1]], [bounds[0][0], bounds[1][1]]];
+  }
+  // What the picture is about: sensors, what they see, the search region, modes and truths; with
+  // `surfaces` all of the known surfaces too, which may be much larger.
+  function sceneExtent(viewNumbers, surfaces) {
+    var points = searchRegion();
+    if (surfaces) scene.surfaces.forEach(function (s) { points = points.concat(s.outline); });
+    viewNumbers.forEach(function (v) {
+      points.push(data.views[v].position);
+      data.views[v].zones.forEach(function (zone) { points = points.concat(d3.merge(zone)); });
+    });
+    captures.forEach(function (c) {
+      c.modes.forEach(function (m) { points.push(point(m.pose)); });
+      if (c.truth) points.push(point(c.truth));
+    });
+    return extentOf(points, surfaces ? 0.05 : 0.1, 0.05);
+  }
+  // Surroundings of a mode: its ellipse three times over, and the truth if that is near.
+  function around(mode, truth) {
+    var e = ellipse(mode), p = point(mode.pose), r = Math.max(1.7 * e.long, 1e-4);
+    var points = [[p[0] - r, p[1] - r], [p[0] + r, p[1] + r]];
+    if (truth) {
+      var t = point(truth);
+      if (Math.sqrt(Math.pow(t[0] - p[0], 2) + Math.pow(t[1] - p[1], 2)) < 8 * r) points.push(t);
+    }
+    return extentOf(points, 0.08, 0);
+  }
+
+  // A map to scale in `parent`. draw(group, x, y, metresPerPixel) is called again after each zoom.
+  function Map(parent, options) {
+    var margin = { left: 58, right: 10, top: 10, bottom: 34 };
+    var width = options.width, height = options.height;
+    var inner = { w: width - margin.left - margin.right, h: height - margin.top - margin.bottom };
+    var svg = parent.append("svg").attr("class", "map").attr("width", width).attr("height", height);
+    var clipId = "clip" + Map.count++;
+    svg.append("clipPath").attr("id", clipId).append("rect")
+      .attr("width", inner.w).attr("height", inner.h);
+    var root = svg.append("g").attr("transform", "translate(" + margin.left + "," + margin.top + ")");
+    root.append("rect").attr("width", inner.w).attr("height", inner.h).attr("fill", "#fff");
+    var grid = root.append("g");
+    var content = root.append("g").attr("clip-path", "url(#" + clipId + ")");
+    var axes = root.append("g");
+    var x = d3.scale.linear().range([0, inner.w]);
+    var y = d3.scale.linear().range([inner.h, 0]);
+    var zoom = d3.behavior.zoom().on("zoom", function () { render(); });
+    svg.call(zoom).on("wheel.zoom", null).on("mousewheel.zoom", null).on("DOMMouseScroll.zoom", null);
+
+    // Lines at round metres, no closer than 70 pixels (45 in a small map).
+    function step(pixelsPerMetre) {
+      var raw = (height < 350 ? 45 : 70) / pixelsPerMetre, power = Math.pow(10, Math.floor(Math.log(raw) / Math.LN10));
+      return [1, 2, 5, 10].map(function (f) { return f * power; })
+        .filter(function (s) { return s >= raw * 0.999; })[0];
+    }
+    function render() {
+      var perMetre = inner.w / (x.domain()[1] - x.domain()[0]);
+      var distance = step(perMetre);
+      grid.html("");
+      axes.html("");
+      content.html("");
+      var shown = Math.max(0, Math.ceil(-Math.log(distance) / Math.LN10 - 1e-9));
+      function ticks(domain) {
+        return d3.range(Math.ceil(domain[0] / distance - 1e-6), Math.floor(domain[1] / distance + 1e-6) + 1)
+          .map(function (k) { return k * distance; });
+      }
+      ticks(x.domain()).forEach(function (t) {
+        grid.append("line").attr({ x1: x(t), x2: x(t), y1: 0, y2: inner.h, stroke: "#edf0f2" });
+        axes.append("text").attr({ x: x(t), y: inner.h + 15, "text-anchor": "middle", "class": "soft" })
+          .text(t.toFixed(shown));
+      });
+      ticks(y.domain()).forEach(function (t) {
+        grid.append("line").attr({ x1: 0, x2: inner.w, y1: y(t), y2: y(t), stroke: "#edf0f2" });
+        axes.append("text").attr({ x: -6, y: y(t) + 4, "text-anchor": "end", "class": "soft" })
+          .text(t.toFixed(shown));
+      });
+      axes.append("rect").attr({ width: inner.w, height: inner.h, fill: "none", stroke: "#8b949d",
+                                 "shape-rendering": "crispEdges" });
+      axes.append("text").attr({ x: inner.w / 2, y: inner.h + 30, "text-anchor": "middle" }).text("x (m)");
+      axes.append("text").attr({ transform: "translate(-46," + inner.h / 2 + ")rotate(-90)",
+                                 "text-anchor": "middle" }).text("y (m)");
+      options.draw(content, x, y, perMetre);
+      drawScaleBar(axes.append("g"), distance, perMetre);
+    }
+    function drawScaleBar(group, distance, perMetre) {
+      var w = distance * perMetre;
+      var text = distance >= 1 ? distance + " m" : distance >= 0.01 ? +(distance * 100).toPrecision(2) + " cm"
+        : distance >= 1e-3 ? +(distance * 1000).toPrecision(2) + " mm" : +(distance * 1e6).toPrecision(2) + " µm";
+      group.attr("transform", "translate(" + (inner.w - w - 14) + "," + (inner.h - 14) + ")");
+      group.append("rect").attr({ x: -7, y: -20, width: w + 14, height: 28, fill: "#fff", opacity: 0.8 });
+      group.append("path").attr({ d: "M0,-4V4M0,0H" + w + "M" + w + ",-4V4", stroke: COLOUR.sensor,
+                                  "stroke-width": 1.6, fill: "none" });
+      group.append("text").attr({ x: w / 2, y: -7, "text-anchor": "middle" }).text(text);
+    }
+    this.show = function (extent) {
+      var w = extent[1][0] - extent[0][0], h = extent[1][1] - extent[0][1];
+      var perPixel = Math.max(w / inner.w, h / inner.h);
+      var cx = (extent[0][0] + extent[1][0]) / 2, cy = (extent[0][1] + extent[1][1]) / 2;
+      x.domain([cx - perPixel * inner.w / 2, cx + perPixel * inner.w / 2]);
+      y.domain([cy - perPixel * inner.h / 2, cy + perPixel * inner.h / 2]);
+      zoom.x(x).y(y);
+      render();
+    };
+  }
+  Map.count = 0;
+
+  // Height that shows an extent to scale in a map of the given width, within limits.
+  function heightFor(extent, width, least, most) {
+    var ratio = (extent[1][1] - extent[0][1]) / (extent[1][0] - extent[0][0]);
+    return Math.round(Math.min(most, Math.max(least, (width - 68) * ratio + 44)));
+  }
+
+  function drawSurroundings(group, x, y, perMetre, viewNumbers) {
+    group.append("path").attr({ d: polygon(searchRegion(), x, y), fill: "#8b949d", "fill-opacity": 0.07,
+                                stroke: COLOUR.search, "stroke-dasharray": "5,4", "stroke-width": 1.2 });
+    viewNumbers.forEach(function (v) {
+      var view = data.views[v];
+      group.append("path").attr({ d: polygon(view.field_of_view, x, y), fill: COLOUR.field,
+                                  "fill-opacity": 0.22, stroke: "#b3a100", "stroke-opacity": 0.7 });
+    });
+    scene.surfaces.forEach(function (surface) {
+      var thin = surface.outline.length < 3;
+      group.append("path").attr({
+        d: polygon(surface.outline, x, y),
+        fill: thin ? "none" : surface.occluder ? "#79838c" : "#c8ced4",
+        "fill-opacity": surface.occluder ? 0.9 : 0.25,
+        stroke: surface.relay || surface.occluder ? COLOUR.relay : "#9aa3ab",
+        "stroke-width": thin ? (surface.relay ? 4 : 3) : 1,
+        "stroke-dasharray": thin && surface.occluder && !surface.relay ? "8,2" : null
+      }).append("title").text(surface.name + (surface.relay ? ", relay" : "") +
+                              (surface.occluder ? ", occluder" : ""));
+    });
+    viewNumbers.forEach(function (v) {
+      data.views[v].zones.forEach(function (outlines, z) {
+        if (viewNumbers.length > 3) return;
+        outlines.forEach(function (zone) {
+          var g = zone.length === 1
+            ? group.append("circle").attr({ cx: x(zone[0][0]), cy: y(zone[0][1]), r: 2.2, fill: "#b3a100" })
+            : group.append("path").attr({ d: polygon(zone, x, y), fill: "#b3a100", "fill-opacity": 0.12,
+                                          stroke: "#8a7c00", "stroke-width": 1.2, "stroke-opacity": 0.8 });
+          g.append("title").text("zone " + z);
+        });
+      });
+    });
+    viewNumbers.forEach(function (v) {
+      var view = data.views[v], p = view.position, f = view.forward;
+      var angle = -Math.atan2(f[1], f[0]) * 180 / Math.PI;
+      group.append("path").attr({ d: "M11,0L-6,7L-3,0L-6,-7Z", fill: COLOUR.sensor, stroke: "#fff",
+        transform: "translate(" + x(p[0]) + "," + y(p[1]) + ")rotate(" + angle + ")" })
+        .append("title").text("sensor at " + p.map(function (c) { return c.toFixed(3); }).join(", ") + " m");
+    });
+  }
+  function drawTruth(group, x, y, vector) {
+    var p = point(vector), cx = x(p[0]), cy = y(p[1]);
+    group.append("path").attr({ d: polygon(placedObject(vector), x, y), fill: "none",
+                                stroke: COLOUR.truth, "stroke-width": 1.4, "stroke-dasharray": "4,3" });
+    ["#fff", COLOUR.truth].forEach(function (colour, i) {
+      group.append("path").attr({ d: "M" + (cx - 8) + "," + cy + "h16M" + cx + "," + (cy - 8) + "v16",
+                                  stroke: colour, "stroke-width": i ? 2.4 : 5, fill: "none" });
+    });
+  }
+  function drawEllipse(group, x, y, perMetre, mode, style) {
+    var e = ellipse(mode), p = point(mode.pose);
+    return group.append("ellipse").attr({
+      rx: Math.max(3, e.long * perMetre), ry: Math.max(3, e.short * perMetre),
+      transform: "translate(" + x(p[0]) + "," + y(p[1]) + ")rotate(" + -e.angle * 180 / Math.PI + ")"
+    }).attr(style);
+  }
+  // Where the object faces: an arrow, with a fan of 95 % where yaw is an unknown.
+  function drawYaw(group, x, y, perMetre, mode, colour, opacity) {
+    var i = unknowns.indexOf("yaw_rad");
+    if (i < 0 || mode.undetermined.indexOf("yaw_rad") >= 0 || !(scene.object.yaw_period > 0)) return;
+    var p = point(mode.pose), yaw = mode.pose[i], spread = 1.96 * Math.sqrt(mode.covariance[i][i]);
+    var r = Math.max(34, Math.min(120, 0.35 * perMetre));
+    if (spread < Math.PI / 2) {
+      group.append("path").attr({ fill: colour, opacity: 0.16 * opacity, d: d3.svg.arc().innerRadius(0)
+        .outerRadius(r).startAngle(Math.PI / 2 - yaw - spread).endAngle(Math.PI / 2 - yaw + spread)(),
+        transform: "translate(" + x(p[0]) + "," + y(p[1]) + ")" });
+    }
+    group.append("path").attr({ d: "M0,0H" + r + "m-7,-4l7,4l-7,4", fill: "none", stroke: colour,
+      "stroke-width": 1.6, opacity: opacity,
+      transform: "translate(" + x(p[0]) + "," + y(p[1]) + ")rotate(" + -yaw * 180 / Math.PI + ")" });
+  }
+  function drawModes(group, x, y, perMetre, capture, labels) {
+    var placed = [];
+    capture.modes.map(function (mode, i) { return [mode, i]; }).reverse().forEach(function (pair) {
+      var mode = pair[0], first = pair[1] === 0;
+      var colour = first ? COLOUR.heaviest : COLOUR.rival;
+      var opacity = 0.3 + 0.7 * Math.sqrt(Math.max(0, Math.min(1, mode.weight)));
+      var p = point(mode.pose);
+      drawYaw(group, x, y, perMetre, mode, colour, opacity);
+      group.append("path").attr({ d: polygon(placedObject(mode.pose), x, y), fill: colour,
+        "fill-opacity": first ? 0.16 : 0.06, stroke: colour, "stroke-opacity": opacity,
+        "stroke-width": scene.object.outline.length < 3 ? 3 : 1.2 });
+      drawEllipse(group, x, y, perMetre, mode, { fill: colour, "fill-opacity": 0.28 * opacity,
+        stroke: colour, "stroke-opacity": opacity, "stroke-width": first ? 2 : 1.3 });
+      group.append("circle").attr({ cx: x(p[0]), cy: y(p[1]), r: first ? 3.2 : 2.4, fill: colour,
+                                    opacity: opacity, stroke: "#fff", "stroke-width": 0.7 });
+    });
+    if (!labels) return;
+    capture.modes.slice(0, 12).forEach(function (mode, i) {
+      var p = point(mode.pose), e = ellipse(mode);
+      var leftwards = unknowns.indexOf("yaw_rad") >= 0 && Math.cos(component(mode.pose, "yaw_rad")) > 0;
+      var at = [x(p[0]) + (leftwards ? -9 : 9), y(p[1]) - 9 - Math.min(60, e.short * perMetre)];
+      var clash = placed.some(function (q) {
+        return Math.abs(q[0] - at[0]) < 54 && Math.abs(q[1] - at[1]) < 13;
+      });
+      if (clash) return;
+      placed.push(at);
+      var text = (i + 1) + ": " + (100 * mode.weight).toFixed(mode.weight > 0.995 ? 1 : 0) + " %";
+      group.append("text").attr({ x: at[0], y: at[1], "text-anchor": leftwards ? "end" : "start", "font-weight": i ? 400 : 700, stroke: "#fff",
+        "stroke-width": 3, "paint-order": "stroke", fill: i ? COLOUR.rival : COLOUR.heaviest })
+        .style("fill", i ? COLOUR.rival : COLOUR.heaviest).text(text);
+    });
+  }
+
+  function legend(parent, entries) {
+    var box = element(parent, "div", "legend");
+    entries.forEach(function (entry) {
+      var span = box.append("span");
+      var svg = span.append("svg").attr({ width: 26, height: 14 });
+      svg.append(entry[0]).attr(entry[1]);
+      span.append("span").text(entry[2]);
+    });
+  }
+  var SWATCH = {
+    sensor: ["path", { d: "M21,7L7,12L10,7L7,2Z", fill: COLOUR.sensor }, "sensor"],
+    field: ["rect", { x: 2, y: 2, width: 22, height: 10, fill: COLOUR.field, "fill-opacity": 0.3, stroke: "#b3a100" },
+            "field of view, zones on the surfaces"],
+    surface: ["path", { d: "M2,7H24", stroke: COLOUR.relay, "stroke-width": 4 }, "relay surface"],
+    occluder: ["path", { d: "M2,7H24", stroke: COLOUR.occluder, "stroke-width": 3, "stroke-dasharray": "8,2" },
+               "occluder"],
+    search: ["rect", { x: 2, y: 2, width: 22, height: 10, fill: "#f3f4f5", stroke: COLOUR.search,
+                       "stroke-dasharray": "4,3" }, "search region"],
+    heaviest: ["ellipse", { cx: 13, cy: 7, rx: 10, ry: 5, fill: COLOUR.heaviest, "fill-opacity": 0.28,
+                            stroke: COLOUR.heaviest, "stroke-width": 2 }, ""],
+    rival: ["ellipse", { cx: 13, cy: 7, rx: 10, ry: 5, fill: COLOUR.rival, "fill-opacity": 0.2,
+                         stroke: COLOUR.rival }, "other modes, fainter with less weight"],
+    truth: ["path", { d: "M5,7H21M13,0V14", stroke: COLOUR.truth, "stroke-width": 2.4 }, "truth"]
+  };
+  function region() { return "95 % " + (freeInPlane === 1 ? "interval" : "ellipse"); }
+  function mapLegend(parent, capture) {
+    var some = function (key) { return scene.surfaces.some(function (s) { return s[key]; }); };
+    var entries = [SWATCH.heaviest.slice(0, 2).concat("heaviest mode, " + region() + " and outline")];
+    if (capture.modes.length > 1) entries.push(SWATCH.rival);
+    if (capture.truth) entries.push(SWATCH.truth);
+    entries.push(SWATCH.sensor, SWATCH.field);
+    if (some("relay")) entries.push(SWATCH.surface);
+    if (some("occluder")) entries.push(SWATCH.occluder);
+    entries.push(SWATCH.search);
+    legend(parent, entries);
+  }
+
+  // ---------------------------------------------------------------- the answer for one capture
+
+  function drawAnswer(parent, capture) {
+    if (capture.error) {
+      element(parent, "div", "error", capture.error);
+      return;
+    }
+    var facts = element(parent, "dl", "facts");
+    function fact(name, fill) { element(facts, "dt", "", name); fill(element(facts, "dd")); }
+    fact("object present", function (dd) {
+      var p = capture.presence_probability;
+      dd.append("span").attr("class", "bar").append("i")
+        .style("width", 100 * (finite(p) ? p : 0) + "%");
+      dd.append("b").text(probability(p));
+      dd.append("span").attr("class", "soft").text("  prior " + probability(scene.presence_prior));
+    });
+    fact("false alarm", function (dd) {
+      dd.append("span").text(probability(capture.false_alarm_probability));
+      dd.append("span").attr("class", "soft").text("  chance that an empty scene looks like this");
+    });
+    var g = capture.goodness_of_fit;
+    fact("goodness of fit", function (dd) {
+      var z = (g.deviance - g.expected) / g.standard_deviation;
+      dd.append("b").text(finite(z) ? (z >= 0 ? "+" : "−") + Math.abs(z).toFixed(1) + " σ" : "–");
+      dd.append("span").attr("class", "soft").text("  deviance " + fixed(g.deviance, 10) + ", expected " +
+        fixed(g.expected, 10) + " ± " + fixed(g.standard_deviation, 10) +
+        (g.inflation > 1.005 ? "; covariance × " + g.inflation.toFixed(2) : ""));
+    });
+    var error = positionError(capture, capture.modes.length ? capture.modes[0].pose : null);
+    if (finite(error)) {
+      fact("error", function (dd) {
+        dd.append("b").text(length(error));
+        var inside = covers(capture);
+        dd.append("span").attr("class", "soft").text("  heaviest mode to truth" + (inside === null ? ""
+          : inside ? "; truth inside the " + region() : "; truth outside the " + region()));
+      });
+    }
+    fact("flags", function (dd) {
+      if (!capture.flags.length) dd.append("span").attr("class", "soft").text("none");
+      capture.flags.forEach(function (flag) { element(dd, "span", "flag", flag); });
+    });
+    fact("time", function (dd) {
+      var t = capture.time_ms;
+      dd.append("b").text(milliseconds(t.total));
+      dd.append("span").attr("class", "soft").text("  " + ["prepare", "score", "refine", "uncertainty", "detect"]
+        .filter(function (s) { return t[s] > 0; })
+        .map(function (s) { return s + " " + milliseconds(t[s]); }).join(", "));
+    });
+  }
+
+  function cell(row, value, sigma, open) {
+    var td = row.append("td");
+    td.append("span").text(fixed(value, sigma));
+    if (sigma !== undefined) td.append("small").text(" ± " + fixed(sigma, sigma));
+    if (open) td.append("small").text(" open");
+    return td;
+  }
+  function drawModeTable(parent, capture) {
+    if (!capture.modes.length) return;
+    element(parent, "h2", "", "Modes").append("small")
+      .text("mean ± standard deviation; “open”: the data left this unknown to its prior");
+    var table = parent.append("table"), head = table.append("thead").append("tr");
+    var titles = ["mode", "weight"].concat(unknowns.map(function (name) {
+      return bare(name) + (unit(name) ? " (" + unit(name) + ")" : "");
+    }), "log likelihood");
+    if (capture.truth) titles.push("distance to truth");
+    titles.forEach(function (title) { head.append("th").text(title); });
+    var body = table.append("tbody");
+    capture.modes.forEach(function (mode, i) {
+      var row = body.append("tr").attr("class", i ? "" : "heaviest");
+      row.append("td").text(i + 1).style("color", i ? COLOUR.rival : COLOUR.heaviest);
+      row.append("td").text((100 * mode.weight).toFixed(mode.weight < 0.01 ? 3 : 1) + " %");
+      unknowns.forEach(function (name, k) {
+        var sigma = Math.sqrt(mode.covariance[k][k]);
+        var td = cell(row, mode.pose[k], sigma, mode.undetermined.indexOf(name) >= 0);
+        if (name === "yaw_rad") td.append("small").text("  (" + (mode.pose[k] * 180 / Math.PI).toFixed(1) + "°)");
+      });
+      var drop = mode.log_likelihood - capture.modes[0].log_likelihood;
+      row.append("td").text(!finite(drop) ? "–" : i ? (drop < 0 ? "−" : "+") + Math.abs(drop).toFixed(2)
+        : fixed(mode.log_likelihood, 0.1));
+      if (capture.truth) row.append("td").text(length(positionError(capture, mode.pose)));
+    });
+    if (capture.truth) {
+      var row = body.append("tr").attr("class", "truth");
+      row.append("td").text("truth");
+      row.append("td").text("");
+      unknowns.forEach(function (name, k) {
+        var mode = capture.modes[0];
+        cell(row, capture.truth[k], undefined).append("small").text(finite(capture.truth[k])
+          ? "  (heaviest " + signed(difference(name, mode.pose[k], capture.truth[k]), Math.sqrt(mode.covariance[k][k])) + ")" : "");
+      });
+      row.append("td");
+      row.append("td");
+    }
+  }
+  function signed(value, sigma) {
+    return (value < 0 ? "−" : "+") + Math.abs(value).toFixed(digits(sigma));
+  }
+
+  // ---------------------------------------------------------------- histograms
+
+  function variance(h, mean) {
+    return Math.max(h.variance_floor + h.variance_per_count * Math.max(mean, 0), 1e-12);
+  }
+  function pearson(h, zone, k) {
+    return (zone.measured[k] - zone.model[k]) / Math.sqrt(variance(h, zone.model[k]));
+  }
+  function binRange(h) {
+    var bins = h.zones[0].measured.length;
+    if (!look.window || !(h.end_bin > h.first_bin)) return [0, bins];
+    return [Math.max(0, h.first_bin - 1), Math.min(bins, h.end_bin + 1)];
+  }
+  // Counts as they are, or less everything but the object's light (direct return and ambient).
+  function shownValues(zone, key, k) {
+    var other = look.background ? zone.model[k] - zone.object[k] : 0;
+    return zone[key][k] - other;
+  }
+  function yRange(h, zones, range) {
+    var low = Infinity, high = -Infinity, positive = Infinity;
+    zones.forEach(function (zone) {
+      for (var k = range[0]; k < range[1]; ++k) {
+        ["measured", "model"].forEach(function (key) {
+          var v = shownValues(zone, key, k);
+          if (!finite(v)) return;
+          low = Math.min(low, v);
+          high = Math.max(high, v);
+          if (v > 0) positive = Math.min(positive, v);
+        });
+      }
+    });
+    if (!(high > low)) { high = (finite(high) ? high : 0) + 1; low = Math.min(low, 0); }
+    if (look.log) return [Math.max(positive === Infinity ? 0.1 : positive * 0.8, high * 1e-6), high * 1.3];
+    if (look.background) {
+      // Where the subtracted light was strong its noise would dwarf the signal: cut at quantiles.
+      var values = [], top = 0;
+      zones.forEach(function (zone) {
+        for (var k = range[0]; k < range[1]; ++k) {
+          values.push(shownValues(zone, "measured", k));
+          top = Math.max(top, zone.object[k]);
+        }
+      });
+      values = values.filter(finite).sort(d3.ascending);
+      high = Math.min(high, Math.max(1.6 * top, 1.3 * quantile(values, 0.95)));
+      low = Math.max(low, Math.min(-0.5 * high, 1.3 * quantile(values, 0.05)));
+      return [Math.min(0, low), high > 0 ? high * 1.05 : 1];
+    }
+    return [Math.min(0, low), high * 1.06];
+  }
+  function steps(values, range, x, y) {
+    var path = "";
+    for (var k = range[0]; k < range[1]; ++k) {
+      var top = y(values(k));
+      path += (path ? "L" : "M") + x(k) + "," + top + "L" + x(k + 1) + "," + top;
+    }
+    return path;
+  }
+  function band(low, high, range, x, y) {
+    var there = "", back = "";
+    for (var k = range[0]; k < range[1]; ++k) {
+      there += (there ? "L" : "M") + x(k) + "," + y(high(k)) + "L" + x(k + 1) + "," + y(high(k));
+      back = "L" + x(k + 1) + "," + y(low(k)) + "L" + x(k) + "," + y(low(k)) + back;
+    }
+    return there + back + "Z";
+  }
+
+  function drawZone(parent, h, zone, size, shared) {
+    var box = element(parent, "div", "zone-panel" + (zone.used ? "" : " unused"));
+    var margin = { left: 34, right: 4, top: 16, bottom: 16 };
+    var residual = 36, gap = 5;
+    var w = size.w - margin.left - margin.right;
+    var top = size.h - margin.top - margin.bottom - residual - gap;
+    var range = binRange(h), limits = shared || yRange(h, [zone], range);
+    var svg = box.append("svg").attr({ width: size.w, height: size.h });
+    var g = svg.append("g").attr("transform", "translate(" + margin.left + "," + margin.top + ")");
+    var x = d3.scale.linear().domain(range).range([0, w]);
+    var y = (look.log ? d3.scale.log() : d3.scale.linear()).domain(limits).range([top, 0]).clamp(true);
+    function value(v) { return y(look.log ? Math.max(v, limits[0]) : v); }
+    function at(key) { return function (k) { return shownValues(zone, key, k); }; }
+
+    [[range[0], zone.first_bin], [zone.end_bin, range[1]]].forEach(function (outside) {
+      if (!zone.used || outside[1] <= outside[0]) return;
+      g.append("rect").attr({ x: x(outside[0]), width: x(outside[1]) - x(outside[0]), height: top, fill: "#eef0f2" });
+    });
+    g.append("path").attr({ d: band(function (k) { return shownValues(zone, "model", k) - zone.object[k]; },
+      at("model"), range, x, value), fill: COLOUR.object, "fill-opacity": 0.55 });
+    g.append("path").attr({ d: steps(at("measured"), range, x, value), fill: "none", stroke: COLOUR.measured,
+                            "stroke-width": 1 });
+    g.append("path").attr({ d: steps(at("model"), range, x, value), fill: "none", stroke: COLOUR.model,
+                            "stroke-width": 1.5 });
+    var yTicks = look.log ? logTicks(limits) : y.ticks(3);
+    var yAxis = g.append("g").attr("class", "axis");
+    yAxis.append("path").attr("d", "M0,0V" + top);
+    yTicks.forEach(function (t) {
+      yAxis.append("line").attr({ x1: -3, x2: 0, y1: y(t), y2: y(t) });
+      yAxis.append("text").attr({ x: -5, y: y(t) + 4, "text-anchor": "end", "font-size": 10 }).text(compact(t));
+    });
+    drawResiduals(g.append("g").attr("transform", "translate(0," + (top + gap) + ")"), h, zone, range, x, w, residual);
+    var xAxis = g.append("g").attr("class", "axis").attr("transform", "translate(0," + (top + gap + residual) + ")");
+    xAxis.append("path").attr("d", "M0,0H" + w);
+    x.ticks(Math.max(2, Math.floor(w / 55))).forEach(function (t) {
+      if (t !== Math.round(t)) return;
+      xAxis.append("line").attr({ x1: x(t + 0.5), x2: x(t + 0.5), y1: 0, y2: 3 });
+      xAxis.append("text").attr({ x: x(t + 0.5), y: 13, "text-anchor": "middle", "font-size": 10 }).text(t);
+    });
+    drawZoneTitle(g, h, zone, w);
+    svg.on("mousemove", function () {
+      var k = Math.floor(x.invert(d3.mouse(g.node())[0]));
+      if (k < range[0] || k >= range[1]) { hideTip(); return; }
+      showTip(["zone " + zone.zone + ", bin " + k + " (" +
+               (k * scene.sensor.bin_width_ps / 1000).toFixed(2) + " ns)",
+               "measured " + compact(zone.measured[k]), "model " + compact(zone.model[k]) +
+               ", of this object " + compact(zone.object[k]), "residual " + pearson(h, zone, k).toFixed(2) + " σ"]);
+    }).on("mouseleave", hideTip);
+  }
+  function logTicks(limits) {
+    if (limits[1] / limits[0] < 150) {
+      return d3.scale.log().domain(limits).ticks().filter(function (t) {
+        return /^[125]/.test(t.toExponential());
+      });
+    }
+    var low = Math.ceil(Math.log(limits[0]) / Math.LN10), high = Math.floor(Math.log(limits[1]) / Math.LN10);
+    var step = Math.max(1, Math.ceil((high - low) / 3));
+    return d3.range(low, high + 1, step).map(function (e) { return Math.pow(10, e); });
+  }
+  function drawZoneTitle(g, h, zone, w) {
+    var sum = 0, n = 0;
+    for (var k = zone.first_bin; k < zone.end_bin; ++k) {
+      var r = pearson(h, zone, k);
+      if (finite(r)) { sum += r * r; ++n; }
+    }
+    g.append("text").attr({ x: 0, y: -5, "font-weight": 600 }).text("zone " + zone.zone);
+    var note = scene.sensor.dead[zone.zone] ? "dead" : !zone.used ? "not used"
+      : n ? (w > 150 ? "χ²/bin " : "") + (sum / n).toFixed(2) : "";
+    g.append("text").attr({ x: w, y: -5, "text-anchor": "end", "class": "soft" }).text(note);
+  }
+  function drawResiduals(g, h, zone, range, x, w, height) {
+    var limit = 5, y = d3.scale.linear().domain([-limit, limit]).range([height, 0]).clamp(true);
+    g.append("rect").attr({ y: y(2), width: w, height: y(-2) - y(2), fill: "#f0f2f4" });
+    g.append("line").attr({ x2: w, y1: y(0), y2: y(0), stroke: "#b9c0c7" });
+    [-limit, limit].forEach(function (t) {
+      g.append("text").attr({ x: -5, y: t > 0 ? 8 : height, "text-anchor": "end", "font-size": 9, "class": "soft" })
+        .text((t > 0 ? "+" : "−") + limit + "σ");
+    });
+    if (!zone.used) return;
+    var usual = "", large = "";
+    var first = Math.max(range[0], zone.first_bin), end = Math.min(range[1], zone.end_bin);
+    for (var k = first; k < end; ++k) {
+      var r = pearson(h, zone, k);
+      if (!finite(r)) continue;
+      var line = "M" + x(k + 0.5) + "," + y(0) + "V" + y(r);
+      if (Math.abs(r) > 3) large += line; else usual += line;
+    }
+    var thick = Math.max(1, Math.min(5, 0.7 * w / (range[1] - range[0])));
+    g.append("path").attr({ d: usual, stroke: "#79838c", "stroke-width": thick });
+    g.append("path").attr({ d: large, stroke: COLOUR.heaviest, "stroke-width": thick });
+  }
+
+  function toggle(parent, text, key, without) {
+    button(parent, text, look[key], function () {
+      look[key] = !look[key];
+      if (without && look[key]) look[without] = false;
+      redraw();
+    });
+  }
+  function drawHistograms(parent, capture, number) {
+    if (capture.error) return;
+    var list = data.histograms[number];
+    var title = element(parent, "h2", "", "Histograms, measured and fitted");
+    if (isJoint(capture)) drawJointSelector(parent, capture);
+    var h = list[Math.min(inJoint, list.length - 1)];
+    if (!h || !h.zones.length) {
+      element(parent, "div", "note", data.histograms_total > data.histograms_shown
+        ? "The histograms of this capture are not in the page: to bound its size it holds those of " +
+          data.histograms_shown + " of " + data.histograms_total + " captures, evenly spread."
+        : "There are no histograms for this capture.");
+      return;
+    }
+    var range = [h.first_bin, h.end_bin - 1];
+    title.append("small").text("bins of " + compact(scene.sensor.bin_width_ps) + " ps; bins " + range[0] +
+                               " to " + range[1] + " entered the fit");
+    var tools = element(parent, "div", "tools");
+    toggle(tools, "background subtracted", "background", "log");
+    toggle(tools, "logarithmic", "log", "background");
+    toggle(tools, "only the bins used", "window");
+    toggle(tools, "one scale for all zones", "shared");
+    tools.append("span").attr("class", "gap");
+    legendInline(tools);
+    if (h.zones.length < h.rows * h.columns) {
+      element(parent, "div", "note", "The " + h.zones.length + " of " + h.rows * h.columns +
+              " zones with most light from the object.");
+    }
+    var regular = h.zones.length === h.rows * h.columns && h.columns <= 8 && h.columns > 1;
+    var across = regular ? h.columns : Math.min(h.zones.length, 4);
+    if (!regular && h.zones.length > 16) across = 8;
+    var total = parent.node().clientWidth || 1344, gap = 12;
+    var width = Math.min(660, Math.floor((total - gap * (across - 1)) / across));
+    var height = across > 4 ? 150 : across > 2 ? 190 : 230;
+    var grid = element(parent, "div", "zones")
+      .style("grid-template-columns", "repeat(" + across + ", " + width + "px)");
+    var shared = look.shared ? yRange(h, h.zones, binRange(h)) : null;
+    h.zones.forEach(function (zone) { drawZone(grid, h, zone, { w: width, h: height }, shared); });
+    element(parent, "p", "soft", "Horizontal: bin. Vertical: counts" + (look.background
+      ? " less the fitted direct return and ambient light." : ".") +
+      " Bins on grey did not enter the fit. Below each: (measured − model) / σ of the bins that entered the fit, with a band of ±2 σ; " +
+      "beyond ±3 σ in orange. χ²/bin is the mean of its square.");
+  }
+  function legendInline(parent) {
+    var box = element(parent, "span", "legend").style("margin", "0");
+    [["path", { d: "M2,10h6v-6h8v4h8", fill: "none", stroke: COLOUR.measured }, "measured"],
+     ["path", { d: "M2,7H24", stroke: COLOUR.model, "stroke-width": 2 }, "model"],
+     ["rect", { x: 2, y: 2, width: 22, height: 10, fill: COLOUR.object, "fill-opacity": 0.55 },
+      "of this, light from the object"]].forEach(function (entry) {
+      var span = box.append("span");
+      span.append("svg").attr({ width: 26, height: 14 }).append(entry[0]).attr(entry[1]);
+      span.append("span").text(entry[2]);
+    });
+  }
+  function drawJointSelector(parent, capture) {
+    var tools = element(parent, "div", "tools");
+    tools.append("span").text("capture");
+    var select = tools.append("select").on("change", function () { inJoint = +this.value; redraw(); });
+    capture.source.forEach(function (_, j) {
+      select.append("option").attr("value", j).property("selected", j === inJoint)
+        .text((j + 1) + ": " + sourceOf(capture, j));
+    });
+    button(tools, "‹", false, function () { inJoint = Math.max(0, inJoint - 1); redraw(); });
+    button(tools, "›", false, function () {
+      inJoint = Math.min(capture.source.length - 1, inJoint + 1);
+      redraw();
+    });
+  }
+
+  // ---------------------------------------------------------------- overview of many captures
+
+  var trackColour = d3.scale.linear().interpolate(d3.interpolateLab).range(TRACK)
+    .domain(d3.range(TRACK.length).map(function (i) { return i * Math.max(1, captures.length - 1) / (TRACK.length - 1); }));
+
+  function drawTrack(group, x, y, perMetre, viewNumbers) {
+    drawSurroundings(group, x, y, perMetre, viewNumbers);
+    var truths = captures.filter(function (c) { return c.truth; });
+    if (truths.length > 1) {
+      group.append("path").attr({ fill: "none", stroke: COLOUR.truth, "stroke-width": 1.2, "stroke-dasharray": "4,3",
+        d: polygon(truths.map(function (c) { return point(c.truth); }), x, y).replace("Z", "") });
+    }
+    truths.forEach(function (c) {
+      var p = point(c.truth);
+      group.append("path").attr({ d: "M" + (x(p[0]) - 4) + "," + y(p[1]) + "h8M" + x(p[0]) + "," + (y(p[1]) - 4) + "v8",
+                                  stroke: COLOUR.truth, "stroke-width": 1.3 });
+    });
+    var found = captures.filter(heaviest);
+    if (found.length > 1) {
+      group.append("path").attr({ fill: "none", stroke: "#79838c", "stroke-width": 1, "stroke-opacity": 0.6,
+        d: polygon(found.map(function (c) { return point(heaviest(c).pose); }), x, y).replace("Z", "") });
+    }
+    captures.forEach(function (c, i) {
+      var mode = heaviest(c);
+      if (!mode) return;
+      var p = point(mode.pose), colour = trackColour(i);
+      var strength = 0.25 + 0.75 * (finite(c.presence_probability) ? c.presence_probability : 0);
+      drawEllipse(group, x, y, perMetre, mode, { fill: colour, "fill-opacity": 0.15 * strength, stroke: colour,
+                                                 "stroke-opacity": 0.7 * strength });
+      group.append("circle").attr({ cx: x(p[0]), cy: y(p[1]), r: i === chosen ? 7 : 4, fill: colour,
+        "fill-opacity": strength, stroke: i === chosen ? "#000" : "#fff", "stroke-width": i === chosen ? 2 : 0.8 })
+        .style("cursor", "pointer")
+        .on("click", function () { choose(i); })
+        .on("mousemove", function () {
+          showTip([(i + 1) + ": " + nameOf(c)].concat(unknowns.map(function (name, k) {
+            var sigma = Math.sqrt(mode.covariance[k][k]);
+            return bare(name) + " " + fixed(mode.pose[k], sigma) + " ± " + fixed(sigma, sigma) + " " + unit(name);
+          }), "presence " + probability(c.presence_probability)));
+        }).on("mouseleave", hideTip);
+    });
+  }
+  function drawIndexScale(parent) {
+    var w = 220, box = element(parent, "div", "legend");
+    box.append("span").text("capture 1");
+    var svg = box.append("svg").attr({ width: w, height: 12 });
+    d3.range(44).forEach(function (k) {
+      svg.append("rect").attr({ x: k * w / 44, width: w / 44 + 0.5, height: 12,
+                                fill: trackColour(k / 43 * (captures.length - 1)) });
+    });
+    box.append("span").text(String(captures.length));
+    box.append("span").text("fainter: less probably there");
+    if (captures.some(function (c) { return c.truth; })) {
+      var truth = box.append("span");
+      truth.append("svg").attr({ width: 26, height: 14 }).append("path").attr(SWATCH.truth[1]);
+      truth.append("span").text("truth");
+    }
+  }
+
+  // One quantity against the capture's number; click chooses the capture.
+  function chart(parent, options) {
+    var width = options.width, height = options.height;
+    var margin = { left: 52, right: 8, top: 20, bottom: 30 };
+    var w = width - margin.left - margin.right, h = height - margin.top - margin.bottom;
+    var svg = parent.append("svg").attr({ width: width, height: height });
+    var g = svg.append("g").attr("transform", "translate(" + margin.left + "," + margin.top + ")");
+    var x = d3.scale.linear().domain([0.5, captures.length + 0.5]).range([0, w]);
+    var y = options.y.range([h, 0]).clamp(true);
+    g.append("text").attr({ x: 0, y: -8, "font-weight": 600, "font-size": 12 }).text(options.title);
+    options.ticks.forEach(function (t) {
+      g.append("line").attr({ x2: w, y1: y(t), y2: y(t), stroke: "#edf0f2" });
+      g.append("text").attr({ x: -6, y: y(t) + 4, "text-anchor": "end", "class": "soft" }).text(options.format(t));
+    });
+    x.ticks(Math.min(10, captures.length)).forEach(function (t) {
+      if (t === Math.round(t)) {
+        g.append("text").attr({ x: x(t), y: h + 14, "text-anchor": "middle", "class": "soft" }).text(t);
+      }
+    });
+    g.append("text").attr({ x: w / 2, y: h + 27, "text-anchor": "middle" }).text("capture");
+    g.append("path").attr({ d: "M0,0V" + h + "H" + w, fill: "none", stroke: "#8b949d", "shape-rendering": "crispEdges" });
+    g.append("line").attr({ x1: x(chosen + 1), x2: x(chosen + 1), y2: h, stroke: "#1b1f24", "stroke-dasharray": "2,3" });
+    captures.forEach(function (c, i) {
+      if (c.error) {
+        g.append("path").attr({ d: "M-4,-4L4,4M-4,4L4,-4", stroke: COLOUR.heaviest, "stroke-width": 2,
+          transform: "translate(" + x(i + 1) + "," + (h - 6) + ")" }).append("title").text("failed: " + c.error);
+      }
+    });
+    options.series.forEach(function (series) {
+      var line = d3.svg.line().defined(function (v) { return finite(v) && (!options.positive || v > 0); })
+        .x(function (_, i) { return x(i + 1); }).y(function (v) { return y(v); });
+      var values = captures.map(series.value);
+      g.append("path").attr({ d: line(values), fill: "none", stroke: series.colour, "stroke-width": series.dots ? 1 : 1.4,
+                              "stroke-opacity": series.dots ? 0.45 : 1, "stroke-dasharray": series.dash || null });
+      if (series.dots) values.forEach(function (v, i) {
+        if (finite(v) && (!options.positive || v > 0)) {
+          g.append("circle").attr({ cx: x(i + 1), cy: y(v), r: captures.length > 150 ? 1.8 : 3, fill: series.colour });
+        }
+      });
+    });
+    var right = w;
+    options.series.slice().reverse().forEach(function (series) {
+      var text = g.append("text").attr({ x: right, y: -8, "text-anchor": "end" }).style("fill", series.colour).text(series.name);
+      right -= text.node().getComputedTextLength() + 14;
+    });
+    svg.style("cursor", "pointer").on("click", function () {
+      choose(Math.round(x.invert(d3.mouse(g.node())[0])) - 1);
+    });
+  }
+  function drawCharts(parent, width, height) {
+    var withTruth = captures.some(function (c) { return finite(positionError(c, heaviest(c) && heaviest(c).pose)); });
+    var sigma = function (c) { return heaviest(c) ? positionSigma(heaviest(c)) : NaN; };
+    var error = function (c) { return heaviest(c) ? positionError(c, heaviest(c).pose) : NaN; };
+    var lengths = captures.map(sigma).concat(captures.map(error)).filter(function (v) { return finite(v) && v > 0; });
+    if (lengths.length) {
+      var limits = d3.extent(lengths);
+      limits = [Math.pow(10, Math.floor(Math.log(limits[0]) / Math.LN10)), Math.pow(10, Math.ceil(Math.log(limits[1]) / Math.LN10))];
+      if (limits[0] === limits[1]) limits[1] *= 10;
+      var series = [{ name: "σ of the heaviest mode", colour: COLOUR.rival, value: sigma }];
+      if (withTruth) series.push({ name: "distance to truth", colour: COLOUR.truth, value: error, dots: true });
+      chart(parent, { title: "Position (m)", width: width, height: height, y: d3.scale.log().domain(limits), positive: true,
+                      ticks: logTicks(limits), format: compact, series: series });
+    }
+    chart(parent, { title: "Probability", width: width, height: height, y: d3.scale.linear().domain([0, 1]),
+      ticks: [0, 0.25, 0.5, 0.75, 1], format: String, series: [
+        { name: "object present", colour: COLOUR.rival, value: function (c) { return c.presence_probability; }, dots: true },
+        { name: "weight of the heaviest mode", colour: COLOUR.heaviest,
+          value: function (c) { return heaviest(c) ? heaviest(c).weight : NaN; }, dash: "5,3" }] });
+  }
+  function drawSummary(parent) {
+    var errors = captures.map(function (c) { return heaviest(c) ? positionError(c, heaviest(c).pose) : NaN; })
+      .filter(finite).sort(d3.ascending);
+    var failed = captures.filter(function (c) { return c.error; }).length;
+    var parts = [captures.length + " captures, " + (failed ? failed + " failed" : "all fitted")];
+    if (errors.length) {
+      var inside = captures.map(covers).filter(function (c) { return c !== null; });
+      parts.push("distance to truth: median " + length(quantile(errors, 0.5)) + ", 90th percentile " +
+                 length(quantile(errors, 0.9)));
+      if (inside.length) {
+        parts.push("truth inside the " + region() + " of the heaviest mode in " +
+                   inside.filter(function (c) { return c; }).length + " of " + inside.length);
+      }
+    }
+    var times = captures.filter(function (c) { return !c.error; })
+      .map(function (c) { return c.time_ms.total; }).filter(finite).sort(d3.ascending);
+    if (times.length) parts.push("median time " + milliseconds(quantile(times, 0.5)));
+    element(parent, "p", "", parts.join(" · "));
+    if (data.histograms_shown < data.histograms_total) {
+      element(parent, "div", "note", "To bound the size of this page it holds the histograms of " + data.histograms_shown +
+        " of " + data.histograms_total + " captures, evenly spread. Everything else is there for all of them.");
+    }
+  }
+  function drawCaptureTable(parent) {
+    var box = element(parent, "div", "scroll"), table = box.append("table");
+    var head = table.append("thead").append("tr");
+    ["capture", "source"].concat(unknowns.map(function (n) { return bare(n) + (unit(n) ? " (" + unit(n) + ")" : ""); }),
+      ["weight", "present", "false alarm", "to truth", "flags"]).forEach(function (title, i) {
+      head.append("th").attr("class", i === 1 || title === "flags" ? "text" : "").text(title);
+    });
+    var body = table.append("tbody");
+    captures.forEach(function (c, i) {
+      var row = body.append("tr").attr("class", "pick" + (i === chosen ? " chosen" : ""))
+        .on("click", function () { choose(i); });
+      row.append("td").text(i + 1);
+      row.append("td").attr("class", "text").text(nameOf(c));
+      var mode = heaviest(c);
+      if (!mode) {
+        row.append("td").attr({ "class": "text", colspan: unknowns.length + 5 }).style("color", COLOUR.heaviest)
+          .text(c.error || "no mode");
+        return;
+      }
+      unknowns.forEach(function (name, k) {
+        cell(row, mode.pose[k], Math.sqrt(mode.covariance[k][k]), mode.undetermined.indexOf(name) >= 0);
+      });
+      row.append("td").text((100 * mode.weight).toFixed(1) + " %");
+      row.append("td").text(probability(c.presence_probability));
+      row.append("td").text(probability(c.false_alarm_probability));
+      row.append("td").text(length(positionError(c, mode.pose)));
+      row.append("td").attr("class", "text").text(c.flags.join(", "));
+    });
+    var picked = body.select("tr.chosen").node();
+    if (picked) box.node().scrollTop = Math.max(0, picked.offsetTop - 120);
+  }
+  function distinct(numbers) { return d3.set(numbers).values().map(Number); }
+
+  function drawOverview(parent) {
+    element(parent, "h2", "", "All captures").append("small").text("the heaviest mode of each; click one to see it below");
+    drawSummary(parent);
+    var columns = element(parent, "div", "columns");
+    var left = columns.append("div").style("width", "720px"), right = columns.append("div").attr("class", "rest");
+    var views = distinct(d3.merge(data.view_of));
+    var extent = sceneExtent(views, false), width = 720, height = heightFor(extent, width, 380, 560);
+    var tools = element(left, "div", "tools");
+    var map = new Map(left, { width: width, height: height,
+      draw: function (g, x, y, perMetre) { drawTrack(g, x, y, perMetre, views.length > 12 ? [data.view_of[chosen][0]] : views); } });
+    var poses = [];
+    captures.forEach(function (c) {
+      if (heaviest(c)) poses.push(point(heaviest(c).pose));
+      if (c.truth) poses.push(point(c.truth));
+    });
+    button(tools, "overview", false, function () { map.show(extent); });
+    button(tools, "whole scene", false, function () { map.show(sceneExtent(views, true)); });
+    if (poses.length) button(tools, "track", false, function () { map.show(extentOf(poses, 0.12, 0.01)); });
+    tools.append("span").attr("class", "soft").text("drag to move, double-click to enlarge");
+    map.show(extent);
+    drawIndexScale(left);
+    drawCharts(right, 590, Math.max(190, Math.round(height / 2) + 14));
+    drawCaptureTable(element(parent, "div").style("margin-top", "12px"));
+  }
+
+  // ---------------------------------------------------------------- page
+
+  function drawCapture(parent, number) {
+    var capture = captures[number];
+    var title = element(parent, "h2", "", captures.length > 1 ? "Capture " + (number + 1) : "Result");
+    title.append("small").text(nameOf(capture));
+    if (capture.error) { drawAnswer(parent, capture); return; }
+    var columns = element(parent, "div", "columns");
+    var left = columns.append("div").style("width", "760px"), right = columns.append("div").attr("class", "rest");
+    var views = distinct(data.view_of[number]);
+    var extent = sceneExtent(views, false), width = 760, height = heightFor(extent, width, 440, 640);
+    var tools = element(left, "div", "tools");
+    var map = new Map(left, { width: width, height: height, draw: function (g, x, y, perMetre) {
+      drawSurroundings(g, x, y, perMetre, views);
+      if (capture.truth) drawTruth(g, x, y, capture.truth);
+      drawModes(g, x, y, perMetre, capture, true);
+    } });
+    button(tools, "overview", false, function () { map.show(extent); });
+    button(tools, "whole scene", false, function () { map.show(sceneExtent(views, true)); });
+    if (capture.modes.length) {
+      button(tools, "all modes", false, function () {
+        var points = capture.modes.map(function (m) { return point(m.pose); });
+        if (capture.truth) points.push(point(capture.truth));
+        map.show(extentOf(points, 0.25, 1.5 * ellipse(capture.modes[0]).long + 0.01));
+      });
+      button(tools, "heaviest mode", false, function () { map.show(around(capture.modes[0], capture.truth)); });
+    }
+    tools.append("span").attr("class", "soft").text("drag to move, double-click to enlarge");
+    map.show(extent);
+    mapLegend(left, capture);
+    drawAnswer(right, capture);
+    if (capture.modes.length && freeInPlane) drawCloseUp(right, capture);
+    drawModeTable(element(parent, "div").style("margin-top", "18px"), capture);
+  }
+  function drawCloseUp(parent, capture) {
+    element(parent, "h2", "", "Close-up of the heaviest mode").style("margin-top", "16px");
+    var map = new Map(parent, { width: 460, height: 300, draw: function (g, x, y, perMetre) {
+      var mode = capture.modes[0];
+      drawEllipse(g, x, y, perMetre, mode, { fill: COLOUR.heaviest, "fill-opacity": 0.2, stroke: COLOUR.heaviest,
+                                             "stroke-width": 2 });
+      var p = point(mode.pose);
+      g.append("circle").attr({ cx: x(p[0]), cy: y(p[1]), r: 3.5, fill: COLOUR.heaviest });
+      if (capture.truth) {
+        var t = point(capture.truth), cx = x(t[0]), cy = y(t[1]);
+        g.append("path").attr({ d: "M" + (cx - 8) + "," + cy + "h16M" + cx + "," + (cy - 8) + "v16",
+                                stroke: COLOUR.truth, "stroke-width": 2.4 });
+      }
+    } });
+    map.show(around(capture.modes[0], capture.truth));
+  }
+
+  function drawControls(parent) {
+    if (captures.length < 2) return;
+    var box = element(parent, "div", "controls");
+    button(box, "‹ previous", false, function () { choose(chosen - 1); });
+    button(box, "next ›", false, function () { choose(chosen + 1); });
+    box.append("input").attr({ type: "range", min: 1, max: captures.length, value: chosen + 1, "aria-label": "capture" })
+      .on("change", function () { choose(+this.value - 1); });
+    var select = box.append("select").on("change", function () { choose(+this.value); });
+    captures.forEach(function (c, i) {
+      select.append("option").attr("value", i).property("selected", i === chosen)
+        .text((i + 1) + ": " + nameOf(c) + (c.error ? " (failed)" : ""));
+    });
+  }
+  function choose(number) {
+    chosen = Math.max(0, Math.min(captures.length - 1, number));
+    inJoint = 0;
+    redraw();
+  }
+
+  var page = d3.select("#page");
+  element(page, "h1", "", scene.name || "Fit").append("small").text("localisation around the corner");
+  element(page, "div", "subtitle", [
+    scene.sensor.name + ": " + scene.sensor.rows + " × " + scene.sensor.columns + " zones, " + scene.sensor.bins +
+      " bins of " + compact(scene.sensor.bin_width_ps) + " ps" + (scene.sensor.confocal ? ", confocal" : ", flash"),
+    "hidden: " + (scene.object.name === scene.object.shape ? scene.object.name
+      : scene.object.name + " (" + scene.object.shape + ")"),
+    "unknown: " + (unknowns.map(bare).join(", ") || "nothing"),
+    data.result.scene].join(" · "));
+  var overview = element(page, "section");
+  var controls = element(page, "div", "controls-holder");
+  var detail = element(page, "section");
+  var histograms = element(page, "section");
+
+  function redraw() {
+    hideTip();
+    // Keep the place while the parts are replaced.
+    var top = window.pageYOffset;
+    [overview, controls, detail, histograms].forEach(function (part) {
+      part.style("min-height", part.node().offsetHeight + "px").html("");
+    });
+    if (captures.length > 1) drawOverview(overview);
+    drawControls(controls);
+    if (captures.length) {
+      drawCapture(detail, chosen);
+      drawHistograms(histograms, captures[chosen], chosen);
+    } else {
+      element(detail, "div", "note", "There are no captures.");
+    }
+    [overview, controls, detail, histograms].forEach(function (part) { part.style("min-height", null); });
+    window.scrollTo(window.pageXOffset, top);
+  }
+  d3.select(window).on("keydown", function () {
+    if (/^(INPUT|SELECT)$/.test(document.activeElement.tagName)) return;
+    if (d3.event.keyCode === 37) choose(chosen - 1);
+    if (d3.event.keyCode === 39) choose(chosen + 1);
+  });
+  // The first capture that was fitted.
+  captures.some(function (c, i) { chosen = i; return !c.error; }) || (chosen = 0);
+  redraw();
+})();

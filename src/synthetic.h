@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Synthetic captures: poses from the prior, light from a model, photons from the noise law.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <random>
+
+#include "blindcorner/forward/capture.h"
+#include "blindcorner/forward/forward_model.h"
+#include "blindcorner/forward/scene.h"
+
+namespace blindcorner {
+
+/// Pose drawn from the scene's prior.
+PoseVector draw_pose(const Scene& scene, std::mt19937_64& random);
+
+/// How bright a synthetic capture is.
+struct LightBudget {
+  /// Photons of the three-bounce light in the whole capture; the exposure is chosen to give it.
+  /// Empty: one exposure at the scene's gain and its stated ambient light.
+  std::optional<double> third_bounce_photons;
+  /// Ambient photons for each three-bounce photon within the bins that hold 90 % of that light.
+  double background_ratio = 1.0;
+  /// Brightness of the object against its stated albedo.
+  double amplitude = 1.0;
+};
+
+/// A noisy capture of the scene at one pose, truth included.
+Capture make_capture(const Scene& scene, const ForwardModel& model, const PoseVector& pose,
+                     const LightBudget& budget, std::uint64_t seed);
+
+}  // namespace blindcorner

@@ -1,0 +1,316 @@
+// SPDX-License-Identifier: Apache-2.0
+/// The program as other programs use it: exit codes, messages, files.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "blindcorner/io/capture_file.h"
+#include "blindcorner/io/scene_file.h"
+
+namespace blindcorner {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::StartsWith;
+
+const std::string kScene = std::string(SOURCE_DIR) + "/scenes/tmf8828_wall.json";
+/// Enough for an answer; these tests are not about its quality.
+const std::string kQuick =
+    " --starts 1 --importance-samples 0 --empty-captures 0 --scored-poses 300";
+
+struct Outcome {
+  int exit_code = -1;
+  std::string out;
+  std::string err;
+};
+
+std::string text_of(const fs::path& path) {
+  std::ifstream file(path);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+class Cli : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    std::string name = (fs::temp_directory_path() / "blindcorner_cli_XXXXXX").string();
+    ASSERT_NE(mkdtemp(name.data()), nullptr);
+    directory_ = name;
+  }
+  void TearDown() override { fs::remove_all(directory_); }
+
+  std::string path(const std::string& name) const { return (directory_ / name).string(); }
+
+  Outcome run(const std::string& arguments) const {
+    const std::string command =
+        std::string("'") + PROGRAM + "' " + arguments + " 2>'" + path("stderr") + "'";
+    Outcome result;
+    FILE* pipe = popen(command.c_str(), "r");
+    if (pipe == nullptr) return result;
+    std::array<char, 4096> buffer;
+    std::size_t size = 0;
+    while ((size = fread(buffer.data(), 1, buffer.size(), pipe)) > 0) {
+      result.out.append(buffer.data(), size);
+    }
+    const int status = pclose(pipe);
+    if (WIFEXITED(status)) result.exit_code = WEXITSTATUS(status);
+    result.err = text_of(path("stderr"));
+    return result;
+  }
+
+  /// Captures that suit the scene: a flat level of light, so nothing to find.
+  std::string write_flat(const std::string& name, int captures = 1) const {
+    const Scene scene = read_scene(kScene);
+    CaptureFile file;
+    file.bin_width = scene.sensor.bin_width;
+    for (int i = 0; i < captures; ++i) {
+      Capture capture;
+      capture.counts = HistogramCube(scene.sensor.rows, scene.sensor.columns, scene.sensor.bins);
+      for (double& count : capture.counts.values) count = 4600.0;
+      file.captures.push_back(capture);
+    }
+    write_captures(path(name), file);
+    return path(name);
+  }
+
+  std::string write_with_nan(const std::string& name) const {
+    CaptureFile file = read_captures(write_flat(name));
+    file.captures[0].counts.values[700] = std::numeric_limits<double>::quiet_NaN();
+    write_captures(path(name), file);
+    return path(name);
+  }
+
+  std::string write_text(const std::string& name, const std::string& text) const {
+    std::ofstream(path(name)) << text;
+    return path(name);
+  }
+
+  std::string fit(const std::string& scene, const std::string& captures) const {
+    return "fit '" + scene + "' " + captures + " -o '" + path("out") + "'" + kQuick;
+  }
+
+  void expect_refused(const Outcome& result) const {
+    EXPECT_EQ(result.exit_code, 2);
+    EXPECT_THAT(result.err, StartsWith("blindcorner: "));
+    EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << result.err;
+    EXPECT_FALSE(fs::exists(path("out"))) << "nothing may be written";
+  }
+
+  fs::path directory_;
+};
+
+TEST_F(Cli, HelpIsNoFailure) {
+  const Outcome all = run("--help");
+  EXPECT_EQ(all.exit_code, 0);
+  EXPECT_THAT(all.out, AllOf(HasSubstr("fit"), HasSubstr("import"), HasSubstr("export")));
+  const Outcome fit_help = run("fit --help");
+  EXPECT_EQ(fit_help.exit_code, 0);
+  EXPECT_THAT(fit_help.out, AllOf(HasSubstr("--joint"), HasSubstr("--seed")));
+}
+
+TEST_F(Cli, WrongArgumentsAreRefused) {
+  const std::string capture = write_flat("good.exr");
+  for (const std::string& arguments :
+       {std::string(), std::string("no-such-command"), std::string("fit"), "fit '" + kScene + "'",
+        fit(kScene, capture) + " --no-such-option", fit(kScene, capture) + " --threads -3",
+        fit(kScene, capture) + " --seed yes"}) {
+    SCOPED_TRACE(arguments);
+    expect_refused(run(arguments));
+  }
+}
+
+TEST_F(Cli, OptionsOutOfRangeNameTheField) {
+  const Outcome result = run(fit(kScene, write_flat("good.exr")) + " --tolerance -1");
+  expect_refused(result);
+  EXPECT_THAT(result.err, HasSubstr("model_tolerance"));
+}
+
+TEST_F(Cli, WrongScenesAreRefused) {
+  const std::string capture = write_flat("good.exr");
+  json wrong = json::parse(text_of(kScene));
+  wrong["unknowns"]["x_m"] = "left";
+  for (const std::string& scene : {path("missing.json"), write_text("broken.json", "{\"name\": "),
+                                   write_text("wrong.json", wrong.dump())}) {
+    SCOPED_TRACE(scene);
+    const Outcome result = run(fit(scene, capture));
+    expect_refused(result);
+    EXPECT_THAT(result.err, HasSubstr(scene));
+  }
+}
+
+TEST_F(Cli, WrongSceneNamesTheField) {
+  json wrong = json::parse(text_of(kScene));
+  wrong["unknowns"]["x_m"] = "left";
+  const Outcome result = run(fit(write_text("wrong.json", wrong.dump()), write_flat("good.exr")));
+  EXPECT_THAT(result.err, HasSubstr("x_m"));
+}
+
+TEST_F(Cli, OneCaptureGivesResultAndPage) {
+  const Outcome result = run(fit(kScene, write_flat("good.exr")));
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+  const json written = json::parse(text_of(path("out/result.json")));
+  EXPECT_EQ(written["format"], "blindcorner.result/1");
+  EXPECT_THAT(written["unknowns"], ElementsAre("x_m", "y_m", "z_m", "yaw_rad"));
+  const json& capture = written["captures"].at(0);
+  EXPECT_EQ(capture["source"], path("good.exr"));
+  EXPECT_EQ(capture["index"], 0);
+  EXPECT_TRUE(capture["error"].is_null());
+  EXPECT_TRUE(capture["truth"].is_null());
+  double weights = 0.0;
+  for (const json& mode : capture["modes"]) {
+    EXPECT_EQ(mode["pose"].size(), 4u);
+    EXPECT_EQ(mode["covariance"].size(), 4u);
+    weights += mode["weight"].get<double>();
+  }
+  EXPECT_NEAR(weights, 1.0, 1e-9);
+  // A whole page that fetches nothing.
+  const std::string page = text_of(path("out/index.html"));
+  EXPECT_THAT(page, StartsWith("<!doctype html>"));
+  EXPECT_THAT(page, HasSubstr("</html>"));
+  EXPECT_EQ(page.find("<script src"), std::string::npos);
+  EXPECT_EQ(page.find("<link"), std::string::npos);
+}
+
+TEST_F(Cli, PageCanBeLeftOut) {
+  EXPECT_EQ(run(fit(kScene, write_flat("good.exr")) + " --no-page").exit_code, 0);
+  EXPECT_TRUE(fs::exists(path("out/result.json")));
+  EXPECT_FALSE(fs::exists(path("out/index.html")));
+}
+
+TEST_F(Cli, BadCapturesDoNotStopTheOthers) {
+  const std::string good = write_flat("good.exr");
+  const std::string nan = write_with_nan("nan.exr");
+  const std::string damaged = write_text("damaged.exr", text_of(good).substr(0, 400));
+  const std::string missing = path("missing.exr");
+  const Outcome result = run(fit(kScene, nan + " " + damaged + " " + good + " " + missing));
+  EXPECT_EQ(result.exit_code, 1);
+  EXPECT_THAT(result.err, AllOf(HasSubstr(nan), HasSubstr(damaged), HasSubstr(missing)));
+  const json captures = json::parse(text_of(path("out/result.json")))["captures"];
+  ASSERT_EQ(captures.size(), 4u);
+  const std::array<std::string, 4> sources = {nan, damaged, good, missing};
+  for (std::size_t i = 0; i < 4; ++i) {
+    SCOPED_TRACE(i);
+    EXPECT_EQ(captures[i]["source"], sources[i]) << "results follow the order of the arguments";
+    const bool failed = i != 2;
+    EXPECT_EQ(captures[i]["error"].is_string(), failed);
+    EXPECT_EQ(captures[i]["mean"].is_null(), failed);
+    EXPECT_EQ(captures[i]["modes"].empty(), failed);
+  }
+}
+
+TEST_F(Cli, CapturesOfAnotherSensorFailAlone) {
+  CaptureFile other;
+  other.captures.emplace_back();
+  other.captures[0].counts = HistogramCube(2, 2, 64);
+  write_captures(path("other.exr"), other);
+  const Outcome result = run(fit(kScene, path("other.exr") + " " + write_flat("good.exr")));
+  EXPECT_EQ(result.exit_code, 1);
+  EXPECT_THAT(result.err, HasSubstr("other.exr"));
+}
+
+TEST_F(Cli, BinWidthOfAnotherSensorIsRefused) {
+  CaptureFile file = read_captures(write_flat("good.exr"));
+  file.bin_width *= 1.05;
+  write_captures(path("wide.exr"), file);
+  const Outcome result = run(fit(kScene, path("wide.exr") + " " + path("good.exr")));
+  EXPECT_EQ(result.exit_code, 1);
+  EXPECT_THAT(result.err, HasSubstr("bin_width"));
+}
+
+TEST_F(Cli, DirectoriesAreReadInSortedOrder) {
+  fs::create_directory(path("captures"));
+  write_flat("captures/b.exr");
+  write_flat("captures/a.exr", 2);
+  write_text("captures/notes.txt", "not a capture");
+  EXPECT_EQ(run(fit(kScene, path("captures"))).exit_code, 0);
+  const json captures = json::parse(text_of(path("out/result.json")))["captures"];
+  ASSERT_EQ(captures.size(), 3u);
+  EXPECT_EQ(captures[0]["source"], path("captures/a.exr"));
+  EXPECT_EQ(captures[1]["index"], 1);
+  EXPECT_EQ(captures[2]["source"], path("captures/b.exr"));
+}
+
+TEST_F(Cli, EmptyDirectoryIsRefused) {
+  fs::create_directory(path("empty"));
+  const Outcome result = run(fit(kScene, path("empty")));
+  expect_refused(result);
+  EXPECT_THAT(result.err, HasSubstr("empty"));
+}
+
+TEST_F(Cli, NoReadableCaptureIsRefused) {
+  expect_refused(run(fit(kScene, path("missing.exr"))));
+  expect_refused(run(fit(kScene, path("missing.exr") + " " + write_text("text.exr", "text"))));
+}
+
+TEST_F(Cli, JointFitListsItsCaptures) {
+  const Outcome result = run(fit(kScene, write_flat("two.exr", 2)) + " --joint");
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+  const json captures = json::parse(text_of(path("out/result.json")))["captures"];
+  ASSERT_EQ(captures.size(), 1u);
+  EXPECT_THAT(captures[0]["source"], ElementsAre(path("two.exr"), path("two.exr")));
+  EXPECT_THAT(captures[0]["index"], ElementsAre(0, 1));
+}
+
+/// Results are compared without their run times, which no seed can fix.
+TEST_F(Cli, ThreadsDoNotChangeTheResult) {
+  const std::string captures = write_flat("three.exr", 3);
+  const auto result_with = [&](const std::string& threads) {
+    EXPECT_EQ(run(fit(kScene, captures) + " --no-page --threads " + threads).exit_code, 0);
+    json result = json::parse(text_of(path("out/result.json")));
+    for (json& capture : result["captures"]) capture.erase("time_ms");
+    return result.dump();
+  };
+  EXPECT_EQ(result_with("1"), result_with("3"));
+}
+
+TEST_F(Cli, OutputThatIsAFileIsRefused) {
+  write_text("out", "a file of the user");
+  const Outcome result = run(fit(kScene, write_flat("good.exr")));
+  EXPECT_EQ(result.exit_code, 2);
+  EXPECT_EQ(text_of(path("out")), "a file of the user");
+}
+
+TEST_F(Cli, ExportAndImportComeBack) {
+  const std::string capture = write_flat("good.exr", 2);
+  EXPECT_EQ(run("export '" + capture + "' -o '" + path("a.npz") + "'").exit_code, 0);
+  EXPECT_EQ(run("import '" + path("a.npz") + "' -o '" + path("back.exr") + "'").exit_code, 0);
+  const CaptureFile before = read_captures(capture);
+  const CaptureFile after = read_captures(path("back.exr"));
+  ASSERT_EQ(after.captures.size(), 2u);
+  EXPECT_EQ(after.captures[1].counts.values, before.captures[1].counts.values);
+  EXPECT_DOUBLE_EQ(after.bin_width, before.bin_width);
+  EXPECT_EQ(run("export '" + capture + "' -o '" + path("a.csv") + "'").exit_code, 0);
+  EXPECT_THAT(text_of(path("a.csv")), StartsWith("capture,zone,row,column,bin,count\n"));
+}
+
+TEST_F(Cli, ImportAndExportRefuseOtherEndings) {
+  const std::string capture = write_flat("good.exr");
+  EXPECT_EQ(run("export '" + capture + "' -o '" + path("a.txt") + "'").exit_code, 2);
+  EXPECT_FALSE(fs::exists(path("a.txt")));
+  EXPECT_EQ(run("import '" + capture + "' -o '" + path("a.npz") + "'").exit_code, 2);
+  EXPECT_FALSE(fs::exists(path("a.npz")));
+}
+
+TEST_F(Cli, InfoTellsOfScenesAndCaptures) {
+  const Outcome scene = run("info '" + kScene + "'");
+  EXPECT_EQ(scene.exit_code, 0);
+  EXPECT_THAT(scene.out, AllOf(HasSubstr("3 x 3 zones"), HasSubstr("yaw_rad")));
+  EXPECT_EQ(run("info '" + write_flat("good.exr") + "'").exit_code, 0);
+  EXPECT_EQ(run("info '" + path("missing.exr") + "'").exit_code, 2);
+}
+
+}  // namespace
+}  // namespace blindcorner
