@@ -7,6 +7,10 @@
 /// then one pulse, blurred by the sum of the variances. What is lost are the groups' third and
 /// higher cumulants: with a spread of s = (path std / pulse std)^2 the relative L2 error is about
 /// 0.05 s^2, which sets how far regions are divided.
+///
+/// Pairs of groups with nearly the same path share one pulse: each adds its moments to the two
+/// nearest cells of a path axis, in proportion to nearness, so the sum stays continuous in the pose
+/// and every moment up to the second is kept.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -31,10 +35,15 @@ constexpr double kClosureError = 0.05;
 constexpr double kQuadratureError = 0.01;
 /// The centre alone: about 0.35 (e / r)^2.
 constexpr double kMidpointError = 0.35;
+/// Width of a path cell in pulse standard deviations: pairs in one cell differ by a spread of
+/// s = 0.8^2 / 6 = 0.1, whose closure error is 5e-4.
+constexpr double kPathCell = 0.8;
+/// Cells before path zero and after the end of the time axis, for pulses that only just reach it.
+constexpr int kCellMargin = 16;
 
 /// Structure of arrays, so that the loop over patches vectorises.
 struct PatchArrays {
-  std::vector<double> x, y, z, nx, ny, nz, ux, uy, uz, vx, vy, vz, lx, ly, lz;
+  std::vector<double> x, y, z, ax, ay, az, nx, ny, nz, ux, uy, uz, vx, vy, vz, lx, ly, lz;
   std::vector<double> weight, leg, radiance;
   std::vector<double> spread;   ///< variance of the path over a patch per squared half-edge change
   std::vector<int> group_end;   ///< one past the last patch of each group
@@ -54,6 +63,9 @@ struct PatchArrays {
     x.push_back(p.patch.center.x());
     y.push_back(p.patch.center.y());
     z.push_back(p.patch.center.z());
+    ax.push_back(p.patch.area_center.x());
+    ay.push_back(p.patch.area_center.y());
+    az.push_back(p.patch.area_center.z());
     nx.push_back(p.patch.normal.x());
     ny.push_back(p.patch.normal.y());
     nz.push_back(p.patch.normal.z());
@@ -72,6 +84,7 @@ struct PatchArrays {
     radiance.push_back(p.radiance);
   }
   Vector3d center(int i) const { return at(x, y, z, i); }
+  Vector3d area_center(int i) const { return at(ax, ay, az, i); }
   Vector3d normal(int i) const { return at(nx, ny, nz, i); }
   Vector3d half_u(int i) const { return at(ux, uy, uz, i); }
   Vector3d half_v(int i) const { return at(vx, vy, vz, i); }
@@ -132,6 +145,7 @@ struct Sums {
 /// Scratch for one evaluation, one per thread.
 struct Scratch {
   std::vector<double> weight, path, variance, dx, dy, dz, cosine, rows;
+  std::vector<Sums> cells;       ///< [zone][path cell]
   std::vector<Moments> in, out;  ///< [node][group]
   std::vector<Sums> sums;
 
@@ -252,6 +266,7 @@ class FastModel final : public ForwardModel {
              Scratch& s) const;
   void group_moments(const PatchArrays& arrays, const Scratch& s, Moments* groups) const;
   void add_pulse(Scratch& s, int zone, const Sums& sums) const;
+  void flush(Scratch& s) const;
   void add_pulse(Scratch& s, int zone, double weight, double path, double variance) const;
 
   Scene scene_;
@@ -268,6 +283,8 @@ class FastModel final : public ForwardModel {
   PatchArrays seen_;  ///< of all zones, one after the other
   int axis_bins_;
   double bins_per_metre_;
+  double cells_per_metre_;
+  int path_cells_;
 };
 
 FastModel::FastModel(const Scene& scene, const SensorPlacement& placement,
@@ -283,7 +300,10 @@ FastModel::FastModel(const Scene& scene, const SensorPlacement& placement,
       pulses_(scene.sensor.response, scene.sensor.bin_width,
               extra_variance_ + 4 * std::pow(pulse_sigma_ / kSpeedOfLight, 2), 1e-4),
       axis_bins_(unwrapped_bins(scene.sensor)),
-      bins_per_metre_(1 / (kSpeedOfLight * scene.sensor.bin_width)) {
+      bins_per_metre_(1 / (kSpeedOfLight * scene.sensor.bin_width)),
+      cells_per_metre_(1 / (kPathCell * pulse_sigma_)),
+      path_cells_(static_cast<int>(axis_bins_ / bins_per_metre_ * cells_per_metre_) +
+                  2 * kCellMargin) {
   if (scene_.linear.direct == LinearMode::fixed && scene_.linear.fixed_direct == 0) {
     direct_ = HistogramCube(scene_.sensor.rows, scene_.sensor.columns, scene_.sensor.bins);
   } else {
@@ -293,8 +313,11 @@ FastModel::FastModel(const Scene& scene, const SensorPlacement& placement,
   }
   // The largest path spread that one Gaussian may stand for, and the largest cell against its
   // distance, both from the tolerance.
-  const double spread = pulse_sigma_ * std::pow(options.tolerance / kClosureError, 0.25);
-  const double aspect = std::pow(options.tolerance / kQuadratureError, 0.25);
+  // Six axes share each limit: two each of what is lit, what is seen and the object.
+  constexpr double kAxes = 6;
+  const double spread =
+      pulse_sigma_ * std::pow(options.tolerance / kClosureError, 0.25) / std::sqrt(kAxes);
+  const double aspect = std::pow(options.tolerance / kQuadratureError / kAxes, 0.25);
   sample_relay(spread, aspect, options.tolerance);
   sample_object(spread, aspect, options.tolerance);
 }
@@ -471,7 +494,7 @@ void FastModel::shade(const CellNode& node, const PatchArrays& arrays, const Sha
   const auto k = static_cast<std::size_t>(patch);
   if (s.weight[k] <= 0) return;
   const VisiblePart part =
-      shadows.see(arrays.center(patch), arrays.half_u(patch), arrays.half_v(patch));
+      shadows.see(arrays.area_center(patch), arrays.half_u(patch), arrays.half_v(patch));
   if (part.fraction >= 1) return;
   if (part.fraction <= 0) {
     s.weight[k] = 0;
@@ -515,12 +538,33 @@ void FastModel::group_moments(const PatchArrays& arrays, const Scratch& s, Momen
 }
 
 void FastModel::add_pulse(Scratch& s, int zone, double weight, double path, double variance) const {
-  const double blur = variance / (kSpeedOfLight * kSpeedOfLight) + extra_variance_;
-  const double position =
-      scene_.sensor.zones[static_cast<std::size_t>(zone)].time_zero / scene_.sensor.bin_width +
-      path * bins_per_metre_;
-  pulses_.add(s.rows.data() + static_cast<std::ptrdiff_t>(zone) * axis_bins_, axis_bins_, position,
-              blur, weight);
+  const double position = path * cells_per_metre_ + kCellMargin;
+  if (!(position >= 0 && position < path_cells_ - 1)) return;
+  const auto cell = static_cast<std::size_t>(position);
+  const double share = position - static_cast<double>(cell);
+  Sums* cells = s.cells.data() + static_cast<std::ptrdiff_t>(zone) * path_cells_ + cell;
+  // Relative to the cell's own path, against cancellation.
+  const double offset = share / cells_per_metre_;
+  cells[0].add(weight * (1 - share), offset, variance);
+  cells[1].add(weight * share, offset - 1 / cells_per_metre_, variance);
+}
+
+/// One pulse for each path cell that holds light.
+void FastModel::flush(Scratch& s) const {
+  for (int z = 0; z < scene_.sensor.zone_count(); ++z) {
+    const double start =
+        scene_.sensor.zones[static_cast<std::size_t>(z)].time_zero / scene_.sensor.bin_width;
+    const Sums* cells = s.cells.data() + static_cast<std::ptrdiff_t>(z) * path_cells_;
+    double* row = s.rows.data() + static_cast<std::ptrdiff_t>(z) * axis_bins_;
+    for (int c = 0; c < path_cells_; ++c) {
+      if (cells[c].weight <= 0) continue;
+      const double mean = cells[c].first / cells[c].weight;
+      const double variance = std::max(cells[c].second / cells[c].weight - mean * mean, 0.0);
+      const double path = (c - kCellMargin) / cells_per_metre_ + mean;
+      pulses_.add(row, axis_bins_, start + path * bins_per_metre_,
+                  variance / (kSpeedOfLight * kSpeedOfLight) + extra_variance_, cells[c].weight);
+    }
+  }
 }
 
 void FastModel::add_pulse(Scratch& s, int zone, const Sums& sums) const {
@@ -679,6 +723,7 @@ void FastModel::three_bounce(const PoseVector& pose, HistogramCube& out) const {
   thread_local Scratch scratch;
   const int zones = sensor.zone_count();
   scratch.rows.assign(static_cast<std::size_t>(zones) * static_cast<std::size_t>(axis_bins_), 0.0);
+  scratch.cells.assign(static_cast<std::size_t>(zones) * static_cast<std::size_t>(path_cells_), {});
 
   const HiddenObject& hidden = scene_.hidden;
   const Placement placement = place(hidden.placement, scene_.unknowns, pose);
@@ -705,6 +750,7 @@ void FastModel::three_bounce(const PoseVector& pose, HistogramCube& out) const {
         break;
     }
   }
+  flush(scratch);
   for (int z = 0; z < zones; ++z) {
     fold(sensor, scratch.rows.data() + static_cast<std::ptrdiff_t>(z) * axis_bins_, axis_bins_,
          out.zone(z));

@@ -28,7 +28,10 @@ HistogramCube draw_counts(const Scene& scene, const HistogramCube& expected, dou
   HistogramCube counts = expected;
   if (const auto* gaussian = std::get_if<GaussianNoise>(&scene.sensor.noise)) {
     std::normal_distribution<double> normal;
-    for (double& value : counts.values) {
+    for (std::size_t i = 0; i < counts.values.size(); ++i) {
+      const auto zone = i / static_cast<std::size_t>(counts.bins);
+      if (scene.sensor.zones[zone].dead) continue;
+      double& value = counts.values[i];
       const double variance =
           gaussian->variance_floor + gaussian->variance_per_count * std::max(value, 0.0);
       value += std::sqrt(variance / exposures) * normal(random);

@@ -10,10 +10,10 @@ namespace blindcorner {
 
 PulseTable::PulseTable(const ImpulseResponse& response, double bin_width, double max_blur,
                        double outside) {
-  // Levels are a quarter of the pulse's own width apart: linear interpolation in variance is then
-  // good to 2e-3 of the blur's effect.
+  // Levels are an eighth of the pulse's own width apart: linear interpolation in variance is then
+  // good to 6e-3 of the blur's effect.
   const double own = std::hypot(response.core_sigma(), bin_width / std::sqrt(12.0));
-  level_step_ = own / 4;
+  level_step_ = own / 8;
   levels_ = 2 + static_cast<int>(std::ceil(std::sqrt(std::max(max_blur, 0.0)) / level_step_));
   for (int l = 0; l < levels_; ++l) variances_.push_back(std::pow(l * level_step_, 2));
 

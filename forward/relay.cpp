@@ -102,6 +102,8 @@ class Sampler {
       node.distance = (whole.center - origin_).dot(whole.normal) / d.dot(whole.normal);
       node.center = origin_ + node.distance * d;
       node.half_u = 0.5 * whole.half_u;
+      node.area_center = whole.center + ((i & 1) != 0 ? 0.5 : -0.5) * whole.half_u +
+                         ((i & 2) != 0 ? 0.5 : -0.5) * whole.half_v;
       node.half_v = 0.5 * whole.half_v;
       node.solid_angle = cell.density(u, v);
       total += node.solid_angle;
@@ -138,6 +140,7 @@ class Sampler {
     patch.surface = hit->surface;
     patch.normal = hit->normal;
     patch.center = hit->point;
+    patch.area_center = hit->point;
     patch.distance = hit->distance;
     patch.albedo = reflects(*hit) ? surfaces_[static_cast<std::size_t>(hit->surface)].albedo : 0.0;
     patch.solid_angle = cell.solid_angle();
@@ -232,7 +235,12 @@ RelayPatch relay_point_patch(const std::vector<Surface>& surfaces, const Vector3
     if (!surfaces[i].relay) continue;
     for (const auto& quad : flat_faces(surfaces[i].shape, surfaces[i].T_world_surface, 1.0)) {
       const Vector3d normal = (quad[1] - quad[0]).cross(quad[3] - quad[0]).normalized();
-      const double distance = std::abs(normal.dot(point - quad[0]));
+      // Distance to the face itself, not to its plane.
+      const Vector3d u = quad[1] - quad[0];
+      const Vector3d v = quad[3] - quad[0];
+      const double a = std::clamp(u.dot(point - quad[0]) / u.squaredNorm(), 0.0, 1.0);
+      const double b = std::clamp(v.dot(point - quad[0]) / v.squaredNorm(), 0.0, 1.0);
+      const double distance = (point - quad[0] - a * u - b * v).norm();
       if (distance < best) {
         best = distance;
         patch.surface = static_cast<int>(i);
@@ -247,6 +255,7 @@ RelayPatch relay_point_patch(const std::vector<Surface>& surfaces, const Vector3
                                       std::to_string(tolerance) + " m");
   }
   patch.center = point;
+  patch.area_center = point;
   patch.solid_angle = 1.0;
   return patch;
 }

@@ -45,6 +45,13 @@ SensorPlacement sensor_placement(const Scene& scene, const Capture* capture) {
   return placement;
 }
 
+void check_relay_visible(const Scene& scene) {
+  const bool points = std::any_of(
+      scene.sensor.zones.begin(), scene.sensor.zones.end(),
+      [](const Zone& zone) { return std::holds_alternative<Vector3d>(zone.footprint); });
+  if (!points) RelaySetup(scene, sensor_placement(scene)).relay_points();
+}
+
 RelaySetup::RelaySetup(const Scene& scene, const SensorPlacement& placement)
     : scene_(scene),
       placement_(placement),
@@ -160,8 +167,8 @@ double RelaySetup::radiance(const RelayPatch& patch, const FieldOfIllumination& 
                             double* leg) const {
   const Eigen::Matrix3d to_sensor = placement_.T_world_sensor.linear().transpose();
   const auto lit = [&](double a, double b) {
-    return contains(field,
-                    to_sensor * (patch.center + a * patch.half_u + b * patch.half_v - source_));
+    return contains(
+        field, to_sensor * (patch.area_center + a * patch.half_u + b * patch.half_v - source_));
   };
   double fraction = lit(0, 0) ? 1 : 0;
   const int corners = static_cast<int>(lit(-1, -1)) + lit(1, -1) + lit(-1, 1) + lit(1, 1);

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <limits>
 #include <list>
 #include <mutex>
 
@@ -190,6 +191,7 @@ void validate_scene(const Scene& scene) {
     throw Error(where, "sensor.zones: found " + std::to_string(scene.sensor.zones.size()) +
                            ", accepted: rows * columns");
   }
+  check_relay_visible(scene);
 }
 
 }  // namespace
@@ -285,8 +287,17 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
       score(objective, empty, options.max_starts, options.negligible_log_posterior);
   result.time_ms.score = stage.lap();
   std::vector<Refined> basins;
+  double best = -std::numeric_limits<double>::infinity();
+  double largest_gain = 0;
   for (const Candidate& start : scored.starts) {
+    // A start that would have to gain twice what any has gained so far cannot win.
+    if (basins.size() >= 3 &&
+        start.log_posterior + 2 * largest_gain < best - 1.5 * options.negligible_log_posterior) {
+      continue;
+    }
     basins.push_back(approach(objective, compiled.poses[static_cast<std::size_t>(start.index)]));
+    best = std::max(best, basins.back().value.log_posterior);
+    largest_gain = std::max(largest_gain, basins.back().value.log_posterior - start.log_posterior);
   }
   // The cheap model's own error must not decide which basins are dropped.
   basins = merge(compiled, std::move(basins), 1.5 * options.negligible_log_posterior);

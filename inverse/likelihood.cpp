@@ -2,7 +2,10 @@
 #include "blindcorner/inverse/likelihood.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
+#include <numbers>
 
 #include "blindcorner/forward/constants.h"
 
@@ -10,7 +13,7 @@ namespace blindcorner {
 namespace {
 
 /// log Phi(x) and the ratio phi(x)/Phi(x), stable in the far tail.
-void log_normal_tail(double x, double& log_phi, double& ratio) {
+void exact_normal_tail(double x, double& log_phi, double& ratio) {
   if (x > -20) {
     const double p = 0.5 * std::erfc(-x / std::numbers::sqrt2);
     log_phi = std::log(p);
@@ -22,6 +25,55 @@ void log_normal_tail(double x, double& log_phi, double& ratio) {
   const double series = 1 - y * (1 - 3 * y * (1 - 5 * y));
   log_phi = -0.5 * x * x - std::log(-x * std::sqrt(2 * kPi)) + std::log(series);
   ratio = -x / series;
+}
+
+/// log Phi and phi/Phi on a grid; cubic interpolation with the exact slopes, good to 1e-8.
+class NormalTailTable {
+ public:
+  static constexpr double kLowest = -12;
+  static constexpr double kHighest = 4;
+  static constexpr int kPerUnit = 32;
+
+  NormalTailTable() {
+    for (std::size_t i = 0; i < nodes_.size(); ++i) {
+      const double x = kLowest + static_cast<double>(i) / kPerUnit;
+      Node& node = nodes_[i];
+      exact_normal_tail(x, node.log_phi, node.ratio);
+      node.ratio_slope = -node.ratio * (x + node.ratio);
+    }
+  }
+
+  void look_up(double x, double& log_phi, double& ratio) const {
+    constexpr double kStep = 1.0 / kPerUnit;
+    const double position = (x - kLowest) * kPerUnit;
+    const auto i = static_cast<std::size_t>(position);
+    const double t = position - static_cast<double>(i);
+    const Node& a = nodes_[i];
+    const Node& b = nodes_[i + 1];
+    const double u = 1 - t;
+    const double h0 = (1 + 2 * t) * u * u;
+    const double h1 = (3 - 2 * t) * t * t;
+    const double g0 = kStep * t * u * u;
+    const double g1 = -kStep * t * t * u;
+    log_phi = h0 * a.log_phi + h1 * b.log_phi + g0 * a.ratio + g1 * b.ratio;
+    ratio = h0 * a.ratio + h1 * b.ratio + g0 * a.ratio_slope + g1 * b.ratio_slope;
+  }
+
+ private:
+  struct Node {
+    double log_phi = 0, ratio = 0, ratio_slope = 0;
+  };
+  std::array<Node, static_cast<std::size_t>((kHighest - kLowest) * kPerUnit) + 2> nodes_;
+};
+
+const NormalTailTable kNormalTail;
+
+void log_normal_tail(double x, double& log_phi, double& ratio) {
+  if (x >= NormalTailTable::kLowest && x < NormalTailTable::kHighest) {
+    kNormalTail.look_up(x, log_phi, ratio);
+  } else {
+    exact_normal_tail(x, log_phi, ratio);
+  }
 }
 
 }  // namespace
@@ -48,7 +100,7 @@ BinLikelihood::Terms BinLikelihood::terms(double n, double m) const {
   if (poisson_) {
     t.value = scale_ * (n > 0 ? m - n * std::log(m) : m);
     t.first = scale_ * (1 - n / m);
-    t.second = scale_ * n / (m * m);
+    t.second = scale_ * (n / m) / m;
     return t;
   }
   const double v = variance(m);
@@ -92,23 +144,29 @@ double BinLikelihood::information(double m) const {
   log_normal_tail(-x, log_phi, ratio);  // ratio = phi(x) / Phi(-x)
   const double density = std::exp(-0.5 * x * x) / std::sqrt(2 * kPi);
   const double above = 0.5 * std::erfc(-x / std::numbers::sqrt2);
-  const double share = std::clamp(above - x * density + density * ratio, 0.0, 1.0);
-  return (1 / v + own) * share;
+  const double sigma = std::sqrt(v);
+  const double dx = -1 / sigma + 0.5 * m * slope / (v * sigma);
+  // Uncensored part: score of mean and variance, truncated normal moments; censored part: its
+  // probability times the squared score.
+  return (above - x * density) / v + (x * x + 1) * density * slope / (v * sigma) +
+         (2 * above - (x * x * x + x) * density) * slope * slope / (4 * v * v) +
+         (1 - above) * std::pow(ratio * dx, 2);
 }
 
 double BinLikelihood::best(double n) const {
   if (poisson_) return n;
-  if (censored_ && n <= 0) return 0;
+  if (censored_ && n <= 0) return -std::numeric_limits<double>::max();
   if (per_count_ <= 0 || n <= 0) return n;
-  // Stationary point of (n - m)^2 / (2V) + log(V)/2: V slope - 2 d V - slope d^2 = 0, d = n - m.
-  double m = n;
-  for (int i = 0; i < 30; ++i) {
-    const Terms t = terms(n, m);
-    const double step = t.first / std::max(t.second, 0.1 / variance(m));
-    m = std::max(m - step, 0.0);
-    if (std::abs(step) < 1e-12 * (1 + std::abs(m))) break;
-  }
-  return m;
+  // Stationary point of (n - m)^2 / (2V) + log(V) / 2 with V = f + k m, a quadratic in m; below
+  // zero V no longer changes and the value falls towards n > 0, so m = 0 is then the best.
+  const double half = floor_ / per_count_ + 0.5 * per_count_;
+  const double constant = 2 * n * floor_ / per_count_ + n * n - floor_;
+  return std::max(std::sqrt(std::max(half * half + constant, 0.0)) - half, 0.0);
+}
+
+double BinLikelihood::least(double n) const {
+  if (!poisson_ && censored_ && n <= 0) return 0;  // P(N <= 0) tends to one
+  return value(n, best(n));
 }
 
 double BinLikelihood::residual(double n, double m, double least_value, double best_mean) const {

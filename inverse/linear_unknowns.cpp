@@ -386,7 +386,19 @@ void LinearSolver::residuals(std::span<const ZoneShapes> shapes, const LinearSol
     mean.resize(zone.counts.size());
     expected(zone, shapes[z], solution.amplitude[z], solution.ambient[z], solution.direct[z],
              mean.data());
+    // Bins without object light keep their residual when nothing else is unknown.
+    const bool known_dark = zero_prefix_[z].size() > 1 && shapes[z].direct == nullptr;
+    const std::size_t lit_first =
+        shapes[z].object != nullptr ? static_cast<std::size_t>(shapes[z].object_first) : 0;
+    const std::size_t lit_end =
+        shapes[z].object != nullptr ? static_cast<std::size_t>(shapes[z].object_end) : 0;
     for (std::size_t k = 0; k < zone.counts.size(); ++k) {
+      if (known_dark && (k < lit_first || k >= lit_end)) {
+        const double half = zero_prefix_[z][k + 1] - zero_prefix_[z][k];
+        const double root = std::sqrt(std::max(2 * half, 0.0));
+        *out++ = unknowns_.fixed_ambient >= zone.best[k] ? root : -root;
+        continue;
+      }
       const double m = law.poisson() ? std::max(mean[k], 1e-300) : mean[k];
       *out++ = law.residual(zone.counts[k], m, zone.least[k], zone.best[k]);
     }

@@ -80,7 +80,7 @@ Observation observe(const Scene& scene, std::span<const Capture> captures,
       observed.counts.assign(counts + window.first, counts + window.end);
       for (const double n : observed.counts) {
         observed.best.push_back(law.best(n));
-        observed.least.push_back(law.poisson() ? 0.0 : law.value(n, observed.best.back()));
+        observed.least.push_back(law.poisson() ? 0.0 : law.least(n));
       }
       observed.outside_bins = valid_end - valid_first - (window.end - window.first);
       observed.outside_count = std::accumulate(counts + valid_first, counts + window.first, 0.0) +

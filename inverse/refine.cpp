@@ -14,16 +14,21 @@ namespace {
 struct Stop {
   int iterations;
   double function_tolerance;
+  bool central;  ///< central differences; forward ones are good enough to find a basin
 };
-constexpr Stop kApproach{12, 1e-5};
-constexpr Stop kPolish{40, 1e-7};
+constexpr Stop kApproach{12, 1e-5, false};
+constexpr Stop kPolish{25, 1e-6, true};
 
 /// Residuals of a pose with the linear unknowns eliminated, differentiated numerically.
 class ResidualCost final : public ceres::CostFunction {
  public:
-  ResidualCost(const PoseObjective& objective, const ModelSet& models, LinearSolution& linear,
-               int& evaluations)
-      : objective_(objective), models_(models), linear_(linear), evaluations_(evaluations) {
+  ResidualCost(const PoseObjective& objective, const ModelSet& models, bool central,
+               LinearSolution& linear, int& evaluations)
+      : objective_(objective),
+        models_(models),
+        central_(central),
+        linear_(linear),
+        evaluations_(evaluations) {
     const auto& unknowns = objective.compiled().scene.unknowns;
     priors_ = static_cast<int>(std::count_if(unknowns.begin(), unknowns.end(),
                                              [](const Unknown& u) { return u.prior.has_value(); }));
@@ -52,8 +57,13 @@ class ResidualCost final : public ceres::CostFunction {
       down[i] -= step;
       if (unknown.component == Component::size) down[i] = std::max(down[i], 0.5 * unknown.lower);
       compute(up, plus.data());
-      compute(down, minus.data());
-      jacobian.col(i) = (plus - minus) / (up[i] - down[i]);
+      if (central_) {
+        compute(down, minus.data());
+        jacobian.col(i) = (plus - minus) / (up[i] - down[i]);
+      } else {
+        jacobian.col(i) =
+            (plus - Eigen::Map<const Eigen::VectorXd>(residuals, num_residuals())) / step;
+      }
     }
     return true;
   }
@@ -75,6 +85,7 @@ class ResidualCost final : public ceres::CostFunction {
 
   const PoseObjective& objective_;
   const ModelSet& models_;
+  const bool central_;
   LinearSolution& linear_;
   int& evaluations_;
   int priors_ = 0;
@@ -85,7 +96,7 @@ class ResidualCost final : public ceres::CostFunction {
 void minimise(const PoseObjective& objective, const ModelSet& models, const Stop& stop,
               Refined& result) {
   const Scene& scene = objective.compiled().scene;
-  ResidualCost cost(objective, models, result.linear, result.evaluations);
+  ResidualCost cost(objective, models, stop.central, result.linear, result.evaluations);
   ceres::Problem::Options ownership;
   ownership.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ceres::Problem problem(ownership);
@@ -115,6 +126,40 @@ Refined finish(const PoseObjective& objective, const ModelSet& models, Refined r
   return result;
 }
 
+/// Compass search about an optimum of least squares: shadow edges leave kinks on which a quadratic
+/// model can stop short. Returns whether anything was gained worth another descent.
+bool compass(const PoseObjective& objective, const ModelSet& models, Refined& result) {
+  constexpr int kMostEvaluations = 40;
+  constexpr double kWorthwhile = 0.05;
+  const CompiledScene& compiled = objective.compiled();
+  const double before = result.value.log_posterior;
+  int evaluations = 0;
+  for (double scale = 0.2; scale > 0.01 && evaluations < kMostEvaluations; scale *= 0.4) {
+    bool moved = true;
+    while (moved && evaluations < kMostEvaluations) {
+      moved = false;
+      for (Eigen::Index i = 0; i < result.pose.size(); ++i) {
+        for (const double sign : {1.0, -1.0}) {
+          PoseVector pose = result.pose;
+          pose[i] += sign * scale * compiled.spacing[i];
+          LinearSolution linear = result.linear;
+          ++evaluations;
+          if (!std::isfinite(log_pose_prior(compiled.scene, pose))) continue;
+          const PoseValue value = objective.evaluate(models, pose, linear, true);
+          if (value.log_posterior <= result.value.log_posterior) continue;
+          result.pose = pose;
+          result.value = value;
+          result.linear = std::move(linear);
+          moved = true;
+          break;
+        }
+      }
+    }
+  }
+  result.evaluations += evaluations;
+  return result.value.log_posterior > before + kWorthwhile;
+}
+
 }  // namespace
 
 Refined approach(const PoseObjective& objective, const PoseVector& start) {
@@ -128,10 +173,17 @@ Refined approach(const PoseObjective& objective, const PoseVector& start) {
 }
 
 Refined polish(const PoseObjective& objective, const PoseVector& start) {
+  const ModelSet& models = objective.compiled().models();
   Refined result;
   result.pose = start;
-  minimise(objective, objective.compiled().models(), kPolish, result);
-  return finish(objective, objective.compiled().models(), std::move(result));
+  minimise(objective, models, kPolish, result);
+  result = finish(objective, models, std::move(result));
+  if (compass(objective, models, result)) {
+    minimise(objective, models, kPolish, result);
+    Refined again = finish(objective, models, result);
+    if (again.value.log_posterior > result.value.log_posterior) result = std::move(again);
+  }
+  return result;
 }
 
 }  // namespace blindcorner

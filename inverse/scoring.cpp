@@ -9,8 +9,10 @@ namespace blindcorner {
 namespace {
 
 /// Poses scored exactly: this many times the wanted starts, but at least `kLeastExact`.
+/// Starts that are refined even when the grid has fewer local maxima.
+constexpr std::size_t kLeastStarts = 3;
 constexpr int kExactPerStart = 25;
-constexpr int kLeastExact = 300;
+constexpr int kLeastExact = 100;
 
 }  // namespace
 
@@ -143,16 +145,31 @@ Scored score(const PoseObjective& objective, const LinearSolution& empty, int co
   const double best = scored.front().log_posterior;
   const double gain = std::max(best - empty.log_likelihood, 0.0);
   const double cut = best - negligible - 0.25 * gain;
+  const auto near = [&](const Candidate& a, const Candidate& b) {
+    const PoseVector d =
+        pose_difference(compiled.scene, compiled.poses[static_cast<std::size_t>(a.index)],
+                        compiled.poses[static_cast<std::size_t>(b.index)]);
+    return (d.array().abs() < 1.1 * compiled.spacing.array()).all();
+  };
+  // Local maxima of the grid first; then the best of what lies on slopes, in case a ridge runs
+  // between the grid points.
   std::vector<Candidate>& chosen = result.starts;
-  for (const Candidate& candidate : scored) {
-    if (static_cast<int>(chosen.size()) >= count || candidate.log_posterior < cut) break;
-    const bool close = std::any_of(chosen.begin(), chosen.end(), [&](const Candidate& other) {
-      const PoseVector d =
-          pose_difference(compiled.scene, compiled.poses[static_cast<std::size_t>(other.index)],
-                          compiled.poses[static_cast<std::size_t>(candidate.index)]);
-      return (d.array().abs() < 1.1 * compiled.spacing.array()).all();
-    });
-    if (!close) chosen.push_back(candidate);
+  std::vector<Candidate> slopes;
+  for (std::size_t i = 0; i < scored.size(); ++i) {
+    if (scored[i].log_posterior < cut) break;
+    const auto better = scored.begin() + static_cast<std::ptrdiff_t>(i);
+    if (std::none_of(scored.begin(), better, [&](const auto& c) { return near(c, scored[i]); })) {
+      if (static_cast<int>(chosen.size()) < count) chosen.push_back(scored[i]);
+    } else if (slopes.size() < kLeastStarts * 8) {
+      slopes.push_back(scored[i]);
+    }
+  }
+  for (const Candidate& slope : slopes) {
+    if (chosen.size() >= std::min<std::size_t>(kLeastStarts, static_cast<std::size_t>(count)))
+      break;
+    if (std::none_of(chosen.begin(), chosen.end(), [&](const auto& c) { return near(c, slope); })) {
+      chosen.push_back(slope);
+    }
   }
   return result;
 }

@@ -22,6 +22,10 @@ struct SensorPlacement {
 /// Sensor placement of a capture: its own where it carries one, else the scene's.
 SensorPlacement sensor_placement(const Scene& scene, const Capture* capture = nullptr);
 
+/// Throws Error when the sensor lights or sees no relay surface. Scenes whose relay points come
+/// with the captures pass.
+void check_relay_visible(const Scene& scene);
+
 /// Expected light of a scene. Thread safe: all methods are const and keep no state.
 class ForwardModel {
  public:
@@ -47,10 +51,10 @@ class ForwardModel {
 
 /// Sampling of the reference renderer: uniform, denser than and different from the fast model's.
 struct ReferenceOptions {
-  int zone_divisions = 7;    ///< relay cells along each side of a zone
-  int field_divisions = 23;  ///< relay cells along each side of the field (rings of a cone)
-  int object_divisions = 5;  ///< least cells along each edge of the object
-  double object_edge = 0.2;  ///< m, largest cell edge on the object
+  int zone_divisions = 7;     ///< relay cells along each side of a zone
+  int field_divisions = 23;   ///< relay cells along each side of the field (rings of a cone)
+  int object_divisions = 10;  ///< least cells along each edge of the object
+  double object_edge = 0.2;   ///< m, largest cell edge on the object
 
   void validate() const;
 };

@@ -21,8 +21,7 @@ HistogramCube expected_counts(const Scene& scene, const HistogramCube& three_bou
                               const HistogramCube& direct_return, const LinearValues& linear);
 
 /// Draws counts from expected ones by the scene's noise law: Poisson scaled to the dispersion, or
-/// Gaussian with the stated variance law (the ambient level given to it separately, because such a
-/// sensor subtracts its background), censored at zero if the sensor does that. `exposures` are
+/// Gaussian with the stated variance law, censored at zero if the sensor does that. `exposures` are
 /// averaged. The same seed gives the same counts.
 HistogramCube draw_counts(const Scene& scene, const HistogramCube& expected, double exposures,
                           std::uint64_t seed);

@@ -21,7 +21,9 @@ struct RelayPatch {
   double distance = 0.0;     ///< m, from where it is seen
   double albedo = 0.0;
   int surface = -1;
-  int group = 0;      ///< patches that one pulse may stand for
+  int group = 0;  ///< patches that one pulse may stand for
+  /// Centre of the area that the patch stands for; a Gauss node lies a little outside of it.
+  Eigen::Vector3d area_center;
   bool node = false;  ///< Gauss node: its half edges span a quarter of the cell, its spread is none
 };
 

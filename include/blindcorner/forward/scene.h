@@ -35,7 +35,7 @@ struct HiddenObject {
   std::string name = "object";
   Shape shape;
   Anchor anchor = Anchor::center;
-  Placement placement;  ///< known components; unknown ones hold the middle of their range
+  Placement placement;  ///< known components; unknown ones: the pose to render unasked
   Material material;
   double albedo = 0.5;  ///< Lambertian albedo or retroreflectance, 0..1
 };

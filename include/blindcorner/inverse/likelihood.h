@@ -31,8 +31,8 @@ class BinLikelihood {
   /// Expected information about m, 1/counts^2.
   double information(double m) const;
   /// min over m of value(n, m).
-  double least(double n) const { return value(n, best(n)); }
-  /// The m that explains n best.
+  double least(double n) const;
+  /// The m that explains n best; the lowest double for a censored count (any m far below zero).
   double best(double n) const;
   /// sign(m - best(n)) sqrt(2 (value - least)).
   double residual(double n, double m, double least_value, double best_mean) const;
