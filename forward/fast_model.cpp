@@ -36,8 +36,8 @@ constexpr double kQuadratureError = 0.01;
 /// The centre alone: about 0.35 (e / r)^2.
 constexpr double kMidpointError = 0.35;
 /// Width of a path cell in pulse standard deviations: pairs in one cell differ by a spread of
-/// s = 0.8^2 / 6 = 0.1, whose closure error is 5e-4.
-constexpr double kPathCell = 0.8;
+/// s = 0.4^2 / 6 = 0.03, whose closure error is below 1e-4. Wider cells leave kinks in the pose.
+constexpr double kPathCell = 0.4;
 /// Cells before path zero and after the end of the time axis, for pulses that only just reach it.
 constexpr int kCellMargin = 16;
 

