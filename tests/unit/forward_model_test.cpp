@@ -773,6 +773,9 @@ TEST_P(FastAgainstReference, MeetsItsTolerance) {
 TEST_P(FastAgainstReference, JacobianDoesNotDependOnTheStep) {
   const Scene s = scene();
   const auto fast = make_fast_model(s, sensor_placement(s));
+  // The visible share of a patch has a kink where a shadow edge runs on to or off it: between the
+  // two steps a few edges do.
+  const bool kinks = !fast->plan().occluders.empty();
   const PoseVector pose = pose_at(s, {0.43, 0.57, 0.51});
   for (Eigen::Index i = 0; i < pose.size(); ++i) {
     // Radians: a plate of 0.2 m moves its edge by 1 mm in 0.01 rad.
@@ -789,7 +792,7 @@ TEST_P(FastAgainstReference, JacobianDoesNotDependOnTheStep) {
       }
       return cube;
     };
-    EXPECT_LT(difference(slope(1e-3), slope(3e-4)), 0.02) << "unknown " << i;
+    EXPECT_LT(difference(slope(1e-3), slope(3e-4)), kinks ? 0.06 : 0.02) << "unknown " << i;
   }
 }
 
