@@ -14,6 +14,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
+#include <limits>
 #include <utility>
 
 #include "blindcorner/forward/constants.h"
@@ -123,17 +125,28 @@ void append(PatchArrays& arrays, const std::vector<WeightedPatch>& patches, int 
   }
 }
 
-/// Weighted moments of path length.
-struct Moments {
-  double weight = 0;
-  double path = 0;                       ///< m, mean
-  double variance = 0;                   ///< m^2
-  Vector3d gradient = Vector3d::Zero();  ///< of the mean path in the object point
+/// Light between one object point and groups of patches, as sums over each group [node][group]. The
+/// moments of a pair of groups are bilinear in these, whatever the groups' own spreads are.
+struct LightSums {
+  std::vector<double> weight;   ///< sum w
+  std::vector<double> first;    ///< sum w p, p the path
+  std::vector<double> second;   ///< sum w (p^2 + variance of p over patch and cell)
+  std::vector<double> along_u;  ///< sum w dp/du, the change of path along the cell's half edges
+  std::vector<double> along_v;
+
+  std::array<std::vector<double>*, 5> all() {
+    return {&weight, &first, &second, &along_u, &along_v};
+  }
+  void resize(std::size_t count) {
+    for (auto* v : all()) {
+      if (v->size() < count) v->resize(count);
+    }
+  }
 };
 
-/// Sums for moments, relative to a base path against cancellation.
-struct Sums {
-  double weight = 0, first = 0, second = 0;
+/// Weight, first and second moment of path about some base; padded to one vector.
+struct alignas(32) Sums {
+  double weight = 0, first = 0, second = 0, unused = 0;
 
   void add(double w, double path, double variance) {
     weight += w;
@@ -142,12 +155,25 @@ struct Sums {
   }
 };
 
+/// Pulses on their way to a zone's path cells.
+struct Pulses {
+  std::vector<double> weight, path, variance;
+
+  void resize(std::size_t count) {
+    for (auto* v : {&weight, &path, &variance}) {
+      if (v->size() < count) v->resize(count);
+    }
+  }
+};
+
 /// Scratch for one evaluation, one per thread.
 struct Scratch {
   std::vector<double> weight, path, variance, dx, dy, dz, cosine, rows;
-  std::vector<Sums> cells;       ///< [zone][path cell]
-  std::vector<Moments> in, out;  ///< [node][group]
+  std::vector<Sums> cells;  ///< [zone][path cell]
+  LightSums patches;        ///< of one node, every patch by itself
+  LightSums in, out;        ///< [node][group]
   std::vector<Sums> sums;
+  Pulses pulses;
 
   void resize(int n) {
     const auto count = static_cast<std::size_t>(n);
@@ -215,6 +241,7 @@ BLINDCORNER_MULTIVERSION void exchange(const CellNode& cell, const PatchArrays& 
   const double *vx = a.vx.data(), *vy = a.vy.data(), *vz = a.vz.data();
   const double *lx = a.lx.data(), *ly = a.ly.data(), *lz = a.lz.data();
   const double *weight = a.weight.data(), *leg = a.leg.data(), *spread = a.spread.data();
+  BLINDCORNER_INDEPENDENT
   for (int i = 0; i < n; ++i) {
     const double x = px[i] - qx, y = py[i] - qy, z = pz[i] - qz;
     const double r2 = x * x + y * y + z * z;
@@ -237,6 +264,147 @@ BLINDCORNER_MULTIVERSION void exchange(const CellNode& cell, const PatchArrays& 
   }
 }
 
+/// Sums of every patch by itself, for a cell whose half edges are u and v.
+BLINDCORNER_MULTIVERSION void light_of_patches(const Scratch& s, int n, const Vector3d& u,
+                                               const Vector3d& v, LightSums& out) {
+  const double ux = u.x(), uy = u.y(), uz = u.z(), vx = v.x(), vy = v.y(), vz = v.z();
+  const double *w = s.weight.data(), *l = s.path.data(), *var = s.variance.data();
+  const double *dx = s.dx.data(), *dy = s.dy.data(), *dz = s.dz.data();
+  double* __restrict o0 = out.weight.data();
+  double* __restrict o1 = out.first.data();
+  double* __restrict o2 = out.second.data();
+  double* __restrict o3 = out.along_u.data();
+  double* __restrict o4 = out.along_v.data();
+  BLINDCORNER_INDEPENDENT
+  for (int i = 0; i < n; ++i) {
+    const double gu = dx[i] * ux + dy[i] * uy + dz[i] * uz;
+    const double gv = dx[i] * vx + dy[i] * vy + dz[i] * vz;
+    o0[i] = w[i];
+    o1[i] = w[i] * l[i];
+    o2[i] = w[i] * (l[i] * l[i] + var[i] + (gu * gu + gv * gv) / 3);
+    o3[i] = w[i] * gu;
+    o4[i] = w[i] * gv;
+  }
+}
+
+/// Moments of the pairs of groups [begin, end) of `in` with group o of `out`, nodes taken together.
+BLINDCORNER_MULTIVERSION void pair_up(const LightSums& in, std::size_t in_groups, std::size_t begin,
+                                      std::size_t end, const LightSums& out, std::size_t out_groups,
+                                      std::size_t o, std::size_t nodes, double scale, Pulses& p) {
+  double* __restrict weight = p.weight.data();
+  double* __restrict path = p.path.data();
+  double* __restrict variance = p.variance.data();
+  for (std::size_t n = 0; n < nodes; ++n) {
+    const std::size_t b = n * out_groups + o;
+    const double b0 = scale * out.weight[b], b1 = scale * out.first[b],
+                 b2 = scale * out.second[b];
+    const double b3 = scale * 2 / 3 * out.along_u[b], b4 = scale * 2 / 3 * out.along_v[b];
+    const double* a0 = in.weight.data() + n * in_groups + begin;
+    const double* a1 = in.first.data() + n * in_groups + begin;
+    const double* a2 = in.second.data() + n * in_groups + begin;
+    const double* a3 = in.along_u.data() + n * in_groups + begin;
+    const double* a4 = in.along_v.data() + n * in_groups + begin;
+    if (n == 0) {
+      BLINDCORNER_INDEPENDENT
+      for (std::size_t i = 0; i < end - begin; ++i) {
+        weight[i] = a0[i] * b0;
+        path[i] = a1[i] * b0 + a0[i] * b1;
+        variance[i] = a2[i] * b0 + 2 * a1[i] * b1 + a0[i] * b2 + a3[i] * b3 + a4[i] * b4;
+      }
+    } else {
+      BLINDCORNER_INDEPENDENT
+      for (std::size_t i = 0; i < end - begin; ++i) {
+        weight[i] += a0[i] * b0;
+        path[i] += a1[i] * b0 + a0[i] * b1;
+        variance[i] += a2[i] * b0 + 2 * a1[i] * b1 + a0[i] * b2 + a3[i] * b3 + a4[i] * b4;
+      }
+    }
+  }
+}
+
+/// From sums to mean path and variance.
+BLINDCORNER_MULTIVERSION void normalise(Pulses& p, std::size_t count) {
+  double* __restrict weight = p.weight.data();
+  double* __restrict path = p.path.data();
+  double* __restrict variance = p.variance.data();
+  BLINDCORNER_INDEPENDENT
+  for (std::size_t i = 0; i < count; ++i) {
+    const double inverse = weight[i] > 0 ? 1 / weight[i] : 0;
+    path[i] *= inverse;
+    variance[i] = std::max(variance[i] * inverse - path[i] * path[i], 0.0);
+  }
+}
+
+/// Light that comes back from where it fell, of every patch by itself: sums of weight, path and
+/// path squared. `way_in` is one when both outer legs count, zero when they cancel.
+BLINDCORNER_MULTIVERSION void retro_light_of_patches(const Scratch& s, const PatchArrays& a,
+                                                     double scale, const Vector3d& u,
+                                                     const Vector3d& v, double lobe_sigma,
+                                                     double way_in, LightSums& out) {
+  const double ux = u.x(), uy = u.y(), uz = u.z(), vx = v.x(), vy = v.y(), vz = v.z();
+  const double *w = s.weight.data(), *l = s.path.data(), *var = s.variance.data();
+  const double *dx = s.dx.data(), *dy = s.dy.data(), *dz = s.dz.data();
+  const double *nx = a.nx.data(), *ny = a.ny.data(), *nz = a.nz.data();
+  const double *lx = a.lx.data(), *ly = a.ly.data(), *lz = a.lz.data();
+  const double *leg = a.leg.data(), *radiance = a.radiance.data();
+  double* __restrict o0 = out.weight.data();
+  double* __restrict o1 = out.first.data();
+  double* __restrict o2 = out.second.data();
+  const double lobe2 = lobe_sigma * lobe_sigma;
+  const int n = a.size();
+  BLINDCORNER_INDEPENDENT
+  for (int i = 0; i < n; ++i) {
+    const double weight = scale * w[i] * radiance[i];
+    const double r = l[i] - leg[i];
+    // Lobe: p scatters about r by sigma r, stretched along the tilt by 1/cos.
+    const double dn = dx[i] * nx[i] + dy[i] * ny[i] + dz[i] * nz[i];
+    const double cosine = std::max(-dn, 0.05);
+    const double cx = way_in * lx[i] + dx[i];
+    const double cy = way_in * ly[i] + dy[i];
+    const double cz = way_in * lz[i] + dz[i];
+    const double cn = cx * nx[i] + cy * ny[i] + cz * nz[i];
+    const double cd = cx * dx[i] + cy * dy[i] + cz * dz[i];
+    const double tangential2 = cx * cx + cy * cy + cz * cz - cn * cn;
+    const double tilt2 = 1 - dn * dn;
+    const double along2 = tilt2 > 1e-18 ? (cd - cn * dn) * (cd - cn * dn) / tilt2 : 0.0;
+    const double across2 = std::max(tangential2 - along2, 0.0);
+    const double lobe = lobe2 * r * r * (along2 / (cosine * cosine) + across2);
+    const double gu = dx[i] * ux + dy[i] * uy + dz[i] * uz;
+    const double gv = dx[i] * vx + dy[i] * vy + dz[i] * vz;
+    const double path = way_in * 2 * leg[i] + 2 * r;
+    o0[i] = weight;
+    o1[i] = weight * path;
+    o2[i] = weight * (path * path + 4 * var[i] + lobe + 4 * (gu * gu + gv * gv) / 3);
+  }
+}
+
+/// Adds pulses to the two nearest of `count` path cells, each in proportion to nearness and with
+/// moments about the cell's own path, against cancellation.
+BLINDCORNER_MULTIVERSION void add_to_cells(const Pulses& p, std::size_t begin,
+                                           std::size_t end, double cells_per_metre, int count, Sums* cells) {
+  const double step = 1 / cells_per_metre;
+  for (std::size_t i = begin; i < end; ++i) {
+    const double weight = p.weight[i];
+    const double position = p.path[i] * cells_per_metre + kCellMargin;
+    if (!(weight > 0 && position >= 0 && position < count - 1)) continue;
+    const auto cell = static_cast<int>(position);
+    const double share = position - cell;
+    const double offset = share * step;
+    const double variance = p.variance[i];
+    const double near = weight * (1 - share);
+    const double far = weight * share;
+    Sums& a = cells[cell];
+    a.weight += near;
+    a.first += near * offset;
+    a.second += near * (offset * offset + variance);
+    const double behind = offset - step;
+    Sums& b = cells[cell + 1];
+    b.weight += far;
+    b.first += far * behind;
+    b.second += far * (behind * behind + variance);
+  }
+}
+
 class FastModel final : public ForwardModel {
  public:
   FastModel(const Scene& scene, const SensorPlacement& placement, const FastModelOptions& options);
@@ -245,12 +413,25 @@ class FastModel final : public ForwardModel {
   void three_bounce(const PoseVector& pose, HistogramCube& out) const override;
   const HistogramCube& direct_return() const override { return direct_; }
   const TransportPlan& plan() const override { return plan_; }
+  std::optional<Fidelity> fidelity() const override { return fidelity_; }
 
  private:
   using Shadows = std::vector<ShadowView>;  // one per node; empty without occluders
 
-  void sample_relay(double spread, double aspect, double tolerance);
-  void sample_object(double spread, double aspect, double tolerance);
+  struct Limits {
+    double spread;    ///< m, path spread that one Gaussian may stand for
+    double aspect;    ///< edge against distance of a cell with Gauss nodes
+    double midpoint;  ///< the same where the centre alone will do
+  };
+  Limits limits(double tolerance, double coarseness) const;
+  void choose_fidelity(const FastModelOptions& options);
+  double coarsest(const std::vector<PoseVector>& poses, double tolerance,
+                  const std::function<int(double)>& sample) const;
+  std::vector<PoseVector> probe_poses() const;
+  static double largest_change(const std::vector<HistogramCube>& coarse,
+                               const std::vector<HistogramCube>& fine);
+  void sample_relay(const Limits& limits, double tolerance);
+  void sample_object(const Limits& limits);
   /// Whether any seen patch may lie on the cell's front side.
   bool faces_relay(const SurfaceCell& cell) const {
     return std::any_of(seen_.blocks.begin(), seen_.blocks.end(), [&](const auto& block) {
@@ -264,10 +445,11 @@ class FastModel final : public ForwardModel {
                      Scratch& s) const;
   void shade(const CellNode& node, const PatchArrays& arrays, const ShadowView& shadows, int patch,
              Scratch& s) const;
-  void group_moments(const PatchArrays& arrays, const Scratch& s, Moments* groups) const;
-  void add_pulse(Scratch& s, int zone, const Sums& sums) const;
+  static void sum_groups(const PatchArrays& arrays, const LightSums& patches, std::size_t node,
+                         LightSums& groups);
+  void add_pulses(Scratch& s, int zone, std::size_t begin, std::size_t end) const;
+  void add_seen_pulses(Scratch& s, std::size_t per_group) const;
   void flush(Scratch& s) const;
-  void add_pulse(Scratch& s, int zone, double weight, double path, double variance) const;
 
   Scene scene_;
   RelaySetup setup_;
@@ -276,7 +458,9 @@ class FastModel final : public ForwardModel {
   double pulse_sigma_;     ///< m of path, pulse, bin and extra blur together
   double extra_variance_;  ///< s^2
   double object_edge_ = 1.0;
+  int object_nodes_ = 0;          ///< of the scene's own placement
   bool object_midpoint_ = false;  ///< cells are so small that their centres will do
+  Fidelity fidelity_;
   PulseTable pulses_;
   HistogramCube direct_;
   PatchArrays lit_;   ///< of the flash field, or of all zones one after the other (confocal)
@@ -311,15 +495,125 @@ FastModel::FastModel(const Scene& scene, const SensorPlacement& placement,
                            std::pow(scene.sensor.response.core_sigma(), 2), 1e-7);
     direct_ = setup_.direct_return(tails, 10, true);
   }
-  // The largest path spread that one Gaussian may stand for, and the largest cell against its
-  // distance, both from the tolerance.
+  choose_fidelity(options);
+}
+
+/// Limits of sampling in units of those that the closed-form estimates give for the tolerance.
+FastModel::Limits FastModel::limits(double tolerance, double coarseness) const {
   // Six axes share each limit: two each of what is lit, what is seen and the object.
   constexpr double kAxes = 6;
-  const double spread =
-      pulse_sigma_ * std::pow(options.tolerance / kClosureError, 0.25) / std::sqrt(kAxes);
-  const double aspect = std::pow(options.tolerance / kQuadratureError / kAxes, 0.25);
-  sample_relay(spread, aspect, options.tolerance);
-  sample_object(spread, aspect, options.tolerance);
+  Limits l;
+  l.spread = coarseness * pulse_sigma_ * std::pow(tolerance / kClosureError, 0.25) /
+             std::sqrt(kAxes);
+  l.aspect = coarseness * std::pow(tolerance / kQuadratureError / kAxes, 0.25);
+  l.midpoint = coarseness * std::sqrt(tolerance / kMidpointError);
+  return l;
+}
+
+/// The cheapest sampling that meets the tolerance: limits become stricter until going on to at least
+/// twice as many cells would change no bin of any probed pose by more than the tolerance (of the
+/// pose's peak). The error falls with the fourth power of a cell's edges, so the change is at least
+/// three quarters of the coarser one's error. Object and relay share the tolerance.
+void FastModel::choose_fidelity(const FastModelOptions& options) {
+  const auto sample_both = [&](double relay, double object) {
+    sample_relay(limits(options.tolerance, relay), options.tolerance);
+    sample_object(limits(options.tolerance, object));
+  };
+  if (options.fidelity) {
+    fidelity_ = *options.fidelity;
+    sample_both(fidelity_.relay, fidelity_.object);
+    return;
+  }
+  const std::vector<PoseVector> poses = probe_poses();
+  const auto object = [&](double c) {
+    sample_object(limits(options.tolerance, c));
+    return object_nodes_;
+  };
+  const auto relay = [&](double c) {
+    sample_relay(limits(options.tolerance, c), options.tolerance);
+    return lit_.size() + seen_.size();
+  };
+  sample_both(2, 2);
+  fidelity_.object = coarsest(poses, 0.5 * options.tolerance, object);
+  object(fidelity_.object);
+  fidelity_.relay = coarsest(poses, 0.5 * options.tolerance, relay);
+  relay(fidelity_.relay);
+}
+
+/// `sample` takes a coarseness and returns how many cells it made.
+double FastModel::coarsest(const std::vector<PoseVector>& poses, double tolerance,
+                           const std::function<int(double)>& sample) const {
+  constexpr double kCoarsest = 5.657;
+  constexpr double kFinest = 0.45;
+  const double step = std::sqrt(0.5);
+  // Borders of surfaces and shadows converge slowly: below this, finer cells that gain next to
+  // nothing are not worth their time.
+  constexpr double kStagnates = 0.05;
+  struct Candidate {
+    double coarseness;
+    int cells;
+    std::vector<HistogramCube> cubes;
+  };
+  std::vector<Candidate> candidates;
+  std::size_t next = 0;
+  double before = std::numeric_limits<double>::infinity();
+  for (double c = kCoarsest; c > kFinest; c *= step) {
+    const int cells = sample(c);
+    if (!candidates.empty() && candidates.back().cells == cells) continue;
+    candidates.push_back({c, cells, std::vector<HistogramCube>(poses.size())});
+    const Candidate& fine = candidates.back();
+    for (std::size_t i = 0; i < poses.size(); ++i) {
+      three_bounce(poses[i], candidates.back().cubes[i]);
+    }
+    for (; fine.cells >= 2 * candidates[next].cells; ++next) {
+      const double change = largest_change(candidates[next].cubes, fine.cubes);
+      const bool stagnates = change < kStagnates && change > 0.8 * before;
+      if (change < tolerance || stagnates) return candidates[next].coarseness;
+      before = change;
+    }
+  }
+  return candidates.back().coarseness;
+}
+
+/// Poses at which errors are estimated: a low-discrepancy sequence in the search region.
+std::vector<PoseVector> FastModel::probe_poses() const {
+  constexpr int kPoses = 8;
+  constexpr std::array<int, 6> kPrimes{2, 3, 5, 7, 11, 13};
+  std::vector<PoseVector> poses;
+  for (int i = 0; i < (scene_.unknowns.empty() ? 1 : kPoses); ++i) {
+    PoseVector pose(static_cast<Eigen::Index>(scene_.unknowns.size()));
+    for (std::size_t k = 0; k < scene_.unknowns.size(); ++k) {
+      // Radical inverse (Halton).
+      const int base = kPrimes[k % kPrimes.size()];
+      double t = 0;
+      double digit = 1.0 / base;
+      for (int n = i + 1; n > 0; n /= base, digit /= base) t += digit * (n % base);
+      pose[static_cast<Eigen::Index>(k)] =
+          scene_.unknowns[k].lower + t * scene_.unknowns[k].range();
+    }
+    poses.push_back(pose);
+  }
+  return poses;
+}
+
+/// Largest change of a bin, relative to the peak of its pose; poses that give next to no light do
+/// not count.
+double FastModel::largest_change(const std::vector<HistogramCube>& coarse,
+                                 const std::vector<HistogramCube>& fine) {
+  constexpr double kDark = 1e-3;
+  std::vector<double> peaks;
+  for (const HistogramCube& cube : fine) {
+    peaks.push_back(*std::max_element(cube.values.begin(), cube.values.end()));
+  }
+  const double brightest = *std::max_element(peaks.begin(), peaks.end());
+  double largest = 0;
+  for (std::size_t i = 0; i < fine.size(); ++i) {
+    if (peaks[i] <= kDark * brightest) continue;
+    for (std::size_t k = 0; k < fine[i].values.size(); ++k) {
+      largest = std::max(largest, std::abs(coarse[i].values[k] - fine[i].values[k]) / peaks[i]);
+    }
+  }
+  return largest;
 }
 
 /// How bright parts of the relay are, judged over the probed placements: dim parts may be sampled
@@ -364,7 +658,9 @@ class Brightness {
 /// probed placements: a bound for the typical pose, not for the one that touches the relay. Parts
 /// below which a share C of the light comes may be (0.5 / C)^0.15 coarser: their closure error
 /// grows with the fourth power, and the sum of share times error stays within a factor of two.
-void FastModel::sample_relay(double spread, double aspect, double tolerance) {
+void FastModel::sample_relay(const Limits& limits, double tolerance) {
+  lit_ = {};
+  seen_ = {};
   std::vector<Vector3d> objects;
   for (const Placement& p : probe_placements(scene_)) {
     objects.push_back(object_to_world(scene_.hidden.shape, scene_.hidden.anchor, p).translation());
@@ -372,11 +668,10 @@ void FastModel::sample_relay(double spread, double aspect, double tolerance) {
   const Vector3d origin = setup_.origin();
   const bool single = plan_.kernel == Kernel::retro_single;
   RelaySampling sampling;
-  const double midpoint = std::sqrt(tolerance / kMidpointError);
   sampling.gauss = [&](const RelayPatch& patch) {
     const double edge = 2 * std::max(patch.half_u.norm(), patch.half_v.norm());
     return std::any_of(objects.begin(), objects.end(), [&](const Vector3d& q) {
-      return edge > midpoint * (patch.center - q).norm();
+      return edge > limits.midpoint * (patch.center - q).norm();
     });
   };
   const auto splitter = [&](const Brightness& brightness) {
@@ -395,9 +690,11 @@ void FastModel::sample_relay(double spread, double aspect, double tolerance) {
       }
       const auto count = static_cast<double>(objects.size());
       const double u =
-          std::max(std::sqrt(path_u / count) / spread, std::sqrt(angle_u / count) / aspect);
+          std::max(std::sqrt(path_u / count) / limits.spread,
+                   std::sqrt(angle_u / count) / limits.aspect);
       const double v =
-          std::max(std::sqrt(path_v / count) / spread, std::sqrt(angle_v / count) / aspect);
+          std::max(std::sqrt(path_v / count) / limits.spread,
+                   std::sqrt(angle_v / count) / limits.aspect);
       if (std::max(u, v) <= relaxed) return 0;
       return u >= v ? 1 : 2;
     };
@@ -442,7 +739,7 @@ void FastModel::sample_relay(double spread, double aspect, double tolerance) {
 
 /// Divides the object until its cells meet both limits, cells weighted with the light that they
 /// would exchange.
-void FastModel::sample_object(double spread, double aspect, double tolerance) {
+void FastModel::sample_object(const Limits& limits) {
   const double extent = 2 * bounding_radius(scene_.hidden.shape, Anchor::center);
   const int stride = std::max(1, seen_.size() / 64);
   for (object_edge_ = extent; object_edge_ > extent / 64; object_edge_ /= 1.25) {
@@ -467,9 +764,16 @@ void FastModel::sample_object(double spread, double aspect, double tolerance) {
       }
     }
     if (weight <= 0) continue;
-    object_midpoint_ = std::sqrt(angle / weight) <= std::sqrt(tolerance / kMidpointError);
-    if (std::sqrt(path / weight) <= spread && std::sqrt(angle / weight) <= aspect) break;
+    object_midpoint_ = std::sqrt(angle / weight) <= limits.midpoint;
+    if (std::sqrt(path / weight) <= limits.spread && std::sqrt(angle / weight) <= limits.aspect) {
+      break;
+    }
   }
+  const Transform T =
+      object_to_world(scene_.hidden.shape, scene_.hidden.anchor, scene_.hidden.placement);
+  const auto cells =
+      divide(scene_.hidden.shape, T, scene_.hidden.placement.size, object_edge_, 1).size();
+  object_nodes_ = static_cast<int>(cells) * (object_midpoint_ ? 1 : kNodes);
 }
 
 /// Weights, paths and directions between a node and all patches, shadows included.
@@ -515,38 +819,47 @@ void FastModel::shade(const CellNode& node, const PatchArrays& arrays, const Sha
   s.cosine[k] = cell_cosine;
 }
 
-void FastModel::group_moments(const PatchArrays& arrays, const Scratch& s, Moments* groups) const {
-  std::size_t begin = 0;
-  for (std::size_t g = 0; g < arrays.group_end.size(); ++g) {
-    const auto end = static_cast<std::size_t>(arrays.group_end[g]);
-    const double base = s.path[begin];
-    Sums sums;
-    double gx = 0, gy = 0, gz = 0;
-    for (std::size_t i = begin; i < end; ++i) {
-      sums.add(s.weight[i], s.path[i] - base, s.variance[i]);
-      gx -= s.weight[i] * s.dx[i];
-      gy -= s.weight[i] * s.dy[i];
-      gz -= s.weight[i] * s.dz[i];
+void FastModel::sum_groups(const PatchArrays& arrays, const LightSums& patches, std::size_t node,
+                           LightSums& groups) {
+  const std::size_t count = arrays.group_end.size();
+  const auto sum = [&](const std::vector<double>& from, std::vector<double>& to) {
+    double* out = to.data() + node * count;
+    if (count == static_cast<std::size_t>(arrays.size())) {
+      std::copy_n(from.begin(), count, out);
+      return;
     }
-    begin = end;
-    groups[g] = {};
-    if (sums.weight <= 0) continue;
-    const double mean = sums.first / sums.weight;
-    groups[g] = {sums.weight, base + mean, std::max(sums.second / sums.weight - mean * mean, 0.0),
-                 Vector3d(gx, gy, gz) / sums.weight};
-  }
+    std::size_t i = 0;
+    for (std::size_t g = 0; g < count; ++g) {
+      double total = 0;
+      for (const auto end = static_cast<std::size_t>(arrays.group_end[g]); i < end; ++i) {
+        total += from[i];
+      }
+      out[g] = total;
+    }
+  };
+  sum(patches.weight, groups.weight);
+  sum(patches.first, groups.first);
+  sum(patches.second, groups.second);
+  sum(patches.along_u, groups.along_u);
+  sum(patches.along_v, groups.along_v);
 }
 
-void FastModel::add_pulse(Scratch& s, int zone, double weight, double path, double variance) const {
-  const double position = path * cells_per_metre_ + kCellMargin;
-  if (!(position >= 0 && position < path_cells_ - 1)) return;
-  const auto cell = static_cast<std::size_t>(position);
-  const double share = position - static_cast<double>(cell);
-  Sums* cells = s.cells.data() + static_cast<std::ptrdiff_t>(zone) * path_cells_ + cell;
-  // Relative to the cell's own path, against cancellation.
-  const double offset = share / cells_per_metre_;
-  cells[0].add(weight * (1 - share), offset, variance);
-  cells[1].add(weight * share, offset - 1 / cells_per_metre_, variance);
+/// Pulses [begin, end) go to the cells of a zone.
+void FastModel::add_pulses(Scratch& s, int zone, std::size_t begin, std::size_t end) const {
+  add_to_cells(s.pulses, begin, end, cells_per_metre_, path_cells_,
+               s.cells.data() + static_cast<std::ptrdiff_t>(zone) * path_cells_);
+}
+
+/// All pulses, given as sums, go to the zones of the seen groups, `per_group` for each.
+void FastModel::add_seen_pulses(Scratch& s, std::size_t per_group) const {
+  const std::size_t groups = seen_.group_zone.size();
+  normalise(s.pulses, groups * per_group);
+  for (std::size_t begin = 0; begin < groups;) {
+    std::size_t end = begin;
+    while (end < groups && seen_.group_zone[end] == seen_.group_zone[begin]) ++end;
+    add_pulses(s, seen_.group_zone[begin], begin * per_group, end * per_group);
+    begin = end;
+  }
 }
 
 /// One pulse for each path cell that holds light.
@@ -567,46 +880,40 @@ void FastModel::flush(Scratch& s) const {
   }
 }
 
-void FastModel::add_pulse(Scratch& s, int zone, const Sums& sums) const {
-  if (sums.weight <= 0) return;
-  const double mean = sums.first / sums.weight;
-  add_pulse(s, zone, sums.weight, mean, std::max(sums.second / sums.weight - mean * mean, 0.0));
-}
-
-/// Light arriving and light leaving, moments per node and group, one pulse per pair of groups with
-/// the nodes of the cell taken together.
+/// Light arriving and light leaving, sums per node and group, one pulse per pair of groups with the
+/// nodes of the cell taken together.
 void FastModel::lambertian(const CellNodes& cell, const Shadows& shadows, Scratch& s) const {
   const std::size_t in_groups = lit_.group_end.size();
   const std::size_t out_groups = seen_.group_end.size();
   s.in.resize(cell.count * in_groups);
   s.out.resize(cell.count * out_groups);
+  s.patches.resize(static_cast<std::size_t>(std::max(lit_.size(), seen_.size())));
+  s.pulses.resize(in_groups);
   for (std::size_t n = 0; n < cell.count; ++n) {
     const ShadowView* view = shadows.empty() ? nullptr : &shadows[n];
     light_between(cell.nodes[n], lit_, view, s);
-    group_moments(lit_, s, s.in.data() + n * in_groups);
+    light_of_patches(s, lit_.size(), cell.half_u, cell.half_v, s.patches);
+    sum_groups(lit_, s.patches, n, s.in);
     light_between(cell.nodes[n], seen_, view, s);
-    group_moments(seen_, s, s.out.data() + n * out_groups);
+    light_of_patches(s, seen_.size(), cell.half_u, cell.half_v, s.patches);
+    sum_groups(seen_, s.patches, n, s.out);
   }
-  const double scattered = scene_.hidden.albedo / kPi;
+  const double scale = scene_.hidden.albedo / kPi * cell.nodes[0].area;  // nodes share the area
   for (std::size_t o = 0; o < out_groups; ++o) {
-    for (std::size_t i = 0; i < in_groups; ++i) {
-      if (confocal_ && lit_.group_zone[i] != seen_.group_zone[o]) continue;
-      Sums sums;
-      double base = 0;
-      for (std::size_t n = 0; n < cell.count; ++n) {
-        const Moments& in = s.in[n * in_groups + i];
-        const Moments& out = s.out[n * out_groups + o];
-        const double weight = scattered * cell.nodes[n].area * in.weight * out.weight;
-        if (weight <= 0) continue;
-        if (sums.weight == 0) base = in.path + out.path;
-        sums.add(weight, in.path + out.path - base,
-                 in.variance + out.variance + cell.variance(in.gradient + out.gradient));
-      }
-      if (sums.weight <= 0) continue;
-      const double mean = sums.first / sums.weight;
-      add_pulse(s, seen_.group_zone[o], sums.weight, base + mean,
-                std::max(sums.second / sums.weight - mean * mean, 0.0));
+    const int zone = seen_.group_zone[o];
+    std::size_t begin = 0;
+    std::size_t end = in_groups;
+    if (confocal_) {  // groups come zone by zone
+      const auto range = std::equal_range(lit_.group_zone.begin(), lit_.group_zone.end(), zone);
+      begin = static_cast<std::size_t>(range.first - lit_.group_zone.begin());
+      end = static_cast<std::size_t>(range.second - lit_.group_zone.begin());
     }
+    double light = 0;
+    for (std::size_t n = 0; n < cell.count; ++n) light += s.out.weight[n * out_groups + o];
+    if (light <= 0) continue;
+    pair_up(s.in, in_groups, begin, end, s.out, out_groups, o, cell.count, scale, s.pulses);
+    normalise(s.pulses, end - begin);
+    add_pulses(s, zone, 0, end - begin);
   }
 }
 
@@ -616,35 +923,26 @@ void FastModel::retro_single(const CellNodes& cell, const Shadows& shadows, Scra
   const double sigma = std::get<RetroreflectiveMaterial>(scene_.hidden.material).lobe_sigma;
   // Both outer legs are the patch's own; counted from the relay they cancel.
   const double way_in = scene_.sensor.path_origin == PathOrigin::sensor ? 1 : 0;
-  const PatchArrays& a = seen_;
-  s.sums.assign(a.group_end.size(), {});
+  const std::size_t groups = seen_.group_end.size();
+  s.patches.resize(static_cast<std::size_t>(seen_.size()));
+  s.pulses.resize(groups);
+  std::fill_n(s.pulses.weight.begin(), groups, 0.0);
+  std::fill_n(s.pulses.path.begin(), groups, 0.0);
+  std::fill_n(s.pulses.variance.begin(), groups, 0.0);
   for (std::size_t n = 0; n < cell.count; ++n) {
-    light_between(cell.nodes[n], a, shadows.empty() ? nullptr : &shadows[n], s);
-    int begin = 0;
-    for (std::size_t g = 0; g < a.group_end.size(); ++g) {
-      for (int i = begin; i < a.group_end[g]; ++i) {
-        const auto k = static_cast<std::size_t>(i);
-        const double w = s.weight[k] * a.radiance[k] * scene_.hidden.albedo * cell.nodes[n].area;
-        if (w <= 0) continue;
-        const Vector3d d(s.dx[k], s.dy[k], s.dz[k]);
-        const double r = s.path[k] - a.leg[k];
-        // Lobe: p scatters about r by sigma r, stretched along the tilt by 1/cos.
-        const Vector3d normal = a.normal(i);
-        const double cosine = std::max(-d.dot(normal), 0.05);
-        const Vector3d change = way_in * a.leg_direction(i) + d;
-        const Vector3d tangential = change - change.dot(normal) * normal;
-        const Vector3d tilt = d - d.dot(normal) * normal;
-        const double tilt_norm = tilt.norm();
-        const double along = tilt_norm > 1e-9 ? tangential.dot(tilt) / tilt_norm : 0.0;
-        const double across2 = std::max(tangential.squaredNorm() - along * along, 0.0);
-        const double lobe = sigma * sigma * r * r * (along * along / (cosine * cosine) + across2);
-        s.sums[g].add(w, way_in * 2 * a.leg[k] + 2 * r,
-                      4 * s.variance[k] + lobe + 4 * cell.variance(d));
+    light_between(cell.nodes[n], seen_, shadows.empty() ? nullptr : &shadows[n], s);
+    retro_light_of_patches(s, seen_, scene_.hidden.albedo * cell.nodes[n].area, cell.half_u, cell.half_v, sigma, way_in,
+                           s.patches);
+    std::size_t i = 0;
+    for (std::size_t g = 0; g < groups; ++g) {
+      for (const auto end = static_cast<std::size_t>(seen_.group_end[g]); i < end; ++i) {
+        s.pulses.weight[g] += s.patches.weight[i];
+        s.pulses.path[g] += s.patches.first[i];
+        s.pulses.variance[g] += s.patches.second[i];
       }
-      begin = a.group_end[g];
     }
   }
-  for (std::size_t g = 0; g < a.group_end.size(); ++g) add_pulse(s, a.group_zone[g], s.sums[g]);
+  add_seen_pulses(s, 1);
 }
 
 /// Wide lobes: every pair of a lit and a seen patch, weighted with the lobe averaged over both
@@ -708,9 +1006,13 @@ void FastModel::retro_pairs(const CellNodes& cell, const Shadows& shadows, Scrat
       }
     }
   }
-  for (std::size_t g = 0; g < s.sums.size(); ++g) {
-    add_pulse(s, seen_.group_zone[g / in_groups], s.sums[g]);
+  s.pulses.resize(s.sums.size());
+  for (std::size_t i = 0; i < s.sums.size(); ++i) {
+    s.pulses.weight[i] = s.sums[i].weight;
+    s.pulses.path[i] = s.sums[i].first;
+    s.pulses.variance[i] = s.sums[i].second;
   }
+  add_seen_pulses(s, in_groups);
 }
 
 void FastModel::three_bounce(const PoseVector& pose, HistogramCube& out) const {
@@ -765,6 +1067,9 @@ void FastModelOptions::validate() const {
   }
   if (!(extra_pulse_sigma >= 0)) {
     throw Error("FastModelOptions.extra_pulse_sigma", "accepted: at least 0 s");
+  }
+  if (fidelity && !(fidelity->relay > 0 && fidelity->object > 0)) {
+    throw Error("FastModelOptions.fidelity", "accepted: both above 0");
   }
 }
 

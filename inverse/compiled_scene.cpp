@@ -220,6 +220,7 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
     fast.extra_pulse_sigma = extra_sigma;
     for (const SensorPlacement& placement : placements) {
       set.push_back(make_fast_model(scene, placement, fast));
+      fast.fidelity = set.front()->fidelity();
     }
     return set;
   };

@@ -61,12 +61,16 @@ bool same(const std::vector<SensorPlacement>& a, const std::vector<SensorPlaceme
 
 std::unique_ptr<MovedModels> move_sensor(const Scene& scene,
                                          const std::vector<SensorPlacement>& placements,
+                                         const CompiledScene& compiled,
                                          const FitOptions& options) {
   auto moved = std::make_unique<MovedModels>();
   for (std::size_t i = 0; i < 6; ++i) {
     moved->step[i] = kSensorStep;
     for (const double sign : {1.0, -1.0}) {
       ModelSet& set = sign > 0 ? moved->plus[i] : moved->minus[i];
+      FastModelOptions fast;
+      fast.tolerance = options.model_tolerance;
+      fast.fidelity = compiled.models().front()->fidelity();
       for (SensorPlacement placement : placements) {
         if (i < 3) {
           placement.T_world_sensor.translation()[static_cast<int>(i)] += sign * kSensorStep;
@@ -76,7 +80,7 @@ std::unique_ptr<MovedModels> move_sensor(const Scene& scene,
                                 Eigen::Vector3d::Unit(static_cast<int>(i) - 3)) *
               placement.T_world_sensor.linear();
         }
-        set.push_back(make_fast_model(scene, placement, {options.model_tolerance, 0.0}));
+        set.push_back(make_fast_model(scene, placement, fast));
       }
     }
   }
@@ -232,7 +236,7 @@ struct Fitter::Impl {
       GridOptions grid;
       grid.max_poses = options.max_scored_poses;
       entry->compiled = compile(scene, placements, options, grid);
-      if (scene.sensor_covariance) entry->moved = move_sensor(scene, placements, options);
+      if (scene.sensor_covariance) entry->moved = move_sensor(scene, placements, *entry->compiled, options);
     });
     return *entry;
   }

@@ -26,6 +26,12 @@ SensorPlacement sensor_placement(const Scene& scene, const Capture* capture = nu
 /// with the captures pass.
 void check_relay_visible(const Scene& scene);
 
+/// How coarsely the fast model samples, in units of what closed-form estimates ask for.
+struct Fidelity {
+  double relay = 1.0;
+  double object = 1.0;
+};
+
 /// Expected light of a scene. Thread safe: all methods are const and keep no state.
 class ForwardModel {
  public:
@@ -47,6 +53,9 @@ class ForwardModel {
   virtual const HistogramCube& direct_return() const = 0;
 
   virtual const TransportPlan& plan() const = 0;
+
+  /// Sampling that the fast model chose; nothing for the reference renderer.
+  virtual std::optional<Fidelity> fidelity() const { return std::nullopt; }
 };
 
 /// Sampling of the reference renderer: uniform, denser than and different from the fast model's.
@@ -65,12 +74,14 @@ std::unique_ptr<ForwardModel> make_reference_renderer(const Scene& scene,
                                                       const ReferenceOptions& options = {});
 
 struct FastModelOptions {
-  /// Relative L2 error against the reference that sampling aims at. An estimate for typical poses,
-  /// not a bound: measured errors lie between 0.4 and 4 times this. It sets how much path spread
-  /// one Gaussian pulse may stand for and how large a cell may be against its distance.
+  /// Largest error of a bin relative to the pose's peak. The model takes the coarsest sampling
+  /// whose error, estimated by halving its cells at eight poses of the search region, is below
+  /// this: an estimate, not a bound for every pose.
   double tolerance = 0.01;
   /// Standard deviation of an extra Gaussian pulse, s: widens the basins of attraction.
   double extra_pulse_sigma = 0.0;
+  /// Sampling found for a like placement of the same scene, to save the search for it.
+  std::optional<Fidelity> fidelity;
 
   void validate() const;
 };
