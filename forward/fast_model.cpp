@@ -21,7 +21,7 @@
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
 #include "blindcorner/forward/forward_model.h"
-#include "multiversion.h"
+#include "blindcorner/forward/multiversion.h"
 #include "relay_setup.h"
 
 namespace blindcorner {

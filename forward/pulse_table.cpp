@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "multiversion.h"
+#include "blindcorner/forward/multiversion.h"
 
 namespace blindcorner {
 

@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "blindcorner/forward/constants.h"
+#include "blindcorner/forward/multiversion.h"
 
 namespace blindcorner {
 namespace {
@@ -123,6 +124,65 @@ BinLikelihood::Terms BinLikelihood::terms(double n, double m) const {
   t.first = -d / v - 0.5 * d * d * slope / (v * v) + 0.5 * slope / v;
   t.second = 1 / v + 2 * d * slope / (v * v) + d * d * slope * slope / (v * v * v) -
              0.5 * slope * slope / (v * v);
+  return t;
+}
+
+namespace {
+
+BLINDCORNER_MULTIVERSION void gaussian_slopes(const double* n, const double* m, int bins,
+                                              double floor, double per_count, double* first,
+                                              double* second) {
+  BLINDCORNER_INDEPENDENT
+  for (int i = 0; i < bins; ++i) {
+    const double inverse = 1 / (floor + per_count * std::max(m[i], 0.0));
+    const double slope = m[i] > 0 ? per_count * inverse : 0.0;
+    const double d = n[i] - m[i];
+    const double square = d * d * inverse;
+    first[i] = -d * inverse - 0.5 * slope * (square - 1);
+    second[i] = inverse + 2 * d * slope * inverse + slope * slope * (square - 0.5);
+  }
+}
+
+}  // namespace
+
+void BinLikelihood::slopes(const double* n, const double* m, int bins, double* first,
+                           double* second) const {
+  gaussian_slopes(n, m, bins, floor_, per_count_, first, second);
+  for (int i = 0; i < bins; ++i) {
+    if (censored_ && n[i] <= 0) {
+      const double v = variance(m[i]);
+      const double inverse_sigma = 1 / std::sqrt(v);
+      double log_phi = 0;
+      double ratio = 0;
+      const double x = -m[i] * inverse_sigma;
+      log_normal_tail(x, log_phi, ratio);
+      const double slope = m[i] > 0 ? per_count_ / v : 0.0;
+      const double dx = inverse_sigma * (0.5 * m[i] * slope - 1);
+      const double ddx = slope * inverse_sigma * (1 - 0.75 * m[i] * slope);
+      first[i] = -ratio * dx;
+      second[i] = ratio * (x + ratio) * dx * dx - ratio * ddx;
+    }
+    if (!(second[i] > 0)) second[i] = information(m[i]);
+  }
+}
+
+BinLikelihood::Terms BinLikelihood::equal_bins(double bins, double sum, double squares,
+                                               double m) const {
+  Terms t;
+  if (poisson_) {
+    t.value = scale_ * (bins * m - (sum > 0 ? sum * std::log(m) : 0.0));
+    t.first = scale_ * (bins - sum / m);
+    t.second = scale_ * (sum / m) / m;
+    return t;
+  }
+  const double v = variance(m);
+  const double slope = m > 0 ? per_count_ / v : 0.0;
+  const double d = sum - bins * m;
+  const double square = std::max(squares - 2 * m * sum + bins * m * m, 0.0) / v;
+  t.value = 0.5 * square + 0.5 * bins * std::log(v);
+  t.first = -d / v - 0.5 * slope * (square - bins);
+  t.second = bins / v + 2 * d * slope / v + slope * slope * (square - 0.5 * bins);
+  if (!(t.second > 0)) t.second = bins * information(m);
   return t;
 }
 

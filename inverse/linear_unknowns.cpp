@@ -16,6 +16,13 @@ constexpr double kQuadratic = 1e-6;
 /// Expected photons at which the ambient light of a whole zone is taken as none.
 constexpr double kAmbientFloor = 1e-6;
 
+double half_deviance(const BinLikelihood& law, const ObservedZone& zone, std::size_t bin,
+                     double m) {
+  const double n = zone.counts[bin];
+  if (!law.poisson()) return law.value(n, m) - zone.least[bin];
+  return law.scale() * (n > 0 ? m - n + n * std::log(n / std::max(m, 1e-300)) : m);
+}
+
 double log_normal_prior(double log_a, const AmplitudePrior& prior) {
   const double u = (log_a - std::log(prior.median)) / prior.sigma_log;
   return -0.5 * u * u - std::log(prior.sigma_log * std::sqrt(2 * kPi));
@@ -38,15 +45,23 @@ LinearSolver::LinearSolver(const Observation& observation, const LinearUnknowns&
     const double all_bins = zone.bins() + zone.outside_bins;
     ambient_floor_.push_back(law.poisson() ? kAmbientFloor / (all_bins * law.scale()) : -1e300);
     residual_count_ += zone.bins() + (law.poisson() && zone.outside_bins > 0 ? 1 : 0);
-    // Bins without object light never change when nothing else is unknown.
-    std::vector<double> prefix(1, 0.0);
-    if (unknowns_.ambient == LinearMode::fixed && !law.poisson()) {
-      for (std::size_t k = 0; k < zone.counts.size(); ++k) {
-        prefix.push_back(prefix.back() + law.value(zone.counts[k], unknowns_.fixed_ambient) -
-                         zone.least[k]);
+    std::vector<Prefix> prefix(1);
+    for (std::size_t k = 0; k < zone.counts.size(); ++k) {
+      const double n = zone.counts[k];
+      Prefix next = prefix.back();
+      next.count += n;
+      next.square += n * n;
+      if (law.poisson()) {
+        next.constant += n > 0 ? law.scale() * (n * std::log(n) - n) : 0.0;
+      } else {
+        next.constant -= zone.least[k];
       }
+      if (unknowns_.ambient == LinearMode::fixed) {
+        next.fixed += half_deviance(law, zone, k, unknowns_.fixed_ambient);
+      }
+      prefix.push_back(next);
     }
-    zero_prefix_.push_back(std::move(prefix));
+    prefix_.push_back(std::move(prefix));
   }
   const std::size_t amplitudes =
       unknowns_.amplitude == LinearMode::shared
@@ -55,73 +70,131 @@ LinearSolver::LinearSolver(const Observation& observation, const LinearUnknowns&
   residual_count_ += static_cast<int>(amplitudes);
 }
 
-LinearSolver::Local LinearSolver::local(const ObservedZone& zone, const ZoneShapes& shapes,
-                                        double amplitude, double ambient, double direct) const {
+bool LinearSolver::summable(const ObservedZone& zone) const {
+  return unknowns_.ambient == LinearMode::fixed || !observation_.law(zone).censored();
+}
+
+LinearSolver::Lit LinearSolver::lit(std::size_t zone, const ZoneShapes& shapes) const {
+  Lit result;
+  const ObservedZone& observed = observation_.zones[zone];
+  if (!summable(observed)) {
+    result.ranges[0] = {0, observed.bins()};
+    result.count = 1;
+    return result;
+  }
+  std::pair<int, int> first{shapes.object_first, shapes.object_end};
+  std::pair<int, int> second{shapes.direct_first, shapes.direct_end};
+  if (first > second) std::swap(first, second);
+  if (first.first < first.second) result.ranges[result.count++] = first;
+  if (second.first < second.second) {
+    if (result.count > 0 && second.first <= first.second) {
+      result.ranges[0].second = std::max(first.second, second.second);
+    } else {
+      result.ranges[result.count++] = second;
+    }
+  }
+  const std::vector<Prefix>& prefix = prefix_[zone];
+  result.rest = prefix.back();
+  result.rest_bins = observed.bins();
+  for (std::size_t r = 0; r < result.count; ++r) {
+    const Prefix& begin = prefix[static_cast<std::size_t>(result.ranges[r].first)];
+    const Prefix& end = prefix[static_cast<std::size_t>(result.ranges[r].second)];
+    result.rest_bins -= result.ranges[r].second - result.ranges[r].first;
+    result.rest.count -= end.count - begin.count;
+    result.rest.square -= end.square - begin.square;
+    result.rest.constant -= end.constant - begin.constant;
+    result.rest.fixed -= end.fixed - begin.fixed;
+  }
+  return result;
+}
+
+LinearSolver::Local LinearSolver::local(std::size_t z, const ZoneShapes& shapes, double amplitude,
+                                        double ambient, double direct) const {
   Local h;
+  const ObservedZone& zone = observation_.zones[z];
   const BinLikelihood& law = observation_.law(zone);
   const double* s = shapes.object;
   const double* t = shapes.direct;
   const double* n = zone.counts.data();
-  const bool ambient_free = unknowns_.ambient == LinearMode::per_zone;
-  const bool narrow = !ambient_free && !has_direct_ && s != nullptr;
-  const int begin = narrow ? shapes.object_first : 0;
-  const int end = narrow ? shapes.object_end : zone.bins();
+  const Lit bins = lit(z, shapes);
   if (law.poisson()) {
     double ga = 0, gc = 0, gb = 0, haa = 0, hac = 0, hab = 0, hcc = 0, hcb = 0, hbb = 0;
     const double k = law.scale();
-    if (t == nullptr) {
-      for (int i = begin; i < end; ++i) {
-        const double si = s != nullptr ? s[i] : 0.0;
-        const double m = std::max(amplitude * si + ambient, 1e-300);
-        const double ratio = n[i] / m;
-        const double d1 = 1 - ratio;
-        const double d2 = ratio / m;
-        ga += d1 * si;
-        gc += d1;
-        haa += d2 * si * si;
-        hac += d2 * si;
-        hcc += d2;
-      }
-    } else {
-      for (int i = begin; i < end; ++i) {
-        const double si = s != nullptr ? s[i] : 0.0;
-        const double m = std::max(amplitude * si + direct * t[i] + ambient, 1e-300);
-        const double ratio = n[i] / m;
-        const double d1 = 1 - ratio;
-        const double d2 = ratio / m;
-        ga += d1 * si;
-        gc += d1;
-        gb += d1 * t[i];
-        haa += d2 * si * si;
-        hac += d2 * si;
-        hab += d2 * si * t[i];
-        hcc += d2;
-        hcb += d2 * t[i];
-        hbb += d2 * t[i] * t[i];
+    for (std::size_t r = 0; r < bins.count; ++r) {
+      const auto [begin, end] = bins.ranges[r];
+      if (t == nullptr) {
+        for (int i = begin; i < end; ++i) {
+          const double si = s != nullptr ? s[i] : 0.0;
+          const double inverse = 1 / std::max(amplitude * si + ambient, 1e-300);
+          const double ratio = n[i] * inverse;
+          const double d1 = 1 - ratio;
+          const double d2 = ratio * inverse;
+          ga += d1 * si;
+          gc += d1;
+          haa += d2 * si * si;
+          hac += d2 * si;
+          hcc += d2;
+        }
+      } else {
+        for (int i = begin; i < end; ++i) {
+          const double si = s != nullptr ? s[i] : 0.0;
+          const double inverse = 1 / std::max(amplitude * si + direct * t[i] + ambient, 1e-300);
+          const double ratio = n[i] * inverse;
+          const double d1 = 1 - ratio;
+          const double d2 = ratio * inverse;
+          ga += d1 * si;
+          gc += d1;
+          gb += d1 * t[i];
+          haa += d2 * si * si;
+          hac += d2 * si;
+          hab += d2 * si * t[i];
+          hcc += d2;
+          hcb += d2 * t[i];
+          hbb += d2 * t[i] * t[i];
+        }
       }
     }
-    if (zone.outside_bins > 0 && ambient > 0) {
-      gc += zone.outside_bins - zone.outside_count / ambient;
-      hcc += zone.outside_count / (ambient * ambient);
+    const double dark_bins = zone.outside_bins + bins.rest_bins;
+    const double dark_count = zone.outside_count + bins.rest.count;
+    if (dark_bins > 0 && ambient > 0) {
+      gc += dark_bins - dark_count / ambient;
+      hcc += dark_count / (ambient * ambient);
     }
     return {k * ga, k * gc, k * gb, k * haa, k * hac, k * hab, k * hcc, k * hcb, k * hbb};
   }
-  for (int i = begin; i < end; ++i) {
-    const double si = s != nullptr ? s[i] : 0.0;
-    const double ti = t != nullptr ? t[i] : 0.0;
-    const double m = amplitude * si + direct * ti + ambient;
-    const BinLikelihood::Terms terms = law.terms(n[i], m);
-    // The variance law's term is not convex far from the data: fall back on the information.
-    const double d2 = terms.second > 0 ? terms.second : law.information(m);
-    h.ga += terms.first * si;
-    h.gc += terms.first;
-    h.gb += terms.first * ti;
-    h.haa += d2 * si * si;
-    h.hac += d2 * si;
-    h.hab += d2 * si * ti;
-    h.hcc += d2;
-    h.hcb += d2 * ti;
-    h.hbb += d2 * ti * ti;
+  thread_local std::vector<double> mean, first, second;
+  for (auto* v : {&mean, &first, &second}) {
+    if (v->size() < zone.counts.size()) v->resize(zone.counts.size());
+  }
+  for (std::size_t r = 0; r < bins.count; ++r) {
+    const auto [begin, end] = bins.ranges[r];
+    for (int i = begin; i < end; ++i) {
+      mean[static_cast<std::size_t>(i - begin)] =
+          (s != nullptr ? amplitude * s[i] : 0.0) + (t != nullptr ? direct * t[i] : 0.0) + ambient;
+    }
+    law.slopes(n + begin, mean.data(), end - begin, first.data(), second.data());
+    for (int i = begin; i < end; ++i) {
+      const auto k = static_cast<std::size_t>(i - begin);
+      const double si = s != nullptr ? s[i] : 0.0;
+      const double ti = t != nullptr ? t[i] : 0.0;
+      const double d1 = first[k];
+      const double d2 = second[k];
+      h.ga += d1 * si;
+      h.gc += d1;
+      h.gb += d1 * ti;
+      h.haa += d2 * si * si;
+      h.hac += d2 * si;
+      h.hab += d2 * si * ti;
+      h.hcc += d2;
+      h.hcb += d2 * ti;
+      h.hbb += d2 * ti * ti;
+    }
+  }
+  if (bins.rest_bins > 0 && unknowns_.ambient == LinearMode::per_zone) {
+    const BinLikelihood::Terms rest =
+        law.equal_bins(bins.rest_bins, bins.rest.count, bins.rest.square, ambient);
+    h.gc += rest.first;
+    h.hcc += rest.second;
   }
   return h;
 }
@@ -181,7 +254,8 @@ void LinearSolver::start(std::span<const ZoneShapes> shapes, LinearSolution& sol
 /// Newton for zones [begin, end) that share one amplitude. Unknowns: u = log a, and (c, b) of each
 /// zone, whose blocks are eliminated (the Hessian is an arrow).
 void LinearSolver::solve_shared(std::span<const ZoneShapes> shapes, std::size_t begin,
-                                std::size_t end, LinearSolution& solution) const {
+                                std::size_t end, LinearSolution& solution,
+                                double accuracy) const {
   const bool ambient_free = unknowns_.ambient == LinearMode::per_zone;
   bool object = false;
   for (std::size_t z = begin; z < end; ++z) object = object || shapes[z].object != nullptr;
@@ -211,7 +285,7 @@ void LinearSolver::solve_shared(std::span<const ZoneShapes> shapes, std::size_t 
     dimension = 0;
     for (std::size_t z = begin; z < end; ++z) {
       const Local h =
-          local(observation_.zones[z], shapes[z], a, solution.ambient[z], solution.direct[z]);
+          local(z, shapes[z], a, solution.ambient[z], solution.direct[z]);
       Block& block = blocks[z - begin];
       block.c_free =
           ambient_free && !(solution.ambient[z] <= ambient_floor_[z] * (1 + 1e-9) && h.gc > 0);
@@ -269,7 +343,12 @@ void LinearSolver::solve_shared(std::span<const ZoneShapes> shapes, std::size_t 
       dimension += 1;
     }
     if (last) break;
+    // Half the squared decrement is what the log posterior still lacks.
     const double lambda = std::sqrt(std::max(decrement, 0.0));
+    if (0.5 * lambda * lambda < accuracy) {
+      last = true;
+      break;
+    }
     last = lambda < kQuadratic;
     double step = lambda > 0.25 ? 1 / (1 + lambda) : 1.0;
     // Far from the optimum damping by the decrement alone is slow for bright data; relative changes
@@ -320,16 +399,16 @@ void LinearSolver::solve_shared(std::span<const ZoneShapes> shapes, std::size_t 
 }
 
 void LinearSolver::solve(std::span<const ZoneShapes> shapes, LinearSolution& solution,
-                         bool warm) const {
+                         bool warm, double accuracy) const {
   const std::size_t zones = observation_.zones.size();
   if (!warm || solution.ambient.size() != zones) start(shapes, solution);
   solution.log_prior = 0;
   solution.log_volume = 0;
   solution.converged = true;
   if (unknowns_.amplitude == LinearMode::per_zone) {
-    for (std::size_t z = 0; z < zones; ++z) solve_shared(shapes, z, z + 1, solution);
+    for (std::size_t z = 0; z < zones; ++z) solve_shared(shapes, z, z + 1, solution, accuracy);
   } else {
-    solve_shared(shapes, 0, zones, solution);
+    solve_shared(shapes, 0, zones, solution, accuracy);
   }
   double loss = 0;
   for (std::size_t z = 0; z < zones; ++z) {
@@ -340,23 +419,19 @@ void LinearSolver::solve(std::span<const ZoneShapes> shapes, LinearSolution& sol
     const double a = solution.amplitude[z];
     const double b = solution.direct[z];
     const double c = solution.ambient[z];
-    int begin = 0;
-    int end = zone.bins();
-    if (zero_prefix_[z].size() > 1 && t == nullptr) {
-      begin = s != nullptr ? shapes[z].object_first : 0;
-      end = s != nullptr ? shapes[z].object_end : 0;
-      loss += zero_prefix_[z].back() - zero_prefix_[z][static_cast<std::size_t>(end)] +
-              zero_prefix_[z][static_cast<std::size_t>(begin)];
-    }
-    for (int i = begin; i < end; ++i) {
-      const auto k = static_cast<std::size_t>(i);
-      const double m = (s != nullptr ? a * s[i] : 0.0) + (t != nullptr ? b * t[i] : 0.0) + c;
-      const double n = zone.counts[k];
-      if (law.poisson()) {
-        loss += law.scale() * (n > 0 ? m - n + n * std::log(n / std::max(m, 1e-300)) : m);
-      } else {
-        loss += law.value(n, m) - zone.least[k];
+    const Lit bins = lit(z, shapes[z]);
+    for (std::size_t r = 0; r < bins.count; ++r) {
+      for (int i = bins.ranges[r].first; i < bins.ranges[r].second; ++i) {
+        const double m = (s != nullptr ? a * s[i] : 0.0) + (t != nullptr ? b * t[i] : 0.0) + c;
+        loss += half_deviance(law, zone, static_cast<std::size_t>(i), m);
       }
+    }
+    if (bins.rest_bins > 0) {
+      loss += unknowns_.ambient == LinearMode::fixed
+                  ? bins.rest.fixed
+                  : bins.rest.constant + law.equal_bins(bins.rest_bins, bins.rest.count,
+                                                        bins.rest.square, std::max(c, law.poisson() ? 1e-300 : c))
+                                             .value;
     }
     if (law.poisson() && zone.outside_bins > 0) {
       const double m = zone.outside_bins * c;
@@ -387,14 +462,15 @@ void LinearSolver::residuals(std::span<const ZoneShapes> shapes, const LinearSol
     expected(zone, shapes[z], solution.amplitude[z], solution.ambient[z], solution.direct[z],
              mean.data());
     // Bins without object light keep their residual when nothing else is unknown.
-    const bool known_dark = zero_prefix_[z].size() > 1 && shapes[z].direct == nullptr;
+    const bool known_dark =
+        unknowns_.ambient == LinearMode::fixed && shapes[z].direct == nullptr;
     const std::size_t lit_first =
         shapes[z].object != nullptr ? static_cast<std::size_t>(shapes[z].object_first) : 0;
     const std::size_t lit_end =
         shapes[z].object != nullptr ? static_cast<std::size_t>(shapes[z].object_end) : 0;
     for (std::size_t k = 0; k < zone.counts.size(); ++k) {
       if (known_dark && (k < lit_first || k >= lit_end)) {
-        const double half = zero_prefix_[z][k + 1] - zero_prefix_[z][k];
+        const double half = prefix_[z][k + 1].fixed - prefix_[z][k].fixed;
         const double root = std::sqrt(std::max(2 * half, 0.0));
         *out++ = unknowns_.fixed_ambient >= zone.best[k] ? root : -root;
         continue;

@@ -15,7 +15,17 @@ ShapeBuffer& scratch() {
 
 PoseObjective::PoseObjective(const CompiledScene& compiled, const Observation& observation)
     : compiled_(compiled), solver_(observation, compiled.scene.linear) {
-  for (const ObservedZone& zone : observation.zones) rows_ += zone.bins();
+  for (const ObservedZone& zone : observation.zones) {
+    std::pair<int, int> lit{0, 0};
+    if (!compiled.direct.empty()) {
+      const double* direct = compiled.direct.data() + rows_;
+      lit.second = zone.bins();
+      while (lit.first < lit.second && direct[lit.first] <= 0) ++lit.first;
+      while (lit.second > lit.first && direct[lit.second - 1] <= 0) --lit.second;
+    }
+    direct_range_.push_back(lit);
+    rows_ += zone.bins();
+  }
 }
 
 void PoseObjective::point(ShapeBuffer& buffer, bool object) const {
@@ -36,6 +46,10 @@ void PoseObjective::point(ShapeBuffer& buffer, bool object) const {
       while (shapes.object_end > shapes.object_first && shapes.object[shapes.object_end - 1] <= 0) {
         --shapes.object_end;
       }
+    }
+    if (shapes.direct != nullptr) {
+      shapes.direct_first = direct_range_[z].first;
+      shapes.direct_end = direct_range_[z].second;
     }
     row += static_cast<std::size_t>(bins);
   }
@@ -61,8 +75,9 @@ void PoseObjective::shapes(const ModelSet& models, const PoseVector& pose,
 void PoseObjective::empty_shapes(ShapeBuffer& buffer) const { point(buffer, false); }
 
 PoseValue PoseObjective::finish(const PoseVector& pose, ShapeBuffer& buffer,
-                                LinearSolution& solution, bool warm) const {
-  solver_.solve(buffer.shapes, solution, warm);
+                                LinearSolution& solution, bool warm,
+                                double accuracy) const {
+  solver_.solve(buffer.shapes, solution, warm, accuracy);
   PoseValue value;
   value.log_likelihood = solution.log_likelihood;
   value.log_posterior =
@@ -72,19 +87,21 @@ PoseValue PoseObjective::finish(const PoseVector& pose, ShapeBuffer& buffer,
 }
 
 PoseValue PoseObjective::evaluate(const ModelSet& models, const PoseVector& pose,
-                                  LinearSolution& solution, bool warm) const {
+                                  LinearSolution& solution, bool warm,
+                                  double accuracy) const {
   ShapeBuffer& buffer = scratch();
   shapes(models, pose, buffer);
-  return finish(pose, buffer, solution, warm);
+  return finish(pose, buffer, solution, warm, accuracy);
 }
 
-PoseValue PoseObjective::evaluate_template(int index, LinearSolution& solution, bool warm) const {
+PoseValue PoseObjective::evaluate_template(int index, LinearSolution& solution, bool warm,
+                                           double accuracy) const {
   ShapeBuffer& buffer = scratch();
   buffer.object.resize(static_cast<std::size_t>(rows_));
   const float* column = compiled_.templates.col(index).data();
   for (std::size_t i = 0; i < buffer.object.size(); ++i) buffer.object[i] = column[i];
   point(buffer, true);
-  return finish(compiled_.poses[static_cast<std::size_t>(index)], buffer, solution, warm);
+  return finish(compiled_.poses[static_cast<std::size_t>(index)], buffer, solution, warm, accuracy);
 }
 
 PoseValue PoseObjective::evaluate_empty(LinearSolution& solution) const {

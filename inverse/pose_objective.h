@@ -2,6 +2,7 @@
 /// Log posterior of a pose for one observation, linear unknowns eliminated.
 #pragma once
 
+#include <utility>
 #include <vector>
 
 #include "blindcorner/inverse/linear_unknowns.h"
@@ -25,12 +26,14 @@ class PoseObjective {
  public:
   PoseObjective(const CompiledScene& compiled, const Observation& observation);
 
-  /// Evaluates at a pose with the given models; `solution` is the warm start and the result.
+  /// Evaluates at a pose with the given models; `solution` is the warm start and the result,
+  /// `accuracy` the tolerated error of the log posterior from eliminating the linear unknowns.
   PoseValue evaluate(const ModelSet& models, const PoseVector& pose, LinearSolution& solution,
-                     bool warm) const;
+                     bool warm, double accuracy = 0) const;
 
   /// The same from the precomputed histograms of a scored pose.
-  PoseValue evaluate_template(int index, LinearSolution& solution, bool warm) const;
+  PoseValue evaluate_template(int index, LinearSolution& solution, bool warm,
+                              double accuracy = 0) const;
 
   /// No object at all.
   PoseValue evaluate_empty(LinearSolution& solution) const;
@@ -46,10 +49,11 @@ class PoseObjective {
  private:
   void point(ShapeBuffer& buffer, bool object) const;
   PoseValue finish(const PoseVector& pose, ShapeBuffer& buffer, LinearSolution& solution,
-                   bool warm) const;
+                   bool warm, double accuracy) const;
 
   const CompiledScene& compiled_;
   LinearSolver solver_;
+  std::vector<std::pair<int, int>> direct_range_;  // [observed zones] lit bins, [first, end)
   int rows_ = 0;
 };
 

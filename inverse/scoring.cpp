@@ -9,6 +9,8 @@ namespace blindcorner {
 namespace {
 
 /// Poses scored exactly: this many times the wanted starts, but at least `kLeastExact`.
+/// Accuracy of a template's log posterior, far below what half a grid step does to it.
+constexpr double kAccuracy = 1e-2;
 /// Starts that are refined even when the grid has fewer local maxima.
 constexpr std::size_t kLeastStarts = 3;
 constexpr int kExactPerStart = 25;
@@ -135,7 +137,7 @@ Scored score(const PoseObjective& objective, const LinearSolution& empty, int co
   for (std::size_t i = 0; i < exact; ++i) {
     LinearSolution solution;
     scored.push_back(
-        {order[i], objective.evaluate_template(order[i], solution, false).log_posterior});
+        {order[i], objective.evaluate_template(order[i], solution, false, kAccuracy).log_posterior});
   }
   std::sort(scored.begin(), scored.end(), [](const Candidate& a, const Candidate& b) {
     return a.log_posterior != b.log_posterior ? a.log_posterior > b.log_posterior

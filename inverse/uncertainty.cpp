@@ -26,6 +26,8 @@ constexpr double kTailFreedom = 5;
 constexpr double kGridShare = 0.4;
 /// The grid's scores are flattened by this power before they are sampled.
 constexpr double kGridTemper = 0.7;
+/// Accuracy of a sample's log posterior.
+constexpr double kAccuracy = 1e-3;
 /// Modes closer than this (Mahalanobis) are one.
 constexpr double kMergeDistance = 1.0;
 
@@ -554,7 +556,7 @@ Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& 
       }
       LinearSolution linear = tops[sample.mode]->linear;
       const PoseValue value =
-          objective.evaluate(objective.compiled().models(), sample.pose, linear, true);
+          objective.evaluate(objective.compiled().models(), sample.pose, linear, true, kAccuracy);
       sample.log_weight = tempered(value, options.inflation) - proposal.log_density(sample.pose);
     }
     top = std::max(top, sample.log_weight);

@@ -70,6 +70,7 @@ struct Problem {
       shape.object = object[z].data() + window.first;
       shape.direct = with_direct ? direct[z].data() + window.first : nullptr;
       shape.object_end = window.end - window.first;
+      shape.direct_end = shape.direct != nullptr ? shape.object_end : 0;
       shapes.push_back(shape);
     }
   }

@@ -27,6 +27,12 @@ class BinLikelihood {
   double scale() const { return scale_; }
 
   Terms terms(double n, double m) const;
+  /// First and second derivatives of value(n, m) in m for a row of bins, Gaussian law only. Where
+  /// the value is not convex (far from the data) the information stands for the second.
+  void slopes(const double* n, const double* m, int bins, double* first, double* second) const;
+  /// The same summed over `bins` uncensored bins that expect the same m, of counts that add up to
+  /// `sum` and whose squares add up to `squares`; value without constants.
+  Terms equal_bins(double bins, double sum, double squares, double m) const;
   double value(double n, double m) const;
   /// Expected information about m, 1/counts^2.
   double information(double m) const;

@@ -3,7 +3,9 @@
 /// ambient light and direct return that explain the counts best.
 #pragma once
 
+#include <array>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "blindcorner/forward/scene.h"
@@ -17,6 +19,8 @@ struct ZoneShapes {
   const double* direct = nullptr;  ///< gain * static, [window]; null: none
   int object_first = 0;            ///< bins of the window that the object lights: [first, end)
   int object_end = 0;
+  int direct_first = 0;  ///< bins that the direct return lights: [first, end)
+  int direct_end = 0;
 };
 
 /// Values that minimise the negative log posterior for given shapes.
@@ -33,14 +37,16 @@ struct LinearSolution {
 };
 
 /// Solver for one observation. Keeps no state between calls; pass `warm` from a nearby pose to
-/// start there. Newton's method, damped by the Newton decrement, to machine precision.
+/// start there. Newton's method, damped by the Newton decrement.
 class LinearSolver {
  public:
   /// The observation must outlive the solver.
   LinearSolver(const Observation& observation, const LinearUnknowns& unknowns);
 
   /// `shapes` is [observed zones]. Without an object (all `object` null) the amplitude is left out.
-  void solve(std::span<const ZoneShapes> shapes, LinearSolution& solution, bool warm) const;
+  /// `accuracy` is the tolerated error of the log posterior; zero goes to machine precision.
+  void solve(std::span<const ZoneShapes> shapes, LinearSolution& solution, bool warm,
+             double accuracy = 0) const;
 
   /// Expected counts of one zone for a solution, [window].
   void expected(const ObservedZone& zone, const ZoneShapes& shapes, double amplitude,
@@ -58,17 +64,33 @@ class LinearSolver {
 
  private:
   struct Local;
-  Local local(const ObservedZone& zone, const ZoneShapes& shapes, double amplitude, double ambient,
+  /// Sums over the bins before one.
+  struct Prefix {
+    double count = 0, square = 0;  ///< n and n^2
+    double constant = 0;           ///< of the deviance, in n alone
+    double fixed = 0;              ///< half deviance at the fixed ambient light
+  };
+  /// Bins that object or direct return light: at most two ranges; and the sums over the rest, where
+  /// ambient light alone is expected.
+  struct Lit {
+    std::array<std::pair<int, int>, 2> ranges;
+    std::size_t count = 0;
+    double rest_bins = 0;
+    Prefix rest;
+  };
+  Lit lit(std::size_t zone, const ZoneShapes& shapes) const;
+  /// Whether bins with ambient light alone can be taken together.
+  bool summable(const ObservedZone& zone) const;
+  Local local(std::size_t z, const ZoneShapes& shapes, double amplitude, double ambient,
               double direct) const;
   void start(std::span<const ZoneShapes> shapes, LinearSolution& solution) const;
   void solve_shared(std::span<const ZoneShapes> shapes, std::size_t begin, std::size_t end,
-                    LinearSolution& solution) const;
+                    LinearSolution& solution, double accuracy) const;
 
   const Observation& observation_;
   LinearUnknowns unknowns_;
   std::vector<double> ambient_floor_;  // [observed zones]
-  std::vector<double> empty_value_;    // [observed zones] deviance/2 of a bin range at zero mean
-  std::vector<std::vector<double>> zero_prefix_;  // prefix sums of value(n, fixed ambient) - least
+  std::vector<std::vector<Prefix>> prefix_;  // [observed zones][bins + 1]
   int residual_count_ = 0;
   bool has_direct_ = false;
 };
