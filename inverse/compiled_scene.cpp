@@ -30,6 +30,11 @@ constexpr double kReach = 1e-5;
 constexpr double kCheapTolerance = 0.1;
 /// Most memory for the scored poses' histograms.
 constexpr double kTemplateBytes = 6e8;
+/// Grid step for a spline, in units of the pulse: its error is then 0.25 %.
+constexpr double kSplineStep = 0.75;
+/// Limits of the spline through them: it touches 4^unknowns histograms for one pose.
+constexpr std::size_t kSplineUnknowns = 3;
+constexpr double kSplineBytes = 4e8;
 
 /// Root mean square over the search region of how fast the path from relay to object and back
 /// changes with each unknown, m per unit.
@@ -71,29 +76,37 @@ std::vector<Vector3d> relay_sample(const Scene& scene, const SensorPlacement& pl
   return points;
 }
 
-/// Grid along one unknown: cell centres, so that every pose is within half a step.
-int grid_count(const Unknown& unknown, double step) {
-  return std::max(1, static_cast<int>(std::ceil(unknown.range() / step - 1e-9)));
+/// Points along one unknown, both bounds among them, at least the four that a cubic needs.
+GridAxis grid_axis(const Scene& scene, std::size_t unknown, double step) {
+  const Unknown& u = scene.unknowns[unknown];
+  GridAxis axis;
+  axis.first = u.lower;
+  axis.periodic = period_of(scene, unknown) > 0;
+  const double period = axis.periodic ? period_of(scene, unknown) : u.range();
+  const int intervals = static_cast<int>(std::ceil(period / step - 1e-9));
+  axis.count = std::max(4, axis.periodic ? intervals : intervals + 1);
+  axis.spacing = period / (axis.periodic ? axis.count : axis.count - 1);
+  return axis;
 }
 
 void make_grid(CompiledScene& compiled, const PoseVector& rates, double pulse,
                double yaw_scale = 1) {
   const std::size_t n = compiled.scene.unknowns.size();
-  compiled.counts.clear();
+  compiled.axes.clear();
   compiled.spacing.resize(static_cast<Eigen::Index>(n));
   for (std::size_t i = 0; i < n; ++i) {
     const auto k = static_cast<Eigen::Index>(i);
     double step = kGridStep * pulse / rates[k];
     const Unknown& unknown = compiled.scene.unknowns[i];
     if (unknown.component == Component::yaw) step = std::min(step, kYawGrid * yaw_scale);
-    compiled.counts.push_back(grid_count(unknown, step));
-    compiled.spacing[k] = unknown.range() / compiled.counts.back();
+    compiled.axes.push_back(grid_axis(compiled.scene, i, step));
+    compiled.spacing[k] = compiled.axes.back().spacing;
   }
 }
 
 double grid_size(const CompiledScene& compiled) {
   double size = 1;
-  for (const int count : compiled.counts) size *= count;
+  for (const GridAxis& axis : compiled.axes) size *= axis.count;
   return size;
 }
 
@@ -224,16 +237,25 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
     }
     return set;
   };
-  // Widen the pulse until the grid is small enough.
   const double features =
       static_cast<double>(placements.size()) * scene.sensor.zone_count() * scene.sensor.bins * 0.6;
   const double most = std::min<double>(grid.max_poses, kTemplateBytes / (4 * features));
+  // A grid fine enough for a spline, where that is affordable.
+  bool spline = false;
+  if (grid.spline && scene.unknowns.size() <= kSplineUnknowns) {
+    make_grid(*compiled, rates, kSplineStep / kGridStep * compiled->pulse_path,
+              kSplineStep / kGridStep);
+    spline = grid_size(*compiled) <= most && 4 * features * grid_size(*compiled) < kSplineBytes;
+  }
+  // Else widen the pulse until the grid is small enough.
   double widening = 1;
-  make_grid(*compiled, rates, compiled->pulse_path / grid.density, 1 / grid.density);
-  while (grid_size(*compiled) > most && widening < 64) {
-    widening *= 1.1;
-    make_grid(*compiled, rates, widening * compiled->pulse_path / grid.density,
-              widening / grid.density);
+  if (!spline) {
+    make_grid(*compiled, rates, compiled->pulse_path / grid.density, 1 / grid.density);
+    while (grid_size(*compiled) > most && widening < 64) {
+      widening *= 1.1;
+      make_grid(*compiled, rates, widening * compiled->pulse_path / grid.density,
+                widening / grid.density);
+    }
   }
   const double widest = grid.widen ? pulse_time * std::sqrt(widening * widening - 1) : 0.0;
   const double cheap = std::max(kCheapTolerance, options.model_tolerance);
@@ -257,10 +279,11 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
     PoseVector pose(rates.size());
     std::size_t rest = index;
     for (std::size_t i = scene.unknowns.size(); i-- > 0;) {
-      const auto along = static_cast<std::size_t>(compiled->counts[i]);
+      const GridAxis& axis = compiled->axes[i];
+      const auto along = static_cast<std::size_t>(axis.count);
       const auto k = static_cast<Eigen::Index>(i);
-      pose[k] = scene.unknowns[i].lower +
-                (static_cast<double>(rest % along) + 0.5) * compiled->spacing[k];
+      pose[k] = axis.first + static_cast<double>(rest % along) * axis.spacing;
+      if (!axis.periodic) pose[k] = std::min(pose[k], scene.unknowns[i].upper);
       rest /= along;
     }
     compiled->poses.push_back(pose);
@@ -269,7 +292,7 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
 
   const int rows = window_rows(*compiled);
   compiled->templates.resize(rows, static_cast<Eigen::Index>(count));
-  const ModelSet& coarse = grid.sharp ? compiled->models() : compiled->ladder.front();
+  const ModelSet& coarse = grid.sharp || spline ? compiled->models() : compiled->ladder.front();
   // Isolated: whoever waits here must not pick up another fit that waits for this compilation.
   const auto render = [&](std::size_t index) {
     HistogramCube light;
@@ -286,6 +309,7 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
     }
   };
   tbb::this_task_arena::isolate([&] { tbb::parallel_for(std::size_t{0}, count, render); });
+  if (spline) compiled->spline = std::make_unique<SplineGrid>(compiled->templates, compiled->axes);
   if (scene.linear.direct == LinearMode::per_zone || scene.linear.fixed_direct > 0) {
     for (std::size_t c = 0; c < compiled->models().size(); ++c) {
       const HistogramCube& direct = compiled->models()[c]->direct_return();

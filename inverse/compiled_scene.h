@@ -10,6 +10,7 @@
 #include "blindcorner/forward/forward_model.h"
 #include "blindcorner/inverse/fit.h"
 #include "blindcorner/inverse/observation.h"
+#include "spline_grid.h"
 
 namespace blindcorner {
 
@@ -24,11 +25,13 @@ struct CompiledScene {
   std::vector<std::vector<BinWindow>> windows;  ///< [captures][zones]
   double pulse_path = 0.0;        ///< m, standard deviation of pulse and bin as optical path
   PoseVector step;                ///< [n] finite-difference steps
-  PoseVector spacing;             ///< [n] of the scored grid
-  std::vector<int> counts;        ///< [n] grid points along each unknown
+  PoseVector spacing;             ///< [n] of the axes
+  std::vector<GridAxis> axes;     ///< [n] of the scored grid, bounds included
   std::vector<PoseVector> poses;  ///< scored poses, last unknown fastest
   /// gain * S inside the windows, one column per scored pose, rows as in Observation::zones.
   Eigen::MatrixXf templates;
+  /// Between the scored poses; null where the pulse had to be widened, or the grid is too large.
+  std::unique_ptr<SplineGrid> spline;
   /// gain * static inside the windows, rows as above; empty when absent.
   std::vector<double> direct;
 
@@ -42,6 +45,7 @@ struct GridOptions {
   double density = 1.0;  ///< grid points per 1.2 path standard deviations of the pulse
   int max_poses = 20'000;
   bool widen = true;   ///< widen the pulse when the grid must be coarser than that
+  bool spline = true;  ///< lay a spline through the histograms
   bool sharp = false;  ///< histograms from the model of the wanted tolerance, not the cheap one
 };
 

@@ -34,6 +34,7 @@ ExhaustiveSearch::ExhaustiveSearch(const Scene& scene, const ExhaustiveOptions& 
   grid.density = options.density;
   grid.max_poses = options.max_poses;
   grid.widen = false;
+  grid.spline = false;
   grid.sharp = true;
   FitOptions fit;
   fit.model_tolerance = options.model_tolerance;

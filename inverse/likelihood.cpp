@@ -60,6 +60,30 @@ class NormalTailTable {
     ratio = h0 * a.ratio + h1 * b.ratio + g0 * a.ratio_slope + g1 * b.ratio_slope;
   }
 
+  double log_phi(double x) const {
+    constexpr double kStep = 1.0 / kPerUnit;
+    const double position = (x - kLowest) * kPerUnit;
+    const auto i = static_cast<std::size_t>(position);
+    const double t = position - static_cast<double>(i);
+    const Node& a = nodes_[i];
+    const Node& b = nodes_[i + 1];
+    const double u = 1 - t;
+    return (1 + 2 * t) * u * u * a.log_phi + (3 - 2 * t) * t * t * b.log_phi +
+           kStep * t * u * (u * a.ratio - t * b.ratio);
+  }
+
+  double ratio(double x) const {
+    constexpr double kStep = 1.0 / kPerUnit;
+    const double position = (x - kLowest) * kPerUnit;
+    const auto i = static_cast<std::size_t>(position);
+    const double t = position - static_cast<double>(i);
+    const Node& a = nodes_[i];
+    const Node& b = nodes_[i + 1];
+    const double u = 1 - t;
+    return (1 + 2 * t) * u * u * a.ratio + (3 - 2 * t) * t * t * b.ratio +
+           kStep * t * u * (u * a.ratio_slope - t * b.ratio_slope);
+  }
+
  private:
   struct Node {
     double log_phi = 0, ratio = 0, ratio_slope = 0;
@@ -75,6 +99,15 @@ void log_normal_tail(double x, double& log_phi, double& ratio) {
   } else {
     exact_normal_tail(x, log_phi, ratio);
   }
+}
+
+/// phi(x) / Phi(x).
+double normal_tail_ratio(double x) {
+  if (x >= NormalTailTable::kLowest && x < NormalTailTable::kHighest) return kNormalTail.ratio(x);
+  double log_phi = 0;
+  double ratio = 0;
+  exact_normal_tail(x, log_phi, ratio);
+  return ratio;
 }
 
 }  // namespace
@@ -143,25 +176,71 @@ BLINDCORNER_MULTIVERSION void gaussian_slopes(const double* n, const double* m, 
   }
 }
 
+/// Sums of (n - m)^2 / (2 V) and of log(V) / 2, the logarithm taken of eight bins at a time.
+BLINDCORNER_MULTIVERSION double gaussian_sum(const double* n, const double* m,
+                                             const double* counted, int bins, double floor,
+                                             double per_count) {
+  constexpr int kTogether = 8;
+  double squares = 0;
+  double logs = 0;
+  int i = 0;
+  for (; i + kTogether <= bins; i += kTogether) {
+    std::array<double, kTogether> variance;
+    double part = 0;
+    for (int k = 0; k < kTogether; ++k) {
+      const double v = floor + per_count * std::max(m[i + k], 0.0);
+      const double d = n[i + k] - m[i + k];
+      part += counted[i + k] * d * d / v;
+      variance[static_cast<std::size_t>(k)] = 1 + counted[i + k] * (v - 1);
+    }
+    squares += part;
+    double product = 1;
+    for (const double v : variance) product *= v;
+    logs += std::log(product);
+  }
+  for (; i < bins; ++i) {
+    const double v = floor + per_count * std::max(m[i], 0.0);
+    const double d = n[i] - m[i];
+    squares += counted[i] * d * d / v;
+    logs += std::log(1 + counted[i] * (v - 1));
+  }
+  return 0.5 * (squares + logs);
+}
+
 }  // namespace
 
-void BinLikelihood::slopes(const double* n, const double* m, int bins, double* first,
-                           double* second) const {
-  gaussian_slopes(n, m, bins, floor_, per_count_, first, second);
-  for (int i = 0; i < bins; ++i) {
-    if (censored_ && n[i] <= 0) {
-      const double v = variance(m[i]);
-      const double inverse_sigma = 1 / std::sqrt(v);
+double BinLikelihood::sum(const double* n, const double* m, const double* counted, int bins,
+                          std::span<const int> censored) const {
+  double total = gaussian_sum(n, m, counted, bins, floor_, per_count_);
+  for (const int i : censored) {
+    const double x = -m[i] / std::sqrt(variance(m[i]));
+    if (x >= NormalTailTable::kLowest && x < NormalTailTable::kHighest) {
+      total -= kNormalTail.log_phi(x);
+    } else {
       double log_phi = 0;
       double ratio = 0;
-      const double x = -m[i] * inverse_sigma;
-      log_normal_tail(x, log_phi, ratio);
-      const double slope = m[i] > 0 ? per_count_ / v : 0.0;
-      const double dx = inverse_sigma * (0.5 * m[i] * slope - 1);
-      const double ddx = slope * inverse_sigma * (1 - 0.75 * m[i] * slope);
-      first[i] = -ratio * dx;
-      second[i] = ratio * (x + ratio) * dx * dx - ratio * ddx;
+      exact_normal_tail(x, log_phi, ratio);
+      total -= log_phi;
     }
+  }
+  return total;
+}
+
+void BinLikelihood::slopes(const double* n, const double* m, int bins,
+                           std::span<const int> censored, double* first, double* second) const {
+  gaussian_slopes(n, m, bins, floor_, per_count_, first, second);
+  for (const int i : censored) {
+    const double v = variance(m[i]);
+    const double inverse_sigma = 1 / std::sqrt(v);
+    const double x = -m[i] * inverse_sigma;
+    const double ratio = normal_tail_ratio(x);
+    const double slope = m[i] > 0 ? per_count_ * inverse_sigma * inverse_sigma : 0.0;
+    const double dx = inverse_sigma * (0.5 * m[i] * slope - 1);
+    const double ddx = slope * inverse_sigma * (1 - 0.75 * m[i] * slope);
+    first[i] = -ratio * dx;
+    second[i] = ratio * (x + ratio) * dx * dx - ratio * ddx;
+  }
+  for (int i = 0; i < bins; ++i) {
     if (!(second[i] > 0)) second[i] = information(m[i]);
   }
 }

@@ -23,6 +23,17 @@ double half_deviance(const BinLikelihood& law, const ObservedZone& zone, std::si
   return law.scale() * (n > 0 ? m - n + n * std::log(n / std::max(m, 1e-300)) : m);
 }
 
+/// Censored bins in [begin, end), counted from begin.
+std::span<const int> censored_between(const ObservedZone& zone, int begin, int end) {
+  thread_local std::vector<int> censored;
+  censored.clear();
+  for (auto it = std::lower_bound(zone.censored.begin(), zone.censored.end(), begin);
+       it != zone.censored.end() && *it < end; ++it) {
+    censored.push_back(*it - begin);
+  }
+  return censored;
+}
+
 double log_normal_prior(double log_a, const AmplitudePrior& prior) {
   const double u = (log_a - std::log(prior.median)) / prior.sigma_log;
   return -0.5 * u * u - std::log(prior.sigma_log * std::sqrt(2 * kPi));
@@ -172,7 +183,8 @@ LinearSolver::Local LinearSolver::local(std::size_t z, const ZoneShapes& shapes,
       mean[static_cast<std::size_t>(i - begin)] =
           (s != nullptr ? amplitude * s[i] : 0.0) + (t != nullptr ? direct * t[i] : 0.0) + ambient;
     }
-    law.slopes(n + begin, mean.data(), end - begin, first.data(), second.data());
+    law.slopes(n + begin, mean.data(), end - begin, censored_between(zone, begin, end),
+               first.data(), second.data());
     for (int i = begin; i < end; ++i) {
       const auto k = static_cast<std::size_t>(i - begin);
       const double si = s != nullptr ? s[i] : 0.0;
@@ -421,9 +433,23 @@ void LinearSolver::solve(std::span<const ZoneShapes> shapes, LinearSolution& sol
     const double c = solution.ambient[z];
     const Lit bins = lit(z, shapes[z]);
     for (std::size_t r = 0; r < bins.count; ++r) {
-      for (int i = bins.ranges[r].first; i < bins.ranges[r].second; ++i) {
-        const double m = (s != nullptr ? a * s[i] : 0.0) + (t != nullptr ? b * t[i] : 0.0) + c;
-        loss += half_deviance(law, zone, static_cast<std::size_t>(i), m);
+      const auto [begin, end] = bins.ranges[r];
+      thread_local std::vector<double> mean;
+      mean.resize(static_cast<std::size_t>(end - begin));
+      for (int i = begin; i < end; ++i) {
+        mean[static_cast<std::size_t>(i - begin)] =
+            (s != nullptr ? a * s[i] : 0.0) + (t != nullptr ? b * t[i] : 0.0) + c;
+      }
+      if (law.poisson()) {
+        for (int i = begin; i < end; ++i) {
+          loss += half_deviance(law, zone, static_cast<std::size_t>(i),
+                                mean[static_cast<std::size_t>(i - begin)]);
+        }
+      } else {
+        loss += law.sum(zone.counts.data() + begin, mean.data(), zone.counted.data() + begin,
+                        end - begin, censored_between(zone, begin, end)) +
+                prefix_[z][static_cast<std::size_t>(end)].constant -
+                prefix_[z][static_cast<std::size_t>(begin)].constant;
       }
     }
     if (bins.rest_bins > 0) {

@@ -55,18 +55,23 @@ void PoseObjective::point(ShapeBuffer& buffer, bool object) const {
   }
 }
 
-void PoseObjective::shapes(const ModelSet& models, const PoseVector& pose,
+void PoseObjective::shapes(const LightSource& light, const PoseVector& pose,
                            ShapeBuffer& buffer) const {
-  thread_local HistogramCube light;
   buffer.object.resize(static_cast<std::size_t>(rows_));
+  if (light.spline != nullptr) {
+    light.spline->evaluate(pose, buffer.object.data());
+    point(buffer, true);
+    return;
+  }
+  thread_local HistogramCube cube;
   double* out = buffer.object.data();
   int current = -1;
   for (const ObservedZone& zone : solver_.observation().zones) {
     if (zone.capture != current) {
       current = zone.capture;
-      models[static_cast<std::size_t>(current)]->three_bounce(pose, light);
+      (*light.models)[static_cast<std::size_t>(current)]->three_bounce(pose, cube);
     }
-    const double* values = light.zone(zone.zone) + zone.first;
+    const double* values = cube.zone(zone.zone) + zone.first;
     for (int k = 0; k < zone.bins(); ++k) *out++ = zone.gain * values[k];
   }
   point(buffer, true);
@@ -86,11 +91,11 @@ PoseValue PoseObjective::finish(const PoseVector& pose, ShapeBuffer& buffer,
   return value;
 }
 
-PoseValue PoseObjective::evaluate(const ModelSet& models, const PoseVector& pose,
+PoseValue PoseObjective::evaluate(const LightSource& light, const PoseVector& pose,
                                   LinearSolution& solution, bool warm,
                                   double accuracy) const {
   ShapeBuffer& buffer = scratch();
-  shapes(models, pose, buffer);
+  shapes(light, pose, buffer);
   return finish(pose, buffer, solution, warm, accuracy);
 }
 

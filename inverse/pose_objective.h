@@ -22,13 +22,22 @@ struct PoseValue {
   double log_integrand = 0;  ///< log_posterior plus the linear unknowns' log volume
 };
 
+/// Where expected histograms come from: models, or the spline through the scored poses.
+struct LightSource {
+  const ModelSet* models = nullptr;
+  const SplineGrid* spline = nullptr;
+
+  LightSource(const ModelSet& set) : models(&set) {}         // NOLINT(google-explicit-constructor)
+  LightSource(const SplineGrid& grid) : spline(&grid) {}     // NOLINT(google-explicit-constructor)
+};
+
 class PoseObjective {
  public:
   PoseObjective(const CompiledScene& compiled, const Observation& observation);
 
-  /// Evaluates at a pose with the given models; `solution` is the warm start and the result,
+  /// Evaluates at a pose with the given light; `solution` is the warm start and the result,
   /// `accuracy` the tolerated error of the log posterior from eliminating the linear unknowns.
-  PoseValue evaluate(const ModelSet& models, const PoseVector& pose, LinearSolution& solution,
+  PoseValue evaluate(const LightSource& light, const PoseVector& pose, LinearSolution& solution,
                      bool warm, double accuracy = 0) const;
 
   /// The same from the precomputed histograms of a scored pose.
@@ -39,7 +48,7 @@ class PoseObjective {
   PoseValue evaluate_empty(LinearSolution& solution) const;
 
   /// Fills shapes for a pose.
-  void shapes(const ModelSet& models, const PoseVector& pose, ShapeBuffer& buffer) const;
+  void shapes(const LightSource& light, const PoseVector& pose, ShapeBuffer& buffer) const;
   void empty_shapes(ShapeBuffer& buffer) const;
 
   const LinearSolver& solver() const { return solver_; }

@@ -17,15 +17,18 @@ struct Stop {
   bool central;  ///< central differences; forward ones are good enough to find a basin
 };
 constexpr Stop kApproach{12, 1e-5, false};
+constexpr Stop kApproachSpline{40, 1e-6, false};
 constexpr Stop kPolish{25, 1e-6, true};
+/// After the spline's own optimum there is little left to gain.
+constexpr Stop kPolishAfterSpline{25, 1e-5, true};
 
 /// Residuals of a pose with the linear unknowns eliminated, differentiated numerically.
 class ResidualCost final : public ceres::CostFunction {
  public:
-  ResidualCost(const PoseObjective& objective, const ModelSet& models, bool central,
+  ResidualCost(const PoseObjective& objective, const LightSource& light, bool central,
                LinearSolution& linear, int& evaluations)
       : objective_(objective),
-        models_(models),
+        light_(light),
         central_(central),
         linear_(linear),
         evaluations_(evaluations) {
@@ -71,7 +74,7 @@ class ResidualCost final : public ceres::CostFunction {
  private:
   void compute(const PoseVector& pose, double* residuals) const {
     ++evaluations_;
-    objective_.shapes(models_, pose, buffer_);
+    objective_.shapes(light_, pose, buffer_);
     objective_.solver().solve(buffer_.shapes, linear_, !linear_.ambient.empty());
     objective_.solver().residuals(buffer_.shapes, linear_, residuals);
     double* out = residuals + objective_.solver().residual_count();
@@ -84,7 +87,7 @@ class ResidualCost final : public ceres::CostFunction {
   }
 
   const PoseObjective& objective_;
-  const ModelSet& models_;
+  const LightSource& light_;
   const bool central_;
   LinearSolution& linear_;
   int& evaluations_;
@@ -93,10 +96,10 @@ class ResidualCost final : public ceres::CostFunction {
 };
 
 /// Ceres on one model set, from and to `result`.
-void minimise(const PoseObjective& objective, const ModelSet& models, const Stop& stop,
+void minimise(const PoseObjective& objective, const LightSource& light, const Stop& stop,
               Refined& result) {
   const Scene& scene = objective.compiled().scene;
-  ResidualCost cost(objective, models, stop.central, result.linear, result.evaluations);
+  ResidualCost cost(objective, light, stop.central, result.linear, result.evaluations);
   ceres::Problem::Options ownership;
   ownership.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ceres::Problem problem(ownership);
@@ -120,9 +123,9 @@ void minimise(const PoseObjective& objective, const ModelSet& models, const Stop
   result.converged = summary.IsSolutionUsable();
 }
 
-Refined finish(const PoseObjective& objective, const ModelSet& models, Refined result) {
+Refined finish(const PoseObjective& objective, const LightSource& light, Refined result) {
   wrap_pose(objective.compiled().scene, result.pose);
-  result.value = objective.evaluate(models, result.pose, result.linear, true);
+  result.value = objective.evaluate(light, result.pose, result.linear, true);
   return result;
 }
 
@@ -166,6 +169,10 @@ Refined approach(const PoseObjective& objective, const PoseVector& start) {
   const CompiledScene& compiled = objective.compiled();
   Refined result;
   result.pose = start;
+  if (compiled.spline) {
+    minimise(objective, *compiled.spline, kApproachSpline, result);
+    return finish(objective, *compiled.spline, std::move(result));
+  }
   for (std::size_t rung = 0; rung + 1 < compiled.ladder.size(); ++rung) {
     minimise(objective, compiled.ladder[rung], kApproach, result);
   }
@@ -176,9 +183,11 @@ Refined polish(const PoseObjective& objective, const PoseVector& start) {
   const ModelSet& models = objective.compiled().models();
   Refined result;
   result.pose = start;
-  minimise(objective, models, kPolish, result);
+  const Stop& stop = objective.compiled().spline ? kPolishAfterSpline : kPolish;
+  minimise(objective, models, stop, result);
   result = finish(objective, models, std::move(result));
-  if (compass(objective, models, result)) {
+  const bool kinks = !models.front()->plan().occluders.empty();
+  if (kinks && compass(objective, models, result)) {
     minimise(objective, models, kPolish, result);
     Refined again = finish(objective, models, result);
     if (again.value.log_posterior > result.value.log_posterior) result = std::move(again);

@@ -15,8 +15,8 @@ struct Refined {
 };
 
 /// Minimises the deviance from `start` with Ceres (Levenberg-Marquardt, bounds, central
-/// differences in steps of CompiledScene::step), once for each cheap rung of the ladder: wide
-/// pulses first. The value is the cheap model's.
+/// differences in steps of CompiledScene::step): on the spline through the scored poses where there
+/// is one, else once for each cheap rung of the ladder, wide pulses first. The value is theirs.
 Refined approach(const PoseObjective& objective, const PoseVector& start);
 
 /// The same with the model of the wanted tolerance, from a start in the right basin.

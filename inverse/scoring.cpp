@@ -13,7 +13,7 @@ namespace {
 constexpr double kAccuracy = 1e-2;
 /// Starts that are refined even when the grid has fewer local maxima.
 constexpr std::size_t kLeastStarts = 3;
-constexpr int kExactPerStart = 25;
+constexpr int kExactPerStart = 12;
 constexpr int kLeastExact = 100;
 
 }  // namespace
@@ -134,10 +134,16 @@ Scored score(const PoseObjective& objective, const LinearSolution& empty, int co
       [&](int a, int b) { return scores[a] != scores[b] ? scores[a] > scores[b] : a < b; });
   Scored result;
   std::vector<Candidate>& scored = result.exact;
+  // The filter's score approximates the gain over the empty scene; when even half as much again falls short
+  // of what a start needs, the rest does too.
+  double most = 0;
   for (std::size_t i = 0; i < exact; ++i) {
+    const double needed = 0.75 * most - negligible;
+    if (i >= kLeastExact && 1.5 * static_cast<double>(scores[order[i]]) < needed) break;
     LinearSolution solution;
     scored.push_back(
         {order[i], objective.evaluate_template(order[i], solution, false, kAccuracy).log_posterior});
+    most = std::max(most, scored.back().log_posterior - empty.log_likelihood);
   }
   std::sort(scored.begin(), scored.end(), [](const Candidate& a, const Candidate& b) {
     return a.log_posterior != b.log_posterior ? a.log_posterior > b.log_posterior

@@ -186,6 +186,37 @@ bool laplace_holds(const PoseObjective& objective, const Refined& optimum, const
   return true;
 }
 
+/// The spline where it agrees with the model about the peaks' shapes and differences, else the
+/// model.
+LightSource sample_light(const PoseObjective& objective, const std::vector<const Refined*>& optima,
+                         const std::vector<Peak>& peaks, double inflation) {
+  constexpr double kAgreement = 0.25;
+  const CompiledScene& compiled = objective.compiled();
+  if (!compiled.spline) return compiled.models();
+  double low = std::numeric_limits<double>::infinity();
+  double high = -low;
+  const auto compare = [&](const PoseVector& pose, const LinearSolution& start) {
+    if (!std::isfinite(log_pose_prior(compiled.scene, pose))) return;
+    LinearSolution a = start;
+    LinearSolution b = start;
+    const double difference =
+        tempered(objective.evaluate(*compiled.spline, pose, a, true, kAccuracy), inflation) -
+        tempered(objective.evaluate(compiled.models(), pose, b, true, kAccuracy), inflation);
+    low = std::min(low, difference);
+    high = std::max(high, difference);
+  };
+  for (std::size_t j = 0; j < peaks.size() && high - low < kAgreement; ++j) {
+    compare(optima[j]->pose, optima[j]->linear);
+    for (Eigen::Index i = 0; i < peaks[j].center.size(); ++i) {
+      for (const double sign : {1.0, -1.0}) {
+        compare(optima[j]->pose + sign * peaks[j].root.col(i), optima[j]->linear);
+      }
+    }
+  }
+  if (high - low < kAgreement) return *compiled.spline;
+  return compiled.models();
+}
+
 /// Proposal density over grid cells and modes, and its samples.
 class Proposal {
  public:
@@ -225,6 +256,7 @@ class Proposal {
       for (Eigen::Index k = 0; k < pose.size(); ++k) {
         pose[k] += (uniform(random) - 0.5) * compiled_.spacing[k];
       }
+      wrap_pose(compiled_.scene, pose);
       return pose;
     }
     double pick = uniform(random);
@@ -253,12 +285,13 @@ class Proposal {
  private:
   int cell_of(const PoseVector& pose) const {
     int index = 0;
-    for (std::size_t i = 0; i < compiled_.counts.size(); ++i) {
-      const auto k = static_cast<Eigen::Index>(i);
-      const double at =
-          std::floor((pose[k] - compiled_.scene.unknowns[i].lower) / compiled_.spacing[k]);
-      if (at < 0 || at >= compiled_.counts[i]) return -1;
-      index = index * compiled_.counts[i] + static_cast<int>(at);
+    for (std::size_t i = 0; i < compiled_.axes.size(); ++i) {
+      const GridAxis& axis = compiled_.axes[i];
+      const double x = (pose[static_cast<Eigen::Index>(i)] - axis.first) / axis.spacing;
+      int at = static_cast<int>(std::floor(x + 0.5));
+      if (axis.periodic) at = (at % axis.count + axis.count) % axis.count;
+      if (at < 0 || at >= axis.count) return -1;
+      index = index * axis.count + at;
     }
     return index;
   }
@@ -540,6 +573,7 @@ Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& 
   std::mt19937_64 random(options.seed);
   std::vector<Sample> samples;
   double top = -std::numeric_limits<double>::infinity();
+  const LightSource light = sample_light(objective, tops, peaks, options.inflation);
   for (int i = 0; i < options.samples; ++i) {
     Sample sample;
     sample.pose = proposal.draw(random);
@@ -556,7 +590,7 @@ Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& 
       }
       LinearSolution linear = tops[sample.mode]->linear;
       const PoseValue value =
-          objective.evaluate(objective.compiled().models(), sample.pose, linear, true, kAccuracy);
+          objective.evaluate(light, sample.pose, linear, true, kAccuracy);
       sample.log_weight = tempered(value, options.inflation) - proposal.log_density(sample.pose);
     }
     top = std::max(top, sample.log_weight);

@@ -2,6 +2,8 @@
 /// Likelihood of one histogram bin under the sensor's noise law.
 #pragma once
 
+#include <span>
+
 #include "blindcorner/forward/sensor.h"
 
 namespace blindcorner {
@@ -28,9 +30,15 @@ class BinLikelihood {
 
   Terms terms(double n, double m) const;
   /// First and second derivatives of value(n, m) in m for a row of bins, Gaussian law only. Where
-  /// the value is not convex (far from the data) the information stands for the second.
-  void slopes(const double* n, const double* m, int bins, double* first, double* second) const;
-  /// The same summed over `bins` uncensored bins that expect the same m, of counts that add up to
+  /// the value is not convex (far from the data) the information stands for the second. `censored`
+  /// lists the bins whose count stands for "zero or less".
+  void slopes(const double* n, const double* m, int bins, std::span<const int> censored,
+              double* first, double* second) const;
+  /// Sum of value(n, m) over a row of bins, Gaussian law only. `counted` is 0 in the censored bins
+  /// and 1 in the others.
+  double sum(const double* n, const double* m, const double* counted, int bins,
+             std::span<const int> censored) const;
+  /// Value and derivatives summed over `bins` uncensored bins that expect the same m, of counts that add up to
   /// `sum` and whose squares add up to `squares`; value without constants.
   Terms equal_bins(double bins, double sum, double squares, double m) const;
   double value(double n, double m) const;

@@ -19,6 +19,8 @@ struct ObservedZone {
   int first = 0;               ///< first bin of the window
   std::vector<double> counts;  ///< [window]
   std::vector<double> least;   ///< [window] best attainable negative log likelihood
+  std::vector<int> censored;   ///< bins of the window whose count stands for "zero or less"
+  std::vector<double> counted;  ///< [window] 0 in those bins, else 1
   std::vector<double> best;    ///< [window] the mean that attains it
   double outside_bins = 0;     ///< valid bins outside the window
   double outside_count = 0;    ///< their total count
