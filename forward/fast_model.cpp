@@ -296,8 +296,7 @@ BLINDCORNER_MULTIVERSION void pair_up(const LightSums& in, std::size_t in_groups
   double* __restrict variance = p.variance.data();
   for (std::size_t n = 0; n < nodes; ++n) {
     const std::size_t b = n * out_groups + o;
-    const double b0 = scale * out.weight[b], b1 = scale * out.first[b],
-                 b2 = scale * out.second[b];
+    const double b0 = scale * out.weight[b], b1 = scale * out.first[b], b2 = scale * out.second[b];
     const double b3 = scale * 2 / 3 * out.along_u[b], b4 = scale * 2 / 3 * out.along_v[b];
     const double* a0 = in.weight.data() + n * in_groups + begin;
     const double* a1 = in.first.data() + n * in_groups + begin;
@@ -380,8 +379,8 @@ BLINDCORNER_MULTIVERSION void retro_light_of_patches(const Scratch& s, const Pat
 
 /// Adds pulses to the two nearest of `count` path cells, each in proportion to nearness and with
 /// moments about the cell's own path, against cancellation.
-BLINDCORNER_MULTIVERSION void add_to_cells(const Pulses& p, std::size_t begin,
-                                           std::size_t end, double cells_per_metre, int count, Sums* cells) {
+BLINDCORNER_MULTIVERSION void add_to_cells(const Pulses& p, std::size_t begin, std::size_t end,
+                                           double cells_per_metre, int count, Sums* cells) {
   const double step = 1 / cells_per_metre;
   for (std::size_t i = begin; i < end; ++i) {
     const double weight = p.weight[i];
@@ -503,17 +502,17 @@ FastModel::Limits FastModel::limits(double tolerance, double coarseness) const {
   // Six axes share each limit: two each of what is lit, what is seen and the object.
   constexpr double kAxes = 6;
   Limits l;
-  l.spread = coarseness * pulse_sigma_ * std::pow(tolerance / kClosureError, 0.25) /
-             std::sqrt(kAxes);
+  l.spread =
+      coarseness * pulse_sigma_ * std::pow(tolerance / kClosureError, 0.25) / std::sqrt(kAxes);
   l.aspect = coarseness * std::pow(tolerance / kQuadratureError / kAxes, 0.25);
   l.midpoint = coarseness * std::sqrt(tolerance / kMidpointError);
   return l;
 }
 
-/// The cheapest sampling that meets the tolerance: limits become stricter until going on to at least
-/// twice as many cells would change no bin of any probed pose by more than the tolerance (of the
-/// pose's peak). The error falls with the fourth power of a cell's edges, so the change is at least
-/// three quarters of the coarser one's error. Object and relay share the tolerance.
+/// The cheapest sampling that meets the tolerance: limits become stricter until going on to at
+/// least twice as many cells would change no bin of any probed pose by more than the tolerance (of
+/// the pose's peak). The error falls with the fourth power of a cell's edges, so the change is at
+/// least three quarters of the coarser one's error. Object and relay share the tolerance.
 void FastModel::choose_fidelity(const FastModelOptions& options) {
   const auto sample_both = [&](double relay, double object) {
     sample_relay(limits(options.tolerance, relay), options.tolerance);
@@ -689,12 +688,10 @@ void FastModel::sample_relay(const Limits& limits, double tolerance) {
         angle_v += 4 * patch.half_v.squaredNorm() / way.squaredNorm();
       }
       const auto count = static_cast<double>(objects.size());
-      const double u =
-          std::max(std::sqrt(path_u / count) / limits.spread,
-                   std::sqrt(angle_u / count) / limits.aspect);
-      const double v =
-          std::max(std::sqrt(path_v / count) / limits.spread,
-                   std::sqrt(angle_v / count) / limits.aspect);
+      const double u = std::max(std::sqrt(path_u / count) / limits.spread,
+                                std::sqrt(angle_u / count) / limits.aspect);
+      const double v = std::max(std::sqrt(path_v / count) / limits.spread,
+                                std::sqrt(angle_v / count) / limits.aspect);
       if (std::max(u, v) <= relaxed) return 0;
       return u >= v ? 1 : 2;
     };
@@ -931,8 +928,8 @@ void FastModel::retro_single(const CellNodes& cell, const Shadows& shadows, Scra
   std::fill_n(s.pulses.variance.begin(), groups, 0.0);
   for (std::size_t n = 0; n < cell.count; ++n) {
     light_between(cell.nodes[n], seen_, shadows.empty() ? nullptr : &shadows[n], s);
-    retro_light_of_patches(s, seen_, scene_.hidden.albedo * cell.nodes[n].area, cell.half_u, cell.half_v, sigma, way_in,
-                           s.patches);
+    retro_light_of_patches(s, seen_, scene_.hidden.albedo * cell.nodes[n].area, cell.half_u,
+                           cell.half_v, sigma, way_in, s.patches);
     std::size_t i = 0;
     for (std::size_t g = 0; g < groups; ++g) {
       for (const auto end = static_cast<std::size_t>(seen_.group_end[g]); i < end; ++i) {

@@ -103,7 +103,7 @@ ExhaustiveResult ExhaustiveSearch::search(const Capture& capture,
   // The posterior's mass on the grid, shared among the optima by their own widths.
   PosteriorOptions shape;
   shape.samples = 0;
-  PoseMixture mixture = posterior(objective, optima, {}, nullptr, shape).mixture;
+  PoseMixture mixture = posterior(objective, optima, nullptr, nullptr, shape).mixture;
   std::vector<Eigen::MatrixXd> precision;
   for (const PoseMode& mode : mixture.modes) {
     precision.push_back(mode.covariance.inverse());
@@ -137,10 +137,30 @@ ExhaustiveResult ExhaustiveSearch::search(const Capture& capture,
     masses[own].first += weight * d;
     masses[own].second += weight * d * d.transpose();
   }
+  // Optima with no valley between them are one mode, as in the fit.
+  std::vector<const Refined*> tops;
+  for (const PoseMode& mode : mixture.modes) {
+    tops.push_back(&*std::find_if(optima.begin(), optima.end(), [&](const Refined& optimum) {
+      return optimum.pose == mode.optimum;
+    }));
+  }
+  const std::vector<std::size_t> head = connect(objective, tops, 1.0);
   std::size_t heaviest = 0;
   double total = 0;
+  for (std::size_t j = 0; j < masses.size(); ++j) total += masses[j].weight;
   for (std::size_t j = 0; j < masses.size(); ++j) {
-    total += masses[j].weight;
+    if (head[j] == j) continue;
+    // Moments about the other optimum.
+    Mass& to = masses[head[j]];
+    const PoseVector d =
+        pose_difference(compiled.scene, mixture.modes[head[j]].optimum, mixture.modes[j].optimum);
+    to.weight += masses[j].weight;
+    to.first += masses[j].first + masses[j].weight * d;
+    to.second += masses[j].second + masses[j].first * d.transpose() +
+                 d * masses[j].first.transpose() + masses[j].weight * d * d.transpose();
+    masses[j].weight = 0;
+  }
+  for (std::size_t j = 0; j < masses.size(); ++j) {
     if (masses[j].weight > masses[heaviest].weight) heaviest = j;
   }
   result.heaviest = mixture.modes[heaviest];

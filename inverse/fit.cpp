@@ -20,6 +20,10 @@ namespace blindcorner {
 namespace {
 
 /// A false-alarm probability above this is called no detection.
+/// How often sampling may send the fit back to refinement.
+constexpr int kMostReturns = 3;
+/// Gain in log posterior that changes the answer.
+constexpr double kWorthAnother = 0.01;
 constexpr double kAlarm = 0.05;
 /// Finite-difference steps of the sensor's own pose, m and rad.
 constexpr double kSensorStep = 2e-3;
@@ -61,8 +65,7 @@ bool same(const std::vector<SensorPlacement>& a, const std::vector<SensorPlaceme
 
 std::unique_ptr<MovedModels> move_sensor(const Scene& scene,
                                          const std::vector<SensorPlacement>& placements,
-                                         const CompiledScene& compiled,
-                                         const FitOptions& options) {
+                                         const CompiledScene& compiled, const FitOptions& options) {
   auto moved = std::make_unique<MovedModels>();
   for (std::size_t i = 0; i < 6; ++i) {
     moved->step[i] = kSensorStep;
@@ -236,7 +239,8 @@ struct Fitter::Impl {
       GridOptions grid;
       grid.max_poses = options.max_scored_poses;
       entry->compiled = compile(scene, placements, options, grid);
-      if (scene.sensor_covariance) entry->moved = move_sensor(scene, placements, *entry->compiled, options);
+      if (scene.sensor_covariance)
+        entry->moved = move_sensor(scene, placements, *entry->compiled, options);
     });
     return *entry;
   }
@@ -319,8 +323,16 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   sampling.samples = options.importance_samples;
   sampling.inflation = result.goodness_of_fit.inflation;
   sampling.seed = options.seed;
-  const Posterior posterior =
-      blindcorner::posterior(objective, optima, scored.exact, known.moved.get(), sampling);
+  Posterior posterior =
+      blindcorner::posterior(objective, optima, &scored, known.moved.get(), sampling);
+  for (int again = 0; posterior.better && again < kMostReturns; ++again) {
+    // Sampling came upon something better: refine from there and think again.
+    const double before = optima.front().value.log_posterior;
+    optima.push_back(polish(objective, *posterior.better));
+    if (optima.back().value.log_posterior < before + kWorthAnother) break;
+    optima = merge(compiled, std::move(optima), options.negligible_log_posterior);
+    posterior = blindcorner::posterior(objective, optima, &scored, known.moved.get(), sampling);
+  }
   result.posterior = posterior.mixture;
   result.time_ms.uncertainty = stage.lap();
 

@@ -266,8 +266,7 @@ void LinearSolver::start(std::span<const ZoneShapes> shapes, LinearSolution& sol
 /// Newton for zones [begin, end) that share one amplitude. Unknowns: u = log a, and (c, b) of each
 /// zone, whose blocks are eliminated (the Hessian is an arrow).
 void LinearSolver::solve_shared(std::span<const ZoneShapes> shapes, std::size_t begin,
-                                std::size_t end, LinearSolution& solution,
-                                double accuracy) const {
+                                std::size_t end, LinearSolution& solution, double accuracy) const {
   const bool ambient_free = unknowns_.ambient == LinearMode::per_zone;
   bool object = false;
   for (std::size_t z = begin; z < end; ++z) object = object || shapes[z].object != nullptr;
@@ -296,8 +295,7 @@ void LinearSolver::solve_shared(std::span<const ZoneShapes> shapes, std::size_t 
     log_det = 0;
     dimension = 0;
     for (std::size_t z = begin; z < end; ++z) {
-      const Local h =
-          local(z, shapes[z], a, solution.ambient[z], solution.direct[z]);
+      const Local h = local(z, shapes[z], a, solution.ambient[z], solution.direct[z]);
       Block& block = blocks[z - begin];
       block.c_free =
           ambient_free && !(solution.ambient[z] <= ambient_floor_[z] * (1 + 1e-9) && h.gc > 0);
@@ -410,8 +408,8 @@ void LinearSolver::solve_shared(std::span<const ZoneShapes> shapes, std::size_t 
   solution.log_volume += -0.5 * log_det + 0.5 * dimension * std::log(2 * kPi);
 }
 
-void LinearSolver::solve(std::span<const ZoneShapes> shapes, LinearSolution& solution,
-                         bool warm, double accuracy) const {
+void LinearSolver::solve(std::span<const ZoneShapes> shapes, LinearSolution& solution, bool warm,
+                         double accuracy) const {
   const std::size_t zones = observation_.zones.size();
   if (!warm || solution.ambient.size() != zones) start(shapes, solution);
   solution.log_prior = 0;
@@ -456,7 +454,8 @@ void LinearSolver::solve(std::span<const ZoneShapes> shapes, LinearSolution& sol
       loss += unknowns_.ambient == LinearMode::fixed
                   ? bins.rest.fixed
                   : bins.rest.constant + law.equal_bins(bins.rest_bins, bins.rest.count,
-                                                        bins.rest.square, std::max(c, law.poisson() ? 1e-300 : c))
+                                                        bins.rest.square,
+                                                        std::max(c, law.poisson() ? 1e-300 : c))
                                              .value;
     }
     if (law.poisson() && zone.outside_bins > 0) {
@@ -488,8 +487,7 @@ void LinearSolver::residuals(std::span<const ZoneShapes> shapes, const LinearSol
     expected(zone, shapes[z], solution.amplitude[z], solution.ambient[z], solution.direct[z],
              mean.data());
     // Bins without object light keep their residual when nothing else is unknown.
-    const bool known_dark =
-        unknowns_.ambient == LinearMode::fixed && shapes[z].direct == nullptr;
+    const bool known_dark = unknowns_.ambient == LinearMode::fixed && shapes[z].direct == nullptr;
     const std::size_t lit_first =
         shapes[z].object != nullptr ? static_cast<std::size_t>(shapes[z].object_first) : 0;
     const std::size_t lit_end =

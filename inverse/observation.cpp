@@ -79,8 +79,7 @@ Observation observe(const Scene& scene, std::span<const Capture> captures,
       const double* counts = capture.counts.zone(z);
       observed.counts.assign(counts + window.first, counts + window.end);
       for (int k = 0; k < observed.bins(); ++k) {
-        const bool censored =
-            law.censored() && observed.counts[static_cast<std::size_t>(k)] <= 0;
+        const bool censored = law.censored() && observed.counts[static_cast<std::size_t>(k)] <= 0;
         if (censored) observed.censored.push_back(k);
         observed.counted.push_back(censored ? 0.0 : 1.0);
       }

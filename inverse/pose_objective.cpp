@@ -80,8 +80,7 @@ void PoseObjective::shapes(const LightSource& light, const PoseVector& pose,
 void PoseObjective::empty_shapes(ShapeBuffer& buffer) const { point(buffer, false); }
 
 PoseValue PoseObjective::finish(const PoseVector& pose, ShapeBuffer& buffer,
-                                LinearSolution& solution, bool warm,
-                                double accuracy) const {
+                                LinearSolution& solution, bool warm, double accuracy) const {
   solver_.solve(buffer.shapes, solution, warm, accuracy);
   PoseValue value;
   value.log_likelihood = solution.log_likelihood;
@@ -92,8 +91,7 @@ PoseValue PoseObjective::finish(const PoseVector& pose, ShapeBuffer& buffer,
 }
 
 PoseValue PoseObjective::evaluate(const LightSource& light, const PoseVector& pose,
-                                  LinearSolution& solution, bool warm,
-                                  double accuracy) const {
+                                  LinearSolution& solution, bool warm, double accuracy) const {
   ShapeBuffer& buffer = scratch();
   shapes(light, pose, buffer);
   return finish(pose, buffer, solution, warm, accuracy);

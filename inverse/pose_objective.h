@@ -27,8 +27,8 @@ struct LightSource {
   const ModelSet* models = nullptr;
   const SplineGrid* spline = nullptr;
 
-  LightSource(const ModelSet& set) : models(&set) {}         // NOLINT(google-explicit-constructor)
-  LightSource(const SplineGrid& grid) : spline(&grid) {}     // NOLINT(google-explicit-constructor)
+  LightSource(const ModelSet& set) : models(&set) {}      // NOLINT(google-explicit-constructor)
+  LightSource(const SplineGrid& grid) : spline(&grid) {}  // NOLINT(google-explicit-constructor)
 };
 
 class PoseObjective {
@@ -57,8 +57,8 @@ class PoseObjective {
 
  private:
   void point(ShapeBuffer& buffer, bool object) const;
-  PoseValue finish(const PoseVector& pose, ShapeBuffer& buffer, LinearSolution& solution,
-                   bool warm, double accuracy) const;
+  PoseValue finish(const PoseVector& pose, ShapeBuffer& buffer, LinearSolution& solution, bool warm,
+                   double accuracy) const;
 
   const CompiledScene& compiled_;
   LinearSolver solver_;

@@ -124,7 +124,10 @@ Scored score(const PoseObjective& objective, const LinearSolution& empty, int co
              double negligible) {
   const CompiledScene& compiled = objective.compiled();
   const MatchedFilter filter(objective, empty, MatchedFilter::Weights::observed);
-  const Eigen::VectorXf scores = filter.scores();
+  Scored result;
+  result.empty = empty.log_likelihood;
+  result.scores = filter.scores();
+  const Eigen::VectorXf& scores = result.scores;
   std::vector<int> order(static_cast<std::size_t>(scores.size()));
   std::iota(order.begin(), order.end(), 0);
   const std::size_t exact = std::min<std::size_t>(
@@ -132,17 +135,17 @@ Scored score(const PoseObjective& objective, const LinearSolution& empty, int co
   std::partial_sort(
       order.begin(), order.begin() + static_cast<std::ptrdiff_t>(exact), order.end(),
       [&](int a, int b) { return scores[a] != scores[b] ? scores[a] > scores[b] : a < b; });
-  Scored result;
   std::vector<Candidate>& scored = result.exact;
-  // The filter's score approximates the gain over the empty scene; when even half as much again falls short
-  // of what a start needs, the rest does too.
+  // The filter's score approximates the gain over the empty scene; when even half as much again
+  // falls short of what a start needs, the rest does too.
   double most = 0;
   for (std::size_t i = 0; i < exact; ++i) {
     const double needed = 0.75 * most - negligible;
     if (i >= kLeastExact && 1.5 * static_cast<double>(scores[order[i]]) < needed) break;
     LinearSolution solution;
     scored.push_back(
-        {order[i], objective.evaluate_template(order[i], solution, false, kAccuracy).log_posterior});
+        {order[i],
+         objective.evaluate_template(order[i], solution, false, kAccuracy).log_posterior});
     most = std::max(most, scored.back().log_posterior - empty.log_likelihood);
   }
   std::sort(scored.begin(), scored.end(), [](const Candidate& a, const Candidate& b) {

@@ -49,6 +49,8 @@ struct Candidate {
 
 /// What exhaustive scoring found.
 struct Scored {
+  Eigen::VectorXf scores;         ///< of the matched filter, [poses]
+  double empty = 0;               ///< log posterior without an object
   std::vector<Candidate> exact;   ///< the matched filter's best poses with their log posterior
   std::vector<Candidate> starts;  ///< separated ones among them, worth refining
 };

@@ -6,8 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <random>
-#include <unordered_map>
 
 #include "blindcorner/forward/constants.h"
 
@@ -20,14 +18,10 @@ constexpr double kUndetermined = 0.8;
 /// this factor, in every direction.
 constexpr double kSigmaPoint = 1.5;
 constexpr double kLaplaceFactor = 1.5;
-/// Degrees of freedom of the proposal's Student t: tails heavier than any posterior's.
-constexpr double kTailFreedom = 5;
-/// Share of the samples drawn over the scored grid cells instead of around the modes.
-constexpr double kGridShare = 0.4;
-/// The grid's scores are flattened by this power before they are sampled.
-constexpr double kGridTemper = 0.7;
 /// Accuracy of a sample's log posterior.
 constexpr double kAccuracy = 1e-3;
+/// A sample this much above the best optimum shows a basin that was missed.
+constexpr double kBetter = 0.02;
 /// Modes closer than this (Mahalanobis) are one.
 constexpr double kMergeDistance = 1.0;
 
@@ -115,32 +109,6 @@ void gaussian_deviance_moments(const BinLikelihood& law, double m, double& e, do
   v = second / total - e * e;
 }
 
-/// A mode of the posterior before its weight is known.
-struct Peak {
-  PoseVector center;
-  Eigen::MatrixXd covariance;
-  Eigen::MatrixXd root;     // Cholesky factor
-  double log_det = 0;       // of the covariance
-  double log_evidence = 0;  // Laplace
-};
-
-double mahalanobis2(const Scene& scene, const Peak& peak, const PoseVector& pose) {
-  const PoseVector d = pose_difference(scene, peak.center, pose);
-  return peak.root.triangularView<Eigen::Lower>().solve(d).squaredNorm();
-}
-
-double log_student(const Peak& peak, double distance2) {
-  const auto n = static_cast<double>(peak.center.size());
-  return std::lgamma((kTailFreedom + n) / 2) - std::lgamma(kTailFreedom / 2) -
-         0.5 * n * std::log(kTailFreedom * kPi) - 0.5 * peak.log_det -
-         0.5 * (kTailFreedom + n) * std::log1p(distance2 / kTailFreedom);
-}
-
-/// Weighted log posterior integrand with the likelihood tempered by the inflation.
-double tempered(const PoseValue& value, double inflation) {
-  return value.log_integrand - value.log_likelihood * (1 - 1 / inflation);
-}
-
 Peak make_peak(const PoseObjective& objective, const Refined& optimum, const MovedModels* moved,
                double inflation, Eigen::MatrixXd* sensor_covariance) {
   const Scene& scene = objective.compiled().scene;
@@ -217,113 +185,18 @@ LightSource sample_light(const PoseObjective& objective, const std::vector<const
   return compiled.models();
 }
 
-/// Proposal density over grid cells and modes, and its samples.
-class Proposal {
- public:
-  Proposal(const CompiledScene& compiled, const std::vector<Peak>& peaks,
-           const std::vector<Candidate>& scored, double inflation)
-      : compiled_(compiled), peaks_(peaks) {
-    double best = -std::numeric_limits<double>::infinity();
-    for (const Peak& peak : peaks) best = std::max(best, peak.log_evidence);
-    double total = 0;
-    for (const Peak& peak : peaks) {
-      // No mode is starved: its Laplace evidence may be far off.
-      weights_.push_back(std::max(std::exp(peak.log_evidence - best), 1e-2));
-      total += weights_.back();
-    }
-    for (double& weight : weights_) weight /= total;
-    double sum = 0;
-    for (const Candidate& c : scored) {
-      const double p =
-          std::exp(kGridTemper * (c.log_posterior - scored.front().log_posterior) / inflation);
-      sum += p;
-      cells_.push_back(c.index);
-      cumulative_.push_back(sum);
-      probability_[c.index] = p;
-    }
-    for (double& c : cumulative_) c /= sum;
-    cell_volume_ = compiled.spacing.prod();
-    for (auto& [index, p] : probability_) p /= sum;
-  }
-
-  PoseVector draw(std::mt19937_64& random) const {
-    std::uniform_real_distribution<double> uniform;
-    if (uniform(random) < kGridShare) {
-      const auto it = std::lower_bound(cumulative_.begin(), cumulative_.end(), uniform(random));
-      const auto i = static_cast<std::size_t>(std::min<std::ptrdiff_t>(
-          it - cumulative_.begin(), static_cast<std::ptrdiff_t>(cells_.size()) - 1));
-      PoseVector pose = compiled_.poses[static_cast<std::size_t>(cells_[i])];
-      for (Eigen::Index k = 0; k < pose.size(); ++k) {
-        pose[k] += (uniform(random) - 0.5) * compiled_.spacing[k];
-      }
-      wrap_pose(compiled_.scene, pose);
-      return pose;
-    }
-    double pick = uniform(random);
-    std::size_t j = 0;
-    while (j + 1 < weights_.size() && pick > weights_[j]) pick -= weights_[j++];
-    std::normal_distribution<double> normal;
-    std::gamma_distribution<double> gamma(kTailFreedom / 2, 2 / kTailFreedom);
-    PoseVector z(peaks_[j].center.size());
-    for (Eigen::Index k = 0; k < z.size(); ++k) z[k] = normal(random);
-    PoseVector pose = peaks_[j].center + peaks_[j].root * z / std::sqrt(gamma(random));
-    wrap_pose(compiled_.scene, pose);
-    return pose;
-  }
-
-  double log_density(const PoseVector& pose) const {
-    double density = 0;
-    for (std::size_t j = 0; j < peaks_.size(); ++j) {
-      density += (1 - kGridShare) * weights_[j] *
-                 std::exp(log_student(peaks_[j], mahalanobis2(compiled_.scene, peaks_[j], pose)));
-    }
-    const auto cell = probability_.find(cell_of(pose));
-    if (cell != probability_.end()) density += kGridShare * cell->second / cell_volume_;
-    return std::log(density);
-  }
-
- private:
-  int cell_of(const PoseVector& pose) const {
-    int index = 0;
-    for (std::size_t i = 0; i < compiled_.axes.size(); ++i) {
-      const GridAxis& axis = compiled_.axes[i];
-      const double x = (pose[static_cast<Eigen::Index>(i)] - axis.first) / axis.spacing;
-      int at = static_cast<int>(std::floor(x + 0.5));
-      if (axis.periodic) at = (at % axis.count + axis.count) % axis.count;
-      if (at < 0 || at >= axis.count) return -1;
-      index = index * axis.count + at;
-    }
-    return index;
-  }
-
-  const CompiledScene& compiled_;
-  const std::vector<Peak>& peaks_;
-  std::vector<double> weights_;
-  std::vector<int> cells_;
-  std::vector<double> cumulative_;
-  std::unordered_map<int, double> probability_;
-  double cell_volume_ = 1;
-};
-
-struct Sample {
-  PoseVector pose;
-  double log_weight = 0;
-  double weight = 0;
-  std::size_t mode = 0;
-};
-
 /// Weighted mean and covariance about a reference (circular unknowns handled by differences).
-void moments(const Scene& scene, const std::vector<const Sample*>& samples,
+void moments(const Scene& scene, const std::vector<const PosteriorSample*>& samples,
              const PoseVector& reference, PoseVector& mean, Eigen::MatrixXd& covariance) {
   PoseVector shift = PoseVector::Zero(reference.size());
   double total = 0;
-  for (const Sample* s : samples) {
+  for (const PosteriorSample* s : samples) {
     shift += s->weight * pose_difference(scene, reference, s->pose);
     total += s->weight;
   }
   shift /= total;
   covariance.setZero(reference.size(), reference.size());
-  for (const Sample* s : samples) {
+  for (const PosteriorSample* s : samples) {
     const PoseVector d = pose_difference(scene, reference, s->pose) - shift;
     covariance += s->weight / total * d * d.transpose();
   }
@@ -514,8 +387,42 @@ std::vector<Refined> merge(const CompiledScene& compiled, std::vector<Refined> o
   return kept;
 }
 
+std::vector<std::size_t> connect(const PoseObjective& objective,
+                                 const std::vector<const Refined*>& optima, double inflation) {
+  constexpr double kValley = 1.0;
+  constexpr std::size_t kMostHeads = 6;
+  const CompiledScene& compiled = objective.compiled();
+  const LightSource light =
+      compiled.spline ? LightSource(*compiled.spline) : LightSource(compiled.models());
+  const auto value = [&](const PoseVector& pose, const LinearSolution& start) {
+    LinearSolution linear = start;
+    return tempered(objective.evaluate(light, pose, linear, true, kAccuracy), inflation);
+  };
+  std::vector<double> ends;
+  for (const Refined* optimum : optima) ends.push_back(value(optimum->pose, optimum->linear));
+  std::vector<std::size_t> head(optima.size());
+  std::vector<std::size_t> heads;
+  for (std::size_t j = 0; j < optima.size(); ++j) {
+    head[j] = j;
+    for (std::size_t h = 0; h < std::min(heads.size(), kMostHeads) && head[j] == j; ++h) {
+      const Refined& best = *optima[heads[h]];
+      const PoseVector way = pose_difference(compiled.scene, best.pose, optima[j]->pose);
+      const double least = std::min(ends[heads[h]], ends[j]) - kValley;
+      bool valley = false;
+      for (const double t : {0.5, 0.25, 0.75}) {
+        PoseVector pose = best.pose + t * way;
+        wrap_pose(compiled.scene, pose);
+        valley = valley || value(pose, best.linear) < least;
+      }
+      if (!valley) head[j] = heads[h];
+    }
+    if (head[j] == j) heads.push_back(j);
+  }
+  return head;
+}
+
 Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& optima,
-                    const std::vector<Candidate>& scored, const MovedModels* moved,
+                    const Scored* scored, const MovedModels* moved,
                     const PosteriorOptions& options) {
   const Scene& scene = objective.compiled().scene;
   Posterior result;
@@ -536,8 +443,9 @@ Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& 
   }
   double best = -std::numeric_limits<double>::infinity();
   for (const Peak& peak : peaks) best = std::max(best, peak.log_evidence);
+  const bool may_sample = scored != nullptr && options.samples > 0;
   bool laplace = true;
-  for (std::size_t j = 0; j < peaks.size() && laplace; ++j) {
+  for (std::size_t j = 0; may_sample && j < peaks.size() && laplace; ++j) {
     if (peaks[j].log_evidence < best - 7) continue;
     laplace = laplace_holds(objective, *tops[j], peaks[j], options.inflation);
   }
@@ -553,7 +461,21 @@ Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& 
     result.mixture.modes.push_back(std::move(mode));
   };
 
-  if (laplace || options.samples <= 0) {
+  PosteriorSamples drawn;
+  if (may_sample && !laplace) {
+    const LightSource light = sample_light(objective, tops, peaks, options.inflation);
+    drawn = sample_posterior(objective, light, peaks, tops, *scored,
+                             {options.samples, options.inflation, options.seed});
+    // The light may be the spline's: compare with what it says of the optimum.
+    const auto top =
+        std::max_element(drawn.samples.begin(), drawn.samples.end(),
+                         [](const auto& a, const auto& b) { return a.log_target < b.log_target; });
+    LinearSolution linear = tops.front()->linear;
+    const double known = tempered(
+        objective.evaluate(light, tops.front()->pose, linear, true, kAccuracy), options.inflation);
+    if (top->log_target > known + kBetter) result.better = top->pose;
+  }
+  if (!(drawn.effective > 1)) {
     double sum = 0;
     for (const Peak& peak : peaks) sum += std::exp(peak.log_evidence - best);
     result.log_evidence = best + std::log(sum);
@@ -567,63 +489,30 @@ Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& 
     return result;
   }
 
-  // Importance sampling.
   result.sampled = true;
-  const Proposal proposal(objective.compiled(), peaks, scored, options.inflation);
-  std::mt19937_64 random(options.seed);
-  std::vector<Sample> samples;
-  double top = -std::numeric_limits<double>::infinity();
-  const LightSource light = sample_light(objective, tops, peaks, options.inflation);
-  for (int i = 0; i < options.samples; ++i) {
-    Sample sample;
-    sample.pose = proposal.draw(random);
-    sample.log_weight = -std::numeric_limits<double>::infinity();
-    if (std::isfinite(log_pose_prior(scene, sample.pose))) {
-      // Warm start from the nearest mode's linear unknowns.
-      double nearest = std::numeric_limits<double>::infinity();
-      for (std::size_t j = 0; j < peaks.size(); ++j) {
-        const double d = mahalanobis2(scene, peaks[j], sample.pose);
-        if (d < nearest) {
-          nearest = d;
-          sample.mode = j;
-        }
-      }
-      LinearSolution linear = tops[sample.mode]->linear;
-      const PoseValue value =
-          objective.evaluate(light, sample.pose, linear, true, kAccuracy);
-      sample.log_weight = tempered(value, options.inflation) - proposal.log_density(sample.pose);
-    }
-    top = std::max(top, sample.log_weight);
-    samples.push_back(std::move(sample));
-  }
-  double sum = 0;
-  double squares = 0;
-  for (Sample& sample : samples) {
-    sample.weight = std::exp(sample.log_weight - top);
-    sum += sample.weight;
-    squares += sample.weight * sample.weight;
-  }
-  result.effective_samples = sum * sum / squares;
-  result.log_evidence = top + std::log(sum / options.samples);
+  result.effective_samples = drawn.effective;
+  result.log_evidence = drawn.log_evidence;
+  const std::vector<std::size_t> head = connect(objective, tops, options.inflation);
   for (std::size_t j = 0; j < peaks.size(); ++j) {
-    std::vector<const Sample*> own;
+    if (head[j] != j) continue;
+    std::vector<const PosteriorSample*> own;
     double weight = 0;
-    double own_squares = 0;
-    for (const Sample& sample : samples) {
-      if (sample.mode != j || sample.weight <= 0) continue;
+    double squares = 0;
+    for (const PosteriorSample& sample : drawn.samples) {
+      if (head[sample.peak] != j || sample.weight <= 0) continue;
       own.push_back(&sample);
       weight += sample.weight;
-      own_squares += sample.weight * sample.weight;
+      squares += sample.weight * sample.weight;
     }
     if (weight <= 0) continue;
     PoseVector mean = peaks[j].center;
     Eigen::MatrixXd covariance = peaks[j].covariance;
     // Moments need several samples per dimension; with fewer the Laplace shape is kept.
-    if (weight * weight / own_squares > 3.0 * static_cast<double>(mean.size())) {
+    if (weight * weight / squares > 2.0 * static_cast<double>(mean.size())) {
       moments(scene, own, peaks[j].center, mean, covariance);
       covariance += 1e-4 * peaks[j].covariance;
     }
-    if (weight / sum > std::exp(-options.negligible)) add_mode(j, weight / sum, mean, covariance);
+    if (weight > std::exp(-options.negligible)) add_mode(j, weight, mean, covariance);
   }
   finish_mixture(scene, result.mixture);
   return result;

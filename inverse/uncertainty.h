@@ -4,10 +4,12 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "blindcorner/forward/pose_mixture.h"
 #include "blindcorner/inverse/fit.h"
+#include "importance.h"
 #include "refine.h"
 #include "scoring.h"
 
@@ -35,7 +37,7 @@ GoodnessOfFit goodness_of_fit(const PoseObjective& objective, const Refined& opt
 
 struct PosteriorOptions {
   double negligible = 12.0;
-  int samples = 384;
+  int samples = 384;       ///< of the importance sampler; 0: Laplace everywhere
   double inflation = 1.0;  ///< of covariances and of the information, from the goodness of fit
   std::uint64_t seed = 1;
 };
@@ -45,15 +47,23 @@ struct Posterior {
   double log_evidence = 0;  ///< log integral of likelihood times priors over all unknowns
   bool sampled = false;     ///< importance sampling replaced Laplace's approximation
   double effective_samples = 0;
+  /// The best sample, when it beats every optimum that was found: a basin that was missed.
+  std::optional<PoseVector> better;
 };
 
 /// Modes with weights, means and covariances from refined optima (best first, duplicates merged).
 /// Laplace's approximation is kept where the posterior at the sigma points agrees with it;
-/// elsewhere (bounds, flat directions, skew, overlapping modes) samples drawn around the modes and
-/// over the scored poses are weighted by the posterior.
+/// elsewhere (bounds, flat directions, skew, overlapping modes) the posterior is sampled. Optima
+/// with no valley between them are one mode. Without `scored`, Laplace everywhere, one mode each.
 Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& optima,
-                    const std::vector<Candidate>& scored, const MovedModels* moved,
+                    const Scored* scored, const MovedModels* moved,
                     const PosteriorOptions& options);
+
+/// Groups optima (best first) with no valley between them: along the straight line the log
+/// posterior falls less than one below the lower end. Returns for each the index of its group's
+/// best.
+std::vector<std::size_t> connect(const PoseObjective& objective,
+                                 const std::vector<const Refined*>& optima, double inflation);
 
 /// Merges refined starts that ended at the same optimum; drops those negligible against the best.
 std::vector<Refined> merge(const CompiledScene& compiled, std::vector<Refined> optima,

@@ -38,8 +38,8 @@ class BinLikelihood {
   /// and 1 in the others.
   double sum(const double* n, const double* m, const double* counted, int bins,
              std::span<const int> censored) const;
-  /// Value and derivatives summed over `bins` uncensored bins that expect the same m, of counts that add up to
-  /// `sum` and whose squares add up to `squares`; value without constants.
+  /// Value and derivatives summed over `bins` uncensored bins that expect the same m, of counts
+  /// that add up to `sum` and whose squares add up to `squares`; value without constants.
   Terms equal_bins(double bins, double sum, double squares, double m) const;
   double value(double n, double m) const;
   /// Expected information about m, 1/counts^2.

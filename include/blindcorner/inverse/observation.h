@@ -16,15 +16,15 @@ namespace blindcorner {
 struct ObservedZone {
   int capture = 0;  ///< index among the captures of a joint fit
   int zone = 0;
-  int first = 0;               ///< first bin of the window
-  std::vector<double> counts;  ///< [window]
-  std::vector<double> least;   ///< [window] best attainable negative log likelihood
-  std::vector<int> censored;   ///< bins of the window whose count stands for "zero or less"
+  int first = 0;                ///< first bin of the window
+  std::vector<double> counts;   ///< [window]
+  std::vector<double> least;    ///< [window] best attainable negative log likelihood
+  std::vector<int> censored;    ///< bins of the window whose count stands for "zero or less"
   std::vector<double> counted;  ///< [window] 0 in those bins, else 1
-  std::vector<double> best;    ///< [window] the mean that attains it
-  double outside_bins = 0;     ///< valid bins outside the window
-  double outside_count = 0;    ///< their total count
-  double gain = 1;             ///< counts per W/m^2
+  std::vector<double> best;     ///< [window] the mean that attains it
+  double outside_bins = 0;      ///< valid bins outside the window
+  double outside_count = 0;     ///< their total count
+  double gain = 1;              ///< counts per W/m^2
 
   int bins() const { return static_cast<int>(counts.size()); }
 };
