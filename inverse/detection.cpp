@@ -25,7 +25,7 @@ double FalseAlarmCalibration::probability(const PoseObjective& objective,
                                           const LinearSolution& empty, int captures,
                                           std::uint64_t seed) {
   const MatchedFilter filter(objective, empty, MatchedFilter::Weights::expected);
-  const double score = static_cast<double>(filter.largest_scores(filter.counts())[0]);
+  const double score = static_cast<double>(filter.scores().maxCoeff());
   const Observation& observation = objective.solver().observation();
 
   // The law depends on the light level while counts are few, so there is one per octave of the mean

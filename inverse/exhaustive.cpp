@@ -166,14 +166,15 @@ ExhaustiveResult ExhaustiveSearch::search(const Capture& capture,
   result.heaviest = mixture.modes[heaviest];
   const Mass& mass = masses[heaviest];
   if (mass.weight > 0) {
-    const PoseVector shift = mass.first / mass.weight;
     result.heaviest.weight = mass.weight / total;
-    result.heaviest.pose = result.heaviest.optimum + shift;
-    wrap_pose(compiled.scene, result.heaviest.pose);
-    result.heaviest.covariance = mass.second / mass.weight - shift * shift.transpose();
-    // The grid's own cell variance bounds what it can resolve.
-    for (Eigen::Index i = 0; i < n; ++i) {
-      result.heaviest.covariance(i, i) += compiled.spacing[i] * compiled.spacing[i] / 12;
+    // Sums over a grid are good to a percent while the step is below twice the width; what is
+    // narrower is left to Laplace's approximation.
+    const Eigen::VectorXd width = precision[heaviest].diagonal().array().rsqrt();
+    if ((width.array() > 0.6 * compiled.spacing.array()).all()) {
+      const PoseVector shift = mass.first / mass.weight;
+      result.heaviest.pose = result.heaviest.optimum + shift;
+      wrap_pose(compiled.scene, result.heaviest.pose);
+      result.heaviest.covariance = mass.second / mass.weight - shift * shift.transpose();
     }
   }
   return result;

@@ -20,7 +20,7 @@ constexpr double kLeastGridShare = 0.1;
 /// The grid's scores are flattened by this power before they are sampled.
 constexpr double kGridTemper = 0.7;
 /// Accuracy of a sample's log posterior.
-constexpr double kAccuracy = 1e-3;
+constexpr double kAccuracy = 1e-2;
 constexpr int kStages = 3;     ///< that make up the samples asked for
 constexpr int kMostTimes = 4;  ///< as many samples as asked for, when few are effective
 
@@ -182,6 +182,7 @@ class Sampler {
     sample.pose = c == 0 ? grid_.draw(random_) : draw_student(components_[c - 1], random_);
     wrap_pose(scene_, sample.pose);
     sample.log_target = -std::numeric_limits<double>::infinity();
+    sample.log_posterior = sample.log_target;
     std::vector<double> densities{grid_.density(sample.pose)};
     double nearest = std::numeric_limits<double>::infinity();
     for (std::size_t j = 0; j < components_.size(); ++j) {
@@ -194,8 +195,9 @@ class Sampler {
     }
     if (std::isfinite(log_pose_prior(scene_, sample.pose))) {
       LinearSolution linear = optima_[sample.peak]->linear;  // warm start
-      sample.log_target =
-          tempered(objective_.evaluate(light_, sample.pose, linear, true, kAccuracy), inflation_);
+      const PoseValue value = objective_.evaluate(light_, sample.pose, linear, true, kAccuracy);
+      sample.log_posterior = value.log_posterior;
+      sample.log_target = tempered(value, inflation_);
     }
     samples_.push_back(std::move(sample));
     densities_.push_back(std::move(densities));

@@ -29,7 +29,8 @@ double tempered(const PoseValue& value, double inflation);
 struct PosteriorSample {
   PoseVector pose;
   double log_target = 0;  ///< tempered log integrand; -infinity outside of the prior
-  double weight = 0;
+  double log_posterior = 0;
+  double weight = 0;  ///< sum to one
   std::size_t peak = 0;  ///< nearest one
 };
 

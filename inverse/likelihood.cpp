@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <vector>
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/multiversion.h"
@@ -176,6 +177,15 @@ BLINDCORNER_MULTIVERSION void gaussian_slopes(const double* n, const double* m, 
   }
 }
 
+/// 1 / sigma, row by row.
+BLINDCORNER_MULTIVERSION void inverse_sigmas(const double* m, int bins, double floor,
+                                             double per_count, double* out) {
+  BLINDCORNER_INDEPENDENT
+  for (int i = 0; i < bins; ++i) {
+    out[i] = 1 / std::sqrt(floor + per_count * std::max(m[i], 0.0));
+  }
+}
+
 /// Sums of (n - m)^2 / (2 V) and of log(V) / 2, the logarithm taken of eight bins at a time.
 BLINDCORNER_MULTIVERSION double gaussian_sum(const double* n, const double* m,
                                              const double* counted, int bins, double floor,
@@ -229,9 +239,13 @@ double BinLikelihood::sum(const double* n, const double* m, const double* counte
 void BinLikelihood::slopes(const double* n, const double* m, int bins,
                            std::span<const int> censored, double* first, double* second) const {
   gaussian_slopes(n, m, bins, floor_, per_count_, first, second);
+  thread_local std::vector<double> inverse;
+  if (!censored.empty()) {
+    inverse.resize(static_cast<std::size_t>(bins));
+    inverse_sigmas(m, bins, floor_, per_count_, inverse.data());
+  }
   for (const int i : censored) {
-    const double v = variance(m[i]);
-    const double inverse_sigma = 1 / std::sqrt(v);
+    const double inverse_sigma = inverse[static_cast<std::size_t>(i)];
     const double x = -m[i] * inverse_sigma;
     const double ratio = normal_tail_ratio(x);
     const double slope = m[i] > 0 ? per_count_ * inverse_sigma * inverse_sigma : 0.0;

@@ -10,7 +10,7 @@ namespace blindcorner {
 namespace {
 
 /// When to stop. Tolerances are relative decreases of half the deviance, which is of the order of
-/// the number of bins (1e3): 1e-2 in log likelihood to tell basins apart, 1e-4 at the end.
+/// the number of bins (1e3): 1e-2 in log likelihood to tell basins apart, 1e-3 at the end.
 struct Stop {
   int iterations;
   double function_tolerance;
@@ -20,7 +20,7 @@ constexpr Stop kApproach{12, 1e-5, false};
 constexpr Stop kApproachSpline{40, 1e-6, false};
 constexpr Stop kPolish{25, 1e-6, true};
 /// After the spline's own optimum there is little left to gain.
-constexpr Stop kPolishAfterSpline{25, 1e-5, true};
+constexpr Stop kPolishAfterSpline{25, 4e-5, true};
 
 /// Residuals of a pose with the linear unknowns eliminated, differentiated numerically.
 class ResidualCost final : public ceres::CostFunction {

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <numeric>
 
+#include "blindcorner/forward/multiversion.h"
+
 namespace blindcorner {
 namespace {
 
@@ -12,9 +14,51 @@ namespace {
 /// Accuracy of a template's log posterior, far below what half a grid step does to it.
 constexpr double kAccuracy = 1e-2;
 /// Starts that are refined even when the grid has fewer local maxima.
-constexpr std::size_t kLeastStarts = 3;
-constexpr int kExactPerStart = 12;
-constexpr int kLeastExact = 100;
+constexpr std::size_t kLeastStarts = 2;
+constexpr int kExactPerStart = 8;
+constexpr int kLeastExact = 64;
+
+/// Gain in log likelihood of the best amplitude that is not negative.
+float gain(float projection, float norm) {
+  const float positive = std::max(projection, 0.0F);
+  return 0.5F * positive * positive / std::max(norm, 1e-30F);
+}
+
+struct Products {
+  float along = 0;   ///< sum t a
+  float plain = 0;   ///< sum t b
+  float square = 0;  ///< sum t^2 b
+};
+
+BLINDCORNER_MULTIVERSION Products products(const float* t, const float* a, const float* b,
+                                           int count) {
+  constexpr int kLanes = 16;
+  float along[kLanes] = {};
+  float plain[kLanes] = {};
+  float square[kLanes] = {};
+  int i = 0;
+  for (; i + kLanes <= count; i += kLanes) {
+    for (int k = 0; k < kLanes; ++k) {
+      const float tb = t[i + k] * b[i + k];
+      along[k] += t[i + k] * a[i + k];
+      plain[k] += tb;
+      square[k] += t[i + k] * tb;
+    }
+  }
+  for (int k = 0; i < count; ++i, ++k) {
+    const float tb = t[i] * b[i];
+    along[k] += t[i] * a[i];
+    plain[k] += tb;
+    square[k] += t[i] * tb;
+  }
+  Products p;
+  for (int k = 0; k < kLanes; ++k) {
+    p.along += along[k];
+    p.plain += plain[k];
+    p.square += square[k];
+  }
+  return p;
+}
 
 }  // namespace
 
@@ -114,7 +158,53 @@ Eigen::MatrixXf MatchedFilter::scores_of(const Eigen::MatrixXf& counts) const {
   return scores;
 }
 
-Eigen::VectorXf MatchedFilter::scores() const { return scores_of(counts_).col(0); }
+Eigen::VectorXf MatchedFilter::scores() const {
+  const Eigen::MatrixXf& templates = objective_.compiled().templates;
+  const bool shared = objective_.solver().unknowns().amplitude != LinearMode::per_zone;
+  Eigen::MatrixXf weighted = basis_;
+  Eigen::VectorXf residual = counts_ - mean_;
+  bool nuisance = false;
+  for (std::size_t z = 0; z + 1 < zone_begin_.size(); ++z) {
+    const int begin = zone_begin_[z];
+    const int bins = zone_begin_[z + 1] - begin;
+    const auto w = weight_.segment(begin, bins);
+    auto r = residual.segment(begin, bins);
+    const auto basis = basis_.middleRows(begin, bins);
+    auto weighted_basis = weighted.middleRows(begin, bins);
+    weighted_basis = w.asDiagonal() * basis;
+    const Eigen::Vector2f along = weighted_basis.transpose() * r;
+    r -= basis * along;
+    r.array() *= w.array();
+    nuisance = nuisance || (basis.array() != 0).any();
+  }
+  Eigen::VectorXf scores(templates.cols());
+  for (Eigen::Index pose = 0; pose < templates.cols(); ++pose) {
+    const float* t = templates.col(pose).data();
+    if (shared && !nuisance) {
+      const Products p = products(t, residual.data(), weight_.data(), objective_.rows());
+      scores[pose] = gain(p.along, p.square);
+      continue;
+    }
+    float total = 0;
+    float projection = 0;
+    float norm = 0;
+    for (std::size_t z = 0; z + 1 < zone_begin_.size(); ++z) {
+      const int begin = zone_begin_[z];
+      const int bins = zone_begin_[z + 1] - begin;
+      Products p = products(t + begin, residual.data() + begin, weight_.data() + begin, bins);
+      if (nuisance) {
+        const Products b = products(t + begin, weighted.col(0).data() + begin,
+                                    weighted.col(1).data() + begin, bins);
+        p.square -= b.along * b.along + b.plain * b.plain;
+      }
+      projection += p.along;
+      norm += p.square;
+      total += gain(p.along, p.square);
+    }
+    scores[pose] = shared ? gain(projection, norm) : total;
+  }
+  return scores;
+}
 
 Eigen::VectorXf MatchedFilter::largest_scores(const Eigen::MatrixXf& counts) const {
   return scores_of(counts).colwise().maxCoeff().transpose();

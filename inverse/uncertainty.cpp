@@ -176,9 +176,7 @@ LightSource sample_light(const PoseObjective& objective, const std::vector<const
   for (std::size_t j = 0; j < peaks.size() && high - low < kAgreement; ++j) {
     compare(optima[j]->pose, optima[j]->linear);
     for (Eigen::Index i = 0; i < peaks[j].center.size(); ++i) {
-      for (const double sign : {1.0, -1.0}) {
-        compare(optima[j]->pose + sign * peaks[j].root.col(i), optima[j]->linear);
-      }
+      compare(optima[j]->pose + (i % 2 == 0 ? 1 : -1) * peaks[j].root.col(i), optima[j]->linear);
     }
   }
   if (high - low < kAgreement) return *compiled.spline;
@@ -467,13 +465,16 @@ Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& 
     drawn = sample_posterior(objective, light, peaks, tops, *scored,
                              {options.samples, options.inflation, options.seed});
     // The light may be the spline's: compare with what it says of the optimum.
-    const auto top =
-        std::max_element(drawn.samples.begin(), drawn.samples.end(),
-                         [](const auto& a, const auto& b) { return a.log_target < b.log_target; });
-    LinearSolution linear = tops.front()->linear;
-    const double known = tempered(
-        objective.evaluate(light, tops.front()->pose, linear, true, kAccuracy), options.inflation);
-    if (top->log_target > known + kBetter) result.better = top->pose;
+    const auto top = std::max_element(
+        drawn.samples.begin(), drawn.samples.end(),
+        [](const auto& a, const auto& b) { return a.log_posterior < b.log_posterior; });
+    double known = -std::numeric_limits<double>::infinity();
+    for (const Refined* optimum : tops) {
+      LinearSolution linear = optimum->linear;
+      known = std::max(known, objective.evaluate(light, optimum->pose, linear, true, kAccuracy)
+                                  .log_posterior);
+    }
+    if (top->log_posterior > known + kBetter) result.better = top->pose;
   }
   if (!(drawn.effective > 1)) {
     double sum = 0;
