@@ -136,9 +136,7 @@ class RealCaptures : public ::testing::Test {
 
 TEST_F(RealCaptures, PersonWalksBetweenTheFloorMarks) {
   ASSERT_NO_FATAL_FAILURE(run("import " + data("st_person_tracking") + " -o " + path("st.exr")));
-  const json result =
-      fit("st_person_tracking.json", "st.exr",
-          "--threads 1 --starts 2 --tolerance 0.1 --importance-samples 0 --empty-captures 0");
+  const json result = fit("st_person_tracking.json", "st.exr", "--threads 1");
   ASSERT_FALSE(HasFatalFailure());
   ASSERT_EQ(result["captures"].size(), 300U);
   std::vector<Point> track;

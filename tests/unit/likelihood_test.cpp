@@ -68,6 +68,58 @@ TEST_P(EveryLaw, DerivativesAgreeWithDifferences) {
   }
 }
 
+// Rows of bins are what the solver works with; bin by bin they must say the same.
+TEST_P(EveryLaw, RowsAgreeWithBins) {
+  if (GetParam().poisson()) return;  // rows are for the Gaussian law
+  std::vector<double> n, m, counted;
+  std::vector<int> censored;
+  double sum = 0;
+  for (const auto& [count, mean] : points()) {
+    const bool cut = GetParam().censored() && count <= 0;
+    if (cut) censored.push_back(static_cast<int>(n.size()));
+    counted.push_back(cut ? 0.0 : 1.0);
+    n.push_back(count);
+    m.push_back(mean);
+    sum += law_.value(count, mean);
+  }
+  const int bins = static_cast<int>(n.size());
+  EXPECT_NEAR(law_.sum(n.data(), m.data(), counted.data(), bins, censored), sum,
+              1e-7 * std::abs(sum));
+  std::vector<double> first(n.size()), second(n.size());
+  law_.slopes(n.data(), m.data(), bins, censored, first.data(), second.data());
+  for (std::size_t i = 0; i < n.size(); ++i) {
+    const BinLikelihood::Terms t = law_.terms(n[i], m[i]);
+    EXPECT_NEAR(first[i], t.first, 1e-6 * std::abs(t.first) + 1e-9) << n[i] << " " << m[i];
+    const double expected = t.second > 0 ? t.second : law_.information(m[i]);
+    EXPECT_NEAR(second[i], expected, 1e-6 * std::abs(expected) + 1e-9) << n[i] << " " << m[i];
+  }
+}
+
+// Bins that expect the same are summed without looking at them one by one.
+TEST_P(EveryLaw, EqualBinsAgreeWithBins) {
+  if (GetParam().censored()) return;
+  const std::vector<double> counts{3, 8, 0, 5, 5, 12};
+  for (const double m : {0.4, 5.0, 90.0}) {
+    double sum = 0, squares = 0, value = 0, first = 0, second = 0;
+    for (const double n : counts) {
+      const BinLikelihood::Terms t = law_.terms(n, m);
+      sum += n;
+      squares += n * n;
+      value += t.value;
+      first += t.first;
+      second += t.second;
+    }
+    const BinLikelihood::Terms all = law_.equal_bins(6, sum, squares, m);
+    EXPECT_NEAR(all.value, value, 1e-9 * (1 + std::abs(value)));
+    EXPECT_NEAR(all.first, first, 1e-9 * (1 + std::abs(first)));
+    if (second > 0) {
+      EXPECT_NEAR(all.second, second, 1e-9 * (1 + std::abs(second)));
+    } else {
+      EXPECT_GT(all.second, 0);
+    }
+  }
+}
+
 // The least value is a bound that the best mean attains: the deviance is never negative, whatever
 // mean the fit tries (a sensor that subtracts its background may have a negative one).
 TEST_P(EveryLaw, LeastIsTheMinimumOverAllMeans) {
