@@ -30,7 +30,7 @@ struct PosteriorSample {
   PoseVector pose;
   double log_target = 0;  ///< tempered log integrand; -infinity outside of the prior
   double log_posterior = 0;
-  double weight = 0;  ///< sum to one
+  double weight = 0;     ///< sum to one
   std::size_t peak = 0;  ///< nearest one
 };
 

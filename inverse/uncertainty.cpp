@@ -471,8 +471,8 @@ Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& 
     double known = -std::numeric_limits<double>::infinity();
     for (const Refined* optimum : tops) {
       LinearSolution linear = optimum->linear;
-      known = std::max(known, objective.evaluate(light, optimum->pose, linear, true, kAccuracy)
-                                  .log_posterior);
+      known = std::max(
+          known, objective.evaluate(light, optimum->pose, linear, true, kAccuracy).log_posterior);
     }
     if (top->log_posterior > known + kBetter) result.better = top->pose;
   }
