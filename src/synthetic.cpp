@@ -6,6 +6,7 @@
 #include <functional>
 #include <numeric>
 
+#include "blindcorner/forward/error.h"
 #include "blindcorner/forward/photon_noise.h"
 
 namespace blindcorner {
@@ -49,6 +50,11 @@ PoseVector draw_pose(const Scene& scene, std::mt19937_64& random) {
   return pose;
 }
 
+double total_light(const ForwardModel& model, const PoseVector& pose) {
+  const HistogramCube light = model.three_bounce(pose);
+  return std::accumulate(light.values.begin(), light.values.end(), 0.0);
+}
+
 Capture make_capture(const Scene& scene, const ForwardModel& model, const PoseVector& pose,
                      const LightBudget& budget, std::uint64_t seed) {
   Capture capture;
@@ -65,6 +71,11 @@ Capture make_capture(const Scene& scene, const ForwardModel& model, const PoseVe
       for (int k = 0; k < light.bins; ++k) counts += zone.gain * light.zone(z)[k];
     }
     counts *= budget.amplitude;
+    if (!(counts > 0)) {
+      throw Error("synthetic capture",
+                  "the object at this pose sends the sensor no light, "
+                  "accepted: a pose that some exposure can show");
+    }
     capture.exposures = *budget.third_bounce_photons / counts;
     linear.ambient = budget.background_ratio * kGateShare * counts / gate_bins(scene, light);
   }

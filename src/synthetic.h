@@ -26,7 +26,11 @@ struct LightBudget {
   double amplitude = 1.0;
 };
 
-/// A noisy capture of the scene at one pose, truth included.
+/// Sum over all bins of the three-bounce light at a pose, W/m^2.
+double total_light(const ForwardModel& model, const PoseVector& pose);
+
+/// A noisy capture of the scene at one pose, truth included. Throws Error when a photon budget is
+/// asked of a pose that sends the sensor no light.
 Capture make_capture(const Scene& scene, const ForwardModel& model, const PoseVector& pose,
                      const LightBudget& budget, std::uint64_t seed);
 

@@ -46,6 +46,11 @@ struct SolverArguments {
   ExhaustiveOptions exhaustive;
 };
 
+/// Poses that send the sensor less than this share of the median pose's light are drawn again: no
+/// exposure would show them.
+constexpr double kLeastLight = 1e-3;
+constexpr int kTypicalPoses = 64;
+
 /// What became of one synthetic capture.
 struct Trial {
   double photons = 0;
@@ -206,8 +211,14 @@ std::vector<Trial> study(const SolverArguments& arguments, const std::string& pa
   std::uniform_real_distribution<double> log_photons(std::log(arguments.least_photons),
                                                      std::log(arguments.most_photons));
   std::normal_distribution<double> log_amplitude(0.0, arguments.amplitude_spread);
+  const auto fast = make_fast_model(scene, sensor_placement(scene));
+  std::vector<double> light(kTypicalPoses);
+  for (double& l : light) l = total_light(*fast, draw_pose(scene, random));
+  const double least_light = kLeastLight * quantile(light, 0.5);
   for (std::size_t i = 0; i < count; ++i) {
-    truths[i] = draw_pose(scene, random);
+    do {
+      truths[i] = draw_pose(scene, random);
+    } while (total_light(*fast, truths[i]) < least_light);
     budgets[i].third_bounce_photons = std::exp(log_photons(random));
     budgets[i].amplitude = std::exp(log_amplitude(random));
   }
