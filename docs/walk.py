@@ -61,7 +61,7 @@ def main():
     )
     print(text)
     print("marks", " ".join(map(str, visits(points))))
-    print(f"median {np.median(times):.1f} ms, 90 % {np.quantile(times, 0.9):.1f} ms a frame")
+    print(f"median {np.median(times):.1f} ms, mean {times.mean():.1f} ms, 90 % {np.quantile(times, 0.9):.1f} ms a frame")
     if not arguments.output:
         return
     figure, axes = plt.subplots(figsize=(7.2, 5.2), dpi=110)
