@@ -20,11 +20,11 @@ namespace blindcorner {
 namespace {
 
 /// A false-alarm probability above this is called no detection.
+constexpr double kAlarm = 0.05;
 /// How often sampling may send the fit back to refinement.
 constexpr int kMostReturns = 3;
 /// Gain in log posterior that changes the answer.
 constexpr double kWorthAnother = 0.01;
-constexpr double kAlarm = 0.05;
 /// Finite-difference steps of the sensor's own pose, m and rad.
 constexpr double kSensorStep = 2e-3;
 
@@ -323,15 +323,17 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   sampling.samples = options.importance_samples;
   sampling.inflation = result.goodness_of_fit.inflation;
   sampling.seed = options.seed;
-  Posterior posterior =
-      blindcorner::posterior(objective, optima, &scored, known.moved.get(), sampling);
+  const auto think = [&] {
+    return blindcorner::posterior(objective, optima, &scored, known.moved.get(), sampling);
+  };
+  Posterior posterior = think();
   for (int again = 0; posterior.better && again < kMostReturns; ++again) {
     // Sampling came upon something better: refine from there and think again.
     const double before = optima.front().value.log_posterior;
     optima.push_back(polish(objective, *posterior.better));
     if (optima.back().value.log_posterior < before + kWorthAnother) break;
     optima = merge(compiled, std::move(optima), options.negligible_log_posterior);
-    posterior = blindcorner::posterior(objective, optima, &scored, known.moved.get(), sampling);
+    posterior = think();
   }
   result.posterior = posterior.mixture;
   result.time_ms.uncertainty = stage.lap();

@@ -45,66 +45,54 @@ class NormalTailTable {
     }
   }
 
-  void look_up(double x, double& log_phi, double& ratio) const {
-    constexpr double kStep = 1.0 / kPerUnit;
-    const double position = (x - kLowest) * kPerUnit;
-    const auto i = static_cast<std::size_t>(position);
-    const double t = position - static_cast<double>(i);
-    const Node& a = nodes_[i];
-    const Node& b = nodes_[i + 1];
-    const double u = 1 - t;
-    const double h0 = (1 + 2 * t) * u * u;
-    const double h1 = (3 - 2 * t) * t * t;
-    const double g0 = kStep * t * u * u;
-    const double g1 = -kStep * t * t * u;
-    log_phi = h0 * a.log_phi + h1 * b.log_phi + g0 * a.ratio + g1 * b.ratio;
-    ratio = h0 * a.ratio + h1 * b.ratio + g0 * a.ratio_slope + g1 * b.ratio_slope;
-  }
+  static bool covers(double x) { return x >= kLowest && x < kHighest; }
 
   double log_phi(double x) const {
-    constexpr double kStep = 1.0 / kPerUnit;
-    const double position = (x - kLowest) * kPerUnit;
-    const auto i = static_cast<std::size_t>(position);
-    const double t = position - static_cast<double>(i);
-    const Node& a = nodes_[i];
-    const Node& b = nodes_[i + 1];
-    const double u = 1 - t;
-    return (1 + 2 * t) * u * u * a.log_phi + (3 - 2 * t) * t * t * b.log_phi +
-           kStep * t * u * (u * a.ratio - t * b.ratio);
+    const Place p = place(x);
+    return hermite(p.t, p.a.log_phi, p.b.log_phi, p.a.ratio, p.b.ratio);
   }
-
   double ratio(double x) const {
-    constexpr double kStep = 1.0 / kPerUnit;
-    const double position = (x - kLowest) * kPerUnit;
-    const auto i = static_cast<std::size_t>(position);
-    const double t = position - static_cast<double>(i);
-    const Node& a = nodes_[i];
-    const Node& b = nodes_[i + 1];
-    const double u = 1 - t;
-    return (1 + 2 * t) * u * u * a.ratio + (3 - 2 * t) * t * t * b.ratio +
-           kStep * t * u * (u * a.ratio_slope - t * b.ratio_slope);
+    const Place p = place(x);
+    return hermite(p.t, p.a.ratio, p.b.ratio, p.a.ratio_slope, p.b.ratio_slope);
   }
 
  private:
   struct Node {
     double log_phi = 0, ratio = 0, ratio_slope = 0;
   };
+  struct Place {
+    const Node &a, &b;
+    double t;  // from a to b
+  };
+  Place place(double x) const {
+    const double position = (x - kLowest) * kPerUnit;
+    const auto i = static_cast<std::size_t>(position);
+    return {nodes_[i], nodes_[i + 1], position - static_cast<double>(i)};
+  }
+  static double hermite(double t, double from, double to, double slope_from, double slope_to) {
+    constexpr double kStep = 1.0 / kPerUnit;
+    const double u = 1 - t;
+    return (1 + 2 * t) * u * u * from + (3 - 2 * t) * t * t * to +
+           kStep * t * u * (u * slope_from - t * slope_to);
+  }
+
   std::array<Node, static_cast<std::size_t>((kHighest - kLowest) * kPerUnit) + 2> nodes_;
 };
 
 const NormalTailTable kNormalTail;
 
-void log_normal_tail(double x, double& log_phi, double& ratio) {
-  if (x >= NormalTailTable::kLowest && x < NormalTailTable::kHighest) {
-    kNormalTail.look_up(x, log_phi, ratio);
-  } else {
-    exact_normal_tail(x, log_phi, ratio);
-  }
+/// log Phi(x).
+double log_normal_tail(double x) {
+  if (NormalTailTable::covers(x)) return kNormalTail.log_phi(x);
+  double log_phi = 0;
+  double ratio = 0;
+  exact_normal_tail(x, log_phi, ratio);
+  return log_phi;
 }
 
 /// phi(x) / Phi(x).
 double normal_tail_ratio(double x) {
-  if (x >= NormalTailTable::kLowest && x < NormalTailTable::kHighest) return kNormalTail.ratio(x);
+  if (NormalTailTable::covers(x)) return kNormalTail.ratio(x);
   double log_phi = 0;
   double ratio = 0;
   exact_normal_tail(x, log_phi, ratio);
@@ -143,12 +131,10 @@ BinLikelihood::Terms BinLikelihood::terms(double n, double m) const {
   if (censored_ && n <= 0) {
     const double sigma = std::sqrt(v);
     const double x = -m / sigma;
-    double log_phi = 0;
-    double ratio = 0;
-    log_normal_tail(x, log_phi, ratio);
+    const double ratio = normal_tail_ratio(x);
     const double dx = -1 / sigma + 0.5 * m * slope / (v * sigma);
     const double ddx = slope / (v * sigma) - 0.75 * m * slope * slope / (v * v * sigma);
-    t.value = -log_phi;
+    t.value = -log_normal_tail(x);
     t.first = -ratio * dx;
     t.second = ratio * (x + ratio) * dx * dx - ratio * ddx;
     return t;
@@ -223,15 +209,7 @@ double BinLikelihood::sum(const double* n, const double* m, const double* counte
                           std::span<const int> censored) const {
   double total = gaussian_sum(n, m, counted, bins, floor_, per_count_);
   for (const int i : censored) {
-    const double x = -m[i] / std::sqrt(variance(m[i]));
-    if (x >= NormalTailTable::kLowest && x < NormalTailTable::kHighest) {
-      total -= kNormalTail.log_phi(x);
-    } else {
-      double log_phi = 0;
-      double ratio = 0;
-      exact_normal_tail(x, log_phi, ratio);
-      total -= log_phi;
-    }
+    total -= log_normal_tail(-m[i] / std::sqrt(variance(m[i])));
   }
   return total;
 }
@@ -292,9 +270,7 @@ double BinLikelihood::information(double m) const {
   if (!censored_) return 1 / v + own;
   // Information of a normal mean censored at zero (Tobit).
   const double x = m / std::sqrt(v);
-  double log_phi = 0;
-  double ratio = 0;
-  log_normal_tail(-x, log_phi, ratio);  // ratio = phi(x) / Phi(-x)
+  const double ratio = normal_tail_ratio(-x);  // phi(x) / Phi(-x)
   const double density = std::exp(-0.5 * x * x) / std::sqrt(2 * kPi);
   const double above = 0.5 * std::erfc(-x / std::numbers::sqrt2);
   const double sigma = std::sqrt(v);
