@@ -564,7 +564,7 @@ double FastModel::coarsest(const std::vector<PoseVector>& poses, double toleranc
     for (std::size_t i = 0; i < poses.size(); ++i) {
       three_bounce(poses[i], candidates.back().cubes[i]);
     }
-    for (; fine.cells >= 2 * candidates[next].cells; ++next) {
+    for (; next + 1 < candidates.size() && fine.cells >= 2 * candidates[next].cells; ++next) {
       const double change = largest_change(candidates[next].cubes, fine.cubes);
       const bool stagnates = change < kStagnates && change > 0.8 * before;
       if (change < tolerance || stagnates) return candidates[next].coarseness;

@@ -10,6 +10,12 @@
 #include "uncertainty.h"
 
 namespace blindcorner {
+namespace {
+
+/// Accuracy of a grid point's log posterior; what is refined is exact.
+constexpr double kAccuracy = 1e-3;
+
+}  // namespace
 
 void ExhaustiveOptions::validate() const {
   if (!(density > 0)) throw Error("ExhaustiveOptions.density", "accepted: above 0");
@@ -67,7 +73,7 @@ ExhaustiveResult ExhaustiveSearch::search(const Capture& capture,
   double top = -std::numeric_limits<double>::infinity();
   for (int i = 0; i < count; ++i) {
     const auto k = static_cast<std::size_t>(i);
-    values[k] = objective.evaluate_template(i, linear, i > 0 && linear.converged);
+    values[k] = objective.evaluate_template(i, linear, i > 0 && linear.converged, kAccuracy);
     order[k] = i;
     top = std::max(top, values[k].log_integrand);
   }

@@ -327,12 +327,12 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
     return blindcorner::posterior(objective, optima, &scored, known.moved.get(), sampling);
   };
   Posterior posterior = think();
-  for (int again = 0; posterior.better && again < kMostReturns; ++again) {
-    // Sampling came upon something better: refine from there and think again.
+  for (int again = 0; again < kMostReturns && !posterior.promising.empty(); ++again) {
+    // Sampling came upon places that may be better: refine from there and, if so, think again.
     const double before = optima.front().value.log_posterior;
-    optima.push_back(polish(objective, *posterior.better));
-    if (optima.back().value.log_posterior < before + kWorthAnother) break;
+    for (const PoseVector& pose : posterior.promising) optima.push_back(polish(objective, pose));
     optima = merge(compiled, std::move(optima), options.negligible_log_posterior);
+    if (optima.front().value.log_posterior < before + kWorthAnother) break;
     posterior = think();
   }
   result.posterior = posterior.mixture;

@@ -235,20 +235,13 @@ class Sampler {
         std::max_element(samples_.begin(), samples_.end(), [](const auto& a, const auto& b) {
           return a.weight < b.weight;
         })->pose;
-    PoseVector shift = PoseVector::Zero(n);
-    for (const PosteriorSample& s : samples_) {
-      if (s.weight > 0) shift += s.weight * pose_difference(scene_, reference, s.pose);
-    }
-    Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(n, n);
-    for (const PosteriorSample& s : samples_) {
-      if (s.weight <= 0) continue;
-      const PoseVector d = pose_difference(scene_, reference, s.pose) - shift;
-      covariance += s.weight * d * d.transpose();
+    std::vector<const PosteriorSample*> weighty;
+    for (const PosteriorSample& sample : samples_) {
+      if (sample.weight > 0) weighty.push_back(&sample);
     }
     Peak peak;
-    peak.center = reference + shift;
-    wrap_pose(scene_, peak.center);
-    peak.covariance = 1.3 * covariance;
+    moments(scene_, weighty, reference, peak.center, peak.covariance);
+    peak.covariance *= 1.3;
     for (Eigen::Index i = 0; i < n; ++i) {
       peak.covariance(i, i) += 1e-4 * std::pow(objective_.compiled().spacing[i], 2);
     }
@@ -291,6 +284,24 @@ double mahalanobis2(const Scene& scene, const Peak& peak, const PoseVector& pose
 
 double tempered(const PoseValue& value, double inflation) {
   return value.log_integrand - value.log_likelihood * (1 - 1 / inflation);
+}
+
+void moments(const Scene& scene, const std::vector<const PosteriorSample*>& samples,
+             const PoseVector& reference, PoseVector& mean, Eigen::MatrixXd& covariance) {
+  PoseVector shift = PoseVector::Zero(reference.size());
+  double total = 0;
+  for (const PosteriorSample* s : samples) {
+    shift += s->weight * pose_difference(scene, reference, s->pose);
+    total += s->weight;
+  }
+  shift /= total;
+  covariance.setZero(reference.size(), reference.size());
+  for (const PosteriorSample* s : samples) {
+    const PoseVector d = pose_difference(scene, reference, s->pose) - shift;
+    covariance += s->weight / total * d * d.transpose();
+  }
+  mean = reference + shift;
+  wrap_pose(scene, mean);
 }
 
 PosteriorSamples sample_posterior(const PoseObjective& objective, const LightSource& light,

@@ -40,6 +40,10 @@ struct PosteriorSamples {
   double effective = 0;  ///< (sum w)^2 / sum w^2
 };
 
+/// Weighted mean and covariance of samples; differences are taken from `reference`, on circles.
+void moments(const Scene& scene, const std::vector<const PosteriorSample*>& samples,
+             const PoseVector& reference, PoseVector& mean, Eigen::MatrixXd& covariance);
+
 struct SamplingOptions {
   int samples = 384;  ///< enough when they are worth a third as many independent ones
   double inflation = 1.0;

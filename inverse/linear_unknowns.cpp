@@ -179,10 +179,7 @@ LinearSolver::Local LinearSolver::local(std::size_t z, const ZoneShapes& shapes,
   }
   for (std::size_t r = 0; r < bins.count; ++r) {
     const auto [begin, end] = bins.ranges[r];
-    for (int i = begin; i < end; ++i) {
-      mean[static_cast<std::size_t>(i - begin)] =
-          (s != nullptr ? amplitude * s[i] : 0.0) + (t != nullptr ? direct * t[i] : 0.0) + ambient;
-    }
+    expected(shapes, amplitude, ambient, direct, begin, end, mean.data());
     law.slopes(n + begin, mean.data(), end - begin, censored_between(zone, begin, end),
                first.data(), second.data());
     for (int i = begin; i < end; ++i) {
@@ -424,8 +421,6 @@ void LinearSolver::solve(std::span<const ZoneShapes> shapes, LinearSolution& sol
   for (std::size_t z = 0; z < zones; ++z) {
     const ObservedZone& zone = observation_.zones[z];
     const BinLikelihood& law = observation_.law(zone);
-    const double* s = shapes[z].object;
-    const double* t = shapes[z].direct;
     const double a = solution.amplitude[z];
     const double b = solution.direct[z];
     const double c = solution.ambient[z];
@@ -434,10 +429,7 @@ void LinearSolver::solve(std::span<const ZoneShapes> shapes, LinearSolution& sol
       const auto [begin, end] = bins.ranges[r];
       thread_local std::vector<double> mean;
       mean.resize(static_cast<std::size_t>(end - begin));
-      for (int i = begin; i < end; ++i) {
-        mean[static_cast<std::size_t>(i - begin)] =
-            (s != nullptr ? a * s[i] : 0.0) + (t != nullptr ? b * t[i] : 0.0) + c;
-      }
+      expected(shapes[z], a, c, b, begin, end, mean.data());
       if (law.poisson()) {
         for (int i = begin; i < end; ++i) {
           loss += half_deviance(law, zone, static_cast<std::size_t>(i),
@@ -469,9 +461,16 @@ void LinearSolver::solve(std::span<const ZoneShapes> shapes, LinearSolution& sol
 
 void LinearSolver::expected(const ObservedZone& zone, const ZoneShapes& shapes, double amplitude,
                             double ambient, double direct, double* out) const {
-  for (int i = 0; i < zone.bins(); ++i) {
-    out[i] = ambient + (shapes.object != nullptr ? amplitude * shapes.object[i] : 0.0) +
-             (shapes.direct != nullptr ? direct * shapes.direct[i] : 0.0);
+  expected(shapes, amplitude, ambient, direct, 0, zone.bins(), out);
+}
+
+void LinearSolver::expected(const ZoneShapes& shapes, double amplitude, double ambient,
+                            double direct, int begin, int end, double* out) {
+  const double* s = shapes.object;
+  const double* t = shapes.direct;
+  for (int i = begin; i < end; ++i) {
+    out[i - begin] =
+        (s != nullptr ? amplitude * s[i] : 0.0) + (t != nullptr ? direct * t[i] : 0.0) + ambient;
   }
 }
 

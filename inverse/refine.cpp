@@ -20,7 +20,7 @@ constexpr Stop kApproach{12, 1e-5, false};
 constexpr Stop kApproachSpline{40, 1e-6, false};
 constexpr Stop kPolish{25, 1e-6, true};
 /// After the spline's own optimum there is little left to gain.
-constexpr Stop kPolishAfterSpline{25, 4e-5, true};
+constexpr Stop kPolishAfterSpline{12, 4e-5, true};
 
 /// Residuals of a pose with the linear unknowns eliminated, differentiated numerically.
 class ResidualCost final : public ceres::CostFunction {
@@ -116,6 +116,9 @@ void minimise(const PoseObjective& objective, const LightSource& light, const St
   options.function_tolerance = stop.function_tolerance;
   options.parameter_tolerance = 1e-7;
   options.gradient_tolerance = 1e-9;
+  // At a bound Ceres searches along the projected step: a few values will do, no gradients.
+  options.line_search_interpolation_type = ceres::QUADRATIC;
+  options.max_num_line_search_step_size_iterations = 4;
   options.logging_type = ceres::SILENT;
   options.num_threads = 1;
   ceres::Solver::Summary summary;

@@ -11,12 +11,12 @@ namespace blindcorner {
 namespace {
 
 /// Poses scored exactly: this many times the wanted starts, but at least `kLeastExact`.
+constexpr int kExactPerStart = 8;
+constexpr int kLeastExact = 64;
 /// Accuracy of a template's log posterior, far below what half a grid step does to it.
 constexpr double kAccuracy = 1e-2;
 /// Starts that are refined even when the grid has fewer local maxima.
 constexpr std::size_t kLeastStarts = 2;
-constexpr int kExactPerStart = 8;
-constexpr int kLeastExact = 64;
 
 /// Gain in log likelihood of the best amplitude that is not negative.
 float gain(float projection, float norm) {
@@ -24,40 +24,37 @@ float gain(float projection, float norm) {
   return 0.5F * positive * positive / std::max(norm, 1e-30F);
 }
 
-struct Products {
-  float along = 0;   ///< sum t a
-  float plain = 0;   ///< sum t b
-  float square = 0;  ///< sum t^2 b
-};
+constexpr int kLanes = 16;
 
-BLINDCORNER_MULTIVERSION Products products(const float* t, const float* a, const float* b,
-                                           int count) {
-  constexpr int kLanes = 16;
-  float along[kLanes] = {};
-  float plain[kLanes] = {};
-  float square[kLanes] = {};
+/// sum t a
+BLINDCORNER_MULTIVERSION float dot(const float* t, const float* a, int count) {
+  float lanes[kLanes] = {};
   int i = 0;
   for (; i + kLanes <= count; i += kLanes) {
-    for (int k = 0; k < kLanes; ++k) {
-      const float tb = t[i + k] * b[i + k];
-      along[k] += t[i + k] * a[i + k];
-      plain[k] += tb;
-      square[k] += t[i + k] * tb;
-    }
+    for (int k = 0; k < kLanes; ++k) lanes[k] += t[i + k] * a[i + k];
   }
-  for (int k = 0; i < count; ++i, ++k) {
-    const float tb = t[i] * b[i];
-    along[k] += t[i] * a[i];
-    plain[k] += tb;
-    square[k] += t[i] * tb;
+  for (int k = 0; i < count; ++i, ++k) lanes[k] += t[i] * a[i];
+  return std::accumulate(lanes, lanes + kLanes, 0.0F);
+}
+
+/// out += sum t a for several a, whose elements lie side by side: [count][sets].
+BLINDCORNER_MULTIVERSION void add_dots(const float* t, const float* a, int count, int sets,
+                                       float* out) {
+  for (int i = 0; i < count; ++i) {
+    if (t[i] == 0) continue;
+    for (int set = 0; set < sets; ++set) out[set] += t[i] * a[i * sets + set];
   }
-  Products p;
-  for (int k = 0; k < kLanes; ++k) {
-    p.along += along[k];
-    p.plain += plain[k];
-    p.square += square[k];
+}
+
+/// sum t^2 w
+BLINDCORNER_MULTIVERSION float weighted_square(const float* t, const float* w, int count) {
+  float lanes[kLanes] = {};
+  int i = 0;
+  for (; i + kLanes <= count; i += kLanes) {
+    for (int k = 0; k < kLanes; ++k) lanes[k] += t[i + k] * (t[i + k] * w[i + k]);
   }
-  return p;
+  for (int k = 0; i < count; ++i, ++k) lanes[k] += t[i] * (t[i] * w[i]);
+  return std::accumulate(lanes, lanes + kLanes, 0.0F);
 }
 
 }  // namespace
@@ -120,91 +117,59 @@ MatchedFilter::MatchedFilter(const PoseObjective& objective, const LinearSolutio
 
 Eigen::MatrixXf MatchedFilter::scores_of(const Eigen::MatrixXf& counts) const {
   const Eigen::MatrixXf& templates = objective_.compiled().templates;
-  const Eigen::Index poses = templates.cols();
   const Eigen::Index sets = counts.cols();
   const bool shared = objective_.solver().unknowns().amplitude != LinearMode::per_zone;
-  Eigen::MatrixXf scores = Eigen::MatrixXf::Zero(poses, sets);
-  Eigen::MatrixXf projection = Eigen::MatrixXf::Zero(poses, sets);
-  Eigen::VectorXf norm = Eigen::VectorXf::Zero(poses);
-  const auto finish = [&](const Eigen::MatrixXf& numerator, const Eigen::VectorXf& denominator) {
-    const Eigen::ArrayXf scale = 0.5F / denominator.array().max(1e-30F);
-    for (Eigen::Index set = 0; set < sets; ++set) {
-      scores.col(set).array() += numerator.col(set).array().max(0.0F).square() * scale;
-    }
-  };
-  for (std::size_t z = 0; z + 1 < zone_begin_.size(); ++z) {
+  const bool nuisance = (basis_.array() != 0).any();
+
+  // What the nuisance does not explain, weighted; [sets, rows].
+  const Eigen::MatrixXf weighted_basis = weight_.asDiagonal() * basis_;
+  Eigen::MatrixXf residual = (counts.colwise() - mean_).transpose();
+  for (std::size_t z = 0; z + 1 < zone_begin_.size() && nuisance; ++z) {
     const int begin = zone_begin_[z];
     const int bins = zone_begin_[z + 1] - begin;
-    const auto w = weight_.segment(begin, bins);
-    const auto t = templates.middleRows(begin, bins);
-    const Eigen::MatrixXf basis = basis_.middleRows(begin, bins);
-    const Eigen::MatrixXf weighted_basis = w.asDiagonal() * basis;
-    Eigen::MatrixXf residual =
-        counts.middleRows(begin, bins).colwise() - mean_.segment(begin, bins);
-    residual -= basis * (weighted_basis.transpose() * residual);
-    residual = w.asDiagonal() * residual;
-    const Eigen::MatrixXf along = t.transpose() * residual;
-    const Eigen::VectorXf own =
-        t.array().square().matrix().transpose() * w -
-        (t.transpose() * weighted_basis).array().square().matrix().rowwise().sum();
-    if (shared) {
-      projection += along;
-      norm += own;
-    } else {
-      finish(along, own);
-    }
+    auto r = residual.middleCols(begin, bins);
+    const Eigen::MatrixXf along = r * weighted_basis.middleRows(begin, bins);
+    r -= along * basis_.middleRows(begin, bins).transpose();
   }
-  if (shared) finish(projection, norm);
+  residual = residual * weight_.asDiagonal();
+
+  // Zones may be taken together when they have the amplitude in common and nothing else.
+  const std::vector<int> whole{0, objective_.rows()};
+  const std::vector<int>& borders = shared && !nuisance ? whole : zone_begin_;
+  Eigen::MatrixXf scores(templates.cols(), sets);
+  Eigen::VectorXf along(sets);
+  Eigen::VectorXf projection(sets);
+  Eigen::VectorXf total(sets);
+  for (Eigen::Index pose = 0; pose < templates.cols(); ++pose) {
+    projection.setZero();
+    total.setZero();
+    float norm = 0;
+    for (std::size_t z = 0; z + 1 < borders.size(); ++z) {
+      const int begin = borders[z];
+      const int bins = borders[z + 1] - begin;
+      const float* t = templates.col(pose).data() + begin;
+      float square = weighted_square(t, weight_.data() + begin, bins);
+      for (Eigen::Index k = 0; k < basis_.cols() && nuisance; ++k) {
+        const float explained = dot(t, weighted_basis.col(k).data() + begin, bins);
+        square -= explained * explained;
+      }
+      if (sets == 1) {
+        along[0] = dot(t, residual.data() + begin, bins);
+      } else {
+        along.setZero();
+        add_dots(t, residual.col(begin).data(), bins, static_cast<int>(sets), along.data());
+      }
+      norm += square;
+      projection += along;
+      if (!shared) total += along.unaryExpr([&](float a) { return gain(a, square); });
+    }
+    if (shared) total = projection.unaryExpr([&](float p) { return gain(p, norm); });
+    scores.row(pose) = total;
+  }
   return scores;
 }
 
-Eigen::VectorXf MatchedFilter::scores() const {
-  const Eigen::MatrixXf& templates = objective_.compiled().templates;
-  const bool shared = objective_.solver().unknowns().amplitude != LinearMode::per_zone;
-  Eigen::MatrixXf weighted = basis_;
-  Eigen::VectorXf residual = counts_ - mean_;
-  bool nuisance = false;
-  for (std::size_t z = 0; z + 1 < zone_begin_.size(); ++z) {
-    const int begin = zone_begin_[z];
-    const int bins = zone_begin_[z + 1] - begin;
-    const auto w = weight_.segment(begin, bins);
-    auto r = residual.segment(begin, bins);
-    const auto basis = basis_.middleRows(begin, bins);
-    auto weighted_basis = weighted.middleRows(begin, bins);
-    weighted_basis = w.asDiagonal() * basis;
-    const Eigen::Vector2f along = weighted_basis.transpose() * r;
-    r -= basis * along;
-    r.array() *= w.array();
-    nuisance = nuisance || (basis.array() != 0).any();
-  }
-  Eigen::VectorXf scores(templates.cols());
-  for (Eigen::Index pose = 0; pose < templates.cols(); ++pose) {
-    const float* t = templates.col(pose).data();
-    if (shared && !nuisance) {
-      const Products p = products(t, residual.data(), weight_.data(), objective_.rows());
-      scores[pose] = gain(p.along, p.square);
-      continue;
-    }
-    float total = 0;
-    float projection = 0;
-    float norm = 0;
-    for (std::size_t z = 0; z + 1 < zone_begin_.size(); ++z) {
-      const int begin = zone_begin_[z];
-      const int bins = zone_begin_[z + 1] - begin;
-      Products p = products(t + begin, residual.data() + begin, weight_.data() + begin, bins);
-      if (nuisance) {
-        const Products b = products(t + begin, weighted.col(0).data() + begin,
-                                    weighted.col(1).data() + begin, bins);
-        p.square -= b.along * b.along + b.plain * b.plain;
-      }
-      projection += p.along;
-      norm += p.square;
-      total += gain(p.along, p.square);
-    }
-    scores[pose] = shared ? gain(projection, norm) : total;
-  }
-  return scores;
-}
+Eigen::VectorXf MatchedFilter::scores() const { return scores_of(counts_).col(0); }
 
 Eigen::VectorXf MatchedFilter::largest_scores(const Eigen::MatrixXf& counts) const {
   return scores_of(counts).colwise().maxCoeff().transpose();

@@ -29,8 +29,6 @@ class SplineGrid {
   /// Writes [rows] values for a pose, none below zero. Outside of the grid the end pieces go on.
   void evaluate(const PoseVector& pose, double* out) const;
 
-  int rows() const { return static_cast<int>(coefficients_.rows()); }
-
  private:
   std::vector<GridAxis> axes_;
   std::vector<int> sizes_;        // coefficients along each axis

@@ -22,6 +22,10 @@ constexpr double kLaplaceFactor = 1.5;
 constexpr double kAccuracy = 1e-3;
 /// A sample this much above the best optimum shows a basin that was missed.
 constexpr double kBetter = 0.02;
+/// One apart from every optimum and at most this much below the best may lie in such a basin: least
+/// squares gains about that much on a sample. Descents on a spline are so cheap, and so many, that
+/// there only a better sample counts.
+constexpr double kPromising = 1.0;
 /// Modes closer than this (Mahalanobis) are one.
 constexpr double kMergeDistance = 1.0;
 
@@ -183,25 +187,6 @@ LightSource sample_light(const PoseObjective& objective, const std::vector<const
   return compiled.models();
 }
 
-/// Weighted mean and covariance about a reference (circular unknowns handled by differences).
-void moments(const Scene& scene, const std::vector<const PosteriorSample*>& samples,
-             const PoseVector& reference, PoseVector& mean, Eigen::MatrixXd& covariance) {
-  PoseVector shift = PoseVector::Zero(reference.size());
-  double total = 0;
-  for (const PosteriorSample* s : samples) {
-    shift += s->weight * pose_difference(scene, reference, s->pose);
-    total += s->weight;
-  }
-  shift /= total;
-  covariance.setZero(reference.size(), reference.size());
-  for (const PosteriorSample* s : samples) {
-    const PoseVector d = pose_difference(scene, reference, s->pose) - shift;
-    covariance += s->weight / total * d * d.transpose();
-  }
-  mean = reference + shift;
-  wrap_pose(scene, mean);
-}
-
 void finish_mixture(const Scene& scene, PoseMixture& mixture) {
   double total = 0;
   for (const PoseMode& mode : mixture.modes) total += mode.weight;
@@ -230,6 +215,43 @@ void finish_mixture(const Scene& scene, PoseMixture& mixture) {
   }
   mixture.mean = reference + shift;
   wrap_pose(scene, mixture.mean);
+}
+
+/// The best samples at which least squares might end somewhere new.
+std::vector<PoseVector> promising(const PoseObjective& objective, const LightSource& light,
+                                  const std::vector<const Refined*>& optima,
+                                  const std::vector<PosteriorSample>& samples) {
+  constexpr std::size_t kMost = 3;
+  const CompiledScene& compiled = objective.compiled();
+  // The light may be the spline's: compare with what it says of the optima.
+  double known = -std::numeric_limits<double>::infinity();
+  std::vector<PoseVector> taken;
+  for (const Refined* optimum : optima) {
+    LinearSolution linear = optimum->linear;
+    known = std::max(
+        known, objective.evaluate(light, optimum->pose, linear, true, kAccuracy).log_posterior);
+    taken.push_back(optimum->pose);
+  }
+  const double least = compiled.spline ? known + kBetter : known - kPromising;
+  std::vector<const PosteriorSample*> order;
+  for (const PosteriorSample& sample : samples) {
+    if (sample.log_posterior > least) order.push_back(&sample);
+  }
+  std::stable_sort(order.begin(), order.end(),
+                   [](auto* a, auto* b) { return a->log_posterior > b->log_posterior; });
+  std::vector<PoseVector> result;
+  for (const PosteriorSample* sample : order) {
+    const bool apart = std::none_of(taken.begin(), taken.end(), [&](const PoseVector& other) {
+      return (pose_difference(compiled.scene, other, sample->pose).array().abs() <
+              compiled.spacing.array())
+          .all();
+    });
+    if (!apart && sample->log_posterior < known + kBetter) continue;
+    result.push_back(sample->pose);
+    taken.push_back(sample->pose);
+    if (result.size() == kMost) break;
+  }
+  return result;
 }
 
 }  // namespace
@@ -464,17 +486,7 @@ Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& 
     const LightSource light = sample_light(objective, tops, peaks, options.inflation);
     drawn = sample_posterior(objective, light, peaks, tops, *scored,
                              {options.samples, options.inflation, options.seed});
-    // The light may be the spline's: compare with what it says of the optimum.
-    const auto top = std::max_element(
-        drawn.samples.begin(), drawn.samples.end(),
-        [](const auto& a, const auto& b) { return a.log_posterior < b.log_posterior; });
-    double known = -std::numeric_limits<double>::infinity();
-    for (const Refined* optimum : tops) {
-      LinearSolution linear = optimum->linear;
-      known = std::max(
-          known, objective.evaluate(light, optimum->pose, linear, true, kAccuracy).log_posterior);
-    }
-    if (top->log_posterior > known + kBetter) result.better = top->pose;
+    result.promising = promising(objective, light, tops, drawn.samples);
   }
   if (!(drawn.effective > 1)) {
     double sum = 0;

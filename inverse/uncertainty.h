@@ -4,7 +4,6 @@
 
 #include <array>
 #include <cstdint>
-#include <optional>
 #include <vector>
 
 #include "blindcorner/forward/pose_mixture.h"
@@ -47,8 +46,9 @@ struct Posterior {
   double log_evidence = 0;  ///< log integral of likelihood times priors over all unknowns
   bool sampled = false;     ///< importance sampling replaced Laplace's approximation
   double effective_samples = 0;
-  /// The best sample, when it beats every optimum that was found: a basin that was missed.
-  std::optional<PoseVector> better;
+  /// The best samples that lie apart from every optimum that was found and are about as good: each
+  /// may stand in a basin that was missed.
+  std::vector<PoseVector> promising;
 };
 
 /// Modes with weights, means and covariances from refined optima (best first, duplicates merged).

@@ -212,8 +212,9 @@ std::vector<Trial> study(const SolverArguments& arguments, const std::string& pa
                                                      std::log(arguments.most_photons));
   std::normal_distribution<double> log_amplitude(0.0, arguments.amplitude_spread);
   const auto fast = make_fast_model(scene, sensor_placement(scene));
+  std::mt19937_64 typical(arguments.seed);
   std::vector<double> light(kTypicalPoses);
-  for (double& l : light) l = total_light(*fast, draw_pose(scene, random));
+  for (double& l : light) l = total_light(*fast, draw_pose(scene, typical));
   const double least_light = kLeastLight * quantile(light, 0.5);
   for (std::size_t i = 0; i < count; ++i) {
     do {

@@ -15,7 +15,8 @@ namespace {
 namespace fs = std::filesystem;
 
 // A small edition of `blindcorner benchmark solver`, whose table has 200 captures a scene: a
-// solver that reaches 99 % of the optima misses more than two of 40 once in a thousand runs.
+// solver that reaches 99 % of the optima misses more than two of 40 less than once in a hundred
+// runs.
 TEST(Solver, ReachesTheOptimumAndIsRightAsOftenAsTheExhaustiveSearch) {
   std::string folder = (fs::temp_directory_path() / "blindcorner_solver_XXXXXX").string();
   ASSERT_NE(mkdtemp(folder.data()), nullptr);

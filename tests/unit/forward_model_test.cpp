@@ -186,18 +186,28 @@ double energy_weighted_bin(const HistogramCube& cube) {
   return first / zone_sum(cube, 0);
 }
 
+struct TwoPointGeometry {
+  double r;            ///< from the spot on the wall to the patch, m
+  double cos_wall;     ///< at the spot
+  double cos_patch;    ///< at the patch
+  double solid_angle;  ///< of the zone's pencil, sr
+};
+
+TwoPointGeometry two_point_geometry(const Scene& scene) {
+  const Vector3d spot(0.6, 0, 0);
+  const Vector3d patch = scene.hidden.placement.position;
+  const double r = (patch - spot).norm();
+  const Vector3d normal(std::cos(-50 * kDegree), std::sin(-50 * kDegree), 0);
+  const double t = std::tan(0.1 * kDegree);
+  return {r, (spot.x() - patch.x()) / r, normal.dot(spot - patch) / r,
+          4 * std::atan(t * t / std::sqrt(1 + 2 * t * t))};
+}
+
 // The sum of the design with one p, one q and one r, written out.
 TEST_P(BothModels, SmallLambertianPatchHasTheFormulaWrittenOut) {
   const Scene scene = two_points();
   const HistogramCube light = model(scene)->three_bounce(middle(scene));
-  const Vector3d spot(0.6, 0, 0);
-  const Vector3d patch = scene.hidden.placement.position;
-  const double r = (patch - spot).norm();
-  const double cos_wall = (spot.x() - patch.x()) / r;
-  const Vector3d normal(std::cos(-50 * kDegree), std::sin(-50 * kDegree), 0);
-  const double cos_patch = normal.dot(spot - patch) / r;
-  const double t = std::tan(0.1 * kDegree);
-  const double solid_angle = 4 * std::atan(t * t / std::sqrt(1 + 2 * t * t));
+  const auto [r, cos_wall, cos_patch, solid_angle] = two_point_geometry(scene);
   const double one_way = solid_angle * 0.7 / kPi * cos_wall * cos_patch / (r * r);
   const double exact = 3.0 * one_way * one_way * (0.8 / kPi) * 1e-6;
   // Finite sizes: the spot is 2 mm wide, the patch 1 mm, at r = 0.65 m: (size / r)^2 = 1e-5.
@@ -214,14 +224,7 @@ TEST_P(BothModels, SmallRetroreflectorHasTheFormulaWrittenOut) {
   scene.sensor.field = field_of(60, 60);
   scene.hidden.material = RetroreflectiveMaterial{0.5 * kDegree};
   const HistogramCube light = model(scene)->three_bounce(middle(scene));
-  const Vector3d spot(0.6, 0, 0);
-  const Vector3d patch = scene.hidden.placement.position;
-  const double r = (patch - spot).norm();
-  const double cos_wall = (spot.x() - patch.x()) / r;
-  const Vector3d normal(std::cos(-50 * kDegree), std::sin(-50 * kDegree), 0);
-  const double cos_patch = normal.dot(spot - patch) / r;
-  const double t = std::tan(0.1 * kDegree);
-  const double solid_angle = 4 * std::atan(t * t / std::sqrt(1 + 2 * t * t));
+  const auto [r, cos_wall, cos_patch, solid_angle] = two_point_geometry(scene);
   const double radiance = 3.0 * 1.0 / (0.6 * 0.6) * 0.7 / kPi;
   const double exact =
       radiance * 0.8 * 1e-6 * cos_patch * (0.7 / kPi) * cos_wall / (r * r) * solid_angle;

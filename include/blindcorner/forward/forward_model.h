@@ -75,8 +75,8 @@ std::unique_ptr<ForwardModel> make_reference_renderer(const Scene& scene,
 
 struct FastModelOptions {
   /// Largest error of a bin relative to the pose's peak. The model takes the coarsest sampling
-  /// whose error, estimated by halving its cells at eight poses of the search region, is below
-  /// this: an estimate, not a bound for every pose.
+  /// whose error, estimated by going on to at least twice as many cells at eight poses of the
+  /// search region, is below this: an estimate, not a bound for every pose.
   double tolerance = 0.01;
   /// Standard deviation of an extra Gaussian pulse, s: widens the basins of attraction.
   double extra_pulse_sigma = 0.0;

@@ -78,6 +78,9 @@ class LinearSolver {
     double rest_bins = 0;
     Prefix rest;
   };
+  /// Expected counts of the bins from `begin` to before `end`.
+  static void expected(const ZoneShapes& shapes, double amplitude, double ambient, double direct,
+                       int begin, int end, double* out);
   Lit lit(std::size_t zone, const ZoneShapes& shapes) const;
   /// Whether bins with ambient light alone can be taken together.
   bool summable(const ObservedZone& zone) const;
