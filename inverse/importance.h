@@ -45,7 +45,7 @@ void moments(const Scene& scene, const std::vector<const PosteriorSample*>& samp
              const PoseVector& reference, PoseVector& mean, Eigen::MatrixXd& covariance);
 
 struct SamplingOptions {
-  int samples = 384;  ///< enough when they are worth a third as many independent ones
+  int samples = 256;  ///< enough when they are worth a third as many independent ones
   double inflation = 1.0;
   std::uint64_t seed = 1;
 };

@@ -405,8 +405,8 @@ void LinearSolver::solve_shared(std::span<const ZoneShapes> shapes, std::size_t 
   solution.log_volume += -0.5 * log_det + 0.5 * dimension * std::log(2 * kPi);
 }
 
-void LinearSolver::solve(std::span<const ZoneShapes> shapes, LinearSolution& solution, bool warm,
-                         double accuracy) const {
+void LinearSolver::eliminate(std::span<const ZoneShapes> shapes, LinearSolution& solution,
+                             bool warm, double accuracy) const {
   const std::size_t zones = observation_.zones.size();
   if (!warm || solution.ambient.size() != zones) start(shapes, solution);
   solution.log_prior = 0;
@@ -417,8 +417,13 @@ void LinearSolver::solve(std::span<const ZoneShapes> shapes, LinearSolution& sol
   } else {
     solve_shared(shapes, 0, zones, solution, accuracy);
   }
+}
+
+void LinearSolver::solve(std::span<const ZoneShapes> shapes, LinearSolution& solution, bool warm,
+                         double accuracy) const {
+  eliminate(shapes, solution, warm, accuracy);
   double loss = 0;
-  for (std::size_t z = 0; z < zones; ++z) {
+  for (std::size_t z = 0; z < observation_.zones.size(); ++z) {
     const ObservedZone& zone = observation_.zones[z];
     const BinLikelihood& law = observation_.law(zone);
     const double a = solution.amplitude[z];

@@ -36,7 +36,7 @@ GoodnessOfFit goodness_of_fit(const PoseObjective& objective, const Refined& opt
 
 struct PosteriorOptions {
   double negligible = 12.0;
-  int samples = 384;       ///< of the importance sampler; 0: Laplace everywhere
+  int samples = 256;       ///< of the importance sampler; 0: Laplace everywhere
   double inflation = 1.0;  ///< of covariances and of the information, from the goodness of fit
   std::uint64_t seed = 1;
 };

@@ -28,7 +28,7 @@ struct FitOptions {
   double negligible_log_posterior = 12.0;
   /// Samples of the importance sampler that replaces Laplace's approximation where that fails; 0
   /// keeps Laplace everywhere.
-  int importance_samples = 384;
+  int importance_samples = 256;
   /// Empty captures simulated per scene to calibrate the false-alarm probability; 0: leave it out.
   int empty_captures = 128;
   std::uint64_t seed = 1;

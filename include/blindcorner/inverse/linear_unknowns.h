@@ -48,6 +48,10 @@ class LinearSolver {
   void solve(std::span<const ZoneShapes> shapes, LinearSolution& solution, bool warm,
              double accuracy = 0) const;
 
+  /// The same without `log_likelihood`, for those who want residuals.
+  void eliminate(std::span<const ZoneShapes> shapes, LinearSolution& solution, bool warm,
+                 double accuracy = 0) const;
+
   /// Expected counts of one zone for a solution, [window].
   void expected(const ObservedZone& zone, const ZoneShapes& shapes, double amplitude,
                 double ambient, double direct, double* out) const;
