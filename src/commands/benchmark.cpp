@@ -96,7 +96,7 @@ double position_error(const Scene& scene, const PoseVector& pose, const PoseVect
 
 bool finite(const FitResult& result) {
   if (!std::isfinite(result.posterior.presence_probability) ||
-      !std::isfinite(result.false_alarm_probability)) {
+      !std::isfinite(result.false_alarm_probability.value_or(0))) {
     return false;
   }
   for (const PoseMode& mode : result.posterior.modes) {

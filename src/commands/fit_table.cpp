@@ -21,7 +21,9 @@ std::string number(double value, int decimals) {
   return text;
 }
 
-std::string probability(double value) {
+std::string probability(std::optional<double> known) {
+  if (!known) return "-";
+  const double value = *known;
   if (value > 0.0 && value < 1e-6) return "<1e-6";
   if (!(value > 0.0 && value < 1e-3)) return number(value, 3);
   char text[32];

@@ -130,7 +130,8 @@ json capture_json(const Scene& scene, const FitResult& result) {
   const PoseMixture& posterior = result.posterior;
   const auto unless_failed = [failed](json value) { return failed ? json(nullptr) : value; };
   entry["presence_probability"] = unless_failed(number_or_null(posterior.presence_probability));
-  entry["false_alarm_probability"] = unless_failed(number_or_null(result.false_alarm_probability));
+  entry["false_alarm_probability"] = unless_failed(
+      result.false_alarm_probability ? json(*result.false_alarm_probability) : nullptr);
   entry["modes"] = json::array();
   if (!failed) {
     for (const PoseMode& mode : posterior.modes) {

@@ -87,7 +87,7 @@ TEST(Fit, FindsABrightObjectWithinItsOwnErrorBars) {
   EXPECT_LT(d.dot(mode.covariance.inverse() * d), 18.4);
   EXPECT_LT(d.norm(), 0.05);
   EXPECT_GT(result.posterior.presence_probability, 0.999);
-  EXPECT_LT(result.false_alarm_probability, 0.01);
+  EXPECT_LT(result.false_alarm_probability.value(), 0.01);
   EXPECT_GT(mode.weight, 0.99);
 }
 
@@ -116,10 +116,18 @@ TEST(Fit, AnEmptySceneIsNotAnObject) {
     Capture capture = blank(scene);
     capture.counts = draw_counts(
         scene, expected_counts(scene, nothing, model->direct_return(), {0.0, 5.0, 1.0}), 1.0, seed);
-    if (fitter.fit(capture).false_alarm_probability < 0.05) ++alarms;
+    if (fitter.fit(capture).false_alarm_probability.value() < 0.05) ++alarms;
   }
   // Binomial(40, 0.05): more than 8 with probability 1e-4.
   EXPECT_LE(alarms, 8);
+}
+
+TEST(Fit, FalseAlarmsAreUnknownWhenNotAskedFor) {
+  const Scene scene = quick_scene();
+  FitOptions options = quick_options();
+  options.empty_captures = 0;
+  EXPECT_FALSE(fit(scene, reference_capture(scene, middle(scene), 40, 3), options)
+                   .false_alarm_probability.has_value());
 }
 
 TEST(Fit, SameSeedSameAnswer) {

@@ -24,6 +24,7 @@ struct ResponseCase {
   std::string name;
   ResponseShape shape;
 };
+void PrintTo(const ResponseCase& c, std::ostream* out) { *out << c.name; }
 
 std::vector<ResponseCase> response_cases() {
   return {{"gaussian", GaussianResponse{103e-12}},

@@ -25,6 +25,7 @@ struct LawCase {
     return gaussian != nullptr && gaussian->censored_at_zero;
   }
 };
+void PrintTo(const LawCase& c, std::ostream* out) { *out << c.name; }
 
 std::vector<LawCase> law_cases() {
   return {{"poisson", PoissonNoise{}, 1, 1},

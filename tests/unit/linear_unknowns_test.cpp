@@ -140,6 +140,7 @@ struct LinearCase {
   LinearMode amplitude, ambient;
   double true_amplitude, true_ambient;
 };
+void PrintTo(const LinearCase& c, std::ostream* out) { *out << c.name; }
 
 class EveryLinearCase : public testing::TestWithParam<LinearCase> {
  protected:

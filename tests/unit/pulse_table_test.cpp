@@ -23,6 +23,7 @@ struct PulseCase {
   std::string name;
   ResponseShape shape;
 };
+void PrintTo(const PulseCase& c, std::ostream* out) { *out << c.name; }
 
 std::vector<PulseCase> pulse_cases() {
   return {{"narrow", GaussianResponse{0.3 * kBin}},

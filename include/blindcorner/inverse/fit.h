@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -72,7 +73,9 @@ struct FitResult {
   std::vector<std::string> sources;
   std::vector<int> indices;
   PoseMixture posterior;
-  double false_alarm_probability = 1.0;  ///< of an empty scene looking at least this much like one
+  /// Of an empty scene looking at least this much like one with an object; empty when it was not
+  /// asked for.
+  std::optional<double> false_alarm_probability;
   GoodnessOfFit goodness_of_fit;
   std::vector<std::string> flags;  ///< documented words
   std::map<std::string, double> truth;
