@@ -14,8 +14,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdio>
 #include <functional>
 #include <limits>
+#include <string>
 #include <utility>
 
 #include "blindcorner/forward/constants.h"
@@ -42,6 +44,17 @@ constexpr double kMidpointError = 0.35;
 constexpr double kPathCell = 0.4;
 /// Cells before path zero and after the end of the time axis, for pulses that only just reach it.
 constexpr int kCellMargin = 16;
+/// Share of the light, in units of the tolerance, below which dim patches are left out together.
+constexpr double kNegligible = 0.03;
+/// What that may change a bin by, in the same unit: the shares are means over the probed
+/// placements, and a pose near the dim patches sees more of them.
+constexpr double kDimBound = 0.3;
+
+std::string text_of(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.2g", value);
+  return text;
+}
 
 /// Structure of arrays, so that the loop over patches vectorises.
 struct PatchArrays {
@@ -114,11 +127,11 @@ void PatchArrays::make_blocks() {
   }
 }
 
-/// Appends patches; groups are runs of equal group number, all of one zone.
-void append(PatchArrays& arrays, const std::vector<WeightedPatch>& patches, int zone) {
+/// Appends patches; groups are runs of equal group number, all of one zone, or single patches.
+void append(PatchArrays& arrays, const std::vector<WeightedPatch>& patches, int zone, bool alone) {
   for (std::size_t i = 0; i < patches.size(); ++i) {
     arrays.add(patches[i]);
-    if (i + 1 == patches.size() || patches[i + 1].patch.group != patches[i].patch.group) {
+    if (alone || i + 1 == patches.size() || patches[i + 1].patch.group != patches[i].patch.group) {
       arrays.group_end.push_back(arrays.size());
       arrays.group_zone.push_back(zone);
     }
@@ -169,12 +182,22 @@ struct Pulses {
 /// Scratch for one evaluation, one per thread.
 struct Scratch {
   std::vector<double> weight, path, variance, dx, dy, dz, cosine, rows;
-  std::vector<Sums> cells;  ///< [zone][path cell]
-  LightSums patches;        ///< of one node, every patch by itself
-  LightSums in, out;        ///< [node][group]
+  std::vector<Sums> cells;  ///< [zone][path cell]; all zero between evaluations
+  struct Range {
+    int begin = std::numeric_limits<int>::max(), end = 0;
+  };
+  std::vector<Range> touched;  ///< [zone] path cells that hold light
+  LightSums patches;           ///< of one node, every patch by itself
+  LightSums in, out;           ///< [node][group]
   std::vector<Sums> sums;
   Pulses pulses;
 
+  void prepare(int zones, int path_cells) {
+    const auto count = static_cast<std::size_t>(zones);
+    if (touched.size() < count) touched.resize(count);
+    const std::size_t size = count * static_cast<std::size_t>(path_cells);
+    if (cells.size() < size) cells.resize(size);
+  }
   void resize(int n) {
     const auto count = static_cast<std::size_t>(n);
     for (auto* v : {&weight, &path, &variance, &dx, &dy, &dz, &cosine}) {
@@ -378,15 +401,20 @@ BLINDCORNER_MULTIVERSION void retro_light_of_patches(const Scratch& s, const Pat
 }
 
 /// Adds pulses to the two nearest of `count` path cells, each in proportion to nearness and with
-/// moments about the cell's own path, against cancellation.
+/// moments about the cell's own path, against cancellation. Widens `touched` by the cells used.
 BLINDCORNER_MULTIVERSION void add_to_cells(const Pulses& p, std::size_t begin, std::size_t end,
-                                           double cells_per_metre, int count, Sums* cells) {
+                                           double cells_per_metre, int count, Sums* cells,
+                                           Scratch::Range& touched) {
   const double step = 1 / cells_per_metre;
+  int lowest = touched.begin;
+  int highest = touched.end;
   for (std::size_t i = begin; i < end; ++i) {
     const double weight = p.weight[i];
     const double position = p.path[i] * cells_per_metre + kCellMargin;
     if (!(weight > 0 && position >= 0 && position < count - 1)) continue;
     const auto cell = static_cast<int>(position);
+    lowest = std::min(lowest, cell);
+    highest = std::max(highest, cell + 2);
     const double share = position - cell;
     const double offset = share * step;
     const double variance = p.variance[i];
@@ -402,6 +430,7 @@ BLINDCORNER_MULTIVERSION void add_to_cells(const Pulses& p, std::size_t begin, s
     b.first += far * behind;
     b.second += far * (behind * behind + variance);
   }
+  touched = {lowest, highest};
 }
 
 class FastModel final : public ForwardModel {
@@ -413,6 +442,10 @@ class FastModel final : public ForwardModel {
   const HistogramCube& direct_return() const override { return direct_; }
   const TransportPlan& plan() const override { return plan_; }
   std::optional<Fidelity> fidelity() const override { return fidelity_; }
+  std::optional<ModelSize> size() const override {
+    return ModelSize{lit_.size(), static_cast<int>(lit_.group_end.size()), seen_.size(),
+                     static_cast<int>(seen_.group_end.size()), object_nodes_};
+  }
 
  private:
   using Shadows = std::vector<ShadowView>;  // one per node; empty without occluders
@@ -429,6 +462,9 @@ class FastModel final : public ForwardModel {
   std::vector<PoseVector> probe_poses() const;
   static double largest_change(const std::vector<HistogramCube>& coarse,
                                const std::vector<HistogramCube>& fine);
+  void complete_plan(double tolerance);
+  double single_sum_bound() const;
+  std::pair<int, int> reachable_bins() const;
   void sample_relay(const Limits& limits, double tolerance);
   void sample_object(const Limits& limits);
   /// Whether any seen patch may lie on the cell's front side.
@@ -449,14 +485,19 @@ class FastModel final : public ForwardModel {
   void add_pulses(Scratch& s, int zone, std::size_t begin, std::size_t end) const;
   void add_seen_pulses(Scratch& s, std::size_t per_group) const;
   void flush(Scratch& s) const;
+  std::vector<OccluderFace> own_occluders(const PoseVector& pose, const Transform& T,
+                                          double size) const;
 
   Scene scene_;
+  PlanOverrides overrides_;
   RelaySetup setup_;
   TransportPlan plan_;
+  std::vector<OccluderFace> all_occluders_;  ///< for poses outside of the search region
   bool confocal_;
   double pulse_sigma_;     ///< m of path, pulse, bin and extra blur together
   double extra_variance_;  ///< s^2
   double object_edge_ = 1.0;
+  int dim_patches_ = 0;           ///< left out
   int object_nodes_ = 0;          ///< of the scene's own placement
   bool object_midpoint_ = false;  ///< cells are so small that their centres will do
   Fidelity fidelity_;
@@ -473,8 +514,10 @@ class FastModel final : public ForwardModel {
 FastModel::FastModel(const Scene& scene, const SensorPlacement& placement,
                      const FastModelOptions& options)
     : scene_(scene),
+      overrides_(options.overrides),
       setup_(scene_, placement),
-      plan_(make_plan(scene_, setup_.relay_points(), setup_.lit_extent())),
+      plan_(make_plan(scene_, setup_.relay_points(), setup_.lit_extent(), overrides_)),
+      all_occluders_(occluder_faces(scene_.surfaces)),
       confocal_(scene.sensor.illumination == Illumination::confocal),
       pulse_sigma_(kSpeedOfLight * std::hypot(scene.sensor.response.core_sigma(),
                                               scene.sensor.bin_width / std::sqrt(12.0),
@@ -495,6 +538,107 @@ FastModel::FastModel(const Scene& scene, const SensorPlacement& placement,
     direct_ = setup_.direct_return(tails, 10, true);
   }
   choose_fidelity(options);
+  complete_plan(options.tolerance);
+}
+
+/// Decisions that need the sampled relay.
+void FastModel::complete_plan(double tolerance) {
+  decide_view(plan_, scene_, setup_.view_hull());
+
+  PlanDecision dim{Term::dim_patches, "dim relay patches", false, "", kDimBound * tolerance};
+  dim.reason = std::to_string(dim_patches_) + " of " +
+               std::to_string(dim_patches_ + lit_.size() + seen_.size()) +
+               " relay patches exchange less than " + text_of(kNegligible * tolerance) +
+               " of the light with the search region";
+  plan_.decide(dim);
+  if (plan_.kernel == Kernel::lambertian) {
+    PlanDecision pairs = plan_.decision(Term::patch_pairs);
+    pairs.reason +=
+        "; patches of like path are taken by groups: " + std::to_string(lit_.group_end.size()) +
+        " lit, " + std::to_string(seen_.group_end.size()) + " seen";
+    pairs.bound = tolerance;
+    plan_.decide(pairs);
+  } else {
+    PlanDecision pairs = plan_.decision(Term::patch_pairs);
+    pairs.bound = single_sum_bound();
+    plan_.decide(pairs);
+  }
+  const auto [first, last] = reachable_bins();
+  plan_.decide({Term::whole_axis, "bins that no light can reach", false,
+                "light from the search region arrives in bins " + std::to_string(first) + " to " +
+                    std::to_string(last) + " of " + std::to_string(axis_bins_)});
+  const bool direct = std::ranges::any_of(direct_.values, [](double v) { return v > 0; });
+  plan_.decide({Term::direct_return, "direct return of the known surfaces", direct,
+                direct ? "captures hold it: computed once, it does not depend on the pose"
+                       : "captures hold none"});
+}
+
+/// Largest change of a bin, as a share of the peak, when pairs of patches are replaced by one sum.
+/// Along an edge of the light (the rim of what is lit, a shadow) the pairs smear it by the lobe's
+/// footprint f = sigma r / cos, stretched on the tilted relay: a strip loses
+/// integral (1 - Phi(x / f)) dx = 0.4 f of its width. A bin sees a part of the lit spot of width w
+/// between two edges, each of which counts on the way in, and loses 2 * 0.4 f / w; w is the share
+/// kBinShare of the spot's extent.
+double FastModel::single_sum_bound() const {
+  const auto* retro = std::get_if<RetroreflectiveMaterial>(&scene_.hidden.material);
+  const double extent = setup_.lit_extent();
+  if (retro == nullptr || extent <= 0) return 0.0;
+  constexpr double kBinShare = 0.12;  // a pulse of 4 cm of path on a spot of 0.6 m: 0.07 to 0.3
+  double footprint = 0;               // averaged over the light exchanged, the placements' largest
+  for (const Placement& p : probe_placements(scene_)) {
+    const Vector3d q = object_to_world(scene_.hidden.shape, scene_.hidden.anchor, p).translation();
+    double sum = 0;
+    double light = 0;
+    for (int i = 0; i < seen_.size(); ++i) {
+      const Vector3d way = q - seen_.center(i);
+      const double r = way.norm();
+      const double cosine = way.dot(seen_.normal(i)) / r;
+      if (cosine <= 0) continue;
+      const double weight = seen_.weight[static_cast<std::size_t>(i)] * cosine / (r * r);
+      light += weight;
+      sum += weight * retro->lobe_sigma * r / std::max(cosine, retro->lobe_sigma);
+    }
+    if (light > 0) footprint = std::max(footprint, sum / light);
+  }
+  return 2 * 0.4 * footprint / (kBinShare * extent);
+}
+
+/// First and last bin of any zone that light from the search region can reach, by the shortest and
+/// longest paths by way of a ball around each probed placement.
+std::pair<int, int> FastModel::reachable_bins() const {
+  double square = 0;
+  double radius = 0;
+  for (const Unknown& unknown : scene_.unknowns) {
+    if (unknown.component <= Component::z) square += std::pow(unknown.range() / 4, 2);
+  }
+  for (const Placement& p : probe_placements(scene_)) {
+    radius = std::max(radius, p.size * bounding_radius(scene_.hidden.shape, Anchor::center));
+  }
+  radius += std::sqrt(square);
+  const auto legs = [&](const PatchArrays& a, const Vector3d& q) {
+    std::pair<double, double> range{std::numeric_limits<double>::infinity(), 0};
+    for (int i = 0; i < a.size(); ++i) {
+      const double path = a.leg[static_cast<std::size_t>(i)] + (a.center(i) - q).norm();
+      const double slack = radius + 2 * (a.half_u(i).norm() + a.half_v(i).norm());
+      range = {std::min(range.first, path - slack), std::max(range.second, path + slack)};
+    }
+    return range;
+  };
+  double shortest = std::numeric_limits<double>::infinity();
+  double longest = 0;
+  for (const Placement& p : probe_placements(scene_)) {
+    const Vector3d q = object_to_world(scene_.hidden.shape, scene_.hidden.anchor, p).translation();
+    const auto out = legs(seen_, q);
+    const auto in = lit_.size() > 0 ? legs(lit_, q) : out;
+    shortest = std::min(shortest, in.first + out.first);
+    longest = std::max(longest, in.second + out.second);
+  }
+  if (!(shortest < longest)) return {0, -1};
+  const auto [early, late] = std::ranges::minmax(scene_.sensor.zones, {}, &Zone::time_zero);
+  const double bin = scene_.sensor.bin_width;
+  const int first = pulses_.reach(early.time_zero / bin + shortest * bins_per_metre_).first;
+  const int end = pulses_.reach(late.time_zero / bin + longest * bins_per_metre_).second;
+  return {std::clamp(first, 0, axis_bins_), std::clamp(end, 0, axis_bins_) - 1};
 }
 
 /// Limits of sampling in units of those that the closed-form estimates give for the tolerance.
@@ -697,13 +841,18 @@ void FastModel::sample_relay(const Limits& limits, double tolerance) {
     };
   };
   // Dim parts that together hold less than this share are left out.
-  const double negligible = 0.03 * tolerance;
+  const double negligible =
+      overrides_.switched_on(Term::dim_patches) ? 0.0 : kNegligible * tolerance;
+  dim_patches_ = 0;
   const auto prune = [&](std::vector<WeightedPatch> patches, const Brightness& brightness) {
-    std::erase_if(patches, [&](const WeightedPatch& p) {
+    dim_patches_ += static_cast<int>(std::erase_if(patches, [&](const WeightedPatch& p) {
       return brightness.share_below(brightness.density(p.patch)) < negligible;
-    });
+    }));
     return patches;
   };
+  // Pairs of patches instead of pairs of groups.
+  const bool alone =
+      plan_.kernel == Kernel::lambertian && overrides_.switched_on(Term::patch_pairs);
   RelaySampling coarse;
   coarse.divisions = 5;
   coarse.edge_depth = 2;
@@ -719,8 +868,8 @@ void FastModel::sample_relay(const Limits& limits, double tolerance) {
   sampling.split = splitter(seen);
   for (int z = 0; z < zones; ++z) {
     if (dead(z)) continue;
-    append(seen_, prune(setup_.seen(z, sampling), seen), z);
-    if (confocal_ && !single) append(lit_, setup_.lit_by_zone(z, sampling), z);
+    append(seen_, prune(setup_.seen(z, sampling), seen), z, alone);
+    if (confocal_ && !single) append(lit_, setup_.lit_by_zone(z, sampling), z, alone);
   }
   if (!confocal_ && !single) {
     Brightness lit(objects, false);
@@ -728,7 +877,7 @@ void FastModel::sample_relay(const Limits& limits, double tolerance) {
     for (const WeightedPatch& p : setup_.lit(coarse)) lit.learn(p.patch);
     lit.finish();
     sampling.split = splitter(lit);
-    append(lit_, prune(setup_.lit(sampling), lit), -1);
+    append(lit_, prune(setup_.lit(sampling), lit), -1, alone);
   }
   lit_.make_blocks();
   seen_.make_blocks();
@@ -844,7 +993,8 @@ void FastModel::sum_groups(const PatchArrays& arrays, const LightSums& patches, 
 /// Pulses [begin, end) go to the cells of a zone.
 void FastModel::add_pulses(Scratch& s, int zone, std::size_t begin, std::size_t end) const {
   add_to_cells(s.pulses, begin, end, cells_per_metre_, path_cells_,
-               s.cells.data() + static_cast<std::ptrdiff_t>(zone) * path_cells_);
+               s.cells.data() + static_cast<std::ptrdiff_t>(zone) * path_cells_,
+               s.touched[static_cast<std::size_t>(zone)]);
 }
 
 /// All pulses, given as sums, go to the zones of the seen groups, `per_group` for each.
@@ -859,14 +1009,16 @@ void FastModel::add_seen_pulses(Scratch& s, std::size_t per_group) const {
   }
 }
 
-/// One pulse for each path cell that holds light.
+/// One pulse for each path cell that holds light; leaves the cells empty.
 void FastModel::flush(Scratch& s) const {
   for (int z = 0; z < scene_.sensor.zone_count(); ++z) {
     const double start =
         scene_.sensor.zones[static_cast<std::size_t>(z)].time_zero / scene_.sensor.bin_width;
-    const Sums* cells = s.cells.data() + static_cast<std::ptrdiff_t>(z) * path_cells_;
+    Sums* cells = s.cells.data() + static_cast<std::ptrdiff_t>(z) * path_cells_;
     double* row = s.rows.data() + static_cast<std::ptrdiff_t>(z) * axis_bins_;
-    for (int c = 0; c < path_cells_; ++c) {
+    Scratch::Range& touched = s.touched[static_cast<std::size_t>(z)];
+    if (overrides_.switched_on(Term::whole_axis)) touched = {0, path_cells_};
+    for (int c = touched.begin; c < touched.end; ++c) {
       if (cells[c].weight <= 0) continue;
       const double mean = cells[c].first / cells[c].weight;
       const double variance = std::max(cells[c].second / cells[c].weight - mean * mean, 0.0);
@@ -874,6 +1026,8 @@ void FastModel::flush(Scratch& s) const {
       pulses_.add(row, axis_bins_, start + path * bins_per_metre_,
                   variance / (kSpeedOfLight * kSpeedOfLight) + extra_variance_, cells[c].weight);
     }
+    if (touched.begin < touched.end) std::fill(cells + touched.begin, cells + touched.end, Sums{});
+    touched = {};
   }
 }
 
@@ -1012,6 +1166,22 @@ void FastModel::retro_pairs(const CellNodes& cell, const Shadows& shadows, Scrat
   add_seen_pulses(s, in_groups);
 }
 
+/// Occluders of this pose where they are not the plan's: all of them outside of the search region,
+/// for which the plan was made, and the object itself when that term is switched on.
+std::vector<OccluderFace> FastModel::own_occluders(const PoseVector& pose, const Transform& T,
+                                                   double size) const {
+  std::vector<OccluderFace> faces;
+  if (!overrides_.switched_off(Term::occlusion) && !in_search_region(scene_, pose)) {
+    faces = all_occluders_;
+  }
+  if (overrides_.switched_on(Term::self_shadowing)) {
+    if (faces.empty()) faces = plan_.occluders;
+    const std::vector<OccluderFace> body = body_faces(scene_.hidden.shape, T, size);
+    faces.insert(faces.end(), body.begin(), body.end());
+  }
+  return faces;
+}
+
 void FastModel::three_bounce(const PoseVector& pose, HistogramCube& out) const {
   const Sensor& sensor = scene_.sensor;
   if (out.rows != sensor.rows || out.columns != sensor.columns || out.bins != sensor.bins) {
@@ -1022,19 +1192,21 @@ void FastModel::three_bounce(const PoseVector& pose, HistogramCube& out) const {
   thread_local Scratch scratch;
   const int zones = sensor.zone_count();
   scratch.rows.assign(static_cast<std::size_t>(zones) * static_cast<std::size_t>(axis_bins_), 0.0);
-  scratch.cells.assign(static_cast<std::size_t>(zones) * static_cast<std::size_t>(path_cells_), {});
+  scratch.prepare(zones, path_cells_);
 
   const HiddenObject& hidden = scene_.hidden;
   const Placement placement = place(hidden.placement, scene_.unknowns, pose);
   const Transform T = object_to_world(hidden.shape, hidden.anchor, placement);
+  const std::vector<OccluderFace> own = own_occluders(pose, T, placement.size);
+  const std::vector<OccluderFace>& occluders = own.empty() ? plan_.occluders : own;
   Shadows shadows;
   for (const SurfaceCell& cell : divide(hidden.shape, T, placement.size, object_edge_, 1)) {
     if (!faces_relay(cell)) continue;
     const CellNodes nodes(cell, object_midpoint_);
-    if (!plan_.occluders.empty()) {
+    if (!occluders.empty()) {
       shadows.clear();
       for (std::size_t n = 0; n < nodes.count; ++n) {
-        shadows.emplace_back(plan_.occluders, nodes.nodes[n].center);
+        shadows.emplace_back(occluders, nodes.nodes[n].center);
       }
     }
     switch (plan_.kernel) {

@@ -151,6 +151,19 @@ std::vector<WeightedPatch> RelaySetup::seen(int zone, const RelaySampling& sampl
   return patches;
 }
 
+double RelaySetup::reflected_solid_angle(int zone) const {
+  RelaySampling sampling;
+  sampling.divisions = 8;
+  double sum = 0;
+  if (uses_points()) return sum;
+  const Zone& z = scene_.sensor.zones[static_cast<std::size_t>(zone)];
+  for (const WeightedPatch& patch :
+       region(detector_, std::get<AngularRectangle>(z.footprint), sampling, false)) {
+    sum += patch.weight;
+  }
+  return sum;
+}
+
 std::vector<WeightedPatch> RelaySetup::lit_by_zone(int zone, const RelaySampling& sampling) const {
   std::vector<WeightedPatch> patches;
   if (uses_points()) {
@@ -266,6 +279,43 @@ std::vector<Vector3d> RelaySetup::relay_points() const {
                 std::string("surfaces: found no relay surface that the sensor ") +
                     (any_seen ? "lights" : "sees") +
                     ", accepted: a relay in view of the sensor, its reflecting side towards it");
+  }
+  return points;
+}
+
+std::vector<Vector3d> RelaySetup::view_hull() const {
+  std::vector<Vector3d> points{source_, detector_};
+  if (uses_points()) {
+    for (const Vector3d& p : placement_.relay_points) {
+      if (p.allFinite()) points.push_back(p);
+    }
+    return points;
+  }
+  RelaySampling fine;
+  fine.divisions = 16;
+  fine.edge_depth = 2;
+  const Eigen::Matrix3d rotation = placement_.T_world_sensor.linear();
+  const auto add = [&](const Vector3d& apex, const FieldOfIllumination& field) {
+    double depth = 0;
+    for (const WeightedPatch& p : region(apex, field, fine, false)) {
+      depth = std::max(depth, rotation.col(0).dot(p.patch.center - apex));
+    }
+    // A cone lies within the pyramid around it.
+    AngularRectangle r;
+    if (const auto* cone = std::get_if<AngularCone>(&field)) {
+      r = {-cone->half_angle, cone->half_angle, -cone->half_angle, cone->half_angle};
+    } else {
+      r = std::get<AngularRectangle>(field);
+    }
+    for (const double right : {std::tan(r.left), std::tan(r.right)}) {
+      for (const double down : {std::tan(r.top), std::tan(r.bottom)}) {
+        points.push_back(apex + depth * (rotation * Vector3d(1, -right, -down)));
+      }
+    }
+  };
+  if (scene_.sensor.illumination == Illumination::flash) add(source_, scene_.sensor.field);
+  for (const Zone& zone : scene_.sensor.zones) {
+    if (!zone.dead) add(detector_, std::get<AngularRectangle>(zone.footprint));
   }
   return points;
 }

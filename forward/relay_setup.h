@@ -42,11 +42,19 @@ class RelaySetup {
 
   /// Relay points that span what is lit and seen, for the plan.
   std::vector<Eigen::Vector3d> relay_points() const;
+  /// Points whose convex hull holds all that the source lights and the zones see on the way to the
+  /// known surfaces: both apexes, and the fields' corner directions down to the farthest surface.
+  std::vector<Eigen::Vector3d> view_hull() const;
   /// Diameter of the lit spot, m.
   double lit_extent() const;
 
   /// Position of the detector, m.
   const Eigen::Vector3d& origin() const { return detector_; }
+  /// Position of the light source, m.
+  const Eigen::Vector3d& source() const { return source_; }
+  /// What zone z sees of all surfaces, as solid angle times albedo over pi, sr: times the
+  /// irradiance of an even light on them it is the light that they send to the detector.
+  double reflected_solid_angle(int zone) const;
 
   bool uses_points() const { return !placement_.relay_points.empty(); }
   const RayScene& occluder_rays() const { return *occluder_rays_; }

@@ -4,18 +4,46 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
+#include <utility>
+
+#include "blindcorner/forward/error.h"
 
 namespace blindcorner {
 namespace {
 
 using Eigen::Vector3d;
 
-/// Above this ratio of lobe footprint to lit spot the single sum of a retroreflector, whose error
-/// is the light lost over the rim of the spot (about the ratio itself), is replaced by pairs.
+/// Above this ratio of lobe footprint to lit spot the single sum of a retroreflector is replaced by
+/// pairs.
 constexpr double kSingleSumRatio = 0.05;
+/// Segments of the polyhedron that stands for a curved body. Any number gives the same light,
+/// because a polyhedron inside a convex body hides nothing from its surface.
+constexpr int kBodySegments = 12;
 
-/// Whether the face cannot stand between any point of `a` and any point of `b`: all of them lie on
-/// one side of its plane, or it lies beyond all of them along one of the world axes.
+/// Whether a plane separates the convex hulls of two sets of points by more than `margin` m.
+/// Gilbert's algorithm on the hulls' difference (SIAM J. Control 4, 1966): the nearest point to the
+/// origin found so far is a candidate normal. False when none was found, which proves nothing.
+bool separated(const std::vector<Vector3d>& a, const std::vector<Vector3d>& b, double margin) {
+  constexpr int kSteps = 60;
+  const auto farthest = [](const std::vector<Vector3d>& points, const Vector3d& along) {
+    return *std::max_element(
+        points.begin(), points.end(),
+        [&](const Vector3d& p, const Vector3d& q) { return p.dot(along) < q.dot(along); });
+  };
+  Vector3d nearest = a.front() - b.front();
+  for (int i = 0; i < kSteps && nearest.norm() > margin; ++i) {
+    const Vector3d support = farthest(a, -nearest) - farthest(b, nearest);
+    if (support.dot(nearest) > margin * nearest.norm()) return true;
+    const Vector3d step = support - nearest;
+    const double t = -nearest.dot(step) / std::max(step.squaredNorm(), 1e-300);
+    nearest += std::clamp(t, 0.0, 1.0) * step;
+  }
+  return false;
+}
+
+/// Whether the face cannot stand between any two of the points: all of them lie on one side of its
+/// plane, or it lies beyond their hull.
 bool cannot_block(const OccluderFace& face, const std::vector<Vector3d>& points, double margin) {
   const auto& c = face.corners;
   const Vector3d normal = (c[1] - c[0]).cross(c[3] - c[0]).normalized();
@@ -27,25 +55,88 @@ bool cannot_block(const OccluderFace& face, const std::vector<Vector3d>& points,
     high = std::max(high, distance);
   }
   if (low >= -margin || high <= margin) return true;
-  for (int axis = 0; axis < 3; ++axis) {
-    double face_low = 1e300, face_high = -1e300, point_low = 1e300, point_high = -1e300;
-    for (const Vector3d& corner : c) {
-      face_low = std::min(face_low, corner[axis]);
-      face_high = std::max(face_high, corner[axis]);
-    }
-    for (const Vector3d& point : points) {
-      point_low = std::min(point_low, point[axis]);
-      point_high = std::max(point_high, point[axis]);
-    }
-    if (face_low >= point_high - margin || face_high <= point_low + margin) return true;
-  }
-  return false;
+  return separated({c.begin(), c.end()}, points, margin);
 }
 
 std::string number(double value) {
   char text[32];
   std::snprintf(text, sizeof text, "%.3g", value);
   return text;
+}
+
+/// Half edges of an upright box, parallel to the world axes, that holds the body about its centre;
+/// at any yaw when yaw is unknown.
+Vector3d half_extents(const Scene& scene, const Placement& probe) {
+  const bool turns = std::ranges::any_of(
+      scene.unknowns, [](const Unknown& u) { return u.component == Component::yaw; });
+  const auto around = [&](double x, double y, double z) -> Vector3d {
+    if (turns) return {std::hypot(x, y), std::hypot(x, y), z};
+    const double c = std::abs(std::cos(probe.yaw));
+    const double s = std::abs(std::sin(probe.yaw));
+    return {c * x + s * y, s * x + c * y, z};
+  };
+  const Shape& shape = scene.hidden.shape;
+  Vector3d half = Vector3d::Constant(bounding_radius(shape, Anchor::center));
+  if (const auto* r = std::get_if<RectangleShape>(&shape)) {
+    half = around(0, r->width / 2, r->height / 2);
+  } else if (const auto* box = std::get_if<BoxShape>(&shape)) {
+    half = around(box->size.x() / 2, box->size.y() / 2, box->size.z() / 2);
+  } else if (const auto* c = std::get_if<CylinderShape>(&shape)) {
+    half = {c->radius, c->radius, c->height / 2};
+  }
+  return probe.size * half;
+}
+
+/// Points that span the search region: corners of boxes around the body at the probed placements.
+std::vector<Vector3d> region_corners(const Scene& scene, const std::vector<Placement>& probes) {
+  std::vector<Vector3d> points;
+  for (const Placement& probe : probes) {
+    const Transform T = object_to_world(scene.hidden.shape, scene.hidden.anchor, probe);
+    const Vector3d half = half_extents(scene, probe);
+    for (int corner = 0; corner < 8; ++corner) {
+      const Vector3d sign((corner & 1) != 0 ? 1 : -1, (corner & 2) != 0 ? 1 : -1,
+                          (corner & 4) != 0 ? 1 : -1);
+      points.push_back(T.translation() + half.cwiseProduct(sign));
+    }
+  }
+  return points;
+}
+
+void decide_occlusion(TransportPlan& plan, const Scene& scene, std::vector<Vector3d> points,
+                      const PlanOverrides& overrides) {
+  const auto faces = occluder_faces(scene.surfaces);
+  double extent = 0;
+  for (const Vector3d& p : points) extent = std::max(extent, (p - points.front()).norm());
+  const double margin = 1e-6 * std::max(extent, 1e-6);
+  for (const OccluderFace& face : faces) {
+    if (!cannot_block(face, points, margin)) plan.occluders.push_back(face);
+  }
+  const bool used = !plan.occluders.empty();
+  const std::string count =
+      std::to_string(plan.occluders.size()) + " of " + std::to_string(faces.size());
+  plan.decide({Term::occlusion, "occlusion between relay and object", used,
+               faces.empty() ? "no surface is marked as an occluder"
+               : used        ? count + " occluder faces can stand between relay and search region"
+                             : "no occluder face meets the hull of relay and search region"});
+  if (overrides.switched_on(Term::occlusion)) plan.occluders = faces;
+  if (overrides.switched_off(Term::occlusion)) plan.occluders.clear();
+}
+
+void decide_kernel(TransportPlan& plan, const Scene& scene, double farthest, double lit_extent,
+                   const PlanOverrides& overrides) {
+  PlanDecision pairs{Term::patch_pairs, "pairs of lit and seen relay patches", false, "", 0.0};
+  if (const auto* retro = std::get_if<RetroreflectiveMaterial>(&scene.hidden.material)) {
+    const double ratio = lit_extent > 0 ? retro->lobe_sigma * farthest / lit_extent : 0.0;
+    pairs.used = ratio > kSingleSumRatio;
+    pairs.reason = "the lobe's footprint is at most " + number(ratio) + " of the lit spot" +
+                   (pairs.used ? ", above " : ", not above ") + number(kSingleSumRatio);
+    const bool single = pairs.used ? overrides.switched_off(Term::patch_pairs)
+                                   : !overrides.switched_on(Term::patch_pairs);
+    plan.kernel = single ? Kernel::retro_single : Kernel::retro_pairs;
+  } else {
+    pairs.reason = "a Lambertian object's light factorises into two sums";
+  }
+  plan.decide(pairs);
 }
 
 }  // namespace
@@ -66,50 +157,81 @@ std::vector<Placement> probe_placements(const Scene& scene) {
   return placements;
 }
 
+bool in_search_region(const Scene& scene, const PoseVector& pose) {
+  for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
+    const Unknown& unknown = scene.unknowns[i];
+    const double value = pose[static_cast<Eigen::Index>(i)];
+    if (unknown.component == Component::yaw) continue;  // turns a body inside its own ball
+    const double slack = 1e-9 * unknown.range();
+    if (!(value >= unknown.lower - slack && value <= unknown.upper + slack)) return false;
+  }
+  return true;
+}
+
+bool PlanOverrides::switched_on(Term term) const { return std::ranges::find(on, term) != on.end(); }
+
+bool PlanOverrides::switched_off(Term term) const {
+  return std::ranges::find(off, term) != off.end();
+}
+
+const PlanDecision& TransportPlan::decision(Term term) const {
+  const auto found = std::ranges::find(decisions, term, &PlanDecision::term);
+  if (found == decisions.end())
+    throw Error("transport plan", "no decision about the term asked for");
+  return *found;
+}
+
+void TransportPlan::decide(PlanDecision made) {
+  const auto found = std::ranges::find(decisions, made.term, &PlanDecision::term);
+  if (found == decisions.end()) {
+    decisions.push_back(std::move(made));
+  } else {
+    *found = std::move(made);
+  }
+}
+
+std::vector<OccluderFace> body_faces(const Shape& shape, const Transform& T_world_shape,
+                                     double size) {
+  std::vector<OccluderFace> faces;
+  const bool closed = !std::holds_alternative<RectangleShape>(shape);
+  for (const Triangle& t : triangulate(shape, T_world_shape, size, kBodySegments)) {
+    // Triangles at the poles of a round shape have no area.
+    const Vector3d u = t[1] - t[0];
+    const Vector3d v = t[2] - t[0];
+    if (u.cross(v).norm() <= 1e-9 * (u.squaredNorm() + v.squaredNorm())) continue;
+    faces.push_back({{t[0], t[1], t[2], 0.5 * (t[2] + t[0])}, closed});
+  }
+  return faces;
+}
+
+void decide_view(TransportPlan& plan, const Scene& scene, const std::vector<Vector3d>& seen) {
+  const std::vector<Vector3d> region = region_corners(scene, probe_placements(scene));
+  const bool apart = separated(seen, region, 0.0);
+  plan.decide({Term::object_in_view, "object before the sensor", false,
+               apart
+                   ? "a plane separates the search region from all that the sensor lights and sees"
+                   : "at some poses the object may stand in the light or in the view: that it is "
+                     "then seen directly, and shades the relay, is not modelled",
+               apart ? 0.0 : std::numeric_limits<double>::infinity()});
+}
+
 TransportPlan make_plan(const Scene& scene, const std::vector<Vector3d>& relay_points,
-                        double lit_extent) {
+                        double lit_extent, const PlanOverrides& overrides) {
   TransportPlan plan;
   const std::vector<Placement> probes = probe_placements(scene);
-
-  // Points that span the search region: the object's bounding box at the extreme placements.
-  std::vector<Vector3d> points = relay_points;
-  double nearest = 1e300;
   double farthest = 0;
   for (const Placement& probe : probes) {
     const Transform T = object_to_world(scene.hidden.shape, scene.hidden.anchor, probe);
-    const double radius = probe.size * bounding_radius(scene.hidden.shape, Anchor::center);
-    for (int corner = 0; corner < 8; ++corner) {
-      points.push_back(T.translation() + radius * Vector3d((corner & 1) != 0 ? 1 : -1,
-                                                           (corner & 2) != 0 ? 1 : -1,
-                                                           (corner & 4) != 0 ? 1 : -1));
-    }
     for (const Vector3d& relay : relay_points) {
-      nearest = std::min(nearest, (relay - T.translation()).norm());
       farthest = std::max(farthest, (relay - T.translation()).norm());
     }
   }
-
-  const auto faces = occluder_faces(scene.surfaces);
-  const double margin = 1e-6 * std::max(farthest, 1e-6);
-  for (const OccluderFace& face : faces) {
-    if (!cannot_block(face, points, margin)) plan.occluders.push_back(face);
-  }
-  plan.decisions.push_back(
-      {"occlusion between relay and object", !plan.occluders.empty(),
-       std::to_string(plan.occluders.size()) + " of " + std::to_string(faces.size()) +
-           " occluder faces can stand between the relay and the search region"});
-  plan.decisions.push_back({"self-shadowing of the object", false, "the shape is convex"});
-
-  if (const auto* retro = std::get_if<RetroreflectiveMaterial>(&scene.hidden.material)) {
-    const double ratio = lit_extent > 0 ? retro->lobe_sigma * farthest / lit_extent : 0.0;
-    plan.kernel = ratio <= kSingleSumRatio ? Kernel::retro_single : Kernel::retro_pairs;
-    plan.decisions.push_back(
-        {"pairs of lit and seen relay patches", plan.kernel == Kernel::retro_pairs,
-         "the lobe's footprint is at most " + number(ratio) + " of the lit spot"});
-  } else {
-    plan.decisions.push_back({"pairs of lit and seen relay patches", false,
-                              "a Lambertian object's light factorises into two sums"});
-  }
+  std::vector<Vector3d> points = region_corners(scene, probes);
+  points.insert(points.end(), relay_points.begin(), relay_points.end());
+  decide_occlusion(plan, scene, std::move(points), overrides);
+  plan.decide({Term::self_shadowing, "self-shadowing of the object", false,
+               "a convex body hides nothing from its own surface"});
+  decide_kernel(plan, scene, farthest, lit_extent, overrides);
   return plan;
 }
 

@@ -3,6 +3,7 @@
 #include <tbb/parallel_for.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <random>
@@ -83,11 +84,23 @@ Capture render_one(const RenderArguments& arguments, const Scene& scene, const S
   return capture;
 }
 
+/// The models' plans hold in the search region: it has to hold what is rendered.
+void widen_to(Scene& free, const std::vector<Placement>& placements) {
+  for (Unknown& unknown : free.unknowns) {
+    for (const Placement& placement : placements) {
+      const double value = placement.get(unknown.component);
+      unknown.lower = std::min(unknown.lower, value);
+      unknown.upper = std::max(unknown.upper, value);
+    }
+  }
+}
+
 int run_render(const RenderArguments& arguments) {
   const Scene scene = read_scene(arguments.scene);
-  const Scene free = fully_free(scene);
   const SensorPlacement sensor = sensor_placement(scene);
   const std::vector<Placement> placements = wanted_placements(arguments, scene);
+  Scene free = fully_free(scene);
+  widen_to(free, placements);
   const std::unique_ptr<ForwardModel> model =
       arguments.model == "fast" ? make_fast_model(free, sensor, arguments.fast)
                                 : make_reference_renderer(free, sensor, arguments.reference);

@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "blindcorner/forward/constants.h"
+#include "blindcorner/forward/link_budget.h"
 #include "file_bytes.h"
 #include "json_reader.h"
 #include "sensor_reader.h"
@@ -389,6 +390,9 @@ Scene read_document(const Json& json, const std::string& path) {
   read_hidden(reader.at("hidden"), reader.at("unknowns"), scene);
   read_linear(reader.at("linear"), scene.linear);
   scene.presence_prior = reader.at("presence_prior").number_or(0.5, NumberRange::inside(0, 1));
+  const JsonReader linear = reader.at("linear");
+  const JsonReader ambient = linear.present() ? linear.at("ambient") : linear;
+  apply_link(scene, ambient.present() && ambient.has("counts_per_bin"));
   return scene;
 }
 

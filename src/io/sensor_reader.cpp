@@ -49,6 +49,10 @@ Json merge_preset(const JsonReader& given) {
   if (std::any_of(kZoneFields.begin(), kZoneFields.end(), replaces_zones)) {
     for (const std::string_view field : kZoneFields) merged.erase(std::string(field));
   }
+  if (given.has("link")) {  // says what the preset's own figures stand for
+    merged.erase("gain");
+    if (merged.contains("illumination")) merged["illumination"].erase("radiant_intensity_w_per_sr");
+  }
   for (const auto& [key, value] : given.fields()) {
     if (key == "preset") continue;
     if (key == "illumination" && value.is_object() && merged.contains(key)) {
@@ -325,6 +329,48 @@ void read_illumination(const JsonReader& reader, Sensor& sensor) {
   }
 }
 
+/// Everything that the counts depend on. Required fields have no typical value.
+Link read_link(const JsonReader& reader) {
+  if (!reader.is_object()) reader.fail("an object with \"pulse_energy_nj\"");
+  reader.allow_only({"pulse_energy_nj", "repetition_rate_hz", "exposure_s", "wavelength_nm",
+                     "aperture_mm", "transmission", "detection_efficiency", "filter_width_nm",
+                     "ambient_illuminance_lux", "dark_rate_hz", "detectors_per_zone"});
+  const auto positive = [&](const char* key, double most) {
+    return reader.at(key).number({.lower = 0, .upper = most, .above_lower = true});
+  };
+  const NumberRange share{.lower = 0, .upper = 1, .above_lower = true};
+  Link link;
+  link.pulse_energy = positive("pulse_energy_nj", 1e12) * 1e-9;
+  link.repetition_rate = positive("repetition_rate_hz", 1e12);
+  link.exposure = positive("exposure_s", 1e6);
+  link.wavelength = reader.at("wavelength_nm").number(NumberRange::between(200, 3000)) * 1e-9;
+  link.aperture = positive("aperture_mm", 1e4) * 1e-3;
+  link.transmission = reader.at("transmission").number_or(1, share);
+  link.detection_efficiency = reader.at("detection_efficiency").number(share);
+  link.filter_width = positive("filter_width_nm", 1000) * 1e-9;
+  link.ambient_illuminance =
+      reader.at("ambient_illuminance_lux").number_or(0, NumberRange::between(0, 2e5));
+  link.dark_rate = reader.at("dark_rate_hz").number_or(0, NumberRange::between(0, 1e12));
+  link.detectors =
+      reader.has("detectors_per_zone") ? reader.at("detectors_per_zone").integer(1, 1'000'000) : 1;
+  return link;
+}
+
+/// The link replaces gain and radiant intensity, so neither may be given beside it.
+void read_link_of(const JsonReader& reader, Sensor& sensor) {
+  const JsonReader link = reader.at("link");
+  if (!link.present()) return;
+  sensor.link = read_link(link);
+  if (reader.has("gain")) reader.at("gain").fail("no gain beside \"link\", which states it");
+  const JsonReader intensity = reader.has("illumination")
+                                   ? reader.at("illumination").at("radiant_intensity_w_per_sr")
+                                   : reader.at("illumination");
+  if (intensity.present()) intensity.fail("no radiant intensity beside \"link\"");
+  if (!std::holds_alternative<AngularRectangle>(sensor.zones.front().footprint)) {
+    link.fail("no link, because zones are points whose size is not known");
+  }
+}
+
 void read_time_axis(const JsonReader& reader, Sensor& sensor) {
   sensor.bins = reader.at("bins").integer(1, kMostBins);
   sensor.bin_width = reader.at("bin_width_ps").number(kDuration) * kPicosecond;
@@ -341,7 +387,7 @@ Sensor read_explicit(const JsonReader& reader) {
                      "bins",         "bin_width_ps",     "time_zero_ps",
                      "gain",         "impulse_response", "wrap_bins",
                      "valid_bins",   "dead_zones",       "noise",
-                     "illumination", "path_origin"});
+                     "illumination", "path_origin",      "link"});
   Sensor sensor;
   sensor.name = reader.at("name").text_or("custom");
   reader.at("description").text_or("");
@@ -353,6 +399,7 @@ Sensor read_explicit(const JsonReader& reader) {
   read_illumination(reader.at("illumination"), sensor);
   const bool relay = reader.at("path_origin").word_or("sensor", {"sensor", "relay"}) == "relay";
   sensor.path_origin = relay ? PathOrigin::relay : PathOrigin::sensor;
+  read_link_of(reader, sensor);
   return sensor;
 }
 

@@ -32,6 +32,13 @@ struct Fidelity {
   double object = 1.0;
 };
 
+/// Size of a model's sums.
+struct ModelSize {
+  int lit_patches = 0, lit_groups = 0;    ///< of the relay, as the source sees it
+  int seen_patches = 0, seen_groups = 0;  ///< of all zones
+  int object_points = 0;                  ///< at the scene's own placement
+};
+
 /// Expected light of a scene. Thread safe: all methods are const and keep no state.
 class ForwardModel {
  public:
@@ -56,6 +63,7 @@ class ForwardModel {
 
   /// Sampling that the fast model chose; nothing for the reference renderer.
   virtual std::optional<Fidelity> fidelity() const { return std::nullopt; }
+  virtual std::optional<ModelSize> size() const { return std::nullopt; }
 };
 
 /// Sampling of the reference renderer: uniform, denser than and different from the fast model's.
@@ -82,6 +90,8 @@ struct FastModelOptions {
   double extra_pulse_sigma = 0.0;
   /// Sampling found for a like placement of the same scene, to save the search for it.
   std::optional<Fidelity> fidelity;
+  /// Terms evaluated, or not, against the plan: for measuring what the plan's decisions are worth.
+  PlanOverrides overrides;
 
   void validate() const;
 };

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "blindcorner/forward/impulse_response.h"
+#include "blindcorner/forward/link.h"
 #include "blindcorner/forward/pose.h"
 
 namespace blindcorner {
@@ -76,6 +77,7 @@ struct Sensor {
   double radiant_intensity = 1.0;                          ///< W/sr inside the field
   Eigen::Vector3d light_offset = Eigen::Vector3d::Zero();  ///< m, sensor frame
   PathOrigin path_origin = PathOrigin::sensor;
+  std::optional<Link> link;  ///< where given, gains and radiant intensity come from it
 
   int zone_count() const { return rows * columns; }
   /// One past the last valid bin of a zone.

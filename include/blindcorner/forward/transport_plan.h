@@ -17,26 +17,69 @@ enum class Kernel {
   retro_pairs    ///< the lobe is wide: pairs of lit and seen patches, weighted by the lobe
 };
 
+/// Terms that one scene needs and another does not.
+enum class Term {
+  occlusion,       ///< shadows of known bodies between relay and object
+  self_shadowing,  ///< shadows of the object on itself
+  patch_pairs,     ///< every pair of a lit and a seen patch by itself, not by groups or as one sum
+  dim_patches,     ///< relay patches that exchange next to no light with the search region
+  whole_axis,      ///< the time axis outside what light from the search region can reach
+  object_in_view,  ///< the object before the sensor: seen directly, or blocking its view
+  direct_return,   ///< light of the known surfaces
+  pile_up          ///< detections lost behind earlier ones of the same pulse
+};
+
 /// One decision and why it was taken.
 struct PlanDecision {
-  std::string term;
+  Term term;
+  std::string name;
   bool used = false;
   std::string reason;
+  /// Of a term that is left out: no bin of any pose in the search region changes by more than this
+  /// share of the pose's peak when it is switched on. 0: exactly nothing changes; infinite: the
+  /// scene does not say enough, or the term is missing where it matters.
+  double bound = 0.0;
 };
 
 struct TransportPlan {
   Kernel kernel = Kernel::lambertian;
   std::vector<OccluderFace> occluders;  ///< faces that can stand between relay and search region
   std::vector<PlanDecision> decisions;
+
+  const PlanDecision& decision(Term term) const;
+  /// Adds a decision, or replaces the one about the same term.
+  void decide(PlanDecision decision);
+};
+
+/// Terms switched against the plan's own decision, to measure what a decision costs or saves.
+/// Nobody has to know of this to get the right light: the plan decides from the scene.
+struct PlanOverrides {
+  std::vector<Term> on, off;
+
+  bool switched_on(Term term) const;
+  bool switched_off(Term term) const;
 };
 
 /// Corner and mid poses of the search region (every combination of lower, middle and upper values
 /// of the unknowns), for judging spreads and gates before any pose is known.
 std::vector<Placement> probe_placements(const Scene& scene);
 
+/// Whether every component of a pose lies in the range of its unknown: the plan holds there.
+bool in_search_region(const Scene& scene, const PoseVector& pose);
+
 /// Decides the plan. `relay_points` are points on the relay that span what is lit and seen;
-/// `lit_extent` is the diameter of the lit spot in m.
+/// `lit_extent` is the diameter of the lit spot in m. Decisions that depend on the sensor's place
+/// or on the sampling are added by the models.
 TransportPlan make_plan(const Scene& scene, const std::vector<Eigen::Vector3d>& relay_points,
-                        double lit_extent);
+                        double lit_extent, const PlanOverrides& overrides = {});
+
+/// Adds the decision about the object itself standing before the sensor. `seen` are points whose
+/// hull holds everything between source or detector and the relay: both, and points on the relay.
+void decide_view(TransportPlan& plan, const Scene& scene, const std::vector<Eigen::Vector3d>& seen);
+
+/// Faces of the hidden body itself, as occluders of its own light. Curved shapes are replaced by a
+/// polyhedron inside of them.
+std::vector<OccluderFace> body_faces(const Shape& shape, const Transform& T_world_shape,
+                                     double size);
 
 }  // namespace blindcorner

@@ -1,0 +1,271 @@
+// SPDX-License-Identifier: Apache-2.0
+/// `blindcorner explain SCENE`: what the forward model does for a scene and what it leaves out, and
+/// how many photons to expect.
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <memory>
+#include <optional>
+#include <random>
+
+#include "blindcorner/forward/constants.h"
+#include "blindcorner/forward/error.h"
+#include "blindcorner/forward/forward_model.h"
+#include "blindcorner/forward/link_budget.h"
+#include "blindcorner/io/capture_file.h"
+#include "blindcorner/io/scene_file.h"
+#include "commands/commands.h"
+#include "cpu_clock.h"
+#include "pose_text.h"
+#include "synthetic.h"
+
+namespace blindcorner {
+namespace {
+
+/// Processor time that the measurement of one term may take, s; one pose is always measured.
+constexpr double kTermSeconds = 2.0;
+/// Poses whose peak is below this share of the brightest one's do not count: they are dark.
+constexpr double kDark = 1e-3;
+
+struct ExplainArguments {
+  std::string scene;
+  std::string capture;
+  std::string pose;
+  double tolerance = 0.01;
+  int poses = 12;
+  std::uint64_t seed = 1;
+};
+
+/// A model's light at the first poses, as far as the time went, and its processor time.
+struct Measured {
+  std::vector<HistogramCube> light;
+  double microseconds = 0;  ///< median of an evaluation
+};
+
+Measured measure(const ForwardModel& model, const std::vector<PoseVector>& poses) {
+  Measured measured;
+  std::vector<double> times;
+  HistogramCube warm;
+  model.three_bounce(poses.front(), warm);
+  const double start = cpu_seconds();
+  for (const PoseVector& pose : poses) {
+    measured.light.emplace_back();
+    const double before = cpu_seconds();
+    model.three_bounce(pose, measured.light.back());
+    times.push_back(1e6 * (cpu_seconds() - before));
+    if (cpu_seconds() - start > kTermSeconds) break;
+  }
+  measured.microseconds = median(times);
+  return measured;
+}
+
+double peak(const HistogramCube& cube) {
+  return *std::max_element(cube.values.begin(), cube.values.end());
+}
+
+/// Largest change of a bin, as a share of the pose's peak.
+double largest_change(const Measured& plain, const Measured& switched) {
+  const std::size_t count = std::min(plain.light.size(), switched.light.size());
+  double brightest = 0;
+  for (std::size_t i = 0; i < count; ++i) brightest = std::max(brightest, peak(plain.light[i]));
+  double largest = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    const double top = peak(plain.light[i]);
+    if (top <= kDark * brightest) continue;
+    for (std::size_t k = 0; k < plain.light[i].values.size(); ++k) {
+      largest =
+          std::max(largest, std::abs(switched.light[i].values[k] - plain.light[i].values[k]) / top);
+    }
+  }
+  return largest;
+}
+
+bool can_be_switched(const PlanDecision& decision) {
+  return decision.term != Term::object_in_view && decision.term != Term::direct_return &&
+         decision.term != Term::pile_up;
+}
+
+std::string share_text(double share) {
+  if (share == 0) return "none";
+  if (!std::isfinite(share)) return "unknown";
+  char text[32];
+  std::snprintf(text, sizeof text, "%.2g %%", 100 * share);
+  return text;
+}
+
+void print_plan(const ExplainArguments& arguments, const Scene& scene,
+                const SensorPlacement& sensor, TransportPlan plan, FastModelOptions options,
+                const std::vector<PoseVector>& poses) {
+  const auto model = make_fast_model(scene, sensor, options);
+  const Measured plain = measure(*model, poses);
+  std::printf("\nTransport plan at a tolerance of %s of the peak: %.4g us an evaluation\n",
+              share_text(arguments.tolerance).c_str(), plain.microseconds);
+  std::printf("  %-38s %-9s %10s %10s %12s\n", "term", "", "bound", "measured", "time");
+  for (const PlanDecision& decision : plan.decisions) {
+    std::string change = "-";
+    char time[48] = "-";
+    if (can_be_switched(decision)) {
+      FastModelOptions switched = options;
+      (decision.used ? switched.overrides.off : switched.overrides.on) = {decision.term};
+      const Measured other = measure(*make_fast_model(scene, sensor, switched), poses);
+      change = share_text(largest_change(plain, other));
+      const double difference = std::abs(other.microseconds - plain.microseconds);
+      const bool dearer = (other.microseconds > plain.microseconds) != decision.used;
+      std::snprintf(time, sizeof time, "%s %.3g us",
+                    dearer ? (decision.used ? "costs" : "saves") : "within", difference);
+    }
+    std::printf("  %-38s %-9s %10s %10s %12s\n      %s\n", decision.name.c_str(),
+                decision.used ? "used" : "left out",
+                decision.used ? "-" : share_text(decision.bound).c_str(), change.c_str(), time,
+                decision.reason.c_str());
+  }
+  std::printf(
+      "  bound: most that leaving out may change a bin, as a share of the pose's peak (pile-up: "
+      "of\n"
+      "  the bin itself); measured: largest change at %zu poses when the term is switched against\n"
+      "  the plan; time: what an evaluation costs or saves by it.\n",
+      plain.light.size());
+}
+
+void print_zones(const Scene& scene, const std::vector<ZoneBudget>& zones) {
+  std::printf("  %4s %12s %12s %12s %10s %14s %8s\n", "zone", "direct", "three-bounce",
+              "brightest bin", "gate bins", "background/bin", "S/N");
+  ZoneBudget all;
+  double noise = 0;
+  for (std::size_t z = 0; z < zones.size(); ++z) {
+    const ZoneBudget& b = zones[z];
+    if (scene.sensor.zones[z].dead) continue;
+    all.direct += b.direct;
+    all.three_bounce += b.three_bounce;
+    noise += b.signal_to_noise * b.signal_to_noise;
+    if (zones.size() > 16 && z % 9 != 0) continue;  // the diagonal of an 8 x 8 sensor
+    std::printf("  %4zu %12.4g %12.4g %12.4g %10.0f %14.4g %8.2g\n", z, b.direct, b.three_bounce,
+                b.peak, b.gate_bins, b.background, b.signal_to_noise);
+  }
+  std::printf("  %4s %12.4g %12.4g %48s %8.2g\n", "all", all.direct, all.three_bounce, "",
+              std::sqrt(noise));
+}
+
+void print_link(const Scene& scene) {
+  if (!scene.sensor.link) {
+    std::printf("  gains and ambient light as the scene states them; it gives no link\n");
+    return;
+  }
+  const Link& link = *scene.sensor.link;
+  std::printf(
+      "  gain = pi/4 D^2 * transmission * efficiency * exposure / (h c / lambda) = %.4g counts per "
+      "W/m^2\n"
+      "  radiant intensity = pulse energy * repetition rate / solid angle of the field = %.4g "
+      "W/sr\n"
+      "  daylight = %.3g lx = %.3g W/m^2/nm at %.0f nm (black body of 5778 K, 93 lm/W)\n"
+      "  %.4g pulses a capture\n",
+      link_gain(link), scene.sensor.radiant_intensity, link.ambient_illuminance,
+      daylight_irradiance(link.wavelength, link.ambient_illuminance) * 1e-9, link.wavelength * 1e9,
+      link.pulses());
+}
+
+void print_scaling(const Scene& scene, const SensorPlacement& sensor, const Placement& object) {
+  const DistanceExponents e = distance_exponents(scene, sensor, object);
+  const bool retro = std::holds_alternative<RetroreflectiveMaterial>(scene.hidden.material);
+  std::printf(
+      "  d: sensor - relay, r: relay - object; exponents here, by differences of 5 %%\n"
+      "    direct        I rho/pi cos / d^2 dOmega                          d^%.2f\n",
+      e.direct_relay);
+  if (retro) {
+    std::printf(
+        "    three-bounce  radiance of the spot (d^-2) * rho_o A cos * rho/pi cos / r^2 dOmega;"
+        " a lobe\n                  wide against the spot adds r^-2"
+        "              d^%.2f r^%.2f\n",
+        e.three_bounce_relay, e.three_bounce_object);
+  } else {
+    std::printf(
+        "    three-bounce  I dOmega rho/pi cos cos/r^2 * rho_o/pi A * cos cos/r^2 rho/pi dOmega"
+        "  d^%.2f r^%.2f\n",
+        e.three_bounce_relay, e.three_bounce_object);
+  }
+  std::printf(
+      "    background    E_sun dLambda rho/pi dOmega                         d^0\n"
+      "  (three-bounce sum with factors constant over small spots: the exponents -2, 0 and -4 of "
+      "a\n"
+      "  Lambertian and -2, -2 and -2 of a retroreflective object are its limits)\n");
+}
+
+SensorPlacement placement_of(const ExplainArguments& arguments, const Scene& scene) {
+  const auto points = [](const SensorPlacement& sensor) {
+    return std::ranges::all_of(sensor.relay_points, [](const auto& p) { return p.allFinite(); });
+  };
+  SensorPlacement sensor = sensor_placement(scene);
+  if (!arguments.capture.empty()) {
+    const CaptureFile file = read_captures(arguments.capture);
+    sensor = sensor_placement(scene, &file.captures.front());
+  } else if (!points(sensor)) {
+    throw Error(arguments.scene + ": sensor.zones",
+                "found \"from_capture\", accepted: with --capture FILE, whose first capture says "
+                "where the zones look");
+  }
+  return sensor;
+}
+
+int run_explain(const ExplainArguments& arguments) {
+  const Scene scene = read_scene(arguments.scene);
+  const SensorPlacement sensor = placement_of(arguments, scene);
+  const Placement object =
+      arguments.pose.empty() ? scene.hidden.placement : parse_pose(scene, arguments.pose);
+  const PoseVector pose = pose_of(object, scene.unknowns);
+  std::vector<PoseVector> poses{pose};
+  std::mt19937_64 random(arguments.seed);
+  while (static_cast<int>(poses.size()) < arguments.poses) {
+    poses.push_back(draw_pose(scene, random));
+  }
+  FastModelOptions options;
+  options.tolerance = arguments.tolerance;
+  const auto model = make_fast_model(scene, sensor, options);
+  options.fidelity = model->fidelity();  // the same sampling with and without each term
+  const ModelSize size = model->size().value_or(ModelSize{});
+  std::printf("scene %s: %s\n", scene.name.c_str(),
+              std::holds_alternative<LambertianMaterial>(scene.hidden.material)
+                  ? "Lambertian object"
+                  : "retroreflective object");
+  std::printf("  relay: %d lit patches in %d groups, %d seen ones in %d; object: %d points\n",
+              size.lit_patches, size.lit_groups, size.seen_patches, size.seen_groups,
+              size.object_points);
+
+  const std::vector<ZoneBudget> zones = link_budget(scene, *model, pose);
+  TransportPlan plan = model->plan();
+  decide_pile_up(plan, scene, zones);
+  print_plan(arguments, scene, sensor, plan, options, poses);
+
+  std::printf("\nExpected counts of one capture at %s\n",
+              arguments.pose.empty() ? "the scene's own pose" : arguments.pose.c_str());
+  print_link(scene);
+  print_zones(scene, zones);
+  std::printf(
+      "  three-bounce counts over the standard deviation of all counts in the gate (S/N): above 3\n"
+      "  a zone shows the object by itself\n");
+  std::printf("\nHow light falls with distance\n");
+  print_scaling(scene, sensor, object);
+  return kAllWell;
+}
+
+}  // namespace
+
+void add_explain_command(CLI::App& app, int& exit_code) {
+  CLI::App& command = *app.add_subcommand(
+      "explain", "what the model needs for a scene, what it leaves out, and how many photons come");
+  const auto arguments = std::make_shared<ExplainArguments>();
+  command.add_option("SCENE", arguments->scene, "scene file")->required();
+  command.add_option("--pose", arguments->pose,
+                     "pose of the object for the photons, such as x_m=0.3,yaw_deg=20");
+  command.add_option("--capture", arguments->capture,
+                     "capture file whose first capture says where the sensor stood");
+  command.add_option("--tolerance", arguments->tolerance, "of the fast model")
+      ->capture_default_str();
+  command.add_option("--poses", arguments->poses, "poses at which terms are switched and timed")
+      ->check(CLI::Range(1, 10'000))
+      ->capture_default_str();
+  command.add_option("--seed", arguments->seed, "of these poses")->capture_default_str();
+  command.callback([arguments, &exit_code] { exit_code = run_explain(*arguments); });
+}
+
+}  // namespace blindcorner
