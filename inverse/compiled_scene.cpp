@@ -10,6 +10,7 @@
 #include <random>
 
 #include "blindcorner/forward/constants.h"
+#include "blindcorner/inverse/difference_steps.h"
 
 namespace blindcorner {
 namespace {
@@ -216,6 +217,21 @@ double log_pose_prior(const Scene& scene, const PoseVector& pose) {
   return log_density;
 }
 
+PoseVector difference_steps(const Scene& scene, const SensorPlacement& placement) {
+  const double pulse_path = kSpeedOfLight * std::hypot(scene.sensor.response.core_sigma(),
+                                                       scene.sensor.bin_width / std::sqrt(12.0));
+  const PoseVector rates = path_rates(scene, relay_sample(scene, placement));
+  PoseVector steps(rates.size());
+  for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
+    const auto k = static_cast<Eigen::Index>(i);
+    double step = kDifferenceStep * pulse_path * 2 / rates[k];
+    if (scene.unknowns[i].component == Component::yaw) step = std::min(step, kYawDifference);
+    if (scene.unknowns[i].component == Component::size) step = std::min(step, 0.01);
+    steps[k] = std::min(step, 0.01 * scene.unknowns[i].range());
+  }
+  return steps;
+}
+
 std::unique_ptr<CompiledScene> compile(const Scene& scene,
                                        const std::vector<SensorPlacement>& placements,
                                        const FitOptions& options, const GridOptions& grid) {
@@ -265,14 +281,7 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
   compiled->ladder.push_back(models(0, cheap));
   compiled->ladder.push_back(models(0, options.model_tolerance));
 
-  compiled->step.resize(rates.size());
-  for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
-    const auto k = static_cast<Eigen::Index>(i);
-    double step = kDifferenceStep * compiled->pulse_path * 2 / rates[k];
-    if (scene.unknowns[i].component == Component::yaw) step = std::min(step, kYawDifference);
-    if (scene.unknowns[i].component == Component::size) step = std::min(step, 0.01);
-    compiled->step[k] = std::min(step, 0.01 * scene.unknowns[i].range());
-  }
+  compiled->step = difference_steps(scene, placements.front());
 
   const auto count = static_cast<std::size_t>(grid_size(*compiled));
   for (std::size_t index = 0; index < count; ++index) {

@@ -1,329 +1,35 @@
 // SPDX-License-Identifier: Apache-2.0
-/// `blindcorner benchmark solver`: the solver against an exhaustive search, on captures that the
-/// reference renderer made.
-#include <tbb/parallel_for.h>
+#include "commands/benchmark.h"
 
 #include <CLI/CLI.hpp>
-#include <Eigen/Cholesky>
 #include <algorithm>
-#include <chrono>
-#include <cmath>
-#include <cstdio>
 #include <filesystem>
-#include <memory>
-#include <nlohmann/json.hpp>
-#include <random>
 
 #include "blindcorner/forward/error.h"
-#include "blindcorner/forward/forward_model.h"
-#include "blindcorner/inverse/exhaustive.h"
-#include "blindcorner/inverse/fit.h"
-#include "blindcorner/io/atomic_file.h"
-#include "blindcorner/io/capture_file.h"
-#include "blindcorner/io/scene_file.h"
 #include "commands/commands.h"
-#include "progress.h"
-#include "synthetic.h"
 
 namespace blindcorner {
-namespace {
 
-/// Log likelihood that a solver may miss and still be said to have reached the optimum.
-constexpr double kReached = 0.1;
-/// Quantile of chi-square with n degrees of freedom that holds 99 %: the region of a mode.
-constexpr double kRegion[] = {0, 6.635, 9.210, 11.345, 13.277, 15.086};
-
-struct SolverArguments {
+std::vector<std::string> benchmark_scenes(const std::vector<std::string>& asked) {
+  if (!asked.empty()) return asked;
+  namespace fs = std::filesystem;
   std::vector<std::string> scenes;
-  std::string output;
-  std::string captures_directory;
-  int captures = 200;
-  double least_photons = 10;
-  double most_photons = 1000;
-  double amplitude_spread = 0.3;
-  std::uint64_t seed = 1;
-  FitOptions fit;
-  ExhaustiveOptions exhaustive;
-};
-
-/// Poses that send the sensor less than this share of the median pose's light are drawn again: no
-/// exposure would show them.
-constexpr double kLeastLight = 1e-3;
-constexpr int kTypicalPoses = 64;
-
-/// What became of one synthetic capture.
-struct Trial {
-  double photons = 0;
-  bool failed = false;
-  std::string error;
-  bool reached = false;
-  double missed = 0;  ///< log posterior
-  bool right = false;
-  bool exhaustive_right = false;
-  double error_m = 0;  ///< position error of the heaviest mode
-  double time_ms = 0;
-  double prepare_ms = 0;
-  double presence = 0;
-  StageTimes stages;
-};
-
-PoseVector circular_difference(const Scene& scene, const PoseVector& a, const PoseVector& b) {
-  PoseVector d = b - a;
-  for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
-    const double period = yaw_period(scene.hidden.shape);
-    if (scene.unknowns[i].component != Component::yaw || period <= 0) continue;
-    auto& value = d[static_cast<Eigen::Index>(i)];
-    value -= period * std::round(value / period);
-  }
-  return d;
-}
-
-/// Whether the truth lies in the mode's 99 % region.
-bool holds(const Scene& scene, const PoseMode& mode, const PoseVector& truth) {
-  const PoseVector d = circular_difference(scene, mode.pose, truth);
-  const double distance = d.dot(mode.covariance.ldlt().solve(d));
-  return distance <= kRegion[d.size()];
-}
-
-double position_error(const Scene& scene, const PoseVector& pose, const PoseVector& truth) {
-  double sum = 0;
-  for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
-    if (scene.unknowns[i].component > Component::z) continue;
-    sum += std::pow(pose[static_cast<Eigen::Index>(i)] - truth[static_cast<Eigen::Index>(i)], 2);
-  }
-  return std::sqrt(sum);
-}
-
-bool finite(const FitResult& result) {
-  if (!std::isfinite(result.posterior.presence_probability) ||
-      !std::isfinite(result.false_alarm_probability.value_or(0))) {
-    return false;
-  }
-  for (const PoseMode& mode : result.posterior.modes) {
-    if (!mode.pose.allFinite() || !mode.covariance.allFinite() || !std::isfinite(mode.weight)) {
-      return false;
+  if (fs::is_directory("scenes")) {
+    for (const auto& entry : fs::directory_iterator("scenes")) {
+      if (entry.path().extension() == ".json") scenes.push_back(entry.path().string());
     }
   }
-  return !result.posterior.modes.empty();
+  if (scenes.empty()) throw Error("SCENE", "found none, accepted: scene files, or a folder scenes");
+  std::sort(scenes.begin(), scenes.end());
+  return scenes;
 }
-
-Trial run_trial(const Scene& scene, const Capture& capture, const PoseVector& truth,
-                const Fitter& fitter, const ExhaustiveSearch& exhaustive) {
-  Trial trial;
-  FitResult result;
-  try {
-    result = fitter.fit(capture);
-    if (!finite(result)) throw Error("result", "found a value that is not finite");
-  } catch (const std::exception& error) {
-    trial.failed = true;
-    trial.error = error.what();
-    return trial;
-  }
-  trial.stages = result.time_ms;
-  trial.time_ms = result.time_ms.total - result.time_ms.prepare;
-  trial.presence = result.posterior.presence_probability;
-  std::vector<PoseVector> found;
-  double best = -1e300;
-  for (const PoseMode& mode : result.posterior.modes) {
-    found.push_back(mode.optimum);
-    best = std::max(best, exhaustive.log_posterior(capture, mode.optimum));
-  }
-  found.push_back(truth);
-  const ExhaustiveResult bound = exhaustive.search(capture, found);
-  trial.missed = bound.log_posterior - best;
-  trial.reached = trial.missed <= kReached;
-  trial.right = holds(scene, result.posterior.modes.front(), truth);
-  trial.exhaustive_right = holds(scene, bound.heaviest, truth);
-  trial.error_m = position_error(scene, result.posterior.modes.front().pose, truth);
-  return trial;
-}
-
-double quantile(std::vector<double> values, double q) {
-  if (values.empty()) return std::nan("");
-  std::sort(values.begin(), values.end());
-  return values[static_cast<std::size_t>(q * static_cast<double>(values.size() - 1) + 0.5)];
-}
-
-struct Row {
-  std::string scene;
-  int captures = 0, failures = 0;
-  double reached = 0, right = 0, exhaustive_right = 0;
-  double median_error = 0, p90_error = 0;
-  double median_ms = 0, most_ms = 0;
-};
-
-Row summarise(const std::string& name, const std::vector<Trial>& trials) {
-  Row row;
-  row.scene = name;
-  row.captures = static_cast<int>(trials.size());
-  std::vector<double> errors;
-  std::vector<double> times;
-  for (const Trial& t : trials) {
-    row.failures += t.failed ? 1 : 0;
-    row.reached += t.reached ? 1 : 0;
-    row.right += t.right ? 1 : 0;
-    row.exhaustive_right += t.exhaustive_right ? 1 : 0;
-    if (t.failed) continue;
-    errors.push_back(t.error_m);
-    times.push_back(t.time_ms);
-  }
-  for (double* share : {&row.reached, &row.right, &row.exhaustive_right}) {
-    *share /= static_cast<double>(trials.size());
-  }
-  row.median_error = quantile(errors, 0.5);
-  row.p90_error = quantile(errors, 0.9);
-  row.median_ms = quantile(times, 0.5);
-  row.most_ms = quantile(times, 1.0);
-  return row;
-}
-
-nlohmann::json to_json(const std::string& scene, const std::vector<Trial>& trials) {
-  nlohmann::json list = nlohmann::json::array();
-  for (const Trial& t : trials) {
-    nlohmann::json item = {{"photons", t.photons}};
-    if (t.failed) {
-      item["error"] = t.error;
-    } else {
-      item.update({{"missed_log_posterior", t.missed},
-                   {"right", t.right},
-                   {"exhaustive_right", t.exhaustive_right},
-                   {"position_error_m", t.error_m},
-                   {"presence_probability", t.presence},
-                   {"time_ms",
-                    {{"score", t.stages.score},
-                     {"refine", t.stages.refine},
-                     {"uncertainty", t.stages.uncertainty},
-                     {"detect", t.stages.detect},
-                     {"total", t.time_ms}}}});
-    }
-    list.push_back(std::move(item));
-  }
-  return {{"scene", scene}, {"trials", std::move(list)}};
-}
-
-std::vector<Trial> study(const SolverArguments& arguments, const std::string& path) {
-  const Scene scene = read_scene(path);
-  const auto reference = make_reference_renderer(scene, sensor_placement(scene));
-  const auto count = static_cast<std::size_t>(arguments.captures);
-  std::vector<PoseVector> truths(count);
-  std::vector<LightBudget> budgets(count);
-  std::mt19937_64 random(arguments.seed);
-  std::uniform_real_distribution<double> log_photons(std::log(arguments.least_photons),
-                                                     std::log(arguments.most_photons));
-  std::normal_distribution<double> log_amplitude(0.0, arguments.amplitude_spread);
-  const auto fast = make_fast_model(scene, sensor_placement(scene));
-  std::mt19937_64 typical(arguments.seed);
-  std::vector<double> light(kTypicalPoses);
-  for (double& l : light) l = total_light(*fast, draw_pose(scene, typical));
-  const double least_light = kLeastLight * quantile(light, 0.5);
-  for (std::size_t i = 0; i < count; ++i) {
-    do {
-      truths[i] = draw_pose(scene, random);
-    } while (total_light(*fast, truths[i]) < least_light);
-    budgets[i].third_bounce_photons = std::exp(log_photons(random));
-    budgets[i].amplitude = std::exp(log_amplitude(random));
-  }
-  CaptureFile captures;
-  captures.bin_width = scene.sensor.bin_width;
-  captures.sensor = scene.sensor.name;
-  captures.captures.resize(count);
-  Progress rendering(scene.name + ": rendering", count);
-  tbb::parallel_for(std::size_t{0}, count, [&](std::size_t i) {
-    captures.captures[i] = make_capture(scene, *reference, truths[i], budgets[i],
-                                        arguments.seed + 1'000'003 * (i + 1));
-    captures.captures[i].source = scene.name;
-    captures.captures[i].index = static_cast<int>(i);
-    rendering.advance();
-  });
-  rendering.finish();
-  if (!arguments.captures_directory.empty()) {
-    write_captures(
-        (std::filesystem::path(arguments.captures_directory) / (scene.name + ".exr")).string(),
-        captures);
-  }
-  const Fitter fitter(scene, arguments.fit);
-  fitter.fit(captures.captures.front());  // compiles the scene, so that times are of fits
-  const ExhaustiveSearch exhaustive(scene, arguments.exhaustive);
-  std::vector<Trial> trials(count);
-  Progress fitting(scene.name + ": " + std::to_string(exhaustive.poses()) + " poses each", count);
-  tbb::parallel_for(std::size_t{0}, count, [&](std::size_t i) {
-    trials[i] = run_trial(scene, captures.captures[i], truths[i], fitter, exhaustive);
-    trials[i].photons = *budgets[i].third_bounce_photons;
-    fitting.advance();
-  });
-  fitting.finish();
-  return trials;
-}
-
-int run_solver(const SolverArguments& arguments) {
-  if (!arguments.output.empty()) std::filesystem::create_directories(arguments.output);
-  if (!arguments.captures_directory.empty()) {
-    std::filesystem::create_directories(arguments.captures_directory);
-  }
-  std::printf("%-18s %8s %8s %9s %8s %8s %9s %9s %9s %9s\n", "scene", "captures", "failed",
-              "optimum", "right", "(bound)", "median m", "90 % m", "median ms", "most ms");
-  nlohmann::json all = nlohmann::json::array();
-  for (const std::string& path : arguments.scenes) {
-    const std::vector<Trial> trials = study(arguments, path);
-    const std::string name = std::filesystem::path(path).stem().string();
-    const Row row = summarise(name, trials);
-    std::printf("%-18s %8d %8d %8.1f%% %7.1f%% %7.1f%% %9.3f %9.3f %9.1f %9.1f\n",
-                row.scene.c_str(), row.captures, row.failures, 100 * row.reached, 100 * row.right,
-                100 * row.exhaustive_right, row.median_error, row.p90_error, row.median_ms,
-                row.most_ms);
-    std::fflush(stdout);
-    all.push_back(to_json(name, trials));
-    if (!arguments.output.empty()) {
-      write_atomically((std::filesystem::path(arguments.output) / "solver.json").string(),
-                       all.dump(1) + "\n");
-    }
-  }
-  return kAllWell;
-}
-
-}  // namespace
 
 void add_benchmark_command(CLI::App& app, int& exit_code) {
   CLI::App& benchmark = *app.add_subcommand("benchmark", "measure accuracy and run time");
   benchmark.require_subcommand(1);
-  CLI::App& command = *benchmark.add_subcommand(
-      "solver",
-      "fit synthetic captures of the reference renderer and compare with an exhaustive "
-      "search; prints a table, one row a scene");
-  const auto arguments = std::make_shared<SolverArguments>();
-  command.add_option("SCENE", arguments->scenes, "scene files")->required();
-  command.add_option("-n,--captures", arguments->captures, "captures per scene")
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
-  command.add_option("--least-photons", arguments->least_photons, "of the third bounce")
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
-  command.add_option("--most-photons", arguments->most_photons, "of the third bounce")
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
-  command
-      .add_option("--amplitude-spread", arguments->amplitude_spread,
-                  "standard deviation of the log of the object's true brightness")
-      ->capture_default_str();
-  command.add_option("--starts", arguments->fit.max_starts, "refined starts of the fit")
-      ->capture_default_str();
-  command.add_option("--tolerance", arguments->fit.model_tolerance, "of the fast model")
-      ->capture_default_str();
-  command
-      .add_option("--density", arguments->exhaustive.density,
-                  "points of the exhaustive grid per grid step of the fit")
-      ->capture_default_str();
-  command.add_option("--max-poses", arguments->exhaustive.max_poses, "of the exhaustive grid")
-      ->capture_default_str();
-  command.add_option("--seed", arguments->seed, "of poses and photons")->capture_default_str();
-  command.add_option("-o,--output", arguments->output, "directory for solver.json, all trials");
-  command.add_option("--save-captures", arguments->captures_directory,
-                     "directory for the captures, one file a scene");
-  command.callback([arguments, &exit_code] {
-    arguments->exhaustive.model_tolerance = arguments->fit.model_tolerance;
-    arguments->fit.validate();
-    exit_code = run_solver(*arguments);
-  });
+  add_solver_benchmark(benchmark, exit_code);
+  add_forward_benchmark(benchmark, exit_code);
+  add_derivatives_benchmark(benchmark, exit_code);
 }
 
 }  // namespace blindcorner

@@ -25,6 +25,7 @@ using nlohmann::json;
 using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::Not;
 using ::testing::StartsWith;
 
 const std::string kScene = std::string(SOURCE_DIR) + "/scenes/tmf8828_wall.json";
@@ -302,6 +303,71 @@ TEST_F(Cli, ImportAndExportRefuseOtherEndings) {
   EXPECT_FALSE(fs::exists(path("a.txt")));
   EXPECT_EQ(run("import '" + capture + "' -o '" + path("a.npz") + "'").exit_code, 2);
   EXPECT_FALSE(fs::exists(path("a.npz")));
+}
+
+// Every term with its verdict, its bound, the measured change and the time, then the photons.
+TEST_F(Cli, ExplainTellsOfTermsAndPhotons) {
+  const std::string scenes = std::string(SOURCE_DIR) + "/scenes/";
+  const Outcome outcome =
+      run("explain '" + scenes + "denali_like.json' --tolerance 0.1 --poses 2 --pose y_m=0.4");
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  for (const char* term :
+       {"occlusion between relay and object", "self-shadowing of the object",
+        "pairs of lit and seen relay patches", "object before the sensor", "dim relay patches",
+        "bins that no light can reach", "direct return of the known surfaces", "pile-up"}) {
+    EXPECT_THAT(outcome.out, HasSubstr(term));
+  }
+  EXPECT_THAT(outcome.out, AllOf(HasSubstr("left out"), HasSubstr("three-bounce"),
+                                 HasSubstr("it gives no link"), HasSubstr("d^-2")));
+  const Outcome captures = run("explain '" + scenes + "st_person_tracking.json'");
+  EXPECT_EQ(captures.exit_code, 2);
+  EXPECT_THAT(captures.err, HasSubstr("--capture"));
+}
+
+// With a link, gains follow from it: twice the aperture is four times the counts.
+TEST_F(Cli, RenderTakesTheLinksGain) {
+  std::ifstream file(std::string(SOURCE_DIR) + "/scenes/denali_like.json");
+  json scene = json::parse(file);
+  const auto total = [&](double aperture) {
+    scene["sensor"]["link"] = {{"pulse_energy_nj", 1},    {"repetition_rate_hz", 1e7},
+                               {"exposure_s", 0.03},      {"wavelength_nm", 940},
+                               {"aperture_mm", aperture}, {"detection_efficiency", 0.02},
+                               {"filter_width_nm", 30},   {"ambient_illuminance_lux", 100}};
+    std::ofstream(path("link.json")) << scene;
+    const Outcome outcome = run("render '" + path("link.json") + "' -o '" + path("link.exr") +
+                                "' --noiseless --model fast --tolerance 0.1");
+    EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+    const CaptureFile rendered = read_captures(path("link.exr"));
+    double sum = 0;
+    for (const double v : rendered.captures.front().counts.values) sum += v;
+    return sum;
+  };
+  const double one = total(1);
+  EXPECT_GT(one, 0);
+  EXPECT_NEAR(total(2) / one, 4.0, 1e-5);
+  scene["sensor"]["link"]["aperture_mm"] = -1;
+  std::ofstream(path("wrong.json")) << scene;
+  const Outcome wrong = run("explain '" + path("wrong.json") + "'");
+  EXPECT_EQ(wrong.exit_code, 2);
+  EXPECT_THAT(wrong.err, HasSubstr("sensor.link.aperture_mm: found -1"));
+}
+
+TEST_F(Cli, ForwardBenchmarksWriteTableAndPicture) {
+  const std::string scene = "'" + std::string(SOURCE_DIR) + "/scenes/denali_like.json'";
+  const Outcome forward = run("benchmark forward " + scene + " -o '" + path("study") +
+                              "' --poses 1 --truth 0.3 --slowest-ms 0.05");
+  EXPECT_EQ(forward.exit_code, 0) << forward.err;
+  EXPECT_THAT(text_of(path("study/forward.csv")),
+              AllOf(StartsWith("scene,model,setting"), HasSubstr("denali_like,fast,fidelity"),
+                    HasSubstr("denali_like,reference,sampling 1")));
+  EXPECT_THAT(text_of(path("study/forward.html")),
+              AllOf(StartsWith("<!DOCTYPE html>"), HasSubstr("noise of one capture"),
+                    Not(HasSubstr("src="))));
+  const Outcome derivatives = run("benchmark derivatives " + scene + " -o '" + path("study") +
+                                  "' --poses 1 --tolerance 0.1");
+  EXPECT_EQ(derivatives.exit_code, 0) << derivatives.err;
+  EXPECT_THAT(text_of(path("study/derivatives.csv")), HasSubstr("denali_like,y_m,0,"));
+  EXPECT_THAT(text_of(path("study/derivatives.html")), HasSubstr("denali_like: x_m"));
 }
 
 TEST_F(Cli, InfoTellsOfScenesAndCaptures) {

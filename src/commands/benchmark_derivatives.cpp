@@ -1,0 +1,175 @@
+// SPDX-License-Identifier: Apache-2.0
+/// `blindcorner benchmark derivatives`: how good numeric derivatives of the fast model are, by
+/// step.
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <random>
+
+#include "blindcorner/inverse/derivative_study.h"
+#include "blindcorner/inverse/difference_steps.h"
+#include "blindcorner/io/atomic_file.h"
+#include "blindcorner/io/scene_file.h"
+#include "commands/benchmark.h"
+#include "commands/commands.h"
+#include "progress.h"
+#include "report/chart_page.h"
+#include "synthetic.h"
+
+namespace blindcorner {
+namespace {
+
+struct DerivativeArguments {
+  std::vector<std::string> scenes;
+  std::string output = "out/benchmark";
+  int poses = 3;
+  double tolerance = 0.04;
+  std::uint64_t seed = 1;
+};
+
+struct Study {
+  std::string scene, unknown;
+  double lever = 1;  ///< m per unit of the unknown
+  double step = 0;   ///< default one, in the unknown's unit
+  std::vector<DerivativeErrors> poses;
+};
+
+FastModelOptions at_tolerance(double tolerance) {
+  FastModelOptions options;
+  options.tolerance = tolerance;
+  return options;
+}
+
+/// How far the farthest point of the object moves per unit of an unknown, m.
+double lever_of(const Scene& scene, const Unknown& unknown) {
+  if (unknown.component <= Component::z) return 1.0;
+  return scene.hidden.placement.size * bounding_radius(scene.hidden.shape, Anchor::center);
+}
+
+std::vector<Study> study(const DerivativeArguments& arguments, const Scene& scene,
+                         const SensorPlacement& sensor) {
+  const auto model = make_fast_model(scene, sensor, at_tolerance(arguments.tolerance));
+  const PoseVector steps = difference_steps(scene, sensor);
+  const std::vector<std::string> names = unknown_names(scene);
+  std::mt19937_64 random(arguments.seed);
+  std::vector<PoseVector> poses;
+  for (int i = 0; i < arguments.poses; ++i) poses.push_back(draw_pose(scene, random));
+  std::vector<Study> studies;
+  Progress progress(scene.name + ": derivatives", names.size() * poses.size());
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const auto k = static_cast<Eigen::Index>(i);
+    Study s{scene.name, names[i], lever_of(scene, scene.unknowns[i]), steps[k], {}};
+    for (const PoseVector& pose : poses) {
+      // 1 micrometre to 10 cm, five steps a decade.
+      std::vector<double> sizes;
+      for (int n = 0; n <= 25; ++n) sizes.push_back(1e-6 * std::pow(10.0, n / 5.0) / s.lever);
+      s.poses.push_back(derivative_errors(*model, pose, k, sizes, steps[k]));
+      progress.advance();
+    }
+    studies.push_back(std::move(s));
+  }
+  progress.finish();
+  return studies;
+}
+
+void print(const Study& s) {
+  double at_default = 0, least = 0;
+  for (const DerivativeErrors& pose : s.poses) {
+    at_default = std::max(at_default, pose.at_default);
+    least = std::max(least, *std::min_element(pose.errors.begin(), pose.errors.end()));
+  }
+  std::printf("%-18s %-8s %12.3g mm %10.2g %% %10.2g %%\n", s.scene.c_str(), s.unknown.c_str(),
+              1e3 * s.step * s.lever, 100 * at_default, 100 * least);
+}
+
+std::string csv(const std::vector<Study>& studies) {
+  std::string text = "scene,unknown,pose,step,movement_m,relative_error\n";
+  char line[200];
+  for (const Study& s : studies) {
+    for (std::size_t p = 0; p < s.poses.size(); ++p) {
+      for (std::size_t n = 0; n < s.poses[p].steps.size(); ++n) {
+        std::snprintf(line, sizeof line, "%s,%s,%zu,%.5g,%.5g,%.5g\n", s.scene.c_str(),
+                      s.unknown.c_str(), p, s.poses[p].steps[n], s.poses[p].steps[n] * s.lever,
+                      s.poses[p].errors[n]);
+        text += line;
+      }
+    }
+  }
+  return text;
+}
+
+std::vector<Chart> charts(const std::vector<Study>& studies) {
+  std::vector<Chart> list;
+  for (const Study& s : studies) {
+    Chart chart;
+    chart.title = s.scene + ": " + s.unknown;
+    chart.x_name = "step, as movement of the object, m";
+    chart.y_name = "relative error of the derivative";
+    chart.rules = {{"default", s.step * s.lever, true}};
+    for (std::size_t p = 0; p < s.poses.size(); ++p) {
+      ChartSeries series{"pose " + std::to_string(p + 1), {}, true};
+      for (std::size_t n = 0; n < s.poses[p].steps.size(); ++n) {
+        series.points.push_back({s.poses[p].steps[n] * s.lever, s.poses[p].errors[n], ""});
+      }
+      chart.series.push_back(std::move(series));
+    }
+    list.push_back(std::move(chart));
+  }
+  return list;
+}
+
+int run_derivatives(const DerivativeArguments& arguments) {
+  std::filesystem::create_directories(arguments.output);
+  const std::filesystem::path folder(arguments.output);
+  std::printf("%-18s %-8s %15s %12s %12s\n", "scene", "unknown", "default step", "error there",
+              "least error");
+  std::vector<Study> all;
+  for (const std::string& path : benchmark_scenes(arguments.scenes)) {
+    const Scene scene = read_scene(path);
+    const SensorPlacement sensor = sensor_placement(scene);
+    if (std::ranges::any_of(sensor.relay_points, [](const auto& p) { return !p.allFinite(); })) {
+      std::printf("%-18s left out: its zones come with each capture\n", scene.name.c_str());
+      continue;
+    }
+    for (Study& s : study(arguments, scene, sensor)) {
+      print(s);
+      all.push_back(std::move(s));
+    }
+    write_atomically((folder / "derivatives.csv").string(), csv(all));
+    write_atomically(
+        (folder / "derivatives.html").string(),
+        chart_page("Error of numeric derivatives by step",
+                   "Central differences of the fast model's histogram against a Richardson "
+                   "extrapolation from steps about the default one, relative L2. Steps of yaw and "
+                   "size are drawn as the movement of the object's farthest point.",
+                   charts(all)));
+  }
+  std::printf("%s and %s\n", (folder / "derivatives.csv").c_str(),
+              (folder / "derivatives.html").c_str());
+  return kAllWell;
+}
+
+}  // namespace
+
+void add_derivatives_benchmark(CLI::App& benchmark, int& exit_code) {
+  CLI::App& command =
+      *benchmark.add_subcommand("derivatives",
+                                "error of numeric derivatives by step; writes derivatives.csv and "
+                                "derivatives.html");
+  const auto arguments = std::make_shared<DerivativeArguments>();
+  command.add_option("SCENE", arguments->scenes, "scene files; default: those in scenes/");
+  command.add_option("-o,--output", arguments->output, "directory to write to")
+      ->capture_default_str();
+  command.add_option("--poses", arguments->poses, "poses per scene")
+      ->check(CLI::Range(1, 100))
+      ->capture_default_str();
+  command.add_option("--tolerance", arguments->tolerance, "of the fast model")
+      ->capture_default_str();
+  command.add_option("--seed", arguments->seed, "of the poses")->capture_default_str();
+  command.callback([arguments, &exit_code] { exit_code = run_derivatives(*arguments); });
+}
+
+}  // namespace blindcorner

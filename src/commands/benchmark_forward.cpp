@@ -1,0 +1,330 @@
+// SPDX-License-Identifier: Apache-2.0
+/// `blindcorner benchmark forward`: error of the forward models against run time.
+#include <tbb/parallel_for.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <random>
+
+#include "blindcorner/forward/forward_model.h"
+#include "blindcorner/forward/photon_noise.h"
+#include "blindcorner/io/atomic_file.h"
+#include "blindcorner/io/scene_file.h"
+#include "commands/benchmark.h"
+#include "commands/commands.h"
+#include "cpu_clock.h"
+#include "progress.h"
+#include "report/chart_page.h"
+#include "synthetic.h"
+
+namespace blindcorner {
+namespace {
+
+/// Sampling of the fast model in units of what its closed-form estimates ask for at 1 %.
+constexpr double kFidelities[] = {16, 11.3, 8, 5.66, 4, 2.83, 2, 1.41, 1, 0.71, 0.5};
+constexpr double kFidelityTolerance = 0.01;
+/// Tolerances that a user may ask for; the model finds its sampling itself.
+constexpr double kTolerances[] = {0.3, 0.1, 0.04, 0.02, 0.01};
+/// Samplings of the reference renderer in units of its own default.
+constexpr double kReferenceScales[] = {0.3, 0.45, 0.7, 1.0};
+/// Processor time that the timing of one setting takes at most, s.
+constexpr double kTimingSeconds = 0.5;
+
+struct ForwardArguments {
+  std::vector<std::string> scenes;
+  std::string output = "out/benchmark";
+  int poses = 2;
+  double truth = 1.4;       ///< sampling of the truth, in units of the reference's default
+  double slowest_ms = 500;  ///< finer settings are left out once one takes longer
+  std::uint64_t seed = 1;
+};
+
+struct Setting {
+  std::string scene, model, name;
+  double relay = 0, object = 0;
+  double microseconds = 0, relative_l2 = 0, worst_bin = 0;
+};
+
+/// One scene's truth, and the noise of one capture against it.
+struct Truth {
+  std::vector<PoseVector> poses;
+  std::vector<HistogramCube> light;
+  double noise_l2 = 0;    ///< root of the summed variances over the root of the summed squares
+  double noise_peak = 0;  ///< standard deviation of the brightest bin over its light
+};
+
+FastModelOptions at_tolerance(double tolerance) {
+  FastModelOptions options;
+  options.tolerance = tolerance;
+  return options;
+}
+
+ReferenceOptions scaled(double scale) {
+  ReferenceOptions options;
+  const auto times = [&](int n) { return std::max(1, static_cast<int>(std::lround(scale * n))); };
+  options.zone_divisions = times(options.zone_divisions);
+  options.field_divisions = times(options.field_divisions);
+  options.object_divisions = times(options.object_divisions);
+  options.object_edge /= scale;
+  return options;
+}
+
+/// Noise of one capture relative to the object's light: what a model's error hides behind.
+void add_noise(const Scene& scene, const HistogramCube& direct, Truth& truth) {
+  double variance = 0, square = 0, peak = 0, peak_variance = 0;
+  const LinearValues linear{scene.linear.fixed_amplitude, scene.linear.fixed_ambient,
+                            scene.linear.fixed_direct};
+  for (const HistogramCube& light : truth.light) {
+    const HistogramCube counts = expected_counts(scene, light, direct, linear);
+    for (int z = 0; z < light.zones(); ++z) {
+      const Zone& zone = scene.sensor.zones[static_cast<std::size_t>(z)];
+      if (zone.dead) continue;
+      for (int k = zone.first_valid_bin; k < scene.sensor.valid_end(z); ++k) {
+        const double signal = zone.gain * linear.amplitude * light.zone(z)[k];
+        double v = scene.sensor.dispersion * counts.zone(z)[k];
+        if (const auto* gaussian = std::get_if<GaussianNoise>(&scene.sensor.noise)) {
+          v = gaussian->variance_floor + gaussian->variance_per_count * signal;
+        }
+        variance += v;
+        square += signal * signal;
+        if (signal > peak) {
+          peak = signal;
+          peak_variance = v;
+        }
+      }
+    }
+  }
+  truth.noise_l2 = std::sqrt(variance / square);
+  truth.noise_peak = std::sqrt(peak_variance) / peak;
+}
+
+Truth make_truth(const ForwardArguments& arguments, const Scene& scene) {
+  Truth truth;
+  std::mt19937_64 random(arguments.seed);
+  const auto fast = make_fast_model(scene, sensor_placement(scene), at_tolerance(0.3));
+  std::vector<double> totals;
+  std::mt19937_64 typical(arguments.seed + 1);
+  for (int i = 0; i < 32; ++i) totals.push_back(total_light(*fast, draw_pose(scene, typical)));
+  // Errors are relative, so poses that are all but dark say nothing.
+  const double least = 0.1 * median(totals);
+  while (static_cast<int>(truth.poses.size()) < arguments.poses) {
+    const PoseVector pose = draw_pose(scene, random);
+    if (total_light(*fast, pose) >= least) truth.poses.push_back(pose);
+  }
+  const auto reference =
+      make_reference_renderer(scene, sensor_placement(scene), scaled(arguments.truth));
+  truth.light.resize(truth.poses.size());
+  Progress progress(scene.name + ": truth", truth.poses.size());
+  tbb::parallel_for(std::size_t{0}, truth.poses.size(), [&](std::size_t i) {
+    reference->three_bounce(truth.poses[i], truth.light[i]);
+    progress.advance();
+  });
+  progress.finish();
+  add_noise(scene, reference->direct_return(), truth);
+  return truth;
+}
+
+/// Median processor time of an evaluation and its error against the truth.
+Setting run(const ForwardModel& model, const Truth& truth) {
+  Setting setting;
+  double square = 0;
+  std::vector<double> times;
+  HistogramCube light;
+  const double start = cpu_seconds();
+  for (std::size_t i = 0; i < truth.poses.size(); ++i) {
+    const double before = cpu_seconds();
+    model.three_bounce(truth.poses[i], light);
+    times.push_back(cpu_seconds() - before);
+    double difference = 0, norm = 0, peak = 0, worst = 0;
+    for (std::size_t k = 0; k < light.values.size(); ++k) {
+      const double d = light.values[k] - truth.light[i].values[k];
+      difference += d * d;
+      norm += truth.light[i].values[k] * truth.light[i].values[k];
+      peak = std::max(peak, truth.light[i].values[k]);
+      worst = std::max(worst, std::abs(d));
+    }
+    square += difference / norm / static_cast<double>(truth.poses.size());
+    setting.worst_bin = std::max(setting.worst_bin, worst / peak);
+  }
+  setting.relative_l2 = std::sqrt(square);
+  for (std::size_t i = 0; cpu_seconds() - start < kTimingSeconds; ++i) {
+    const double before = cpu_seconds();
+    model.three_bounce(truth.poses[i % truth.poses.size()], light);
+    times.push_back(cpu_seconds() - before);
+  }
+  setting.microseconds = 1e6 * median(times);
+  return setting;
+}
+
+std::vector<Setting> study(const ForwardArguments& arguments, const Scene& scene,
+                           const Truth& truth) {
+  const SensorPlacement sensor = sensor_placement(scene);
+  std::vector<Setting> settings;
+  Progress progress(scene.name + ": settings",
+                    std::size(kFidelities) + std::size(kTolerances) + std::size(kReferenceScales));
+  const auto add = [&](Setting setting, const std::string& model, const std::string& name,
+                       const ForwardModel& of) {
+    setting.scene = scene.name;
+    setting.model = model;
+    setting.name = name;
+    const Fidelity fidelity = of.fidelity().value_or(Fidelity{0, 0});
+    setting.relay = fidelity.relay;
+    setting.object = fidelity.object;
+    settings.push_back(setting);
+    progress.advance();
+    return setting.microseconds < 1e3 * arguments.slowest_ms;
+  };
+  char name[32];
+  for (const double fidelity : kFidelities) {
+    FastModelOptions options;
+    options.tolerance = kFidelityTolerance;
+    options.fidelity = Fidelity{fidelity, fidelity};
+    const auto model = make_fast_model(scene, sensor, options);
+    std::snprintf(name, sizeof name, "fidelity %g", fidelity);
+    if (!add(run(*model, truth), "fast", name, *model)) break;
+  }
+  for (const double tolerance : kTolerances) {
+    const auto model = make_fast_model(scene, sensor, at_tolerance(tolerance));
+    std::snprintf(name, sizeof name, "tolerance %g", tolerance);
+    if (!add(run(*model, truth), "fast at tolerance", name, *model)) break;
+  }
+  for (const double scale : kReferenceScales) {
+    const auto model = make_reference_renderer(scene, sensor, scaled(scale));
+    std::snprintf(name, sizeof name, "sampling %g", scale);
+    add(run(*model, truth), "reference", name, *model);
+  }
+  progress.finish();
+  return settings;
+}
+
+std::string csv(const std::vector<std::pair<Truth, std::vector<Setting>>>& studies) {
+  std::string text =
+      "scene,model,setting,relay_fidelity,object_fidelity,microseconds,relative_l2,worst_bin,"
+      "noise_relative_l2,noise_peak_bin\n";
+  for (const auto& [truth, settings] : studies) {
+    for (const Setting& s : settings) {
+      char line[256];
+      std::snprintf(line, sizeof line, "%s,%s,%s,%g,%g,%.5g,%.5g,%.5g,%.5g,%.5g\n", s.scene.c_str(),
+                    s.model.c_str(), s.name.c_str(), s.relay, s.object, s.microseconds,
+                    s.relative_l2, s.worst_bin, truth.noise_l2, truth.noise_peak);
+      text += line;
+    }
+  }
+  return text;
+}
+
+std::vector<Chart> charts(const std::vector<std::pair<Truth, std::vector<Setting>>>& studies) {
+  std::vector<Chart> list;
+  for (const auto& [truth, settings] : studies) {
+    for (const bool worst : {false, true}) {
+      Chart chart;
+      chart.title = settings.front().scene + (worst ? ": worst bin" : ": relative L2");
+      chart.x_name = "microseconds an evaluation, one core";
+      chart.y_name = worst ? "largest error / peak" : "relative L2 error";
+      chart.rules = {{"noise of one capture", worst ? truth.noise_peak : truth.noise_l2, false}};
+      for (const Setting& s : settings) {
+        if (chart.series.empty() || chart.series.back().name != s.model) {
+          chart.series.push_back({s.model, {}, s.model != "fast at tolerance"});
+        }
+        chart.series.back().points.push_back(
+            {s.microseconds, worst ? s.worst_bin : s.relative_l2, s.name});
+      }
+      list.push_back(std::move(chart));
+    }
+  }
+  return list;
+}
+
+/// Cheapest setting of a model whose error is at most `most`; null when there is none.
+const Setting* cheapest(const std::vector<Setting>& settings, bool fast, double most) {
+  const Setting* best = nullptr;
+  for (const Setting& s : settings) {
+    if ((s.model == "reference") == fast || s.relative_l2 > most) continue;
+    if (best == nullptr || s.microseconds < best->microseconds) best = &s;
+  }
+  return best;
+}
+
+void print_row(const std::string& scene, const Truth& truth, const std::vector<Setting>& settings) {
+  const Setting* fast = cheapest(settings, true, 0.01);
+  const Setting* reference = cheapest(settings, false, 0.01);
+  const auto asked = std::ranges::find(settings, "tolerance 0.01", &Setting::name);
+  const auto text = [](const Setting* s) {
+    char out[32] = "-";
+    if (s != nullptr) std::snprintf(out, sizeof out, "%.4g", s->microseconds);
+    return std::string(out);
+  };
+  const Setting* chosen = asked == settings.end() ? nullptr : &*asked;
+  char error[32] = "-", ratio[32] = "-";
+  if (chosen != nullptr) std::snprintf(error, sizeof error, "%.2g %%", 100 * chosen->relative_l2);
+  if (fast != nullptr && reference != nullptr) {
+    std::snprintf(ratio, sizeof ratio, "%.0f", reference->microseconds / fast->microseconds);
+  }
+  std::printf("%-18s %12s %10s %14s %14s %9s %9.2g %%\n", scene.c_str(), text(chosen).c_str(),
+              error, text(fast).c_str(), text(reference).c_str(), ratio, 100 * truth.noise_l2);
+  std::fflush(stdout);
+}
+
+int run_forward(const ForwardArguments& arguments) {
+  std::filesystem::create_directories(arguments.output);
+  const std::filesystem::path folder(arguments.output);
+  std::printf("%-18s %12s %10s %14s %14s %9s %11s\n", "scene", "at 1 %, us", "rel. L2",
+              "fast 1 %, us", "reference, us", "ratio", "noise");
+  std::vector<std::pair<Truth, std::vector<Setting>>> studies;
+  for (const std::string& path : benchmark_scenes(arguments.scenes)) {
+    const Scene scene = read_scene(path);
+    const SensorPlacement sensor = sensor_placement(scene);
+    if (std::ranges::any_of(sensor.relay_points, [](const auto& p) { return !p.allFinite(); })) {
+      std::printf("%-18s left out: its zones come with each capture\n", scene.name.c_str());
+      continue;
+    }
+    Truth truth = make_truth(arguments, scene);
+    std::vector<Setting> settings = study(arguments, scene, truth);
+    print_row(scene.name, truth, settings);
+    studies.emplace_back(std::move(truth), std::move(settings));
+    write_atomically((folder / "forward.csv").string(), csv(studies));
+    write_atomically(
+        (folder / "forward.html").string(),
+        chart_page("Error of the forward model against run time",
+                   "Each point is one sampling of the fast model or of the reference renderer, its "
+                   "error measured against a denser reference. Below the dashed line, the noise of "
+                   "one capture at the scene's own counts, more time stops paying.",
+                   charts(studies)));
+  }
+  std::printf("%s and %s\n", (folder / "forward.csv").c_str(), (folder / "forward.html").c_str());
+  return kAllWell;
+}
+
+}  // namespace
+
+void add_forward_benchmark(CLI::App& benchmark, int& exit_code) {
+  CLI::App& command = *benchmark.add_subcommand(
+      "forward",
+      "error of the forward models against run time; writes forward.csv and "
+      "forward.html");
+  const auto arguments = std::make_shared<ForwardArguments>();
+  command.add_option("SCENE", arguments->scenes, "scene files; default: those in scenes/");
+  command.add_option("-o,--output", arguments->output, "directory to write to")
+      ->capture_default_str();
+  command.add_option("--poses", arguments->poses, "poses per scene")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  command
+      .add_option("--truth", arguments->truth,
+                  "sampling of the truth, in units of the reference renderer's default")
+      ->check(CLI::Range(0.1, 10.0))
+      ->capture_default_str();
+  command
+      .add_option("--slowest-ms", arguments->slowest_ms,
+                  "finer settings of the fast model are left out once one takes longer")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  command.add_option("--seed", arguments->seed, "of the poses")->capture_default_str();
+  command.callback([arguments, &exit_code] { exit_code = run_forward(*arguments); });
+}
+
+}  // namespace blindcorner
