@@ -8,9 +8,10 @@
 /// higher cumulants: with a spread of s = (path std / pulse std)^2 the relative L2 error is about
 /// 0.05 s^2, which sets how far regions are divided.
 ///
-/// Pairs of groups with nearly the same path share one pulse: each adds its moments to the two
-/// nearest cells of a path axis, in proportion to nearness, so the sum stays continuous in the pose
-/// and every moment up to the second is kept.
+/// Groups with nearly the same path share one pulse: each adds its moments to the two nearest cells
+/// of a path axis, in proportion to nearness, so the sum stays continuous in the pose and every
+/// moment up to the second is kept. Arriving light is laid on the cells before it is paired, so
+/// that each group of leaving light meets evenly spaced cells.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -179,16 +180,37 @@ struct Pulses {
   }
 };
 
+/// Path cells [begin, end) in use.
+struct Range {
+  int begin = std::numeric_limits<int>::max(), end = 0;
+};
+
+/// Widens a range of cells to hold [begin, end), clearing the cells that are new.
+void grow(LightSums& cells, Range& range, int begin, int end) {
+  const auto clear = [&](int from, int to) {
+    for (auto* v : cells.all()) {
+      if (from < to) std::fill(v->begin() + from, v->begin() + to, 0.0);
+    }
+  };
+  if (range.begin >= range.end) {
+    clear(begin, end);
+    range = {begin, end};
+    return;
+  }
+  clear(begin, range.begin);
+  clear(range.end, end);
+  range = {std::min(begin, range.begin), std::max(end, range.end)};
+}
+
 /// Scratch for one evaluation, one per thread.
 struct Scratch {
   std::vector<double> weight, path, variance, dx, dy, dz, cosine, rows;
-  std::vector<Sums> cells;  ///< [zone][path cell]; all zero between evaluations
-  struct Range {
-    int begin = std::numeric_limits<int>::max(), end = 0;
-  };
+  std::vector<Sums> cells;     ///< [zone][path cell]; all zero between evaluations
   std::vector<Range> touched;  ///< [zone] path cells that hold light
   LightSums patches;           ///< of one node, every patch by itself
   LightSums in, out;           ///< [node][group]
+  LightSums arriving;          ///< at one node, on path cells without margin
+  LightSums paired;            ///< of one zone, on path cells: weight, first and second only
   std::vector<Sums> sums;
   Pulses pulses;
 
@@ -310,37 +332,24 @@ BLINDCORNER_MULTIVERSION void light_of_patches(const Scratch& s, int n, const Ve
   }
 }
 
-/// Moments of the pairs of groups [begin, end) of `in` with group o of `out`, nodes taken together.
-BLINDCORNER_MULTIVERSION void pair_up(const LightSums& in, std::size_t in_groups, std::size_t begin,
-                                      std::size_t end, const LightSums& out, std::size_t out_groups,
-                                      std::size_t o, std::size_t nodes, double scale, Pulses& p) {
-  double* __restrict weight = p.weight.data();
-  double* __restrict path = p.path.data();
-  double* __restrict variance = p.variance.data();
-  for (std::size_t n = 0; n < nodes; ++n) {
-    const std::size_t b = n * out_groups + o;
-    const double b0 = scale * out.weight[b], b1 = scale * out.first[b], b2 = scale * out.second[b];
-    const double b3 = scale * 2 / 3 * out.along_u[b], b4 = scale * 2 / 3 * out.along_v[b];
-    const double* a0 = in.weight.data() + n * in_groups + begin;
-    const double* a1 = in.first.data() + n * in_groups + begin;
-    const double* a2 = in.second.data() + n * in_groups + begin;
-    const double* a3 = in.along_u.data() + n * in_groups + begin;
-    const double* a4 = in.along_v.data() + n * in_groups + begin;
-    if (n == 0) {
-      BLINDCORNER_INDEPENDENT
-      for (std::size_t i = 0; i < end - begin; ++i) {
-        weight[i] = a0[i] * b0;
-        path[i] = a1[i] * b0 + a0[i] * b1;
-        variance[i] = a2[i] * b0 + 2 * a1[i] * b1 + a0[i] * b2 + a3[i] * b3 + a4[i] * b4;
-      }
-    } else {
-      BLINDCORNER_INDEPENDENT
-      for (std::size_t i = 0; i < end - begin; ++i) {
-        weight[i] += a0[i] * b0;
-        path[i] += a1[i] * b0 + a0[i] * b1;
-        variance[i] += a2[i] * b0 + 2 * a1[i] * b1 + a0[i] * b2 + a3[i] * b3 + a4[i] * b4;
-      }
-    }
+/// Pairs light on the path cells [begin, end) of `in` with one group of light leaving: weight b0,
+/// moments b1 and b2 about a cell's path, b3 and b4 along the object cell's half edges. Cells are
+/// evenly spaced, so the pairs of one group fall on consecutive cells too, and their moments about
+/// those are bilinear: no division and no scattering. `out` starts at the first pair's cell.
+BLINDCORNER_MULTIVERSION void add_pairs(const LightSums& in, std::size_t begin, std::size_t end,
+                                        const std::array<double, 5>& b, double* __restrict weight,
+                                        double* __restrict first, double* __restrict second) {
+  const double b0 = b[0], b1 = b[1], b2 = b[2], b3 = b[3], b4 = b[4];
+  const double* a0 = in.weight.data() + begin;
+  const double* a1 = in.first.data() + begin;
+  const double* a2 = in.second.data() + begin;
+  const double* a3 = in.along_u.data() + begin;
+  const double* a4 = in.along_v.data() + begin;
+  BLINDCORNER_INDEPENDENT
+  for (std::size_t i = 0; i < end - begin; ++i) {
+    weight[i] += a0[i] * b0;
+    first[i] += a1[i] * b0 + a0[i] * b1;
+    second[i] += a2[i] * b0 + 2 * a1[i] * b1 + a0[i] * b2 + a3[i] * b3 + a4[i] * b4;
   }
 }
 
@@ -404,7 +413,7 @@ BLINDCORNER_MULTIVERSION void retro_light_of_patches(const Scratch& s, const Pat
 /// moments about the cell's own path, against cancellation. Widens `touched` by the cells used.
 BLINDCORNER_MULTIVERSION void add_to_cells(const Pulses& p, std::size_t begin, std::size_t end,
                                            double cells_per_metre, int count, Sums* cells,
-                                           Scratch::Range& touched) {
+                                           Range& touched) {
   const double step = 1 / cells_per_metre;
   int lowest = touched.begin;
   int highest = touched.end;
@@ -482,6 +491,9 @@ class FastModel final : public ForwardModel {
              Scratch& s) const;
   static void sum_groups(const PatchArrays& arrays, const LightSums& patches, std::size_t node,
                          LightSums& groups);
+  Range lay_on_cells(Scratch& s, std::size_t node, std::size_t begin, std::size_t end) const;
+  void pair_zone(Scratch& s, std::size_t node, int zone, std::size_t begin, std::size_t end,
+                 Range arriving, double scale) const;
   void add_pulses(Scratch& s, int zone, std::size_t begin, std::size_t end) const;
   void add_seen_pulses(Scratch& s, std::size_t per_group) const;
   void flush(Scratch& s) const;
@@ -1016,7 +1028,7 @@ void FastModel::flush(Scratch& s) const {
         scene_.sensor.zones[static_cast<std::size_t>(z)].time_zero / scene_.sensor.bin_width;
     Sums* cells = s.cells.data() + static_cast<std::ptrdiff_t>(z) * path_cells_;
     double* row = s.rows.data() + static_cast<std::ptrdiff_t>(z) * axis_bins_;
-    Scratch::Range& touched = s.touched[static_cast<std::size_t>(z)];
+    Range& touched = s.touched[static_cast<std::size_t>(z)];
     if (overrides_.switched_on(Term::whole_axis)) touched = {0, path_cells_};
     for (int c = touched.begin; c < touched.end; ++c) {
       if (cells[c].weight <= 0) continue;
@@ -1031,15 +1043,13 @@ void FastModel::flush(Scratch& s) const {
   }
 }
 
-/// Light arriving and light leaving, sums per node and group, one pulse per pair of groups with the
-/// nodes of the cell taken together.
+/// Light arriving and light leaving, sums per node and group, paired node by node.
 void FastModel::lambertian(const CellNodes& cell, const Shadows& shadows, Scratch& s) const {
   const std::size_t in_groups = lit_.group_end.size();
   const std::size_t out_groups = seen_.group_end.size();
   s.in.resize(cell.count * in_groups);
   s.out.resize(cell.count * out_groups);
   s.patches.resize(static_cast<std::size_t>(std::max(lit_.size(), seen_.size())));
-  s.pulses.resize(in_groups);
   for (std::size_t n = 0; n < cell.count; ++n) {
     const ShadowView* view = shadows.empty() ? nullptr : &shadows[n];
     light_between(cell.nodes[n], lit_, view, s);
@@ -1050,22 +1060,99 @@ void FastModel::lambertian(const CellNodes& cell, const Shadows& shadows, Scratc
     sum_groups(seen_, s.patches, n, s.out);
   }
   const double scale = scene_.hidden.albedo / kPi * cell.nodes[0].area;  // nodes share the area
-  for (std::size_t o = 0; o < out_groups; ++o) {
-    const int zone = seen_.group_zone[o];
-    std::size_t begin = 0;
-    std::size_t end = in_groups;
-    if (confocal_) {  // groups come zone by zone
-      const auto range = std::equal_range(lit_.group_zone.begin(), lit_.group_zone.end(), zone);
-      begin = static_cast<std::size_t>(range.first - lit_.group_zone.begin());
-      end = static_cast<std::size_t>(range.second - lit_.group_zone.begin());
+  for (std::size_t n = 0; n < cell.count; ++n) {
+    Range arriving;
+    if (!confocal_) arriving = lay_on_cells(s, n, 0, in_groups);
+    for (std::size_t begin = 0; begin < out_groups;) {
+      const int zone = seen_.group_zone[begin];
+      std::size_t end = begin;
+      while (end < out_groups && seen_.group_zone[end] == zone) ++end;
+      if (confocal_) {  // groups come zone by zone
+        const auto range = std::equal_range(lit_.group_zone.begin(), lit_.group_zone.end(), zone);
+        arriving =
+            lay_on_cells(s, n, static_cast<std::size_t>(range.first - lit_.group_zone.begin()),
+                         static_cast<std::size_t>(range.second - lit_.group_zone.begin()));
+      }
+      pair_zone(s, n, zone, begin, end, arriving, scale);
+      begin = end;
     }
-    double light = 0;
-    for (std::size_t n = 0; n < cell.count; ++n) light += s.out.weight[n * out_groups + o];
-    if (light <= 0) continue;
-    pair_up(s.in, in_groups, begin, end, s.out, out_groups, o, cell.count, scale, s.pulses);
-    normalise(s.pulses, end - begin);
-    add_pulses(s, zone, 0, end - begin);
   }
+}
+
+/// Groups [begin, end) of the light arriving at a node go to the two nearest path cells each, in
+/// proportion to nearness, with moments about the cell's own path. Returns the cells used.
+Range FastModel::lay_on_cells(Scratch& s, std::size_t node, std::size_t begin,
+                              std::size_t end) const {
+  const std::size_t groups = lit_.group_end.size();
+  const double step = 1 / cells_per_metre_;
+  Range used;
+  LightSums& cells = s.arriving;
+  cells.resize(static_cast<std::size_t>(path_cells_) + 1);
+  for (std::size_t g = node * groups + begin; g < node * groups + end; ++g) {
+    const double weight = s.in.weight[g];
+    if (!(weight > 0)) continue;
+    const double position = s.in.first[g] / weight * cells_per_metre_;
+    if (!(position >= 0 && position < path_cells_ - 1)) continue;
+    const auto at = static_cast<int>(position);
+    grow(cells, used, at, at + 2);
+    for (const int side : {0, 1}) {
+      const double share = side == 0 ? 1 - (position - at) : position - at;
+      const double path = (at + side) * step;
+      const auto c = static_cast<std::size_t>(at + side);
+      cells.weight[c] += share * weight;
+      cells.first[c] += share * (s.in.first[g] - path * weight);
+      cells.second[c] += share * (s.in.second[g] - 2 * path * s.in.first[g] + path * path * weight);
+      cells.along_u[c] += share * s.in.along_u[g];
+      cells.along_v[c] += share * s.in.along_v[g];
+    }
+  }
+  return used;
+}
+
+/// Light arriving at a node, on path cells, with the groups [begin, end) leaving to one zone.
+void FastModel::pair_zone(Scratch& s, std::size_t node, int zone, std::size_t begin,
+                          std::size_t end, Range arriving, double scale) const {
+  if (arriving.begin >= arriving.end) return;
+  const std::size_t groups = seen_.group_end.size();
+  const double step = 1 / cells_per_metre_;
+  const int count = arriving.end - arriving.begin;
+  s.paired.resize(static_cast<std::size_t>(path_cells_));
+  Range used;
+  for (std::size_t g = node * groups + begin; g < node * groups + end; ++g) {
+    const double weight = scale * s.out.weight[g];
+    if (!(weight > 0)) continue;
+    const double first = scale * s.out.first[g];
+    const double second = scale * s.out.second[g];
+    const double position = first / weight * cells_per_metre_;
+    const double whole = std::floor(position);
+    if (!(std::abs(whole) < path_cells_)) continue;
+    for (const int side : {0, 1}) {
+      const double share = side == 0 ? 1 - (position - whole) : position - whole;
+      const double path = (whole + side) * step;
+      const int to = arriving.begin + static_cast<int>(whole) + side + kCellMargin;
+      const int from = std::max(0, -to);
+      const int until = std::min(count, path_cells_ - to);
+      if (from >= until) continue;
+      grow(s.paired, used, to + from, to + until);
+      add_pairs(
+          s.arriving, static_cast<std::size_t>(arriving.begin + from),
+          static_cast<std::size_t>(arriving.begin + until),
+          {share * weight, share * (first - path * weight),
+           share * (second - 2 * path * first + path * path * weight),
+           share * scale * 2 / 3 * s.out.along_u[g], share * scale * 2 / 3 * s.out.along_v[g]},
+          s.paired.weight.data() + to + from, s.paired.first.data() + to + from,
+          s.paired.second.data() + to + from);
+    }
+  }
+  if (used.begin >= used.end) return;
+  Sums* cells = s.cells.data() + static_cast<std::ptrdiff_t>(zone) * path_cells_;
+  for (auto c = static_cast<std::size_t>(used.begin); c < static_cast<std::size_t>(used.end); ++c) {
+    cells[c].weight += s.paired.weight[c];
+    cells[c].first += s.paired.first[c];
+    cells[c].second += s.paired.second[c];
+  }
+  Range& touched = s.touched[static_cast<std::size_t>(zone)];
+  touched = {std::min(touched.begin, used.begin), std::max(touched.end, used.end)};
 }
 
 /// The lobe is small against the lit spot: light comes back from where it fell. Integrating the
