@@ -25,6 +25,7 @@
 #include "blindcorner/forward/error.h"
 #include "blindcorner/forward/forward_model.h"
 #include "blindcorner/forward/multiversion.h"
+#include "measured_law_model.h"
 #include "relay_setup.h"
 
 namespace blindcorner {
@@ -1310,7 +1311,7 @@ void FastModel::three_bounce(const PoseVector& pose, HistogramCube& out) const {
   }
   flush(scratch);
   for (int z = 0; z < zones; ++z) {
-    fold(sensor, scratch.rows.data() + static_cast<std::ptrdiff_t>(z) * axis_bins_, axis_bins_,
+    fold(sensor, z, scratch.rows.data() + static_cast<std::ptrdiff_t>(z) * axis_bins_, axis_bins_,
          out.zone(z));
   }
 }
@@ -1332,6 +1333,9 @@ void FastModelOptions::validate() const {
 std::unique_ptr<ForwardModel> make_fast_model(const Scene& scene, const SensorPlacement& placement,
                                               const FastModelOptions& options) {
   options.validate();
+  if (std::holds_alternative<MeasuredLawMaterial>(scene.hidden.material)) {
+    return make_measured_law_model(scene, placement, options.extra_pulse_sigma);
+  }
   return std::make_unique<FastModel>(scene, placement, options);
 }
 

@@ -6,6 +6,7 @@
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
 #include "blindcorner/forward/forward_model.h"
+#include "measured_law_model.h"
 #include "relay_setup.h"
 
 namespace blindcorner {
@@ -252,7 +253,7 @@ void ReferenceRenderer::three_bounce(const PoseVector& pose, HistogramCube& out)
   for (int z = 0; z < zones; ++z) {
     std::fill(unwrapped.begin(), unwrapped.end(), 0.0);
     axis_.convolve(light[static_cast<std::size_t>(z)], unwrapped.data());
-    fold(sensor, unwrapped.data(), static_cast<int>(unwrapped.size()), out.zone(z));
+    fold(sensor, z, unwrapped.data(), static_cast<int>(unwrapped.size()), out.zone(z));
   }
 }
 
@@ -270,6 +271,9 @@ std::unique_ptr<ForwardModel> make_reference_renderer(const Scene& scene,
                                                       const SensorPlacement& placement,
                                                       const ReferenceOptions& options) {
   options.validate();
+  if (std::holds_alternative<MeasuredLawMaterial>(scene.hidden.material)) {
+    return make_measured_law_model(scene, placement, 0.0);
+  }
   return std::make_unique<ReferenceRenderer>(scene, placement, options);
 }
 

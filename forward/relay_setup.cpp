@@ -245,7 +245,7 @@ HistogramCube RelaySetup::direct_return(const PulseTable& pulses, int divisions,
                  zone.time_zero / sensor.bin_width + (seen.leg + leg) * bins_per_metre,
                  spread / (kSpeedOfLight * kSpeedOfLight), sent * seen.patch.solid_angle);
     }
-    fold(sensor, row.data(), static_cast<int>(row.size()), cube.zone(z));
+    fold(sensor, z, row.data(), static_cast<int>(row.size()), cube.zone(z));
   }
   return cube;
 }
@@ -342,12 +342,16 @@ double RelaySetup::lit_extent() const {
 }
 
 int unwrapped_bins(const Sensor& sensor) {
-  return sensor.wrap_bins > 0 ? sensor.bins + 2 * sensor.wrap_bins : sensor.bins;
+  int most = sensor.wrap_bins;
+  for (const Zone& zone : sensor.zones) most = std::max(most, zone.wrap_bins);
+  return most > 0 ? sensor.bins + 2 * most : sensor.bins;
 }
 
-void fold(const Sensor& sensor, const double* unwrapped, int unwrapped_count, double* row) {
+void fold(const Sensor& sensor, int zone, const double* unwrapped, int unwrapped_count,
+          double* row) {
+  const int wrap = sensor.wrap(zone);
   for (int k = 0; k < unwrapped_count; ++k) {
-    const int bin = sensor.wrap_bins > 0 ? k % sensor.wrap_bins : k;
+    const int bin = wrap > 0 ? k % wrap : k;
     if (bin < sensor.bins) row[bin] += unwrapped[k];
   }
 }

@@ -81,7 +81,8 @@ class RelaySetup {
 /// Length of the time axis in bins on which light is collected before it wraps.
 int unwrapped_bins(const Sensor& sensor);
 
-/// Adds the light of an unwrapped row to the sensor's bins.
-void fold(const Sensor& sensor, const double* unwrapped, int unwrapped_count, double* row);
+/// Adds the light of an unwrapped row to the bins of a zone.
+void fold(const Sensor& sensor, int zone, const double* unwrapped, int unwrapped_count,
+          double* row);
 
 }  // namespace blindcorner

@@ -32,7 +32,7 @@ double FalseAlarmCalibration::probability(const PoseObjective& objective,
   // photons per bin. It is made from that level alone, never from the capture that asked first.
   double scale = 0;
   for (const BinLikelihood& law : observation.likelihood)
-    scale += law.scale() / observation.captures;
+    scale += law.scale() / static_cast<double>(observation.likelihood.size());
   double level = 0;
   for (const double ambient : empty.ambient)
     level += ambient / static_cast<double>(empty.ambient.size());

@@ -166,6 +166,28 @@ FittedHistograms histograms(const PoseObjective& objective, const Refined& best,
   return h;
 }
 
+/// Mixes the prior into mean and covariance of the whole posterior, for captures that something
+/// unknown has disturbed: no small covariance may come of a capture that the model does not
+/// explain.
+void allow_for_outliers(const Scene& scene, PoseMixture& mixture) {
+  const double share = scene.outlier_probability;
+  if (share <= 0 || mixture.mean.size() == 0) return;
+  const auto n = static_cast<Eigen::Index>(scene.unknowns.size());
+  PoseVector difference(n);
+  Eigen::MatrixXd spread = Eigen::MatrixXd::Zero(n, n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const Unknown& unknown = scene.unknowns[static_cast<std::size_t>(i)];
+    const double center = 0.5 * (unknown.lower + unknown.upper);
+    // On a circle the prior has no mean: only its spread counts.
+    const bool circular = period_of(scene, static_cast<std::size_t>(i)) > 0;
+    difference[i] = circular ? 0.0 : center - mixture.mean[i];
+    spread(i, i) = unknown.range() * unknown.range() / 12;
+  }
+  mixture.mean += share * difference;
+  mixture.covariance = (1 - share) * mixture.covariance + share * spread +
+                       share * (1 - share) * difference * difference.transpose();
+}
+
 void set_flags(const Scene& scene, const Posterior& posterior, FitResult& result) {
   const auto flag = [&](bool condition, const char* word) {
     if (condition) result.flags.emplace_back(word);
@@ -336,6 +358,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
     posterior = think();
   }
   result.posterior = posterior.mixture;
+  allow_for_outliers(scene, result.posterior);
   result.time_ms.uncertainty = stage.lap();
 
   // Is there anything at all?

@@ -74,6 +74,10 @@ LinearSolver::LinearSolver(const Observation& observation, const LinearUnknowns&
     }
     prefix_.push_back(std::move(prefix));
   }
+  if (unknowns_.ambient != LinearMode::per_zone) unknowns_.ambient_prior.clear();
+  if (!unknowns_.ambient_prior.empty()) {
+    residual_count_ += static_cast<int>(observation_.zones.size());
+  }
   const std::size_t amplitudes =
       unknowns_.amplitude == LinearMode::shared
           ? 1
@@ -292,7 +296,11 @@ void LinearSolver::solve_shared(std::span<const ZoneShapes> shapes, std::size_t 
     log_det = 0;
     dimension = 0;
     for (std::size_t z = begin; z < end; ++z) {
-      const Local h = local(z, shapes[z], a, solution.ambient[z], solution.direct[z]);
+      Local h = local(z, shapes[z], a, solution.ambient[z], solution.direct[z]);
+      if (const NormalPrior* prior = ambient_prior(z)) {
+        h.gc += (solution.ambient[z] - prior->mean) / (prior->sigma * prior->sigma);
+        h.hcc += 1 / (prior->sigma * prior->sigma);
+      }
       Block& block = blocks[z - begin];
       block.c_free =
           ambient_free && !(solution.ambient[z] <= ambient_floor_[z] * (1 + 1e-9) && h.gc > 0);
@@ -424,6 +432,10 @@ void LinearSolver::solve(std::span<const ZoneShapes> shapes, LinearSolution& sol
   eliminate(shapes, solution, warm, accuracy);
   double loss = 0;
   for (std::size_t z = 0; z < observation_.zones.size(); ++z) {
+    if (const NormalPrior* prior = ambient_prior(z)) {
+      const double u = (solution.ambient[z] - prior->mean) / prior->sigma;
+      solution.log_prior -= 0.5 * u * u + std::log(prior->sigma * std::sqrt(2 * kPi));
+    }
     const ObservedZone& zone = observation_.zones[z];
     const BinLikelihood& law = observation_.law(zone);
     const double a = solution.amplitude[z];
@@ -510,6 +522,9 @@ void LinearSolver::residuals(std::span<const ZoneShapes> shapes, const LinearSol
       *out++ = law.residual(zone.outside_count,
                             std::max(zone.outside_bins * solution.ambient[z], 1e-300), 0,
                             zone.outside_count);
+    }
+    if (const NormalPrior* prior = ambient_prior(z)) {
+      *out++ = (solution.ambient[z] - prior->mean) / prior->sigma;
     }
     if (unknowns_.amplitude == LinearMode::per_zone) {
       *out++ = (std::log(solution.amplitude[z]) - prior_mean) / sigma;

@@ -10,6 +10,13 @@
 
 namespace blindcorner {
 
+namespace {
+
+/// Exposures that stand for none: a thousand standard deviations tell nothing.
+constexpr double kNoExposure = 1e-6;
+
+}  // namespace
+
 double Observation::total_count() const {
   double total = 0;
   for (const ObservedZone& zone : zones) {
@@ -35,6 +42,11 @@ void check_capture(const Scene& scene, const Capture& capture) {
   if (!(capture.exposures > 0) || !std::isfinite(capture.exposures)) {
     throw Error(where, "exposures: found " + std::to_string(capture.exposures) + ", accepted: > 0");
   }
+  if (capture.zone_exposures &&
+      capture.zone_exposures->size() != static_cast<std::size_t>(counts.zones())) {
+    throw Error(where, "zone_exposures: found " + std::to_string(capture.zone_exposures->size()) +
+                           " numbers, accepted: one per zone");
+  }
   if (capture.dispersion && !(*capture.dispersion > 0 && std::isfinite(*capture.dispersion))) {
     throw Error(where,
                 "dispersion: found " + std::to_string(*capture.dispersion) + ", accepted: > 0");
@@ -42,7 +54,7 @@ void check_capture(const Scene& scene, const Capture& capture) {
   const bool poisson = std::holds_alternative<PoissonNoise>(sensor.noise);
   for (int z = 0; z < counts.zones(); ++z) {
     const Zone& zone = sensor.zones[static_cast<std::size_t>(z)];
-    if (zone.dead) continue;
+    if (zone.dead || capture.exposures_of(z) <= 0) continue;
     for (int k = zone.first_valid_bin; k < sensor.valid_end(z); ++k) {
       const double value = counts.zone(z)[k];
       if (std::isfinite(value) && (value >= 0 || !poisson)) continue;
@@ -60,9 +72,10 @@ Observation observe(const Scene& scene, std::span<const Capture> captures,
   observation.captures = static_cast<int>(captures.size());
   for (std::size_t c = 0; c < captures.size(); ++c) {
     const Capture& capture = captures[c];
-    observation.likelihood.emplace_back(
-        sensor.noise, capture.dispersion.value_or(sensor.dispersion), capture.exposures);
-    const BinLikelihood& law = observation.likelihood.back();
+    const double dispersion = capture.dispersion.value_or(sensor.dispersion);
+    if (!capture.zone_exposures) {
+      observation.likelihood.emplace_back(sensor.noise, dispersion, capture.exposures);
+    }
     for (int z = 0; z < sensor.zone_count(); ++z) {
       const Zone& zone = sensor.zones[static_cast<std::size_t>(z)];
       const int valid_first = zone.first_valid_bin;
@@ -71,9 +84,16 @@ Observation observe(const Scene& scene, std::span<const Capture> captures,
       window.first = std::max(window.first, valid_first);
       window.end = std::min(window.end, valid_end);
       if (zone.dead || window.first >= window.end) continue;
+      if (capture.zone_exposures) {
+        // A zone without data keeps its place among the rows of the compiled scene.
+        observation.likelihood.emplace_back(sensor.noise, dispersion,
+                                            std::max(capture.exposures_of(z), kNoExposure));
+      }
+      const BinLikelihood& law = observation.likelihood.back();
       ObservedZone observed;
       observed.capture = static_cast<int>(c);
       observed.zone = z;
+      observed.law = observation.likelihood.size() - 1;
       observed.first = window.first;
       observed.gain = zone.gain;
       const double* counts = capture.counts.zone(z);

@@ -328,6 +328,10 @@ Information information(const PoseObjective& objective, const Refined& optimum,
     if (own_ambient && zone.outside_bins > 0) {
       local(1, 1) += zone.outside_bins * law.information(std::max(c, 1e-12));
     }
+    if (own_ambient && !unknowns.ambient_prior.empty()) {
+      local(1, 1) +=
+          std::pow(unknowns.ambient_prior[static_cast<std::size_t>(zone.zone)].sigma, -2);
+    }
     if (own_amplitude) local(0, 0) += std::pow(unknowns.amplitude_prior.sigma_log, -2);
     for (int i = 0; i < 3; ++i) local(i, i) = local(i, i) > 0 ? local(i, i) * (1 + 1e-12) : 1.0;
     total -= cross * local.ldlt().solve(cross.transpose());

@@ -57,8 +57,11 @@ void add_array_options(CLI::App& command, ImportOptions& options) {
       {"auto", ImportFormat::automatic},
       {"numpy", ImportFormat::numpy},
       {"tmf8828", ImportFormat::tmf8828_log},
+      {"cheapspad", ImportFormat::cheapspad},
       {"st_person_tracking", ImportFormat::st_person_tracking}};
-  command.add_option("--format", options.format, "auto, numpy, tmf8828 or st_person_tracking")
+  command
+      .add_option("--format", options.format,
+                  "auto, numpy, tmf8828, cheapspad or st_person_tracking")
       ->transform(CLI::CheckedTransformer(formats, CLI::ignore_case).description(""))
       ->type_name("NAME");
   command
@@ -79,6 +82,20 @@ void add_array_options(CLI::App& command, ImportOptions& options) {
           "world axes in terms of the positions' axes, as z,-x,y; write --axes-world=-x,y,z "
           "when it begins with a minus")
       ->capture_default_str();
+  const std::map<std::string, PublishedFilter> filters = {
+      {"none", PublishedFilter::none},
+      {"nomirrors", PublishedFilter::without_mirrors},
+      {"mirrors", PublishedFilter::with_mirrors}};
+  command
+      .add_option("--repeats", options.repeats_per_sample,
+                  "CheapSPAD: consecutive repeats averaged into one capture; 0: all")
+      ->capture_default_str();
+  command
+      .add_option("--published-filter", options.published_filter,
+                  "CheapSPAD: keep the positions that the publication evaluates: none, nomirrors "
+                  "or mirrors")
+      ->transform(CLI::CheckedTransformer(filters, CLI::ignore_case).description(""))
+      ->type_name("NAME");
   command.add_option("--i2c-address", options.i2c_address,
                      "sensor of a TMF8828 log with several; 0: the only one");
 }

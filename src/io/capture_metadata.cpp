@@ -42,6 +42,7 @@ Json pose_json(const Transform& T_world_sensor) {
 Json capture_json(const Capture& capture) {
   Json json;
   json["exposures"] = capture.exposures;
+  if (capture.zone_exposures) json["zone_exposures"] = *capture.zone_exposures;
   if (capture.dispersion) json["dispersion"] = *capture.dispersion;
   if (capture.T_world_sensor) json["sensor_pose"] = pose_json(*capture.T_world_sensor);
   if (capture.relay_points) {
@@ -145,6 +146,16 @@ Capture parse_capture(const Field& field, int rows, int columns, int bins) {
   capture.counts.columns = columns;
   capture.counts.bins = bins;
   if (field.has("exposures")) capture.exposures = field.at("exposures").positive();
+  if (field.has("zone_exposures")) {
+    const Field list = field.at("zone_exposures");
+    list.array(rows * columns);
+    capture.zone_exposures.emplace();
+    for (std::size_t z = 0; z < list.json.size(); ++z) {
+      const double exposures = list.item(z).number();
+      if (exposures < 0) list.item(z).fail("a number >= 0");
+      capture.zone_exposures->push_back(exposures);
+    }
+  }
   if (field.has("dispersion")) capture.dispersion = field.at("dispersion").positive();
   if (field.has("sensor_pose")) capture.T_world_sensor = parse_pose(field.at("sensor_pose"));
   if (field.has("relay_points_m")) {
@@ -183,6 +194,19 @@ void check_capture(const Capture& capture, const HistogramCube& first, const std
                            " zones of " + std::to_string(cube.bins) + " bins");
   }
   check_positive(capture.exposures, where + ".exposures");
+  if (capture.zone_exposures) {
+    if (capture.zone_exposures->size() != std::size_t(cube.zones())) {
+      throw Error(where + ".zone_exposures",
+                  "found " + std::to_string(capture.zone_exposures->size()) +
+                      " numbers, accepted " + std::to_string(cube.zones()) + ", one per zone");
+    }
+    for (const double exposures : *capture.zone_exposures) {
+      if (!(exposures >= 0.0) || !std::isfinite(exposures)) {
+        throw Error(where + ".zone_exposures",
+                    "found " + std::to_string(exposures) + ", accepted a finite number >= 0");
+      }
+    }
+  }
   if (capture.dispersion) check_positive(*capture.dispersion, where + ".dispersion");
   if (capture.T_world_sensor && !capture.T_world_sensor->matrix().allFinite()) {
     throw Error(where + ".sensor_pose", "is not finite");

@@ -11,6 +11,7 @@
 #include "blindcorner/forward/error.h"
 #include "capture_metadata.h"
 #include "file_bytes.h"
+#include "import_cheapspad.h"
 #include "import_tmf8828.h"
 #include "npy.h"
 #include "npz.h"
@@ -343,10 +344,11 @@ ImportFormat detect(const std::string& path) {
     return archive.has("hists") && archive.has("pt_cloud") ? ImportFormat::st_person_tracking
                                                            : ImportFormat::numpy;
   }
+  if (ending == ".mat") return ImportFormat::cheapspad;
   if (ending == ".exr") throw Error(path, "is a capture file already, nothing to import");
   if (read_bytes(path).find("#Raw,") != std::string::npos) return ImportFormat::tmf8828_log;
   throw Error(path,
-              "its format is not recognised, accepted .npy, .npz, TMF8828 logs (with #Raw "
+              "its format is not recognised, accepted .npy, .npz, .mat, TMF8828 logs (with #Raw "
               "lines) and folders of volume_NNNNNN.npz");
 }
 
@@ -375,6 +377,8 @@ CaptureFile import_one(const std::string& path, ImportFormat format, const Impor
   switch (format) {
     case ImportFormat::tmf8828_log:
       return import_log(path, options, warnings);
+    case ImportFormat::cheapspad:
+      return import_cheapspad(path, options, warnings);
     case ImportFormat::st_person_tracking:
       return import_volume(path, options);
     default:
@@ -439,6 +443,8 @@ void ImportOptions::validate() const {
   if (dispersion) check(positive(*dispersion), "dispersion", *dispersion, "a finite number > 0");
   check(sensor_rotation.norm() > 1e-9 && sensor_rotation.coeffs().allFinite(), "sensor_rotation",
         sensor_rotation.norm(), "a quaternion of length 1");
+  check(repeats_per_sample >= 0, "repeats_per_sample", repeats_per_sample,
+        "1 or more, 0 for all of a position");
   check(i2c_address >= 0 && i2c_address < 128, "i2c_address", i2c_address,
         "1 to 127, 0 for the only one");
 }

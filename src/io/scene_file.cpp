@@ -195,7 +195,15 @@ Material read_material(const JsonReader& reader) {
     return RetroreflectiveMaterial{.lobe_sigma = kDegree};
   }
   if (!reader.is_object()) {
-    reader.fail(R"("lambertian", "retroreflective" or {"retroreflective": {...}})");
+    reader.fail(
+        R"("lambertian", "retroreflective", {"retroreflective": {...}} or {"measured_law": {...}})");
+  }
+  if (reader.exactly_one_of({"retroreflective", "measured_law"}) == "measured_law") {
+    const JsonReader law = reader.at("measured_law");
+    law.allow_only({"cosine_exponent", "distance_exponent"});
+    const NumberRange exponent = NumberRange::between(0, 50);
+    return MeasuredLawMaterial{.cosine_exponent = law.at("cosine_exponent").number(exponent),
+                               .distance_exponent = law.at("distance_exponent").number(exponent)};
   }
   reader.allow_only({"retroreflective"});
   const JsonReader lobe = reader.at("retroreflective");
@@ -363,14 +371,34 @@ void read_direct(const JsonReader& reader, LinearUnknowns& linear) {
   linear.fixed_direct = 0;
 }
 
-void read_linear(const JsonReader& reader, LinearUnknowns& linear) {
+/// {"mean": ..., "sigma": ...}, each one number or one per zone.
+void read_ambient_prior(const JsonReader& reader, std::size_t zones, LinearUnknowns& linear) {
+  if (!reader.present()) return;
+  if (linear.ambient == LinearMode::fixed) reader.fail("no prior with mode \"fixed\"");
+  reader.allow_only({"mean", "sigma"});
+  const auto values = [&](const char* key, const NumberRange& range) {
+    const JsonReader field = reader.at(key);
+    if (!field.is_array()) return std::vector<double>(zones, field.number(range));
+    std::vector<double> list;
+    for (const JsonReader& value : field.elements_exactly(zones, "numbers, one per zone")) {
+      list.push_back(value.number(range));
+    }
+    return list;
+  };
+  const std::vector<double> means = values("mean", NumberRange{});
+  const std::vector<double> sigmas = values("sigma", NumberRange::above(0));
+  for (std::size_t z = 0; z < zones; ++z) linear.ambient_prior.push_back({means[z], sigmas[z]});
+}
+
+void read_linear(const JsonReader& reader, std::size_t zones, LinearUnknowns& linear) {
   if (!reader.present()) return;
   reader.allow_only({"amplitude", "ambient", "direct"});
   if (reader.has("amplitude")) read_amplitude(reader.at("amplitude"), linear);
   if (const JsonReader ambient = reader.at("ambient"); ambient.present()) {
-    ambient.allow_only({"mode", "counts_per_bin"});
+    ambient.allow_only({"mode", "counts_per_bin", "prior"});
     linear.ambient = linear_mode(ambient.at("mode").word_or("per_zone", {"per_zone", "fixed"}));
     linear.fixed_ambient = ambient.at("counts_per_bin").number_or(0, NumberRange::at_least(0));
+    read_ambient_prior(ambient.at("prior"), zones, linear);
   }
   if (reader.has("direct")) read_direct(reader.at("direct"), linear);
 }
@@ -379,7 +407,7 @@ Scene read_document(const Json& json, const std::string& path) {
   const JsonReader reader(json, path.empty() ? "scene" : path);
   if (!reader.is_object()) reader.fail("an object");
   reader.allow_only({"name", "description", "sensor", "sensor_pose", "surfaces", "hidden",
-                     "unknowns", "linear", "presence_prior"});
+                     "unknowns", "linear", "presence_prior", "outlier_probability"});
   Scene scene;
   scene.path = path;
   scene.name = reader.at("name").text_or(std::filesystem::path(path).stem().string());
@@ -388,8 +416,11 @@ Scene read_document(const Json& json, const std::string& path) {
   read_sensor_pose(reader.at("sensor_pose"), scene);
   scene.surfaces = read_surfaces(reader.at("surfaces"));
   read_hidden(reader.at("hidden"), reader.at("unknowns"), scene);
-  read_linear(reader.at("linear"), scene.linear);
+  read_linear(reader.at("linear"), scene.sensor.zones.size(), scene.linear);
   scene.presence_prior = reader.at("presence_prior").number_or(0.5, NumberRange::inside(0, 1));
+  scene.outlier_probability =
+      reader.at("outlier_probability")
+          .number_or(0, NumberRange{.lower = 0, .upper = 1, .below_upper = true});
   const JsonReader linear = reader.at("linear");
   const JsonReader ambient = linear.present() ? linear.at("ambient") : linear;
   apply_link(scene, ambient.present() && ambient.has("counts_per_bin"));

@@ -207,6 +207,12 @@ void read_zones(const JsonReader& reader, Sensor& sensor) {
     sensor.zones[z].gain = gain[z];
   }
   read_valid_bins(reader.at("valid_bins"), sensor);
+  if (const JsonReader wrap = reader.at("wrap_bins"); wrap.is_array()) {
+    const auto bins = wrap.elements_exactly(count, "bins, one number per zone");
+    for (std::size_t z = 0; z < count; ++z) {
+      sensor.zones[z].wrap_bins = bins[z].integer(0, sensor.bins);
+    }
+  }
   if (!reader.has("dead_zones")) return;
   for (const JsonReader& dead : reader.at("dead_zones").elements()) {
     sensor.zones[static_cast<std::size_t>(dead.integer(0, sensor.zone_count() - 1))].dead = true;
@@ -374,7 +380,7 @@ void read_link_of(const JsonReader& reader, Sensor& sensor) {
 void read_time_axis(const JsonReader& reader, Sensor& sensor) {
   sensor.bins = reader.at("bins").integer(1, kMostBins);
   sensor.bin_width = reader.at("bin_width_ps").number(kDuration) * kPicosecond;
-  if (const JsonReader wrap = reader.at("wrap_bins"); wrap.present()) {
+  if (const JsonReader wrap = reader.at("wrap_bins"); wrap.present() && !wrap.is_array()) {
     sensor.wrap_bins = wrap.integer(0, sensor.bins);
   }
   sensor.response = read_response(reader.at("impulse_response"));

@@ -34,12 +34,19 @@ struct HistogramCube {
 struct Capture {
   HistogramCube counts;
   double exposures = 1.0;                   ///< how many exposures were averaged
+  /// [zones], where zones were averaged over different numbers; 0: the zone has no data.
+  std::optional<std::vector<double>> zone_exposures;
   std::optional<double> dispersion;         ///< variance / mean; the sensor's if not given
   std::optional<Transform> T_world_sensor;  ///< overrides the scene's
   std::optional<std::vector<Eigen::Vector3d>> relay_points;  ///< [zones], m, world
   std::map<std::string, double> truth;  ///< known values of unknowns: "x_m", "yaw_rad", ...
   std::string source;                   ///< file it came from
   int index = 0;                        ///< position in that file
+
+  /// Exposures that were averaged in one zone.
+  double exposures_of(int zone) const {
+    return zone_exposures ? (*zone_exposures)[static_cast<std::size_t>(zone)] : exposures;
+  }
 };
 
 }  // namespace blindcorner

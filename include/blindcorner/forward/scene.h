@@ -29,7 +29,15 @@ struct LambertianMaterial {};
 struct RetroreflectiveMaterial {
   double lobe_sigma = 0.017;  ///< rad, standard deviation per axis
 };
-using Material = std::variant<LambertianMaterial, RetroreflectiveMaterial>;
+/// A small object that sends light back to the relay spot it came from, with a brightness that was
+/// measured instead of derived: cos^n / (d / 1 m)^m, d the distance from the spot to the object's
+/// position and cos the cosine at the relay. For zones that are spots on a relay (confocal, or a
+/// retroreflector under any light); its shape is for drawing only.
+struct MeasuredLawMaterial {
+  double cosine_exponent = 2.0;    ///< n
+  double distance_exponent = 4.0;  ///< m
+};
+using Material = std::variant<LambertianMaterial, RetroreflectiveMaterial, MeasuredLawMaterial>;
 
 struct HiddenObject {
   std::string name = "object";
@@ -56,6 +64,8 @@ struct LinearUnknowns {
   AmplitudePrior amplitude_prior;
   LinearMode ambient = LinearMode::per_zone;  ///< fixed or per_zone
   double fixed_ambient = 0.0;                 ///< counts per bin
+  /// [zones] of the ambient light where it is per_zone, counts per bin; empty: it is unknown.
+  std::vector<NormalPrior> ambient_prior;
   LinearMode direct = LinearMode::fixed;      ///< fixed or per_zone: scale of the static return
   double fixed_direct = 1.0;                  ///< 0: the static return is absent from captures
 };
@@ -71,6 +81,9 @@ struct Scene {
   std::vector<Unknown> unknowns;
   LinearUnknowns linear;
   double presence_prior = 0.5;  ///< probability that an object is there at all
+  /// Probability that something which the scene does not model disturbs a capture. The posterior's
+  /// mean and covariance are then mixed with the prior's in this share.
+  double outlier_probability = 0.0;
 };
 
 /// Names of the unknowns with units, in order: "x_m", "yaw_rad", ...

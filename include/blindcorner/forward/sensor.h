@@ -37,6 +37,7 @@ struct Zone {
   bool dead = false;       ///< carries no information
   int first_valid_bin = 0;
   int last_valid_bin = -1;  ///< inclusive; -1: the sensor's last bin
+  int wrap_bins = -1;       ///< as the sensor's, of this zone; -1: the sensor's
 };
 
 enum class Illumination {
@@ -80,6 +81,11 @@ struct Sensor {
   std::optional<Link> link;  ///< where given, gains and radiant intensity come from it
 
   int zone_count() const { return rows * columns; }
+  /// Bins after which light of a zone reappears at the start; 0: never.
+  int wrap(int zone) const {
+    const int own = zones[static_cast<std::size_t>(zone)].wrap_bins;
+    return own < 0 ? wrap_bins : own;
+  }
   /// One past the last valid bin of a zone.
   int valid_end(int zone) const {
     const int last = zones[static_cast<std::size_t>(zone)].last_valid_bin;

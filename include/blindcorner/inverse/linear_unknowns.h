@@ -85,6 +85,11 @@ class LinearSolver {
   /// Expected counts of the bins from `begin` to before `end`.
   static void expected(const ZoneShapes& shapes, double amplitude, double ambient, double direct,
                        int begin, int end, double* out);
+  /// Prior of the ambient light of an observed zone; null: none.
+  const NormalPrior* ambient_prior(std::size_t zone) const {
+    if (unknowns_.ambient_prior.empty()) return nullptr;
+    return &unknowns_.ambient_prior[static_cast<std::size_t>(observation_.zones[zone].zone)];
+  }
   Lit lit(std::size_t zone, const ZoneShapes& shapes) const;
   /// Whether bins with ambient light alone can be taken together.
   bool summable(const ObservedZone& zone) const;

@@ -16,6 +16,7 @@ namespace blindcorner {
 struct ObservedZone {
   int capture = 0;  ///< index among the captures of a joint fit
   int zone = 0;
+  std::size_t law = 0;          ///< index into Observation::likelihood
   int first = 0;                ///< first bin of the window
   std::vector<double> counts;   ///< [window]
   std::vector<double> least;    ///< [window] best attainable negative log likelihood
@@ -37,13 +38,12 @@ struct BinWindow {
 /// All zones of one or several captures, with the likelihood of each capture.
 struct Observation {
   std::vector<ObservedZone> zones;
-  std::vector<BinLikelihood> likelihood;  ///< [captures]
+  /// One per capture, or one per observed zone where exposures differ from zone to zone.
+  std::vector<BinLikelihood> likelihood;
   int captures = 0;
 
   double total_count() const;
-  const BinLikelihood& law(const ObservedZone& zone) const {
-    return likelihood[static_cast<std::size_t>(zone.capture)];
-  }
+  const BinLikelihood& law(const ObservedZone& zone) const { return likelihood[zone.law]; }
 };
 
 /// Throws Error when a capture does not suit the scene: zones, bins, NaN or infinite values,

@@ -15,7 +15,15 @@ enum class ImportFormat {
   automatic,          ///< by the file's name and content
   numpy,              ///< .npy or .npz with a stated order of axes, or our own .npz
   tmf8828_log,        ///< serial log of the TMF8828 Arduino driver: lines `#Raw,...`
+  cheapspad,          ///< MATLAB file of the CheapSPAD data: `datacubes` and `positions`
   st_person_tracking  ///< volume_NNNNNN.npz with `hists` and `pt_cloud`, or a folder of them
+};
+
+/// Which positions of the CheapSPAD data its publication evaluates.
+enum class PublishedFilter {
+  none,
+  without_mirrors,  ///< y >= -1.7 m
+  with_mirrors      ///< and enough light after bin 9 of the sixth repeat at the two right spots
 };
 
 /// What the files do not say themselves. Values given here override what a file says.
@@ -50,6 +58,11 @@ struct ImportOptions {
   /// Sensor of a TMF8828 log with several on the bus; 0: the only one.
   int i2c_address = 0;
 
+  /// CheapSPAD: repeats averaged into one capture, consecutive ones; 0: all of a position. 2 are the
+  /// samples of the publication.
+  int repeats_per_sample = 0;
+  PublishedFilter published_filter = PublishedFilter::none;
+
   /// Throws Error naming the field that is out of range.
   void validate() const;
 };
@@ -66,6 +79,9 @@ struct ImportOptions {
 /// capture is one measurement of channels 1 to 9, a 4 x 4 capture two of channels 1 to 8, an 8 x 8
 /// capture eight of them. See import_tmf8828.h for the place of each channel. A damaged line is an
 /// error that names the line; a capture that the log begins or ends within is left out.
+///
+/// CheapSPAD: MATLAB 5 file, needs a build with matio. A zone is a relay spot in one of two phases,
+/// repeats are averaged, bad ones left out; see import_cheapspad.h.
 ///
 /// ST person tracking: `hists` [zones, bins] and `pt_cloud` [zones, 3] in metres, in a frame with x
 /// along the wall, y up and z away from the wall, which is z = 0. Relay points are turned into the

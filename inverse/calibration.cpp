@@ -1,0 +1,563 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "blindcorner/inverse/calibration.h"
+
+#include <tbb/parallel_for.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "blindcorner/forward/error.h"
+#include "blindcorner/inverse/fit.h"
+#include "calibration_problem.h"
+
+namespace blindcorner {
+namespace {
+
+using Evaluations = std::vector<CalibrationProblem::Evaluation>;
+
+constexpr int kRounds = 3;
+constexpr int kIterations = 8;
+/// Captures that decide between assignments of the spots.
+constexpr std::size_t kAssignmentCaptures = 48;
+/// Captures that decide about the scale of the noise.
+constexpr std::size_t kScaleCaptures = 96;
+/// Normalised errors beyond this are taken as this: one disturbed capture must not set the scale.
+constexpr double kLargestError = 6.0;
+/// Least spread of the ambient light, share of its mean.
+constexpr double kAmbientSpread = 0.02;
+
+/// True pose of a capture in the order of the scene's unknowns.
+PoseVector true_pose(const Scene& scene, const Capture& capture, std::size_t index) {
+  PoseVector pose(static_cast<Eigen::Index>(scene.unknowns.size()));
+  Eigen::Index i = 0;
+  for (const std::string& name : unknown_names(scene)) {
+    const auto known = capture.truth.find(name);
+    if (known == capture.truth.end()) {
+      throw Error(capture.source + " capture " + std::to_string(index),
+                  "truth." + name +
+                      ": found nothing, accepted: the true value of every unknown "
+                      "(or captures without an object)");
+    }
+    pose[i++] = known->second;
+  }
+  return pose;
+}
+
+double quantile(std::vector<double> values, double share) {
+  if (values.empty()) return 0;
+  const auto k = static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1) + 0.5);
+  std::nth_element(values.begin(), values.begin() + k, values.end());
+  return values[static_cast<std::size_t>(k)];
+}
+
+double degrees_of_freedom(const Observation& observation) {
+  double bins = 0;
+  for (const ObservedZone& zone : observation.zones) {
+    if (observation.law(zone).variance(1.0) < 1e4 * observation.likelihood.front().variance(1.0)) {
+      bins += zone.bins();
+    }
+  }
+  return std::max(bins, 1.0);
+}
+
+/// Huber's weights of whole captures: a capture counts in full while its deviance is within the
+/// tolerance, and then less and less.
+std::vector<double> huber_weights(const CalibrationProblem& problem, const Evaluations& evaluations,
+                                  const std::vector<double>& keep, double sigmas) {
+  std::vector<double> ratio;
+  for (std::size_t c = 0; c < evaluations.size(); ++c) {
+    if (keep[c] > 0) {
+      ratio.push_back(evaluations[c].deviance / degrees_of_freedom(problem.observation(c)));
+    }
+  }
+  const double usual = std::max(quantile(ratio, 0.5), 1e-12);
+  std::vector<double> weights = keep;
+  for (std::size_t c = 0; c < evaluations.size(); ++c) {
+    const double bins = degrees_of_freedom(problem.observation(c));
+    const double limit = usual * (bins + 0.5 * sigmas * std::sqrt(2 * bins));
+    if (evaluations[c].deviance > limit) {
+      weights[c] *= std::sqrt(limit / evaluations[c].deviance);
+    }
+  }
+  return weights;
+}
+
+/// Drops captures whose deviance is out of all proportion.
+void drop_outliers(const CalibrationProblem& problem, const Evaluations& evaluations, double sigmas,
+                   std::vector<double>& keep) {
+  std::vector<double> ratio;
+  for (std::size_t c = 0; c < evaluations.size(); ++c) {
+    ratio.push_back(evaluations[c].deviance / degrees_of_freedom(problem.observation(c)));
+  }
+  const double usual = std::max(quantile(ratio, 0.5), 1e-12);
+  for (std::size_t c = 0; c < evaluations.size(); ++c) {
+    const double bins = degrees_of_freedom(problem.observation(c));
+    keep[c] = ratio[c] > usual * (1 + sigmas * std::sqrt(2 / bins)) ? 0.0 : 1.0;
+  }
+}
+
+/// Brightness that the captures have in common, as a start for the gain.
+double typical_log_amplitude(const Evaluations& evaluations) {
+  std::vector<double> logs;
+  for (const auto& e : evaluations) {
+    if (e.log_amplitude_error < 1) logs.push_back(e.log_amplitude);
+  }
+  if (logs.empty()) {
+    for (const auto& e : evaluations) logs.push_back(e.log_amplitude);
+  }
+  return quantile(std::move(logs), 0.5);
+}
+
+Eigen::Index index_of(const CalibrationProblem& problem, const std::string& name) {
+  for (std::size_t i = 0; i < problem.parameters().size(); ++i) {
+    if (problem.parameters()[i].name == name) return static_cast<Eigen::Index>(i);
+  }
+  return -1;
+}
+
+/// Ambient light of each zone over the captures: median, and the spread that holds 95 % of them,
+/// less what the noise of one estimate makes of it.
+void learn_ambient(const CalibrationProblem& problem, const Evaluations& flat,
+                   const std::vector<double>& keep, Scene& scene) {
+  if (scene.linear.ambient != LinearMode::per_zone) return;
+  const std::size_t zones = scene.sensor.zones.size();
+  std::vector<std::vector<double>> levels(zones), variances(zones);
+  for (std::size_t c = 0; c < flat.size(); ++c) {
+    if (keep[c] <= 0) continue;
+    const Observation& observation = problem.observation(c);
+    for (std::size_t i = 0; i < observation.zones.size(); ++i) {
+      const ObservedZone& zone = observation.zones[i];
+      const double level = flat[c].linear.ambient[i];
+      const double variance = observation.law(zone).variance(std::max(level, 1e-12));
+      if (variance > 1e4 * observation.likelihood.front().variance(std::max(level, 1e-12)))
+        continue;
+      levels[static_cast<std::size_t>(zone.zone)].push_back(level);
+      variances[static_cast<std::size_t>(zone.zone)].push_back(variance / zone.bins());
+    }
+  }
+  std::vector<NormalPrior> priors(zones, NormalPrior{0, 1e6});
+  for (std::size_t z = 0; z < zones; ++z) {
+    if (levels[z].size() < 8) {
+      if (!scene.sensor.zones[z].dead) return;  // too few to say anything about a spread
+      continue;
+    }
+    const double middle = quantile(levels[z], 0.5);
+    std::vector<double> away;
+    for (const double level : levels[z]) away.push_back(std::abs(level - middle));
+    const double spread = quantile(std::move(away), 0.95) / 1.96;
+    const double noise = quantile(variances[z], 0.5);
+    priors[z] = {middle,
+                 std::sqrt(std::max(spread * spread - noise,
+                                    std::pow(kAmbientSpread * std::abs(middle), 2) + 1e-12))};
+  }
+  scene.linear.ambient_prior = std::move(priors);
+}
+
+/// Noise law from squared residuals: variance = floor + per_count * mean, trimmed at three standard
+/// deviations; a dispersion for the Poisson law.
+void learn_noise(const CalibrationProblem& problem, const Evaluations& evaluations,
+                 const std::vector<double>& keep, Scene& scene) {
+  struct Square {
+    double mean, square;
+  };
+  std::vector<Square> squares;
+  for (std::size_t c = 0; c < evaluations.size(); ++c) {
+    if (keep[c] <= 0) continue;
+    const Observation& observation = problem.observation(c);
+    for (std::size_t i = 0; i < observation.zones.size(); ++i) {
+      const ObservedZone& zone = observation.zones[i];
+      const double exposures = problem.capture(c).exposures_of(zone.zone);
+      if (exposures <= 0) continue;
+      // What the fitted ambient light took away.
+      double lost = 0;
+      if (scene.linear.ambient == LinearMode::per_zone) {
+        const double own =
+            observation.law(zone).variance(std::max(evaluations[c].linear.ambient[i], 1e-12)) /
+            zone.bins();
+        const auto& priors = scene.linear.ambient_prior;
+        const double prior =
+            priors.empty() ? 1e300 : std::pow(priors[static_cast<std::size_t>(zone.zone)].sigma, 2);
+        lost = prior / (prior + own);
+      }
+      const double correction = zone.bins() / std::max(zone.bins() - lost, 0.5);
+      for (std::size_t k = 0; k < zone.counts.size(); ++k) {
+        const double r = zone.counts[k] - evaluations[c].mean[i][k];
+        squares.push_back(
+            {std::max(evaluations[c].mean[i][k], 0.0), r * r * exposures * correction});
+      }
+    }
+  }
+  if (squares.size() < 100) return;
+  // E[u^2 | |u| < 3] of a standard normal variable.
+  constexpr double kTrim = 0.9733;
+  if (std::holds_alternative<PoissonNoise>(scene.sensor.noise)) {
+    double dispersion = scene.sensor.dispersion;
+    for (int i = 0; i < 20; ++i) {
+      double numerator = 0, denominator = 0;
+      for (const Square& s : squares) {
+        if (s.square > 9 * dispersion * std::max(s.mean, 1e-9)) continue;
+        numerator += s.square / kTrim;
+        denominator += s.mean;
+      }
+      if (denominator > 0 && numerator > 0) dispersion = numerator / denominator;
+    }
+    scene.sensor.dispersion = dispersion;
+    return;
+  }
+  GaussianNoise& noise = std::get<GaussianNoise>(scene.sensor.noise);
+  // Start from what holds half of the squares, so that a poor guess does not trim everything.
+  std::vector<double> ratio;
+  for (const Square& s : squares) {
+    ratio.push_back(s.square / (noise.variance_floor + noise.variance_per_count * s.mean));
+  }
+  const double scale = quantile(std::move(ratio), 0.5) / 0.455;
+  double floor = noise.variance_floor * scale;
+  double slope = noise.variance_per_count * scale;
+  for (int i = 0; i < 30; ++i) {
+    Eigen::Matrix2d h = Eigen::Matrix2d::Zero();
+    Eigen::Vector2d g = Eigen::Vector2d::Zero();
+    for (const Square& s : squares) {
+      const double v = floor + slope * s.mean;
+      if (s.square > 9 * v) continue;
+      const double weight = 1 / (v * v);
+      const Eigen::Vector2d x(1, s.mean);
+      h += weight * x * x.transpose();
+      g += weight * x * s.square / kTrim;
+    }
+    const Eigen::Vector2d solved = h.ldlt().solve(g);
+    const double least = 1e-3 * (floor + slope * (h(0, 1) / h(0, 0)));
+    floor = solved[0];
+    slope = solved[1];
+    if (!(floor > least)) {
+      floor = least;
+      slope = (g[1] - floor * h(0, 1)) / h(1, 1);
+    }
+    if (!(slope > 0)) {
+      slope = 0;
+      floor = g[0] / h(0, 0);
+    }
+  }
+  noise.variance_floor = floor;
+  noise.variance_per_count = slope;
+}
+
+/// Spread of log amplitudes beyond their own errors.
+double brightness_spread(const Evaluations& free, const std::vector<double>& keep) {
+  double sum = 0, weight = 0;
+  for (std::size_t c = 0; c < free.size(); ++c) {
+    const double error = free[c].log_amplitude_error;
+    if (keep[c] <= 0 || error > 0.4) continue;
+    const double excess =
+        std::min(std::pow(free[c].log_amplitude, 2), 9 * (error * error + 0.02)) - error * error;
+    const double w = 1 / std::pow(error * error + 0.01, 2);
+    sum += w * excess;
+    weight += w;
+  }
+  return weight > 0 ? std::sqrt(std::max(sum / weight, 0.0)) : 0.0;
+}
+
+/// All assignments of spots, best first.
+std::vector<SpotAssignment> try_assignments(const Scene& scene,
+                                            const std::vector<Capture>& captures,
+                                            const std::vector<std::optional<PoseVector>>& poses,
+                                            const CalibrationOptions& options,
+                                            const std::function<void(double)>& advance) {
+  const RelaySpots spots = relay_spots(scene);
+  std::vector<Capture> few;
+  std::vector<std::optional<PoseVector>> few_poses;
+  const std::size_t stride = std::max<std::size_t>(1, captures.size() / kAssignmentCaptures);
+  for (std::size_t c = 0; c < captures.size(); c += stride) {
+    few.push_back(captures[c]);
+    few_poses.push_back(poses[c]);
+  }
+  std::vector<SpotAssignment> assignments;
+  std::vector<int> order(spots.points.size());
+  std::iota(order.begin(), order.end(), 0);
+  double total = 1;
+  for (std::size_t i = 2; i <= order.size(); ++i) total *= static_cast<double>(i);
+  do {
+    Scene trial = scene;
+    std::vector<Eigen::Vector3d> points;
+    for (const int i : order) points.push_back(spots.points[static_cast<std::size_t>(i)]);
+    move_spots(trial, spots, points);
+    CalibrationProblem problem(trial, few, few_poses, instrument_parameters(trial, options));
+    for (InstrumentParameter& p : problem.parameters()) {
+      p.fixed = !p.name.starts_with("gain_factor") && p.name != "time_zero_ps";
+    }
+    Eigen::VectorXd u =
+        Eigen::VectorXd::Zero(static_cast<Eigen::Index>(problem.parameters().size()));
+    if (const Eigen::Index gain = index_of(problem, "gain_factor"); gain >= 0) {
+      u[gain] = typical_log_amplitude(problem.evaluate(trial, true));
+    }
+    const std::vector<double> all(few.size(), 1.0);
+    std::vector<double> weights =
+        huber_weights(problem, problem.evaluate(problem.scene_at(u)), all, options.outlier_sigmas);
+    problem.solve(u, 4, weights);
+    const Evaluations end = problem.evaluate(problem.scene_at(u));
+    SpotAssignment assignment{order, 0};
+    for (std::size_t c = 0; c < end.size(); ++c)
+      assignment.deviance += weights[c] * end[c].deviance;
+    assignments.push_back(assignment);
+    if (advance) advance(0.3 * static_cast<double>(assignments.size()) / total);
+  } while (std::next_permutation(order.begin(), order.end()));
+  std::stable_sort(assignments.begin(), assignments.end(),
+                   [](const auto& a, const auto& b) { return a.deviance < b.deviance; });
+  return assignments;
+}
+
+/// Mean squared normalised error of fits to the calibration's own captures.
+double normalised_error(const Scene& scene, const CalibrationProblem& problem,
+                        const std::vector<double>& keep) {
+  std::vector<std::size_t> chosen;
+  for (std::size_t c = 0; c < keep.size(); ++c) {
+    if (keep[c] > 0 && problem.pose(c)) chosen.push_back(c);
+  }
+  const std::size_t stride = (chosen.size() + kScaleCaptures - 1) / kScaleCaptures;
+  FitOptions options;
+  options.empty_captures = 0;
+  const Fitter fitter(scene, options);
+  std::vector<double> errors(chosen.size(), 0.0);
+  tbb::parallel_for(std::size_t{0}, chosen.size(), [&](std::size_t i) {
+    if (i % stride != 0) return;
+    const FitResult result = fitter.fit(problem.capture(chosen[i]));
+    const PoseVector error = result.posterior.mean - *problem.pose(chosen[i]);
+    errors[i] = std::min(error.dot(result.posterior.covariance.ldlt().solve(error)) /
+                             static_cast<double>(error.size()),
+                         kLargestError);
+  });
+  const double count = std::ceil(static_cast<double>(chosen.size()) / static_cast<double>(stride));
+  return std::accumulate(errors.begin(), errors.end(), 0.0) / count;
+}
+
+void scale_variance(Scene& scene, double factor) {
+  if (auto* noise = std::get_if<GaussianNoise>(&scene.sensor.noise)) {
+    noise->variance_floor *= factor;
+    noise->variance_per_count *= factor;
+  } else {
+    scene.sensor.dispersion *= factor;
+  }
+  for (NormalPrior& prior : scene.linear.ambient_prior) prior.sigma *= std::sqrt(factor);
+}
+
+/// Factor on the variance that brings the normalised error to one: it falls nearly as a power of
+/// the factor, so a secant in logarithms converges in a few steps.
+double find_variance_scale(const Scene& scene, const CalibrationProblem& problem,
+                           const std::vector<double>& keep) {
+  double low = 1;
+  double low_error = normalised_error(scene, problem, keep);
+  if (low_error <= 1) return 1;
+  double high = std::min(low_error, 3.0);
+  for (int i = 0; i < 3; ++i) {
+    Scene scaled = scene;
+    scale_variance(scaled, high);
+    const double error = normalised_error(scaled, problem, keep);
+    if (std::abs(std::log(error)) < 0.03) return high;
+    const double slope = (std::log(error) - std::log(low_error)) / (std::log(high) - std::log(low));
+    const double next = slope < -0.05 ? high * std::exp(-std::log(error) / slope) : 1.3 * high;
+    low = high;
+    low_error = error;
+    high = std::clamp(next, 1.0, 6.0);
+  }
+  return high;
+}
+
+/// Mean histograms over captures, each shifted so that the object's light arrives together.
+std::vector<CalibrationView> views(const CalibrationProblem& problem, const Evaluations& before,
+                                   const Evaluations& after, const std::vector<double>& keep) {
+  std::vector<CalibrationView> list;
+  const Sensor& sensor = problem.base().sensor;
+  for (int z = 0; z < sensor.zone_count(); ++z) {
+    const auto bins = static_cast<std::size_t>(2 * sensor.bins);
+    std::vector<double> measured(bins), old(bins), fitted(bins), count(bins);
+    for (std::size_t c = 0; c < problem.captures(); ++c) {
+      if (keep[c] <= 0 || problem.capture(c).exposures_of(z) <= 0) continue;
+      const Observation& observation = problem.observation(c);
+      for (std::size_t i = 0; i < observation.zones.size(); ++i) {
+        const ObservedZone& zone = observation.zones[i];
+        if (zone.zone != z) continue;
+        std::ptrdiff_t center = zone.bins() / 2;
+        const auto& light = after[c].object[i];
+        const auto brightest = std::max_element(light.begin(), light.end());
+        if (brightest != light.end() && *brightest > 0) center = brightest - light.begin();
+        for (std::size_t k = 0; k < zone.counts.size(); ++k) {
+          const auto at =
+              static_cast<std::size_t>(static_cast<std::ptrdiff_t>(k) - center + sensor.bins);
+          measured[at] += zone.counts[k];
+          old[at] += before[c].mean[i][k];
+          fitted[at] += after[c].mean[i][k];
+          count[at] += 1;
+        }
+      }
+    }
+    CalibrationView view;
+    view.zone = z;
+    const double most = *std::max_element(count.begin(), count.end());
+    for (std::size_t k = 0; k < bins && most > 0; ++k) {
+      if (count[k] < 0.3 * most) continue;
+      view.measured.push_back(measured[k] / count[k]);
+      view.before.push_back(old[k] / count[k]);
+      view.after.push_back(fitted[k] / count[k]);
+    }
+    if (!view.measured.empty()) list.push_back(std::move(view));
+  }
+  return list;
+}
+
+double total_deviance(const Evaluations& evaluations, const std::vector<double>& keep) {
+  double total = 0;
+  for (std::size_t c = 0; c < evaluations.size(); ++c) {
+    if (keep[c] > 0) total += evaluations[c].deviance;
+  }
+  return total;
+}
+
+}  // namespace
+
+void CalibrationOptions::validate() const {
+  const auto require = [](bool good, const char* field, const char* accepted) {
+    if (!good) {
+      throw Error(std::string("CalibrationOptions.") + field, std::string("accepted: ") + accepted);
+    }
+  };
+  for (const auto& [value, name] : {std::pair{time_zero_bins, "time_zero_bins"},
+                                    {zone_time_zero_bins, "zone_time_zero_bins"},
+                                    {bin_width_relative, "bin_width_relative"},
+                                    {pulse_log, "pulse_log"},
+                                    {gain_log, "gain_log"},
+                                    {zone_gain_log, "zone_gain_log"},
+                                    {spot_m, "spot_m"},
+                                    {cosine_exponent, "cosine_exponent"},
+                                    {distance_exponent, "distance_exponent"}}) {
+    require(value >= 0 && std::isfinite(value), name, "at least 0");
+  }
+  require(outlier_sigmas > 0, "outlier_sigmas", "above 0");
+  require(determined_share > 0 && determined_share <= 1, "determined_share", "above 0, at most 1");
+  require(least_brightness_log > 0, "least_brightness_log", "above 0");
+  require(outlier_probability >= 0 && outlier_probability < 1, "outlier_probability",
+          "at least 0, below 1");
+}
+
+/// The method, top to bottom.
+Calibration calibrate(const Scene& scene, std::span<const Capture> captures,
+                      const CalibrationOptions& options, bool no_object,
+                      const std::function<void(double)>& advance) {
+  options.validate();
+  const auto report = [&](double share) {
+    if (advance) advance(share);
+  };
+  Calibration result;
+  result.scene = scene;
+  std::vector<Capture> list(captures.begin(), captures.end());
+  std::vector<std::optional<PoseVector>> poses;
+  for (std::size_t c = 0; c < list.size(); ++c) {
+    check_capture(scene, list[c]);
+    poses.emplace_back();
+    if (!no_object) poses.back() = true_pose(scene, list[c], c);
+  }
+  if (list.empty()) throw Error("calibrate", "found no captures, accepted: at least one");
+
+  // Which spot is which.
+  const RelaySpots spots = relay_spots(scene);
+  if (options.permutations && !no_object && spots.points.size() > 1 && spots.points.size() <= 5) {
+    result.assignments = try_assignments(scene, list, poses, options, advance);
+    std::vector<Eigen::Vector3d> points;
+    for (const int i : result.assignments.front().spot) {
+      points.push_back(spots.points[static_cast<std::size_t>(i)]);
+    }
+    move_spots(result.scene, spots, points);
+  } else if (spots.points.size() > 5) {
+    result.notes.push_back("assignments of spots: not tried, there are more than five spots");
+  }
+
+  CalibrationProblem problem(result.scene, list, poses,
+                             instrument_parameters(result.scene, options));
+  Eigen::VectorXd u = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(problem.parameters().size()));
+  const Eigen::Index gain = index_of(problem, "gain_factor");
+  if (gain >= 0 && !no_object) {
+    u[gain] = typical_log_amplitude(problem.evaluate(result.scene, true));
+  }
+  std::vector<double> keep(list.size(), 1.0);
+  Evaluations evaluations = problem.evaluate(problem.scene_at(u));
+  const Eigen::VectorXd start = u;
+
+  // Parameters; then what is left over tells outliers, noise and ambient light.
+  std::vector<double> weights;
+  const auto round = [&](int iterations) {
+    weights =
+        huber_weights(problem, problem.evaluate(problem.scene_at(u)), keep, options.outlier_sigmas);
+    problem.solve(u, iterations, weights);
+    const Scene now = problem.scene_at(u);
+    evaluations = problem.evaluate(now);
+    drop_outliers(problem, evaluations, options.outlier_sigmas, keep);
+    Scene base = problem.base();
+    if (options.ambient) learn_ambient(problem, problem.evaluate(now, false, true), keep, base);
+    if (options.noise) learn_noise(problem, evaluations, keep, base);
+    problem.set_base(base);
+  };
+  for (int r = 0; r < kRounds; ++r) {
+    round(kIterations);
+    report(0.3 + 0.4 * (r + 1) / (kRounds + 1));
+  }
+
+  // What the data do not determine goes back to its prior; the rest is estimated once more.
+  Eigen::MatrixXd covariance = problem.covariance(u, keep);
+  for (std::size_t i = 0; i < problem.parameters().size(); ++i) {
+    InstrumentParameter& p = problem.parameters()[i];
+    const auto k = static_cast<Eigen::Index>(i);
+    p.fixed = std::sqrt(covariance(k, k)) > options.determined_share * p.sigma;
+    if (p.fixed) u[k] = 0;
+  }
+  round(kIterations);
+  covariance = problem.covariance(u, keep);
+  evaluations = problem.evaluate(problem.scene_at(u));
+  report(0.7);
+
+  for (std::size_t i = 0; i < problem.parameters().size(); ++i) {
+    const InstrumentParameter& p = problem.parameters()[i];
+    const auto k = static_cast<Eigen::Index>(i);
+    const double factor = p.logarithmic ? 1 : p.unit;
+    result.parameters.push_back({p.name, p.prior, factor * p.sigma, p.value(u[k]),
+                                 factor * (p.fixed ? p.sigma : std::sqrt(covariance(k, k))),
+                                 p.logarithmic, !p.fixed});
+  }
+  for (std::size_t c = 0; c < keep.size(); ++c) {
+    if (keep[c] > 0) {
+      ++result.used;
+      result.expected_deviance += degrees_of_freedom(problem.observation(c));
+      continue;
+    }
+    const double bins = degrees_of_freedom(problem.observation(c));
+    char text[96];
+    std::snprintf(text, sizeof text, "does not fit: deviance %.0f where about %.0f is usual",
+                  evaluations[c].deviance, bins);
+    result.left_out.push_back({static_cast<int>(c), text});
+  }
+  result.scene = problem.scene_at(u);
+  const Evaluations before = problem.evaluate(problem.scene_at(start));
+  result.deviance_before = total_deviance(before, keep);
+  result.deviance_after = total_deviance(evaluations, keep);
+  result.views = views(problem, before, evaluations, keep);
+
+  // The object's brightness: the gain has taken up its mean.
+  if (!no_object) {
+    result.brightness_log = brightness_spread(problem.evaluate(result.scene, true), keep);
+    LinearUnknowns& linear = result.scene.linear;
+    if (linear.amplitude == LinearMode::fixed) {
+      linear.fixed_amplitude = 1;
+    } else {
+      linear.amplitude_prior = {1.0, std::max(result.brightness_log, options.least_brightness_log)};
+    }
+    result.scene.outlier_probability = options.outlier_probability;
+    result.outlier_probability = options.outlier_probability;
+    if (options.variance_scale) {
+      result.variance_scale = find_variance_scale(result.scene, problem, keep);
+      scale_variance(result.scene, result.variance_scale);
+    }
+  }
+  report(1.0);
+  return result;
+}
+
+}  // namespace blindcorner

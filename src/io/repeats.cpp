@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "repeats.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+namespace blindcorner {
+namespace {
+
+/// Direct return over background.
+constexpr double kBright = 5.0;
+/// Automatic exposure changes the gain in steps of 15 %; a mirror on its way loses half the light.
+constexpr double kGainTolerance = 0.3;
+/// Disagreement of direct returns of one repeat; exposure steps move all of them alike.
+constexpr double kShapeTolerance = 0.12;
+/// In robust standard deviations.
+constexpr double kAmbientTolerance = 8.0;
+/// Counters of the sensor have 24 bits.
+constexpr double kOverflow = 16777216.0 - 65536.0;
+
+double median(std::vector<double> values) {
+  if (values.empty()) return 0;
+  const auto middle = values.begin() + std::ssize(values) / 2;
+  std::nth_element(values.begin(), middle, values.end());
+  if (values.size() % 2 == 1) return *middle;
+  return 0.5 * (*middle + *std::max_element(values.begin(), middle));
+}
+
+/// Mean of the lower three quarters of the bins outside the direct return: the third bounce lights
+/// the upper ones. The last bin is not used (unusable on this sensor).
+double ambient_of(const std::vector<double>& row, const RepeatReference& reference) {
+  std::vector<double> dark;
+  for (std::size_t b = 0; b + 1 < row.size(); ++b) {
+    const bool lit =
+        std::any_of(reference.direct.begin(), reference.direct.end(),
+                    // One bin more on either side for the rims.
+                    [b](const auto& run) { return b + 1 >= run.first && b <= run.second; });
+    if (!lit) dark.push_back(row[b]);
+  }
+  std::sort(dark.begin(), dark.end());
+  const std::size_t count = (3 * dark.size() + 3) / 4;
+  if (count == 0) return 0;
+  return std::accumulate(dark.begin(), dark.begin() + static_cast<std::ptrdiff_t>(count), 0.0) /
+         static_cast<double>(count);
+}
+
+/// Sum of each run of direct bins, [runs].
+std::vector<double> direct_of(const std::vector<double>& row, const RepeatReference& reference) {
+  std::vector<double> sums;
+  for (const auto& [first, end] : reference.direct) {
+    sums.push_back(std::accumulate(row.begin() + static_cast<std::ptrdiff_t>(first),
+                                   row.begin() + static_cast<std::ptrdiff_t>(end), 0.0));
+  }
+  return sums;
+}
+
+/// Median of the values of every second repeat, from `parity` on.
+double phase_median(const std::vector<double>& values, std::size_t parity) {
+  std::vector<double> own;
+  for (std::size_t r = parity; r < values.size(); r += 2) own.push_back(values[r]);
+  return median(std::move(own));
+}
+
+}  // namespace
+
+std::string rejection_text(Rejection reason) {
+  switch (reason) {
+    case Rejection::overflow:
+      return "a counter overflowed";
+    case Rejection::gain:
+      return "the direct return is far from its median";
+    case Rejection::unsettled:
+      return "the spot had not settled (direct returns disagree)";
+    case Rejection::background:
+      return "the ambient light is far from its median";
+    default:
+      return "kept";
+  }
+}
+
+RepeatReference repeat_reference(const std::vector<const RepeatSeries*>& all) {
+  RepeatReference reference;
+  if (all.empty() || all.front()->empty()) return reference;
+  const std::size_t bins = all.front()->front().size();
+  std::vector<double> typical(bins);
+  for (std::size_t b = 0; b < bins; ++b) {
+    std::vector<double> values;
+    for (const RepeatSeries* series : all) {
+      for (const auto& row : *series) values.push_back(row[b]);
+    }
+    typical[b] = median(std::move(values));
+  }
+  const double background = std::max(median(typical), 1e-3 * *std::ranges::max_element(typical));
+  for (std::size_t b = 0; b < bins; ++b) {
+    if (typical[b] <= kBright * background) continue;
+    if (!reference.direct.empty() && reference.direct.back().second == b) {
+      ++reference.direct.back().second;
+    } else {
+      reference.direct.emplace_back(b, b + 1);
+    }
+  }
+  std::vector<double> deviations;
+  for (const RepeatSeries* series : all) {
+    std::vector<double> ambient;
+    for (const auto& row : *series) ambient.push_back(ambient_of(row, reference));
+    for (std::size_t r = 0; r < ambient.size(); ++r) {
+      const double usual = phase_median(ambient, r % 2);
+      if (usual > 0) deviations.push_back(std::abs(ambient[r] - usual) / std::sqrt(usual));
+    }
+  }
+  reference.ambient_scale = std::max(1.4826 * median(std::move(deviations)), 1e-9);
+  return reference;
+}
+
+SortedRepeats sort_repeats(const RepeatSeries& series, const RepeatReference& reference) {
+  const std::size_t repeats = series.size();
+  SortedRepeats sorted;
+  sorted.phase.resize(repeats);
+  sorted.rejected.assign(repeats, Rejection::none);
+  std::vector<std::vector<double>> direct(reference.direct.size(), std::vector<double>(repeats));
+  std::vector<double> ambient(repeats);
+  std::vector<double> total(repeats);
+  for (std::size_t r = 0; r < repeats; ++r) {
+    const std::vector<double> sums = direct_of(series[r], reference);
+    for (std::size_t g = 0; g < sums.size(); ++g) direct[g][r] = sums[g];
+    total[r] = std::accumulate(sums.begin(), sums.end(), 0.0);
+    ambient[r] = ambient_of(series[r], reference);
+  }
+  const bool first_is_brighter = phase_median(total, 0) >= phase_median(total, 1);
+  for (std::size_t r = 0; r < repeats; ++r) {
+    sorted.phase[r] = static_cast<int>(r % 2) ^ (first_is_brighter ? 0 : 1);
+    Rejection& reason = sorted.rejected[r];
+    if (std::ranges::any_of(series[r], [](double n) { return n < 0 || n >= kOverflow; })) {
+      reason = Rejection::overflow;
+      continue;
+    }
+    std::vector<double> gains;
+    for (const auto& sums : direct) {
+      const double usual = phase_median(sums, r % 2);
+      if (usual > 0) gains.push_back(sums[r] / usual);
+    }
+    const double usual_ambient = phase_median(ambient, r % 2);
+    if (!gains.empty() && std::abs(gains.front() - 1) > kGainTolerance) {
+      reason = Rejection::gain;
+    } else if (std::ranges::any_of(gains, [&](double gain) {
+                 return std::abs(gain / gains.front() - 1) > kShapeTolerance;
+               })) {
+      reason = Rejection::unsettled;
+    } else if (std::abs(ambient[r] - usual_ambient) >
+               kAmbientTolerance * reference.ambient_scale * std::sqrt(usual_ambient)) {
+      reason = Rejection::background;
+    }
+  }
+  return sorted;
+}
+
+}  // namespace blindcorner

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Repeated measurements of one zone: two alternating phases told apart, bad ones found.
+#pragma once
+
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace blindcorner {
+
+/// Histograms of one relay spot in the order they were taken, [repeats][bins].
+using RepeatSeries = std::vector<std::vector<double>>;
+
+/// Why a repeat is not used.
+enum class Rejection {
+  none,
+  overflow,    ///< a value is negative or beyond 24 bits
+  gain,        ///< the direct return is far from the median of its phase
+  unsettled,   ///< parts of the direct return disagree: the spot was elsewhere
+  background,  ///< ambient light is far from the median of its phase
+};
+std::string rejection_text(Rejection reason);
+
+/// What all series of a spot have in common.
+struct RepeatReference {
+  /// Runs of bins that a direct return lights, [first, end).
+  std::vector<std::pair<std::size_t, std::size_t>> direct;
+  double ambient_scale = 1.0;  ///< robust spread of (ambient - median) / sqrt(median)
+};
+
+/// From all series of one spot. Bins whose median is over five times the background are lit by a
+/// direct return.
+RepeatReference repeat_reference(const std::vector<const RepeatSeries*>& all);
+
+struct SortedRepeats {
+  std::vector<int> phase;           ///< [repeats] 0: the brighter direct return
+  std::vector<Rejection> rejected;  ///< [repeats]
+};
+
+/// Phases alternate from repeat to repeat; the one with the brighter direct return is phase 0. A
+/// repeat is rejected whose direct return is over 30 % off the median of its phase, whose direct
+/// returns (where there are several) disagree by over 12 %, or whose ambient light is over eight
+/// times the usual spread from its phase's median.
+SortedRepeats sort_repeats(const RepeatSeries& series, const RepeatReference& reference);
+
+}  // namespace blindcorner
