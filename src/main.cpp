@@ -31,6 +31,9 @@ int main(int argc, char** argv) {
   blindcorner::add_benchmark_command(app, exit_code);
   blindcorner::add_import_command(app, exit_code);
   blindcorner::add_export_command(app, exit_code);
+  blindcorner::add_calibrate_command(app, exit_code);
+  blindcorner::add_evaluate_command(app, exit_code);
+  blindcorner::add_crossvalidate_command(app, exit_code);
   blindcorner::add_info_command(app, exit_code);
   blindcorner::add_explain_command(app, exit_code);
   try {

@@ -31,6 +31,7 @@ namespace fs = std::filesystem;
 
 struct FitArguments {
   std::string scene;
+  std::string instrument;
   std::vector<std::string> captures;
   std::string output;
   bool joint = false;
@@ -148,7 +149,7 @@ int run_fit(const FitArguments& arguments) {
     threads.emplace(tbb::global_control::max_allowed_parallelism,
                     static_cast<std::size_t>(arguments.threads));
   }
-  const Scene scene = read_scene(arguments.scene);
+  const Scene scene = read_scene(arguments.scene, arguments.instrument);
   const Fitter fitter(scene, arguments.options);
   std::vector<CaptureInput> inputs =
       read_capture_inputs(arguments.captures, scene.sensor.bin_width);
@@ -204,6 +205,10 @@ void add_fit_command(CLI::App& app, int& exit_code) {
       .add_option("-o,--output", arguments->output, "directory for the results; made if missing")
       ->required()
       ->type_name("DIR");
+  command
+      .add_option("--instrument", arguments->instrument,
+                  "what `calibrate` found out about the instrument")
+      ->type_name("FILE");
   command.add_flag("--joint", arguments->joint, "one object seen in all captures: one fit");
   command.add_flag("--no-page", arguments->no_page, "do not write index.html");
   add_fit_options(command, *arguments);

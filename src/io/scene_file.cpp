@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "blindcorner/forward/constants.h"
+#include "blindcorner/forward/error.h"
 #include "blindcorner/forward/link_budget.h"
 #include "file_bytes.h"
 #include "json_reader.h"
@@ -431,6 +432,22 @@ Scene read_document(const Json& json, const std::string& path) {
 
 Scene read_scene(const std::string& path) {
   return read_document(JsonReader::parse(read_bytes(path), path), path);
+}
+
+Scene read_scene(const std::string& path, const std::string& instrument) {
+  if (instrument.empty()) return read_scene(path);
+  Json document = JsonReader::parse(read_bytes(path), path);
+  const Json file = JsonReader::parse(read_bytes(instrument), instrument);
+  const JsonReader reader(file, instrument);
+  if (!reader.is_object()) reader.fail("an object with \"format\" and \"patch\"");
+  reader.at("format").word({"blindcorner.instrument/1"});
+  if (!reader.at("patch").is_object()) reader.at("patch").fail("an object");
+  document.merge_patch(file["patch"]);
+  try {
+    return read_document(document, path);
+  } catch (const Error& error) {
+    throw Error(instrument, std::string("does not suit the scene: ") + error.what());
+  }
 }
 
 Scene parse_scene(const nlohmann::json& json, const std::string& path) {

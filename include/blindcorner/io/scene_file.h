@@ -13,6 +13,10 @@ namespace blindcorner {
 /// accepted. Unknown fields are errors.
 Scene read_scene(const std::string& path);
 
+/// The same with what a calibration found out put over it: the `patch` of an instrument file
+/// (docs/instrument.md), a JSON merge patch (RFC 7386). An empty `instrument` is none.
+Scene read_scene(const std::string& path, const std::string& instrument);
+
 /// The same from JSON in memory; `path` names it in messages and resolves relative file names.
 Scene parse_scene(const nlohmann::json& json, const std::string& path);
 

@@ -1,0 +1,250 @@
+// SPDX-License-Identifier: Apache-2.0
+/// `blindcorner evaluate RESULT [TRUTH]`.
+#include <CLI/CLI.hpp>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <sstream>
+
+#include "blindcorner/forward/constants.h"
+#include "blindcorner/forward/error.h"
+#include "blindcorner/inverse/evaluation.h"
+#include "blindcorner/io/atomic_file.h"
+#include "blindcorner/io/capture_file.h"
+#include "commands/commands.h"
+#include "report/evaluation_page.h"
+
+namespace blindcorner {
+
+namespace {
+
+using nlohmann::json;
+
+struct EvaluateArguments {
+  std::string result;
+  std::string truth;
+  std::string page;
+  std::string estimator = "mean";
+  EvaluationOptions options;
+};
+
+json read_json(const std::string& path) {
+  std::ifstream file(path);
+  if (!file) throw Error(path, "no such file, or it cannot be read");
+  try {
+    return json::parse(file);
+  } catch (const json::exception&) {
+    throw Error(path, "is not JSON");
+  }
+}
+
+/// Values of the unknowns by capture index; NaN where one is not known.
+using Truth = std::map<int, Eigen::VectorXd>;
+
+Eigen::VectorXd vector_of(const std::map<std::string, double>& values,
+                          const std::vector<std::string>& names) {
+  Eigen::VectorXd v(static_cast<Eigen::Index>(names.size()));
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const auto known = values.find(names[i]);
+    v[static_cast<Eigen::Index>(i)] = known == values.end() ? std::nan("") : known->second;
+  }
+  return v;
+}
+
+std::vector<std::string> cells(const std::string& line) {
+  std::vector<std::string> list;
+  std::stringstream stream(line);
+  for (std::string cell; std::getline(stream, cell, ',');) {
+    cell.erase(0, std::min(cell.find_first_not_of(" \t\r\""), cell.size()));
+    cell.erase(cell.find_last_not_of(" \t\r\"") + 1);
+    list.push_back(cell);
+  }
+  return list;
+}
+
+/// A table with a header: the unknowns' names, and `index` if rows are not in the captures' order.
+Truth read_csv(const std::string& path, const std::vector<std::string>& names) {
+  std::ifstream file(path);
+  if (!file) throw Error(path, "no such file, or it cannot be read");
+  std::string line;
+  std::getline(file, line);
+  const std::vector<std::string> header = cells(line);
+  for (const std::string& name : names) {
+    if (std::find(header.begin(), header.end(), name) == header.end()) {
+      throw Error(path, "column " + name + " is missing, accepted: a header that names it");
+    }
+  }
+  Truth truth;
+  for (int row = 0; std::getline(file, line); ++row) {
+    if (line.find_first_not_of(" \t\r") == std::string::npos) continue;
+    const std::vector<std::string> values = cells(line);
+    const std::string where = path + ": row " + std::to_string(row + 1);
+    if (values.size() != header.size()) {
+      throw Error(where, "has " + std::to_string(values.size()) +
+                             " cells, accepted: " + std::to_string(header.size()));
+    }
+    std::map<std::string, double> known;
+    int index = row;
+    for (std::size_t c = 0; c < header.size(); ++c) {
+      char* end = nullptr;
+      const double value = std::strtod(values[c].c_str(), &end);
+      if (end == values[c].c_str() || *end != '\0') {
+        if (std::find(names.begin(), names.end(), header[c]) == names.end()) continue;
+        throw Error(where, "found '" + values[c] + "', accepted: a number");
+      }
+      known[header[c]] = value;
+      if (header[c] == "index") index = static_cast<int>(value);
+    }
+    truth[index] = vector_of(known, names);
+  }
+  return truth;
+}
+
+Truth read_truth(const std::string& path, const std::vector<std::string>& names) {
+  const std::string extension = std::filesystem::path(path).extension().string();
+  if (extension == ".csv") return read_csv(path, names);
+  if (extension != ".exr") throw Error(path, "accepted: a capture file (.exr) or a table (.csv)");
+  Truth truth;
+  const CaptureFile file = read_captures(path);
+  for (std::size_t i = 0; i < file.captures.size(); ++i) {
+    truth[static_cast<int>(i)] = vector_of(file.captures[i].truth, names);
+  }
+  return truth;
+}
+
+Eigen::VectorXd numbers(const json& list, Eigen::Index size, const std::string& where) {
+  if (!list.is_array() || static_cast<Eigen::Index>(list.size()) != size) {
+    throw Error(where, "accepted: " + std::to_string(size) + " numbers");
+  }
+  Eigen::VectorXd v(size);
+  for (Eigen::Index i = 0; i < size; ++i) {
+    const json& value = list[static_cast<std::size_t>(i)];
+    v[i] = value.is_number() ? value.get<double>() : std::nan("");
+  }
+  return v;
+}
+
+/// What one entry of the result says against its truth; nothing when either is missing.
+std::optional<EstimateError> error_of(const json& entry, const Truth* truth,
+                                      const std::vector<std::string>& names, bool mean,
+                                      const std::string& where) {
+  const auto n = static_cast<Eigen::Index>(names.size());
+  const json* pose = nullptr;
+  const json* covariance = nullptr;
+  if (mean && entry.contains("mean") && entry["mean"].is_array()) {
+    pose = &entry["mean"];
+    covariance = &entry["covariance"];
+  } else if (!mean && entry.contains("modes") && !entry["modes"].empty()) {
+    pose = &entry["modes"][0].at("optimum");
+    covariance = &entry["modes"][0].at("covariance");
+  }
+  if (pose == nullptr) return std::nullopt;
+  Eigen::VectorXd known;
+  if (truth != nullptr) {
+    if (!entry.contains("index") || !entry["index"].is_number_integer()) return std::nullopt;
+    const auto found = truth->find(entry["index"].get<int>());
+    if (found == truth->end()) return std::nullopt;
+    known = found->second;
+  } else {
+    if (!entry.contains("truth") || !entry["truth"].is_array()) return std::nullopt;
+    known = numbers(entry["truth"], n, where + ".truth");
+  }
+  if (!known.allFinite()) return std::nullopt;
+  EstimateError e;
+  e.error = numbers(*pose, n, where + ".mean") - known;
+  for (Eigen::Index i = 0; i < n; ++i) {
+    // Yaw is circular.
+    if (names[static_cast<std::size_t>(i)].ends_with("yaw_rad")) {
+      e.error[i] = std::remainder(e.error[i], 2 * kPi);
+    }
+  }
+  e.covariance.resize(n, n);
+  if (!covariance->is_array() || static_cast<Eigen::Index>(covariance->size()) != n) {
+    throw Error(where + ".covariance", "accepted: a matrix of the unknowns");
+  }
+  for (Eigen::Index r = 0; r < n; ++r) {
+    e.covariance.row(r) =
+        numbers((*covariance)[static_cast<std::size_t>(r)], n, where + ".covariance").transpose();
+  }
+  std::ostringstream group;
+  group << known.transpose();
+  e.group = group.str();
+  return e;
+}
+
+int run_evaluate(const EvaluateArguments& arguments) {
+  arguments.options.validate();
+  const json result = read_json(arguments.result);
+  if (!result.is_object() || result.value("format", "") != "blindcorner.result/1" ||
+      !result.contains("captures") || !result.contains("unknowns")) {
+    throw Error(arguments.result, "is no result of blindcorner fit");
+  }
+  const auto names = result["unknowns"].get<std::vector<std::string>>();
+  std::optional<Truth> truth;
+  if (!arguments.truth.empty()) truth = read_truth(arguments.truth, names);
+  EvaluationRow row;
+  row.name = std::filesystem::path(arguments.result).string();
+  int without = 0;
+  for (std::size_t i = 0; i < result["captures"].size(); ++i) {
+    const auto error = error_of(result["captures"][i], truth ? &*truth : nullptr, names,
+                                arguments.estimator == "mean",
+                                arguments.result + ": captures[" + std::to_string(i) + "]");
+    if (error) {
+      row.errors.push_back(*error);
+    } else {
+      ++without;
+    }
+  }
+  if (row.errors.empty()) {
+    throw Error(arguments.result, "found no capture with both an estimate and a truth");
+  }
+  row.evaluation = evaluate_errors(row.errors, names, arguments.options);
+  const std::filesystem::path page =
+      arguments.page.empty()
+          ? std::filesystem::path(arguments.result).replace_filename("evaluation.html")
+          : std::filesystem::path(arguments.page);
+  write_atomically(page.string(), evaluation_page("Errors", {row}, names));
+  write_atomically(std::filesystem::path(page).replace_extension(".json").string(),
+                   evaluation_json({row}));
+  std::fputs(evaluation_text({row}).c_str(), stdout);
+  if (without > 0) {
+    std::fprintf(stderr, "blindcorner: %d captures without an estimate or a truth\n", without);
+  }
+  return without > 0 ? kSomeFailed : kAllWell;
+}
+
+}  // namespace
+
+void add_evaluate_command(CLI::App& app, int& exit_code) {
+  CLI::App& command = *app.add_subcommand(
+      "evaluate", "errors of a fit against the truth, and how honest its covariances are");
+  const auto arguments = std::make_shared<EvaluateArguments>();
+  command.add_option("RESULT", arguments->result, "result.json of a fit")->required();
+  command.add_option("TRUTH", arguments->truth,
+                     "capture file (.exr) or table (.csv) with the true values; without it those "
+                     "that the result holds");
+  command
+      .add_option(
+          "--page", arguments->page,
+          "page to write (.html; figures beside it as .json); evaluation.html beside RESULT "
+          "if not given")
+      ->type_name("FILE");
+  command
+      .add_option("--estimator", arguments->estimator,
+                  "mean: posterior mean and covariance; mode: optimum and covariance of the "
+                  "heaviest mode")
+      ->check(CLI::IsMember({"mean", "mode"}))
+      ->capture_default_str();
+  command.add_option("--resamples", arguments->options.resamples, "of the bootstrap")
+      ->capture_default_str();
+  command.add_option("--seed", arguments->options.seed, "seed of the bootstrap")
+      ->capture_default_str();
+  command.callback([arguments, &exit_code] { exit_code = run_evaluate(*arguments); });
+}
+
+}  // namespace blindcorner

@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: Apache-2.0
+/// What a calibration found out, for the eye.
+#pragma once
+
+#include <string>
+
+#include "blindcorner/inverse/calibration.h"
+
+namespace blindcorner {
+
+/// Measured against modelled histograms before and after, and all parameters.
+std::string calibration_page(const Scene& before, const Calibration& calibration);
+
+/// The same as text for a terminal, without the histograms.
+std::string calibration_text(const Calibration& calibration);
+
+}  // namespace blindcorner

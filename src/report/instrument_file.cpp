@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "report/instrument_file.h"
+
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+
+namespace blindcorner {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+/// Seven digits: far below any standard error, and files that people can read.
+Json number(double value) {
+  if (!std::isfinite(value)) return nullptr;
+  char text[32];
+  std::snprintf(text, sizeof text, "%.7g", value);
+  return std::strtod(text, nullptr);
+}
+
+Json picoseconds(double seconds) { return number(seconds * 1e12); }
+
+Json vector_json(const Eigen::Vector3d& v) {
+  return Json::array({number(v.x()), number(v.y()), number(v.z())});
+}
+
+template <typename Value>
+Json per_zone(const Scene& scene, const Value& value) {
+  Json list = Json::array();
+  for (const Zone& zone : scene.sensor.zones) list.push_back(value(zone));
+  return list;
+}
+
+Json response_json(const ResponseShape& shape) {
+  constexpr double kFwhm = 2.3548200450309493;
+  if (const auto* g = std::get_if<GaussianResponse>(&shape)) {
+    return {{"type", "gaussian"}, {"fwhm_ps", picoseconds(g->sigma * kFwhm)}};
+  }
+  if (const auto* b = std::get_if<BoxGaussianResponse>(&shape)) {
+    return {{"type", "box_gaussian"},
+            {"box_ps", picoseconds(b->box)},
+            {"sigma_ps", picoseconds(b->sigma)}};
+  }
+  if (const auto* e = std::get_if<ExponentialTailResponse>(&shape)) {
+    Json tails = Json::array();
+    for (const Tail& tail : e->tails) {
+      tails.push_back({{"fraction", number(tail.fraction)}, {"decay_ps", picoseconds(tail.decay)}});
+    }
+    return {{"type", "exponential_tail"},
+            {"fwhm_ps", picoseconds(e->sigma * kFwhm)},
+            {"tails", std::move(tails)}};
+  }
+  return nullptr;  // a table is not changed
+}
+
+Json sensor_patch(const Scene& scene) {
+  const Sensor& sensor = scene.sensor;
+  Json patch;
+  patch["bin_width_ps"] = picoseconds(sensor.bin_width);
+  patch["time_zero_ps"] = per_zone(scene, [](const Zone& z) { return picoseconds(z.time_zero); });
+  patch["gain"] = per_zone(scene, [](const Zone& z) { return number(z.gain); });
+  if (Json response = response_json(sensor.response.shape()); !response.is_null()) {
+    patch["impulse_response"] = std::move(response);
+  }
+  const auto* first = std::get_if<Eigen::Vector3d>(&sensor.zones.front().footprint);
+  if (first != nullptr && first->allFinite()) {
+    patch["zones"] = per_zone(scene, [](const Zone& z) {
+      return Json{{"relay_point_m", vector_json(std::get<Eigen::Vector3d>(z.footprint))}};
+    });
+  }
+  if (const auto* noise = std::get_if<GaussianNoise>(&sensor.noise)) {
+    patch["noise"] = {{"law", "gaussian"},
+                      {"variance_floor", number(noise->variance_floor)},
+                      {"variance_per_count", number(noise->variance_per_count)},
+                      {"censored_at_zero", noise->censored_at_zero}};
+  } else {
+    patch["noise"] = {{"law", "poisson"}, {"dispersion", number(sensor.dispersion)}};
+  }
+  return patch;
+}
+
+Json linear_patch(const Scene& scene) {
+  const LinearUnknowns& linear = scene.linear;
+  Json patch;
+  if (linear.amplitude != LinearMode::fixed) {
+    patch["amplitude"]["prior"] = {{"median", number(linear.amplitude_prior.median)},
+                                   {"sigma_log", number(linear.amplitude_prior.sigma_log)}};
+  } else {
+    patch["amplitude"]["value"] = number(linear.fixed_amplitude);
+  }
+  if (!linear.ambient_prior.empty()) {
+    Json mean = Json::array();
+    Json sigma = Json::array();
+    for (const NormalPrior& prior : linear.ambient_prior) {
+      mean.push_back(number(prior.mean));
+      sigma.push_back(number(prior.sigma));
+    }
+    patch["ambient"]["prior"] = {{"mean", std::move(mean)}, {"sigma", std::move(sigma)}};
+  }
+  return patch;
+}
+
+Json parameters_json(const Calibration& calibration) {
+  Json list = Json::array();
+  for (const CalibratedParameter& p : calibration.parameters) {
+    list.push_back({{"name", p.name},
+                    {"value", number(p.value)},
+                    {"standard_error", p.determined ? number(p.standard_error) : Json(nullptr)},
+                    {"logarithmic", p.logarithmic},
+                    {"prior", number(p.prior)},
+                    {"prior_sigma", number(p.prior_sigma)},
+                    {"determined", p.determined}});
+  }
+  return list;
+}
+
+}  // namespace
+
+Json instrument_json(const Scene& before, const Calibration& calibration) {
+  const Scene& scene = calibration.scene;
+  Json json;
+  json["format"] = kInstrumentFormat;
+  json["scene"] = before.path.empty() ? before.name : before.path;
+  json["patch"]["sensor"] = sensor_patch(scene);
+  if (const auto* law = std::get_if<MeasuredLawMaterial>(&scene.hidden.material)) {
+    json["patch"]["hidden"]["material"]["measured_law"] = {
+        {"cosine_exponent", number(law->cosine_exponent)},
+        {"distance_exponent", number(law->distance_exponent)}};
+  }
+  json["patch"]["linear"] = linear_patch(scene);
+  json["patch"]["outlier_probability"] = number(scene.outlier_probability);
+  json["parameters"] = parameters_json(calibration);
+  json["captures_used"] = calibration.used;
+  json["left_out"] = Json::array();
+  for (const LeftOutCapture& out : calibration.left_out) {
+    json["left_out"].push_back({{"index", out.index}, {"reason", out.reason}});
+  }
+  json["spot_assignments"] = Json::array();
+  for (const SpotAssignment& a : calibration.assignments) {
+    json["spot_assignments"].push_back({{"spots", a.spot}, {"deviance", number(a.deviance)}});
+  }
+  json["deviance"] = {{"before", number(calibration.deviance_before)},
+                      {"after", number(calibration.deviance_after)},
+                      {"bins", number(calibration.expected_deviance)}};
+  json["brightness_sigma_log"] = number(calibration.brightness_log);
+  json["variance_scale"] = number(calibration.variance_scale);
+  json["notes"] = calibration.notes;
+  return json;
+}
+
+}  // namespace blindcorner

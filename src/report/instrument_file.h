@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Instrument files: what a calibration found out, as a patch of the scene.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "blindcorner/forward/scene.h"
+#include "blindcorner/inverse/calibration.h"
+
+namespace blindcorner {
+
+inline constexpr const char* kInstrumentFormat = "blindcorner.instrument/1";
+
+/// JSON of an instrument file, see docs/instrument.md. `before` is the scene that was calibrated.
+nlohmann::ordered_json instrument_json(const Scene& before, const Calibration& calibration);
+
+}  // namespace blindcorner

@@ -1,0 +1,202 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Calibration finds again what synthetic captures were made with.
+#include "blindcorner/inverse/calibration.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "blindcorner/forward/error.h"
+#include "blindcorner/forward/forward_model.h"
+#include "blindcorner/forward/photon_noise.h"
+#include "blindcorner/io/scene_file.h"
+
+namespace blindcorner {
+namespace {
+
+Scene shipped(const std::string& name) {
+  return read_scene(std::string(SOURCE_DIR) + "/scenes/" + name + ".json");
+}
+
+/// Captures of an instrument at random poses of the search region, by the reference renderer.
+/// Gaussian noise by the instrument's own law, ambient light as given.
+std::vector<Capture> captures_of(const Scene& instrument, int count, double ambient,
+                                 std::uint64_t seed) {
+  const auto model = make_reference_renderer(instrument, sensor_placement(instrument));
+  const auto& law = std::get<GaussianNoise>(instrument.sensor.noise);
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> normal;
+  std::vector<Capture> captures;
+  for (int i = 0; i < count; ++i) {
+    Capture capture;
+    PoseVector pose(static_cast<Eigen::Index>(instrument.unknowns.size()));
+    const auto names = unknown_names(instrument);
+    for (std::size_t k = 0; k < names.size(); ++k) {
+      const Unknown& unknown = instrument.unknowns[k];
+      std::uniform_real_distribution<double> uniform(unknown.lower, unknown.upper);
+      pose[static_cast<Eigen::Index>(k)] = uniform(random);
+      capture.truth[names[k]] = pose[static_cast<Eigen::Index>(k)];
+    }
+    capture.counts = model->three_bounce(pose);
+    for (int z = 0; z < capture.counts.zones(); ++z) {
+      const double gain = instrument.sensor.zones[static_cast<std::size_t>(z)].gain;
+      for (int b = 0; b < capture.counts.bins; ++b) {
+        double& n = capture.counts.zone(z)[b];
+        const double mean = gain * n + ambient;
+        n = mean + std::sqrt(law.variance_floor + law.variance_per_count * mean) * normal(random);
+      }
+    }
+    capture.source = "synthetic";
+    capture.index = i;
+    captures.push_back(std::move(capture));
+  }
+  return captures;
+}
+
+const CalibratedParameter& parameter(const Calibration& calibration, const std::string& name) {
+  for (const CalibratedParameter& p : calibration.parameters) {
+    if (p.name == name) return p;
+  }
+  throw Error("parameter", name + " is missing");
+}
+
+/// Within four standard errors, and the standard error small against the prior.
+void expect_found(const Calibration& calibration, const std::string& name, double truth) {
+  const CalibratedParameter& p = parameter(calibration, name);
+  EXPECT_TRUE(p.determined) << name;
+  const double off = p.logarithmic ? std::log(p.value / truth) : p.value - truth;
+  EXPECT_LT(std::abs(off), 4 * p.standard_error) << name << " " << p.value << " for " << truth;
+  EXPECT_LT(p.standard_error, 0.8 * p.prior_sigma) << name;
+}
+
+/// The mirrors' scene with bright light, and an instrument that differs from it.
+struct Differing {
+  Scene scene = shipped("cheapspad_mirrors");
+  Scene instrument = scene;
+  Differing() {
+    instrument.sensor.bin_width *= 1.01;
+    for (std::size_t z = 0; z < instrument.sensor.zones.size(); ++z) {
+      Zone& zone = instrument.sensor.zones[z];
+      zone.time_zero += 0.3 * scene.sensor.bin_width;
+      zone.gain *= 3 * (1 + 0.1 * static_cast<double>(z % 3));
+    }
+    auto& law = std::get<MeasuredLawMaterial>(instrument.hidden.material);
+    law.cosine_exponent = 6;
+    law.distance_exponent = 2.4;
+  }
+};
+
+CalibrationOptions quick() {
+  CalibrationOptions options;
+  options.permutations = false;
+  options.variance_scale = false;
+  return options;
+}
+
+TEST(Calibration, FindsTheInstrumentWithinItsErrors) {
+  const Differing d;
+  const Calibration c = calibrate(d.scene, captures_of(d.instrument, 60, 100, 1), quick());
+  EXPECT_EQ(c.used, 60);
+  expect_found(c, "measured_law.cosine_exponent", 6);
+  expect_found(c, "measured_law.distance_exponent", 2.4);
+  expect_found(c, "bin_width_ps", d.instrument.sensor.bin_width * 1e12);
+  const double time_zero = c.scene.sensor.zones[0].time_zero;
+  EXPECT_NEAR(time_zero, d.instrument.sensor.zones[0].time_zero, 0.1 * d.scene.sensor.bin_width);
+  for (std::size_t z = 0; z < 8; ++z) {
+    EXPECT_NEAR(std::log(c.scene.sensor.zones[z].gain / d.instrument.sensor.zones[z].gain), 0,
+                0.15);
+  }
+  // Noise law, at the level of the ambient light.
+  const auto& noise = std::get<GaussianNoise>(c.scene.sensor.noise);
+  EXPECT_NEAR((noise.variance_floor + noise.variance_per_count * 100) / 810, 1, 0.08);
+  EXPECT_NEAR(c.scene.linear.ambient_prior.at(0).mean, 100, 3);
+  EXPECT_LT(c.deviance_after, c.deviance_before);
+  EXPECT_NEAR(c.deviance_after / c.expected_deviance, 1, 0.1);
+}
+
+// Ten captures of nonsense among seventy: left out, and the answer stays within its errors.
+TEST(Calibration, DisturbedCapturesDoNotMoveIt) {
+  const Differing d;
+  std::vector<Capture> captures = captures_of(d.instrument, 60, 100, 1);
+  for (Capture& capture : captures_of(d.instrument, 10, 100, 2)) {
+    for (int z = 0; z < 8; ++z) {
+      for (int b = 14; b < 18; ++b) capture.counts.zone(z)[b] += 4000;  // something in view
+    }
+    captures.push_back(capture);
+  }
+  const Calibration c = calibrate(d.scene, captures, quick());
+  EXPECT_EQ(c.left_out.size(), 10u);
+  for (const LeftOutCapture& out : c.left_out) EXPECT_GE(out.index, 60);
+  expect_found(c, "measured_law.cosine_exponent", 6);
+  expect_found(c, "bin_width_ps", d.instrument.sensor.bin_width * 1e12);
+}
+
+TEST(Calibration, TellsWhichSpotIsWhich) {
+  const Differing d;
+  Scene swapped = d.scene;
+  for (const std::size_t phase : {std::size_t{0}, std::size_t{1}}) {
+    std::swap(swapped.sensor.zones[phase].footprint, swapped.sensor.zones[4 + phase].footprint);
+  }
+  CalibrationOptions options = quick();
+  options.permutations = true;
+  const Calibration c = calibrate(swapped, captures_of(d.instrument, 30, 100, 3), options);
+  ASSERT_EQ(c.assignments.size(), 24u);
+  EXPECT_EQ(c.assignments.front().spot, (std::vector<int>{2, 1, 0, 3}));
+  EXPECT_GT(c.assignments[1].deviance, c.assignments[0].deviance + 50);
+}
+
+// A Lambertian scene, rendered pair by pair and calibrated with the fast model.
+TEST(Calibration, FindsTimeZeroAndGainOfALambertianScene) {
+  Scene scene = shipped("person_vl53l8ch");
+  scene.sensor.noise = GaussianNoise{.variance_floor = 100, .variance_per_count = 1};
+  scene.linear.ambient = LinearMode::per_zone;
+  Scene instrument = scene;
+  for (Zone& zone : instrument.sensor.zones) {
+    zone.time_zero += 0.4 * scene.sensor.bin_width;
+    zone.gain *= 1.7;
+  }
+  // The direct return is far brighter than anything else and has no noise to speak of here.
+  for (Scene* s : {&scene, &instrument}) {
+    s->linear.direct = LinearMode::fixed;
+    s->linear.fixed_direct = 0;
+  }
+  CalibrationOptions options = quick();
+  options.bin_width_relative = 0;
+  options.pulse_log = 0;
+  options.zone_gain_log = 0.02;
+  const Calibration c = calibrate(scene, captures_of(instrument, 12, 50, 4), options);
+  expect_found(c, "time_zero_ps", instrument.sensor.zones[0].time_zero * 1e12);
+  EXPECT_NEAR(parameter(c, "gain_factor").value / 1.7, 1, 0.05);
+}
+
+// Without an object nothing is said about the law of its brightness.
+TEST(Calibration, KeepsWhatTheDataDoNotDetermine) {
+  Differing d;
+  for (Zone& zone : d.instrument.sensor.zones) zone.gain *= 1e-9;
+  const Calibration c =
+      calibrate(d.scene, captures_of(d.instrument, 20, 100, 5), quick(), /*no_object=*/true);
+  const CalibratedParameter& p = parameter(c, "measured_law.cosine_exponent");
+  EXPECT_FALSE(p.determined);
+  EXPECT_EQ(p.value, 7);
+  EXPECT_NEAR(c.scene.linear.ambient_prior.at(3).mean, 100, 3);
+}
+
+TEST(Calibration, SaysWhatItNeeds) {
+  const Differing d;
+  EXPECT_THROW(calibrate(d.scene, {}, quick()), Error);
+  std::vector<Capture> captures = captures_of(d.instrument, 2, 100, 6);
+  captures[1].truth.erase("z_m");
+  try {
+    calibrate(d.scene, captures, quick());
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_NE(std::string(error.what()).find("truth.z_m"), std::string::npos) << error.what();
+  }
+  CalibrationOptions wrong;
+  wrong.spot_m = -1;
+  EXPECT_THROW(wrong.validate(), Error);
+}
+
+}  // namespace
+}  // namespace blindcorner
