@@ -128,6 +128,17 @@ std::array<RepeatSeries, kSpots> series_of(const Numbers& cube, const std::strin
   return spots;
 }
 
+/// Light of phase 0 that comes after this many bins is found this many bins earlier.
+constexpr std::size_t kWrap = 20;
+
+/// A row of phase 0 with its late bins put back where they belong. They show ambient light only;
+/// the early ones hold what came late, unless a direct return is there.
+std::vector<double> unwrapped(const std::vector<double>& row) {
+  std::vector<double> out = row;
+  for (std::size_t b = kWrap; b + 1 < row.size(); ++b) out[b] = row[b - kWrap];
+  return out;
+}
+
 struct Position {
   std::array<double, 3> place{};
   std::array<RepeatSeries, kSpots> spots;
@@ -193,10 +204,10 @@ void add_captures(const Position& position, const std::vector<SortedRepeats>& so
       for (std::size_t r = begin; r < begin + length; ++r) {
         if (sorted[s].rejected[r] != Rejection::none) continue;
         const std::size_t zone = 2 * s + static_cast<std::size_t>(sorted[s].phase[r]);
+        const RepeatSeries& series = position.spots[s];
+        const std::vector<double> row = sorted[s].phase[r] == 0 ? unwrapped(series[r]) : series[r];
         double* out = capture.counts.zone(static_cast<int>(zone));
-        for (int b = 0; b < bins; ++b) {
-          out[b] += position.spots[s][r][static_cast<std::size_t>(b)];
-        }
+        for (int b = 0; b < bins; ++b) out[b] += row[static_cast<std::size_t>(b)];
         ++(*capture.zone_exposures)[zone];
       }
     }

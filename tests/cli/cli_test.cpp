@@ -378,5 +378,91 @@ TEST_F(Cli, InfoTellsOfScenesAndCaptures) {
   EXPECT_EQ(run("info '" + path("missing.exr") + "'").exit_code, 2);
 }
 
+/// Captures of the mirrors' scene at known poses, from `render`.
+class CliCalibration : public Cli {
+ protected:
+  const std::string scene_ = std::string(SOURCE_DIR) + "/scenes/cheapspad_mirrors.json";
+
+  void SetUp() override {
+    Cli::SetUp();
+    for (int i = 0; i < 12; ++i) {
+      const double x = -0.3 + 0.07 * i;
+      const double y = -0.8 - 0.06 * (i % 5);
+      const double z = 0.6 + 0.09 * (i % 9);
+      const std::string pose =
+          "x_m=" + std::to_string(x) + ",y_m=" + std::to_string(y) + ",z_m=" + std::to_string(z);
+      const std::string file = path("capture" + std::to_string(i) + ".exr");
+      ASSERT_EQ(run("render " + scene_ + " --model fast --seed " + std::to_string(i) + " --pose " +
+                    pose + " -o '" + file + "'")
+                    .exit_code,
+                0);
+      files_ += " '" + file + "'";
+    }
+  }
+  std::string files_;
+};
+
+TEST_F(CliCalibration, CalibratesFitsAndEvaluates) {
+  const std::string instrument = path("instrument.json");
+  const Outcome calibrated = run("calibrate " + scene_ + files_ +
+                                 " --no-assignments --no-variance-scale -o '" + instrument + "'");
+  ASSERT_EQ(calibrated.exit_code, 0) << calibrated.err;
+  EXPECT_THAT(calibrated.out, HasSubstr("measured_law.cosine_exponent"));
+  const json file = json::parse(text_of(instrument));
+  EXPECT_EQ(file.at("format"), "blindcorner.instrument/1");
+  EXPECT_EQ(file.at("captures_used"), 12);
+  EXPECT_THAT(text_of(path("instrument.html")), HasSubstr("<svg"));
+
+  const Outcome fitted = run("fit " + scene_ + files_ + kQuick + " --instrument '" + instrument +
+                             "' -o '" + path("fit") + "'");
+  ASSERT_EQ(fitted.exit_code, 0) << fitted.err;
+  const std::string result = path("fit") + "/result.json";
+  const Outcome evaluated = run("evaluate '" + result + "' --resamples 100");
+  ASSERT_EQ(evaluated.exit_code, 0) << evaluated.err;
+  EXPECT_THAT(evaluated.out, AllOf(HasSubstr("rmse_x_m"), HasSubstr("coverage_2sigma"),
+                                   HasSubstr("normalised_error")));
+  const json figures = json::parse(text_of(path("fit") + "/evaluation.json"));
+  EXPECT_LT(figures.at("rows")[0].at("figures").at("rmse").at("value"), 0.5);
+  EXPECT_THAT(text_of(path("fit") + "/evaluation.html"), HasSubstr("<svg"));
+
+  // The same with the truth in a table, shifted by 1 m.
+  std::ofstream table(path("truth.csv"));
+  table << "index,x_m,y_m,z_m\n";
+  const json fit = json::parse(text_of(result));
+  table << "0," << 1 + fit["captures"][0]["mean"][0].get<double>() << ","
+        << fit["captures"][0]["mean"][1] << "," << fit["captures"][0]["mean"][2] << "\n";
+  table.close();
+  const Outcome shifted = run("evaluate '" + result + "' '" + path("truth.csv") + "'");
+  const json again = json::parse(text_of(path("fit") + "/evaluation.json"));
+  EXPECT_NEAR(again["rows"][0]["figures"]["rmse_x_m"]["value"].get<double>(), 1, 1e-6)
+      << shifted.out << shifted.err;
+}
+
+TEST_F(Cli, CalibrationAndEvaluationNameWhatIsWrong) {
+  const std::string scene = std::string(SOURCE_DIR) + "/scenes/cheapspad_mirrors.json";
+  ASSERT_EQ(run("render " + scene + " --model fast -o '" + path("c.exr") + "'").exit_code, 0);
+  EXPECT_EQ(
+      run("calibrate " + scene + " '" + path("c.exr") + "' -o '" + path("x.txt") + "'").exit_code,
+      2);
+  const Outcome none =
+      run("calibrate " + scene + " '" + path("none.exr") + "' -o '" + path("x.json") + "'");
+  EXPECT_EQ(none.exit_code, 2);
+  EXPECT_FALSE(fs::exists(path("x.json")));
+  std::ofstream(path("i.json"))
+      << R"({"format": "blindcorner.instrument/1", "patch": {"sensor": {"gain": -1}}})";
+  const Outcome wrong = run("fit " + scene + " '" + path("c.exr") + "' --instrument '" +
+                            path("i.json") + "' -o '" + path("fit") + "'");
+  EXPECT_EQ(wrong.exit_code, 2);
+  EXPECT_THAT(wrong.err, AllOf(HasSubstr("i.json"), HasSubstr("sensor.gain")));
+  std::ofstream(path("r.json")) << "{}";
+  const Outcome no_result = run("evaluate '" + path("r.json") + "'");
+  EXPECT_EQ(no_result.exit_code, 2);
+  EXPECT_THAT(no_result.err, HasSubstr("no result"));
+  EXPECT_EQ(run("evaluate '" + path("none.json") + "'").exit_code, 2);
+  const Outcome few =
+      run("crossvalidate " + scene + " '" + path("none.exr") + "' -o '" + path("cv") + "'");
+  EXPECT_EQ(few.exit_code, 2);
+}
+
 }  // namespace
 }  // namespace blindcorner

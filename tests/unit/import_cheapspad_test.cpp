@@ -135,6 +135,9 @@ TEST_F(CheapSpadFile, ZonesAreSpotsInTheirPhases) {
     EXPECT_DOUBLE_EQ(capture.counts.zone(2 * spot + 1)[2], 40'000) << spot;
     EXPECT_DOUBLE_EQ(capture.counts.zone(2 * spot)[14], 100 + extra) << spot;
     EXPECT_DOUBLE_EQ(capture.exposures_of(2 * spot), 2);
+    // Phase 0 wraps after 20 bins.
+    EXPECT_DOUBLE_EQ(capture.counts.zone(2 * spot)[22], 50'000) << spot;
+    EXPECT_DOUBLE_EQ(capture.counts.zone(2 * spot + 1)[22], 80) << spot;
   }
 }
 

@@ -34,7 +34,7 @@ struct CalibrationOptions {
   /// Smallest spread of the object's brightness, natural logarithm.
   double least_brightness_log = 0.05;
   /// Probability that a capture is disturbed by what the model does not know; see Scene.
-  double outlier_probability = 0.02;
+  double outlier_probability = 0.01;
   /// Scale the noise until the calibration's own captures, fitted as if their poses were not known,
   /// have a mean squared normalised error of one.
   bool variance_scale = true;
