@@ -57,11 +57,12 @@ void add_array_options(CLI::App& command, ImportOptions& options) {
       {"auto", ImportFormat::automatic},
       {"numpy", ImportFormat::numpy},
       {"tmf8828", ImportFormat::tmf8828_log},
+      {"vl53l8ch", ImportFormat::vl53l8ch_log},
       {"cheapspad", ImportFormat::cheapspad},
       {"st_person_tracking", ImportFormat::st_person_tracking}};
   command
       .add_option("--format", options.format,
-                  "auto, numpy, tmf8828, cheapspad or st_person_tracking")
+                  "auto, numpy, tmf8828, vl53l8ch, cheapspad or st_person_tracking")
       ->transform(CLI::CheckedTransformer(formats, CLI::ignore_case).description(""))
       ->type_name("NAME");
   command

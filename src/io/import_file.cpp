@@ -13,6 +13,7 @@
 #include "file_bytes.h"
 #include "import_cheapspad.h"
 #include "import_tmf8828.h"
+#include "import_vl53l8ch.h"
 #include "npy.h"
 #include "npz.h"
 
@@ -346,10 +347,12 @@ ImportFormat detect(const std::string& path) {
   }
   if (ending == ".mat") return ImportFormat::cheapspad;
   if (ending == ".exr") throw Error(path, "is a capture file already, nothing to import");
-  if (read_bytes(path).find("#Raw,") != std::string::npos) return ImportFormat::tmf8828_log;
+  const std::string text = read_bytes(path);
+  if (text.find("#Raw,") != std::string::npos) return ImportFormat::tmf8828_log;
+  if (is_vl53l8ch_log(text)) return ImportFormat::vl53l8ch_log;
   throw Error(path,
               "its format is not recognised, accepted .npy, .npz, .mat, TMF8828 logs (with #Raw "
-              "lines) and folders of volume_NNNNNN.npz");
+              "lines), VL53L8CH logs (with D lines) and folders of volume_NNNNNN.npz");
 }
 
 CaptureFile import_log(const std::string& path, const ImportOptions& options,
@@ -377,6 +380,13 @@ CaptureFile import_one(const std::string& path, ImportFormat format, const Impor
   switch (format) {
     case ImportFormat::tmf8828_log:
       return import_log(path, options, warnings);
+    case ImportFormat::vl53l8ch_log: {
+      CaptureFile file;
+      file.captures = parse_vl53l8ch_log(read_bytes(path), path, options, warnings);
+      file.sensor = "vl53l8ch";
+      file.bin_width = kPersonTrackingBinWidth;
+      return file;
+    }
     case ImportFormat::cheapspad:
       return import_cheapspad(path, options, warnings);
     case ImportFormat::st_person_tracking:

@@ -15,6 +15,7 @@ enum class ImportFormat {
   automatic,          ///< by the file's name and content
   numpy,              ///< .npy or .npz with a stated order of axes, or our own .npz
   tmf8828_log,        ///< serial log of the TMF8828 Arduino driver: lines `#Raw,...`
+  vl53l8ch_log,       ///< serial log of VL53L8CH firmware: `D`, then a line per zone
   cheapspad,          ///< MATLAB file of the CheapSPAD data: `datacubes` and `positions`
   st_person_tracking  ///< volume_NNNNNN.npz with `hists` and `pt_cloud`, or a folder of them
 };
@@ -79,6 +80,9 @@ struct ImportOptions {
 /// capture is one measurement of channels 1 to 9, a 4 x 4 capture two of channels 1 to 8, an 8 x 8
 /// capture eight of them. See import_tmf8828.h for the place of each channel. A damaged line is an
 /// error that names the line; a capture that the log begins or ends within is left out.
+///
+/// VL53L8CH log: a line `D`, then one line per zone: zone, ambient light, distance, bins; see
+/// import_vl53l8ch.h. Bins are 250 ps wide unless stated otherwise.
 ///
 /// CheapSPAD: MATLAB 5 file, needs a build with matio. A zone is a relay spot in one of two phases,
 /// repeats are averaged, bad ones left out; see import_cheapspad.h.

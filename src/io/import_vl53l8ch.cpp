@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "import_vl53l8ch.h"
+
+#include <cmath>
+#include <map>
+#include <optional>
+#include <sstream>
+
+#include "blindcorner/forward/error.h"
+
+namespace blindcorner {
+namespace {
+
+/// Bins and ambient light are printed in thousandths.
+constexpr double kThousandth = 1e-3;
+/// Zone, ambient light and distance stand before the bins.
+constexpr std::size_t kLeading = 3;
+
+std::string trimmed(std::string line) {
+  while (!line.empty() && (line.back() == '\r' || line.back() == ' ')) line.pop_back();
+  return line;
+}
+
+/// Whole numbers of a line; nothing when there is anything else.
+std::optional<std::vector<long>> whole_numbers(const std::string& line) {
+  std::vector<long> values;
+  std::istringstream stream(line);
+  for (std::string word; stream >> word;) {
+    std::size_t used = 0;
+    try {
+      values.push_back(std::stol(word, &used));
+    } catch (const std::exception&) {
+      return std::nullopt;
+    }
+    if (used != word.size()) return std::nullopt;
+  }
+  return values;
+}
+
+struct Frame {
+  int line = 0;  ///< of its `D`
+  std::string damage;
+  std::map<long, std::vector<double>> zones;
+};
+
+void add_line(Frame& frame, const std::string& text, int line) {
+  const auto damaged = [&](const std::string& what) {
+    if (frame.damage.empty()) frame.damage = "line " + std::to_string(line) + ": " + what;
+  };
+  const auto values = whole_numbers(text);
+  if (!values || values->size() <= kLeading) return damaged("is no histogram");
+  std::vector<double> bins;
+  for (std::size_t i = kLeading; i < values->size(); ++i) {
+    bins.push_back(kThousandth * static_cast<double>((*values)[i]));
+  }
+  if (!frame.zones.emplace((*values)[0], std::move(bins)).second) {
+    damaged("zone " + std::to_string((*values)[0]) + " comes twice");
+  }
+}
+
+std::vector<Frame> frames_of(const std::string& text) {
+  std::vector<Frame> frames;
+  std::istringstream stream(text);
+  int number = 0;
+  for (std::string raw; std::getline(stream, raw);) {
+    ++number;
+    const std::string line = trimmed(raw);
+    if (line == "D") {
+      frames.push_back({number, "", {}});
+    } else if (!frames.empty() && !line.empty() &&
+               (line[0] == '-' || (line[0] >= '0' && line[0] <= '9'))) {
+      add_line(frames.back(), line, number);
+    }
+  }
+  return frames;
+}
+
+}  // namespace
+
+bool is_vl53l8ch_log(const std::string& text) {
+  for (const Frame& frame : frames_of(text.substr(0, 1 << 20))) {
+    if (!frame.zones.empty()) return true;
+  }
+  return false;
+}
+
+std::vector<Capture> parse_vl53l8ch_log(const std::string& text, const std::string& path,
+                                        const ImportOptions& options,
+                                        std::vector<std::string>& warnings) {
+  const std::vector<Frame> frames = frames_of(text);
+  // The usual frame: the log may begin and end within one.
+  std::map<std::pair<std::size_t, std::size_t>, int> sizes;
+  for (const Frame& frame : frames) {
+    if (frame.damage.empty() && !frame.zones.empty()) {
+      ++sizes[{frame.zones.size(), frame.zones.begin()->second.size()}];
+    }
+  }
+  if (sizes.empty()) throw Error(path, "holds no whole frame (a line D, then a line per zone)");
+  auto usual = sizes.begin();
+  for (auto it = sizes.begin(); it != sizes.end(); ++it) {
+    if (it->second > usual->second || (it->second == usual->second && it->first > usual->first)) {
+      usual = it;
+    }
+  }
+  const auto [zones, bins] = usual->first;
+  int rows = options.rows;
+  int columns = options.columns;
+  if (rows == 0) {
+    rows = columns = static_cast<int>(std::lround(std::sqrt(static_cast<double>(zones))));
+  }
+  if (static_cast<std::size_t>(rows) * static_cast<std::size_t>(columns) != zones) {
+    throw Error(path, "has " + std::to_string(zones) +
+                          " zones in a frame: rows and columns have to be stated");
+  }
+  std::vector<Capture> captures;
+  for (const Frame& frame : frames) {
+    std::string damage = frame.damage;
+    if (damage.empty() && frame.zones.size() != zones) {
+      damage =
+          "has " + std::to_string(frame.zones.size()) + " of " + std::to_string(zones) + " zones";
+    }
+    Capture capture;
+    capture.counts = HistogramCube(rows, columns, static_cast<int>(bins));
+    for (std::size_t z = 0; z < zones && damage.empty(); ++z) {
+      const auto row = frame.zones.find(static_cast<long>(z));
+      if (row == frame.zones.end()) {
+        damage = "zone " + std::to_string(z) + " is missing";
+      } else if (row->second.size() != bins) {
+        damage = "zone " + std::to_string(z) + " has " + std::to_string(row->second.size()) +
+                 " of " + std::to_string(bins) + " bins";
+      } else {
+        std::copy(row->second.begin(), row->second.end(), capture.counts.zone(static_cast<int>(z)));
+      }
+    }
+    if (damage.empty()) {
+      captures.push_back(std::move(capture));
+    } else {
+      warnings.push_back(path + ": frame of line " + std::to_string(frame.line) +
+                         " left out: " + damage);
+    }
+  }
+  if (captures.empty()) throw Error(path, "holds no whole frame (a line D, then a line per zone)");
+  return captures;
+}
+
+}  // namespace blindcorner
