@@ -549,8 +549,9 @@ Calibration calibrate(const Scene& scene, std::span<const Capture> captures,
     } else {
       linear.amplitude_prior = {1.0, std::max(result.brightness_log, options.least_brightness_log)};
     }
-    result.scene.outlier_probability = options.outlier_probability;
-    result.outlier_probability = options.outlier_probability;
+    if (scene.outlier_probability <= 0) {
+      result.scene.outlier_probability = options.outlier_probability;
+    }
     if (options.variance_scale) {
       result.variance_scale = find_variance_scale(result.scene, problem, keep);
       scale_variance(result.scene, result.variance_scale);

@@ -54,7 +54,7 @@ void check_capture(const Scene& scene, const Capture& capture) {
   const bool poisson = std::holds_alternative<PoissonNoise>(sensor.noise);
   for (int z = 0; z < counts.zones(); ++z) {
     const Zone& zone = sensor.zones[static_cast<std::size_t>(z)];
-    if (zone.dead || capture.exposures_of(z) <= 0) continue;
+    if (zone.dead) continue;
     for (int k = zone.first_valid_bin; k < sensor.valid_end(z); ++k) {
       const double value = counts.zone(z)[k];
       if (std::isfinite(value) && (value >= 0 || !poisson)) continue;
