@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <vector>
 
 #include "blindcorner/forward/constants.h"
@@ -43,8 +44,13 @@ class MeasuredLawModel final : public ForwardModel {
     }
     plan_ = make_plan(scene, setup_.relay_points(), 0.0);
     plan_.occluders.clear();
-    plan_.decisions = {{"three-bounce transport", false,
-                        "the object's brightness follows a measured law of cosine and distance"}};
+    plan_.decisions.clear();
+    constexpr double kUnknown = std::numeric_limits<double>::infinity();
+    plan_.decide({Term::patch_pairs, "three-bounce transport", false,
+                  "the object's brightness follows a measured law of cosine and distance",
+                  kUnknown});
+    plan_.decide({Term::occlusion, "occlusion between relay and object", false,
+                  "what is hidden on the way is in the measured law", kUnknown});
   }
 
   void three_bounce(const PoseVector& pose, HistogramCube& out) const override {
