@@ -201,6 +201,9 @@ CalibrationProblem::CalibrationProblem(Scene scene, std::vector<Capture> capture
                                        std::vector<InstrumentParameter> parameters)
     : captures_(std::move(captures)), poses_(std::move(poses)), parameters_(std::move(parameters)) {
   set_base(scene);
+  if (!captures_.empty()) {
+    fidelity_ = make_fast_model(base_, sensor_placement(base_, &captures_.front()))->fidelity();
+  }
 }
 
 void CalibrationProblem::set_base(const Scene& scene) {
@@ -255,7 +258,7 @@ std::vector<CalibrationProblem::Evaluation> CalibrationProblem::evaluate(const S
     if (m == placements.size()) {
       placements.push_back(placement);
       FastModelOptions fast;
-      if (!models.empty()) fast.fidelity = models.front()->fidelity();
+      fast.fidelity = fidelity_;
       models.push_back(make_fast_model(scene, placement, fast));
     }
     model_of[c] = m;

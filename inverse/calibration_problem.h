@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "blindcorner/forward/forward_model.h"
 #include "blindcorner/inverse/calibration.h"
 #include "blindcorner/inverse/linear_unknowns.h"
 #include "blindcorner/inverse/observation.h"
@@ -94,6 +95,8 @@ class CalibrationProblem {
   std::vector<std::optional<PoseVector>> poses_;
   std::vector<InstrumentParameter> parameters_;
   std::vector<Observation> observations_;  // [captures]
+  /// Sampling of the fast model: the same at all parameters, or differences would see it change.
+  std::optional<Fidelity> fidelity_;
 };
 
 }  // namespace blindcorner
