@@ -151,8 +151,11 @@ int run_fit(const FitArguments& arguments) {
   }
   const Scene scene = read_scene(arguments.scene, arguments.instrument);
   const Fitter fitter(scene, arguments.options);
-  std::vector<CaptureInput> inputs =
-      read_capture_inputs(arguments.captures, scene.sensor.bin_width);
+  // Captures state the nominal width of a bin, which a calibration may have corrected.
+  const double nominal = arguments.instrument.empty()
+                             ? scene.sensor.bin_width
+                             : read_scene(arguments.scene).sensor.bin_width;
+  std::vector<CaptureInput> inputs = read_capture_inputs(arguments.captures, nominal);
   require_readable(inputs);
   make_directory(arguments.output);
 
