@@ -18,6 +18,8 @@
 #include <cstdio>
 #include <functional>
 #include <limits>
+#include <mutex>
+#include <numbers>
 #include <string>
 #include <utility>
 
@@ -27,6 +29,7 @@
 #include "blindcorner/forward/multiversion.h"
 #include "measured_law_model.h"
 #include "relay_setup.h"
+#include "static_bounces.h"
 
 namespace blindcorner {
 namespace {
@@ -41,6 +44,8 @@ constexpr double kClosureError = 0.05;
 constexpr double kQuadratureError = 0.01;
 /// The centre alone: about 0.35 (e / r)^2.
 constexpr double kMidpointError = 0.35;
+/// Width of a relay patch in standard deviations of the lobe, as seen from the object.
+constexpr double kLobePatch = 1.5;
 /// Width of a path cell in pulse standard deviations: pairs in one cell differ by a spread of
 /// s = 0.4^2 / 6 = 0.03, whose closure error is below 1e-4. Wider cells leave kinks in the pose.
 constexpr double kPathCell = 0.4;
@@ -57,6 +62,13 @@ std::string text_of(double value) {
   std::snprintf(text, sizeof text, "%.2g", value);
   return text;
 }
+
+/// Sampling of the known scene's own later bounces, which a fit needs once per sensor placement,
+/// and of the estimate that decides whether it needs them.
+constexpr StaticSampling kBounces{1, 5, 1.5, 24};
+constexpr StaticSampling kBouncesEstimate{1, 3, 4.0, 8};
+/// Later bounces below this share of the tolerance are left out: the estimate's own uncertainty.
+constexpr double kBouncesMatter = 0.5;
 
 /// Structure of arrays, so that the loop over patches vectorises.
 struct PatchArrays {
@@ -443,13 +455,92 @@ BLINDCORNER_MULTIVERSION void add_to_cells(const Pulses& p, std::size_t begin, s
   touched = {lowest, highest};
 }
 
+/// Hidden objects that stand in the way of light, wherever the pose puts them: flat faces, and
+/// round bodies by the silhouettes that a point sees of them.
+class MovingBodies {
+ public:
+  bool empty() const { return faces_.empty() && spheres_.empty() && cylinders_.empty(); }
+
+  void add(const HiddenObject& object, const Placement& placement) {
+    const Transform T = object_to_world(object.shape, object.anchor, placement);
+    const double size = placement.size;
+    if (const auto* sphere = std::get_if<SphereShape>(&object.shape)) {
+      spheres_.push_back({T.translation(), size * sphere->radius, 0});
+    } else if (const auto* cylinder = std::get_if<CylinderShape>(&object.shape)) {
+      cylinders_.push_back({T.translation(), size * cylinder->radius, size * cylinder->height / 2});
+    } else {
+      const auto* mesh = std::get_if<MeshShape>(&object.shape);
+      const bool closed =
+          std::holds_alternative<BoxShape>(object.shape) || (mesh != nullptr && mesh->mesh->closed);
+      for (const auto& quad : flat_faces(object.shape, T, size)) faces_.push_back({quad, closed});
+    }
+  }
+
+  /// Adds the faces that hide what lies behind the bodies from a point outside of them.
+  void faces_seen_from(const Vector3d& point, std::vector<OccluderFace>& faces) const {
+    faces.insert(faces.end(), faces_.begin(), faces_.end());
+    for (const Round& sphere : spheres_) add_disc(sphere, point, faces);
+    for (const Round& cylinder : cylinders_) add_side(cylinder, point, faces);
+  }
+
+ private:
+  struct Round {
+    Vector3d center;
+    double radius, half_height;
+  };
+
+  /// The circle in which the cone of tangents touches the sphere, as an octagon of the same area.
+  static void add_disc(const Round& sphere, const Vector3d& point,
+                       std::vector<OccluderFace>& faces) {
+    const Vector3d way = sphere.center - point;
+    const double share = std::pow(sphere.radius, 2) / way.squaredNorm();
+    if (share >= 1) return;
+    const double reach =
+        sphere.radius * std::sqrt(1 - share) * std::sqrt(kPi / (2 * std::numbers::sqrt2));
+    const Vector3d u = way.unitOrthogonal();
+    const Vector3d v = way.normalized().cross(u);
+    std::array<Vector3d, 8> corners;
+    for (std::size_t k = 0; k < 8; ++k) {
+      const double angle = kPi / 4 * (static_cast<double>(k) + 0.5);
+      corners[k] = point + (1 - share) * way + reach * (std::cos(angle) * u + std::sin(angle) * v);
+    }
+    faces.push_back({{corners[0], corners[1], corners[2], corners[3]}, false});
+    faces.push_back({{corners[0], corners[3], corners[4], corners[7]}, false});
+    faces.push_back({{corners[4], corners[5], corners[6], corners[7]}, false});
+  }
+
+  /// The upright rectangle between the tangents to the cylinder's side; what its caps hide besides,
+  /// seen from above or below, is left out.
+  static void add_side(const Round& cylinder, const Vector3d& point,
+                       std::vector<OccluderFace>& faces) {
+    Vector3d way = cylinder.center - point;
+    way.z() = 0;
+    const double share = std::pow(cylinder.radius, 2) / way.squaredNorm();
+    if (!(share < 1)) return;
+    const Vector3d across =
+        cylinder.radius * std::sqrt(1 - share) * Vector3d(-way.y(), way.x(), 0).normalized();
+    const Vector3d up(0, 0, cylinder.half_height);
+    const Vector3d center = cylinder.center - share * way;
+    faces.push_back(
+        {{center - across - up, center + across - up, center + across + up, center - across + up},
+         false});
+  }
+
+  std::vector<OccluderFace> faces_;
+  std::vector<Round> spheres_, cylinders_;
+};
+
 class FastModel final : public ForwardModel {
  public:
   FastModel(const Scene& scene, const SensorPlacement& placement, const FastModelOptions& options);
 
   using ForwardModel::three_bounce;
-  void three_bounce(const PoseVector& pose, HistogramCube& out) const override;
-  const HistogramCube& direct_return() const override { return direct_; }
+  void three_bounce(const PoseVector& pose, HistogramCube& out) const override {
+    render(place(scene_.hidden.placement, scene_.unknowns, pose), {}, out);
+  }
+  /// The same for a placement of the object, with other bodies in the way.
+  void render(const Placement& placement, const MovingBodies& bodies, HistogramCube& out) const;
+  const HistogramCube& direct_return() const override;
   const TransportPlan& plan() const override { return plan_; }
   std::optional<Fidelity> fidelity() const override { return fidelity_; }
   std::optional<ModelSize> size() const override {
@@ -467,6 +558,7 @@ class FastModel final : public ForwardModel {
   };
   Limits limits(double tolerance, double coarseness) const;
   void choose_fidelity(const FastModelOptions& options);
+  void decide_bounces(double tolerance);
   double coarsest(const std::vector<PoseVector>& poses, double tolerance,
                   const std::function<int(double)>& sample) const;
   std::vector<PoseVector> probe_poses() const;
@@ -498,8 +590,7 @@ class FastModel final : public ForwardModel {
   void add_pulses(Scratch& s, int zone, std::size_t begin, std::size_t end) const;
   void add_seen_pulses(Scratch& s, std::size_t per_group) const;
   void flush(Scratch& s) const;
-  std::vector<OccluderFace> own_occluders(const PoseVector& pose, const Transform& T,
-                                          double size) const;
+  std::vector<OccluderFace> own_occluders(const Placement& placement, const Transform& T) const;
 
   Scene scene_;
   PlanOverrides overrides_;
@@ -509,13 +600,15 @@ class FastModel final : public ForwardModel {
   bool confocal_;
   double pulse_sigma_;     ///< m of path, pulse, bin and extra blur together
   double extra_variance_;  ///< s^2
+  bool bounces_ = false;   ///< light that bounces on within the known scene matters
   double object_edge_ = 1.0;
   int dim_patches_ = 0;           ///< left out
   int object_nodes_ = 0;          ///< of the scene's own placement
   bool object_midpoint_ = false;  ///< cells are so small that their centres will do
   Fidelity fidelity_;
   PulseTable pulses_;
-  HistogramCube direct_;
+  mutable std::once_flag direct_once_;
+  mutable HistogramCube direct_;
   PatchArrays lit_;   ///< of the flash field, or of all zones one after the other (confocal)
   PatchArrays seen_;  ///< of all zones, one after the other
   int axis_bins_;
@@ -543,15 +636,9 @@ FastModel::FastModel(const Scene& scene, const SensorPlacement& placement,
       cells_per_metre_(1 / (kPathCell * pulse_sigma_)),
       path_cells_(static_cast<int>(axis_bins_ / bins_per_metre_ * cells_per_metre_) +
                   2 * kCellMargin) {
-  if (scene_.linear.direct == LinearMode::fixed && scene_.linear.fixed_direct == 0) {
-    direct_ = HistogramCube(scene_.sensor.rows, scene_.sensor.columns, scene_.sensor.bins);
-  } else {
-    const PulseTable tails(scene.sensor.response, scene.sensor.bin_width,
-                           std::pow(scene.sensor.response.core_sigma(), 2), 1e-7);
-    direct_ = setup_.direct_return(tails, 10, true);
-  }
   choose_fidelity(options);
   complete_plan(options.tolerance);
+  decide_bounces(options.tolerance);
 }
 
 /// Decisions that need the sampled relay.
@@ -580,7 +667,7 @@ void FastModel::complete_plan(double tolerance) {
   plan_.decide({Term::whole_axis, "bins that no light can reach", false,
                 "light from the search region arrives in bins " + std::to_string(first) + " to " +
                     std::to_string(last) + " of " + std::to_string(axis_bins_)});
-  const bool direct = std::ranges::any_of(direct_.values, [](double v) { return v > 0; });
+  const bool direct = scene_.linear.direct != LinearMode::fixed || scene_.linear.fixed_direct > 0;
   plan_.decide({Term::direct_return, "direct return of the known surfaces", direct,
                 direct ? "captures hold it: computed once, it does not depend on the pose"
                        : "captures hold none"});
@@ -654,6 +741,51 @@ std::pair<int, int> FastModel::reachable_bins() const {
   return {std::clamp(first, 0, axis_bins_), std::clamp(end, 0, axis_bins_) - 1};
 }
 
+/// Made when somebody asks: models that only score never do.
+const HistogramCube& FastModel::direct_return() const {
+  std::call_once(direct_once_, [this] {
+    const Sensor& sensor = scene_.sensor;
+    direct_ = HistogramCube(sensor.rows, sensor.columns, sensor.bins);
+    if (scene_.linear.direct == LinearMode::fixed && scene_.linear.fixed_direct == 0) return;
+    const PulseTable tails(sensor.response, sensor.bin_width,
+                           std::pow(sensor.response.core_sigma(), 2), 1e-7);
+    direct_ = setup_.direct_return(tails, 10, true);
+    if (bounces_) StaticBounces(scene_, setup_, kBounces).add({}, direct_);
+    mix_zones(sensor, direct_);
+  });
+  return direct_;
+}
+
+/// Whether the known scene's own two- and three-bounce light matters beside the object's.
+void FastModel::decide_bounces(double tolerance) {
+  const Sensor& sensor = scene_.sensor;
+  const auto decide = [&](bool used, const std::string& reason, double bound = 0) {
+    bounces_ = overrides_.switched_on(Term::known_bounces) ||
+               (used && !overrides_.switched_off(Term::known_bounces));
+    plan_.decide({Term::known_bounces, "two and three bounces within the known scene", used, reason,
+                  used ? 0.0 : bound});
+  };
+  if (scene_.linear.direct == LinearMode::fixed && scene_.linear.fixed_direct == 0) {
+    return decide(false, "captures hold no light of the known scene");
+  }
+  const StaticBounces bounces(scene_, setup_, kBouncesEstimate);
+  if (!bounces.any()) return decide(false, "no two reflecting surfaces face each other");
+  HistogramCube light(sensor.rows, sensor.columns, sensor.bins);
+  bounces.add({}, light);
+  double brightest = 0;
+  HistogramCube object;
+  for (const PoseVector& pose : probe_poses()) {
+    three_bounce(pose, object);
+    brightest = std::max(brightest, *std::max_element(object.values.begin(), object.values.end()));
+  }
+  const double share =
+      *std::max_element(light.values.begin(), light.values.end()) / std::max(brightest, 1e-300);
+  char text[96];
+  std::snprintf(text, sizeof text, "its peak is about %.2g of the object's, the tolerance is %.2g",
+                share, tolerance);
+  decide(share > kBouncesMatter * tolerance, text, tolerance);
+}
+
 /// Limits of sampling in units of those that the closed-form estimates give for the tolerance.
 FastModel::Limits FastModel::limits(double tolerance, double coarseness) const {
   // Six axes share each limit: two each of what is lit, what is seen and the object.
@@ -663,6 +795,11 @@ FastModel::Limits FastModel::limits(double tolerance, double coarseness) const {
       coarseness * pulse_sigma_ * std::pow(tolerance / kClosureError, 0.25) / std::sqrt(kAxes);
   l.aspect = coarseness * std::pow(tolerance / kQuadratureError / kAxes, 0.25);
   l.midpoint = coarseness * std::sqrt(tolerance / kMidpointError);
+  if (plan_.kernel == Kernel::retro_pairs) {
+    // A patch stands for a Gaussian within the lobe: it must not be wide against it.
+    const double sigma = std::get<RetroreflectiveMaterial>(scene_.hidden.material).lobe_sigma;
+    l.aspect = std::min(l.aspect, coarseness * kLobePatch * sigma);
+  }
   return l;
 }
 
@@ -853,13 +990,14 @@ void FastModel::sample_relay(const Limits& limits, double tolerance) {
       return u >= v ? 1 : 2;
     };
   };
-  // Dim parts that together hold less than this share are left out.
+  // Dim parts that, with all that is up to twice as bright, hold less than this share are left out.
+  // The margin is for cells dimmer than any of those whose light was learned.
   const double negligible =
       overrides_.switched_on(Term::dim_patches) ? 0.0 : kNegligible * tolerance;
   dim_patches_ = 0;
   const auto prune = [&](std::vector<WeightedPatch> patches, const Brightness& brightness) {
     dim_patches_ += static_cast<int>(std::erase_if(patches, [&](const WeightedPatch& p) {
-      return brightness.share_below(brightness.density(p.patch)) < negligible;
+      return brightness.share_below(2 * brightness.density(p.patch)) < negligible;
     }));
     return patches;
   };
@@ -1256,21 +1394,22 @@ void FastModel::retro_pairs(const CellNodes& cell, const Shadows& shadows, Scrat
 
 /// Occluders of this pose where they are not the plan's: all of them outside of the search region,
 /// for which the plan was made, and the object itself when that term is switched on.
-std::vector<OccluderFace> FastModel::own_occluders(const PoseVector& pose, const Transform& T,
-                                                   double size) const {
+std::vector<OccluderFace> FastModel::own_occluders(const Placement& placement,
+                                                   const Transform& T) const {
   std::vector<OccluderFace> faces;
-  if (!overrides_.switched_off(Term::occlusion) && !in_search_region(scene_, pose)) {
+  if (!overrides_.switched_off(Term::occlusion) && !in_search_region(scene_, placement)) {
     faces = all_occluders_;
   }
   if (overrides_.switched_on(Term::self_shadowing)) {
     if (faces.empty()) faces = plan_.occluders;
-    const std::vector<OccluderFace> body = body_faces(scene_.hidden.shape, T, size);
+    const std::vector<OccluderFace> body = body_faces(scene_.hidden.shape, T, placement.size);
     faces.insert(faces.end(), body.begin(), body.end());
   }
   return faces;
 }
 
-void FastModel::three_bounce(const PoseVector& pose, HistogramCube& out) const {
+void FastModel::render(const Placement& placement, const MovingBodies& bodies,
+                       HistogramCube& out) const {
   const Sensor& sensor = scene_.sensor;
   if (out.rows != sensor.rows || out.columns != sensor.columns || out.bins != sensor.bins) {
     out = HistogramCube(sensor.rows, sensor.columns, sensor.bins);
@@ -1283,18 +1422,25 @@ void FastModel::three_bounce(const PoseVector& pose, HistogramCube& out) const {
   scratch.prepare(zones, path_cells_);
 
   const HiddenObject& hidden = scene_.hidden;
-  const Placement placement = place(hidden.placement, scene_.unknowns, pose);
   const Transform T = object_to_world(hidden.shape, hidden.anchor, placement);
-  const std::vector<OccluderFace> own = own_occluders(pose, T, placement.size);
+  const std::vector<OccluderFace> own = own_occluders(placement, T);
   const std::vector<OccluderFace>& occluders = own.empty() ? plan_.occluders : own;
   Shadows shadows;
+  std::vector<OccluderFace> faces;
   for (const SurfaceCell& cell : divide(hidden.shape, T, placement.size, object_edge_, 1)) {
     if (!faces_relay(cell)) continue;
     const CellNodes nodes(cell, object_midpoint_);
-    if (!occluders.empty()) {
+    if (!occluders.empty() || !bodies.empty()) {
       shadows.clear();
       for (std::size_t n = 0; n < nodes.count; ++n) {
-        shadows.emplace_back(occluders, nodes.nodes[n].center);
+        const Vector3d& point = nodes.nodes[n].center;
+        if (bodies.empty()) {
+          shadows.emplace_back(occluders, point);
+          continue;
+        }
+        faces = occluders;
+        bodies.faces_seen_from(point, faces);
+        shadows.emplace_back(faces, point);
       }
     }
     switch (plan_.kernel) {
@@ -1314,7 +1460,48 @@ void FastModel::three_bounce(const PoseVector& pose, HistogramCube& out) const {
     fold(sensor, z, scratch.rows.data() + static_cast<std::ptrdiff_t>(z) * axis_bins_, axis_bins_,
          out.zone(z));
   }
+  mix_zones(sensor, out);
 }
+
+/// Several hidden objects, or one that shadows itself: a model for each, with all bodies that are
+/// in its way. Light that visits two objects has bounced four times and is left out.
+class FastObjects final : public ForwardModel {
+ public:
+  FastObjects(const Scene& scene, const SensorPlacement& placement, const FastModelOptions& options)
+      : scene_(scene) {
+    for (int i = 0; i < object_count(scene_); ++i) {
+      parts_.push_back(std::make_unique<FastModel>(only_object(scene_, i), placement, options));
+    }
+    plan_ = parts_.front()->plan();
+    plan_.decide({Term::self_shadowing, "self-shadowing of the object", true,
+                  object_count(scene_) > 1 ? "hidden objects may hide each other"
+                                           : "the shape is not convex"});
+  }
+
+  using ForwardModel::three_bounce;
+  void three_bounce(const PoseVector& pose, HistogramCube& out) const override {
+    const std::vector<Placement> placements = placements_at(scene_, pose);
+    out = HistogramCube(scene_.sensor.rows, scene_.sensor.columns, scene_.sensor.bins);
+    thread_local HistogramCube light;
+    for (std::size_t i = 0; i < parts_.size(); ++i) {
+      MovingBodies bodies;
+      for (std::size_t j = 0; j < parts_.size(); ++j) {
+        const HiddenObject& other = hidden_object(scene_, static_cast<int>(j));
+        if (i != j || !is_convex(other.shape)) bodies.add(other, placements[j]);
+      }
+      parts_[i]->render(placements[i], bodies, light);
+      for (std::size_t k = 0; k < out.values.size(); ++k) out.values[k] += light.values[k];
+    }
+  }
+  const HistogramCube& direct_return() const override { return parts_.front()->direct_return(); }
+  const TransportPlan& plan() const override { return plan_; }
+  std::optional<Fidelity> fidelity() const override { return parts_.front()->fidelity(); }
+
+ private:
+  Scene scene_;
+  std::vector<std::unique_ptr<FastModel>> parts_;
+  TransportPlan plan_;
+};
 
 }  // namespace
 
@@ -1335,6 +1522,9 @@ std::unique_ptr<ForwardModel> make_fast_model(const Scene& scene, const SensorPl
   options.validate();
   if (std::holds_alternative<MeasuredLawMaterial>(scene.hidden.material)) {
     return make_measured_law_model(scene, placement, options.extra_pulse_sigma);
+  }
+  if (object_count(scene) > 1 || !is_convex(scene.hidden.shape)) {
+    return std::make_unique<FastObjects>(scene, placement, options);
   }
   return std::make_unique<FastModel>(scene, placement, options);
 }

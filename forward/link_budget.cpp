@@ -161,6 +161,7 @@ std::optional<double> detections_per_pulse(const Scene& scene,
 
 void decide_pile_up(TransportPlan& plan, const Scene& scene,
                     const std::vector<ZoneBudget>& budget) {
+  if (scene.sensor.pile_up_cycles > 0) return;  // stated with the sensor, and corrected
   PlanDecision pile_up{Term::pile_up, "pile-up", false, "", 0.0};
   const std::optional<double> detections = detections_per_pulse(scene, budget);
   if (!detections) {

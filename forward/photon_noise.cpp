@@ -7,6 +7,53 @@
 
 namespace blindcorner {
 
+void pile_up(double cycles, double* counts, int bins) {
+  double free = 1;  // share of cycles without a photon so far
+  for (int k = 0; k < bins; ++k) {
+    const double passed = std::exp(-std::max(counts[k], 0.0) / cycles);
+    counts[k] = cycles * free * (1 - passed);
+    free *= passed;
+  }
+}
+
+void undo_pile_up(double cycles, const double* counts, int bins, double* corrected, double* live) {
+  double free = cycles;
+  for (int k = 0; k < bins; ++k) {
+    // At least half a cycle stays free: the last photon of a full detector says no more than that.
+    const double hit = std::min(counts[k], std::max(free - 0.5, 0.0));
+    const double share = free > 0 ? hit / free : 0.0;
+    corrected[k] = -cycles * std::log1p(-share);
+    // Of a bin without counts: the cycles that were free.
+    live[k] = corrected[k] > 0 ? hit / corrected[k] : std::max(free, 0.5) / cycles;
+    free -= hit;
+  }
+}
+
+void saturate(const Sensor& sensor, HistogramCube& counts) {
+  if (sensor.saturation <= 0) return;
+  for (double& value : counts.values) value = std::min(value, sensor.saturation);
+}
+
+namespace {
+
+/// Coates' model backwards: each cycle that is still free gives a photon in this bin with the
+/// probability that the expected counts have among the free cycles.
+void draw_piled_up(double cycles, double exposures, double* counts, int bins,
+                   std::mt19937_64& random) {
+  double expected_free = cycles;
+  long long free = std::llround(cycles * exposures);
+  for (int k = 0; k < bins; ++k) {
+    const double hit = expected_free > 0 ? std::min(counts[k] / expected_free, 1.0) : 0.0;
+    expected_free -= counts[k];
+    std::binomial_distribution<long long> binomial(free, std::max(hit, 0.0));
+    const long long drawn = hit > 0 && free > 0 ? binomial(random) : 0;
+    free -= drawn;
+    counts[k] = static_cast<double>(drawn) / exposures;
+  }
+}
+
+}  // namespace
+
 HistogramCube expected_counts(const Scene& scene, const HistogramCube& three_bounce,
                               const HistogramCube& direct_return, const LinearValues& linear) {
   HistogramCube counts(three_bounce.rows, three_bounce.columns, three_bounce.bins);
@@ -17,6 +64,9 @@ HistogramCube expected_counts(const Scene& scene, const HistogramCube& three_bou
       counts.zone(z)[k] = zone.gain * (linear.amplitude * three_bounce.zone(z)[k] +
                                        linear.direct * direct_return.zone(z)[k]) +
                           linear.ambient;
+    }
+    if (scene.sensor.pile_up_cycles > 0) {
+      pile_up(scene.sensor.pile_up_cycles, counts.zone(z), counts.bins);
     }
   }
   return counts;
@@ -37,6 +87,14 @@ HistogramCube draw_counts(const Scene& scene, const HistogramCube& expected, dou
       value += std::sqrt(variance / exposures) * normal(random);
       if (gaussian->censored_at_zero) value = std::max(value, 0.0);
     }
+    saturate(scene.sensor, counts);
+    return counts;
+  }
+  if (scene.sensor.pile_up_cycles > 0) {
+    for (int z = 0; z < counts.zones(); ++z) {
+      draw_piled_up(scene.sensor.pile_up_cycles, exposures, counts.zone(z), counts.bins, random);
+    }
+    saturate(scene.sensor, counts);
     return counts;
   }
   const double scale = exposures / scene.sensor.dispersion;
@@ -45,6 +103,7 @@ HistogramCube draw_counts(const Scene& scene, const HistogramCube& expected, dou
     std::poisson_distribution<long long> poisson(value * scale);
     value = static_cast<double>(poisson(random)) / scale;
   }
+  saturate(scene.sensor, counts);
   return counts;
 }
 

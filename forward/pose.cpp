@@ -44,17 +44,23 @@ void Placement::set(Component component, double value) {
 }
 
 Placement place(const Placement& known, const std::vector<Unknown>& unknowns,
-                const PoseVector& pose) {
+                const PoseVector& pose, int object) {
   Placement placement = known;
   for (std::size_t i = 0; i < unknowns.size(); ++i) {
+    if (unknowns[i].object != object) continue;
     placement.set(unknowns[i].component, pose[static_cast<Eigen::Index>(i)]);
   }
   return placement;
 }
 
 PoseVector pose_of(const Placement& placement, const std::vector<Unknown>& unknowns) {
+  return pose_of(std::vector<Placement>{placement}, unknowns);
+}
+
+PoseVector pose_of(const std::vector<Placement>& placements, const std::vector<Unknown>& unknowns) {
   PoseVector pose(static_cast<Eigen::Index>(unknowns.size()));
   for (std::size_t i = 0; i < unknowns.size(); ++i) {
+    const Placement& placement = placements[static_cast<std::size_t>(unknowns[i].object)];
     pose[static_cast<Eigen::Index>(i)] = placement.get(unknowns[i].component);
   }
   return pose;

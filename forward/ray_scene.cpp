@@ -72,16 +72,28 @@ struct RayScene::Impl {
   }
 };
 
-RayScene::RayScene(const std::vector<Surface>& surfaces) : impl_(std::make_unique<Impl>()) {
+namespace {
+
+std::vector<std::vector<Triangle>> bodies_of(const std::vector<Surface>& surfaces) {
+  std::vector<std::vector<Triangle>> bodies;
+  for (const Surface& surface : surfaces) {
+    bodies.push_back(triangulate(surface.shape, surface.T_world_surface, 1.0));
+  }
+  return bodies;
+}
+
+}  // namespace
+
+RayScene::RayScene(const std::vector<Surface>& surfaces) : RayScene(bodies_of(surfaces)) {}
+
+RayScene::RayScene(const std::vector<std::vector<Triangle>>& bodies)
+    : impl_(std::make_unique<Impl>()) {
   impl_->device = rtcNewDevice(nullptr);
   if (impl_->device == nullptr) throw Error("ray tracing", "no device could be made");
   rtcSetDeviceErrorFunction(impl_->device, throw_on_error, nullptr);
   impl_->scene = rtcNewScene(impl_->device);
   rtcSetSceneFlags(impl_->scene, RTC_SCENE_FLAG_ROBUST);
-  for (std::size_t i = 0; i < surfaces.size(); ++i) {
-    impl_->add(static_cast<unsigned>(i),
-               triangulate(surfaces[i].shape, surfaces[i].T_world_surface, 1.0));
-  }
+  for (std::size_t i = 0; i < bodies.size(); ++i) impl_->add(static_cast<unsigned>(i), bodies[i]);
   rtcCommitScene(impl_->scene);
 }
 

@@ -2,98 +2,74 @@
 /// The three-bounce sum of the design, pair by pair.
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
 #include "blindcorner/forward/forward_model.h"
 #include "measured_law_model.h"
+#include "pair_sum.h"
 #include "relay_setup.h"
+#include "static_bounces.h"
 
 namespace blindcorner {
 namespace {
 
 using Eigen::Vector3d;
 
-/// Energy that the tabulated pulse may lose at either end.
+/// Energy that the direct return's pulse may lose at either end.
 constexpr double kPulseTail = 1e-8;
-/// Lobes are cut where they have fallen to exp(-5^2 / 2) = 4e-6 of their peak.
-constexpr double kLobeCut = 5.0;
 /// Lit cells that meet a lobe are at most this share of its footprint's sigma wide.
 constexpr double kLobeCell = 0.8;
+/// Share of the light times fourth power of the path spread (half range over pulse) of a cell.
+constexpr double kPathError = 0.1;
+/// Steps around a curved body that blocks: its inscribed polygon is then 0.07 % too small in area.
+constexpr int kRoundSegments = 96;
 
-/// Light is first collected on a fine time axis, `kFine` cells a bin, each pair shared linearly
-/// between two cells, and convolved with the pulse at the end. Sharing adds a variance of at most
-/// a quarter of a cell squared: below 1e-3 of the pulse's.
-class FineAxis {
- public:
-  FineAxis(const Sensor& sensor)
-      : bins_(unwrapped_bins(sensor)),
-        fine_(std::max(16, static_cast<int>(
-                               std::ceil(16 * sensor.bin_width / sensor.response.core_sigma())))) {
-    const auto [early, late] = sensor.response.support(kPulseTail);
-    first_ = static_cast<int>(std::floor(early / sensor.bin_width)) - 1;
-    length_ = static_cast<int>(std::ceil(late / sensor.bin_width)) + 1 - first_;
-    margin_ = length_;
-    for (int phase = 0; phase < fine_; ++phase) {
-      for (int k = 0; k < length_; ++k) {
-        const double edge = (first_ + k - static_cast<double>(phase) / fine_) * sensor.bin_width;
-        pulse_.push_back(sensor.response.cumulative(edge + sensor.bin_width) -
-                         sensor.response.cumulative(edge));
+/// One of the hidden objects where a pose puts it.
+struct PlacedObject {
+  const HiddenObject* object;
+  Transform T_world_object;
+  double size;
+};
+
+std::vector<PlacedObject> placed_objects(const Scene& scene, const PoseVector& pose) {
+  std::vector<PlacedObject> placed;
+  const std::vector<Placement> placements = placements_at(scene, pose);
+  for (int i = 0; i < object_count(scene); ++i) {
+    const HiddenObject& object = hidden_object(scene, i);
+    const Placement& placement = placements[static_cast<std::size_t>(i)];
+    placed.push_back(
+        {&object, object_to_world(object.shape, object.anchor, placement), placement.size});
+  }
+  return placed;
+}
+
+/// The hidden objects as bodies that block light. A ray that leaves a convex body's own surface
+/// outwards does not meet it again, so a body may be asked about its own cells.
+std::unique_ptr<RayScene> bodies_of(const std::vector<PlacedObject>& objects) {
+  std::vector<std::vector<Triangle>> bodies;
+  for (const PlacedObject& o : objects) {
+    bodies.push_back(triangulate(o.object->shape, o.T_world_object, o.size, kRoundSegments));
+  }
+  return std::make_unique<RayScene>(bodies);
+}
+
+/// Flat cells become their four Gauss-Legendre nodes.
+std::vector<SurfaceCell> gauss_nodes(const std::vector<SurfaceCell>& cells) {
+  const double node = 1 / std::sqrt(3.0);
+  std::vector<SurfaceCell> nodes;
+  nodes.reserve(4 * cells.size());
+  for (const SurfaceCell& cell : cells) {
+    for (const double a : {-node, node}) {
+      for (const double b : {-node, node}) {
+        nodes.push_back(cell);
+        nodes.back().center += a * cell.half_u + b * cell.half_v;
+        nodes.back().area /= 4;
       }
     }
   }
-
-  int cells() const { return (bins_ + 2 * margin_) * fine_ + 1; }
-  double scale() const { return fine_; }  ///< cells per bin
-  double origin() const { return margin_ * fine_; }
-
-  void convolve(const std::vector<double>& cells, double* row) const {
-    for (int bin = -margin_; bin < bins_ + margin_; ++bin) {
-      for (int phase = 0; phase < fine_; ++phase) {
-        const double light = cells[static_cast<std::size_t>((bin + margin_) * fine_ + phase)];
-        if (light == 0) continue;
-        const double* pulse = pulse_.data() + static_cast<std::ptrdiff_t>(phase) * length_;
-        const int begin = std::max(0, -(bin + first_));
-        const int end = std::min(length_, bins_ - bin - first_);
-        for (int k = begin; k < end; ++k) row[bin + first_ + k] += light * pulse[k];
-      }
-    }
-  }
-
- private:
-  int bins_, fine_;
-  int first_ = 0, length_ = 0, margin_ = 0;
-  std::vector<double> pulse_;  // [phase][bin]
-};
-
-/// Light between one object point and one relay point.
-struct Leg {
-  double weight = 0;                      ///< without the cosine at the object
-  double cosine = 0;                      ///< at the object
-  double length = 0;                      ///< outer and inner leg, in cells of the fine axis
-  Vector3d direction = Vector3d::Zero();  ///< from the object point, unit
-};
-
-/// Consecutive legs whose directions lie in a ball: lobes skip whole runs.
-struct Run {
-  std::size_t begin, end;
-  Vector3d center;
-  double radius;
-};
-
-std::vector<Run> runs_of(const std::vector<Leg>& legs) {
-  constexpr std::size_t kRun = 32;
-  std::vector<Run> runs;
-  for (std::size_t begin = 0; begin < legs.size(); begin += kRun) {
-    Run run{begin, std::min(begin + kRun, legs.size()), Vector3d::Zero(), 0.0};
-    for (std::size_t i = run.begin; i < run.end; ++i) run.center += legs[i].direction;
-    run.center /= static_cast<double>(run.end - run.begin);
-    for (std::size_t i = run.begin; i < run.end; ++i) {
-      run.radius = std::max(run.radius, (legs[i].direction - run.center).norm());
-    }
-    runs.push_back(run);
-  }
-  return runs;
+  return nodes;
 }
 
 class ReferenceRenderer final : public ForwardModel {
@@ -103,158 +79,180 @@ class ReferenceRenderer final : public ForwardModel {
       : scene_(scene),
         options_(options),
         setup_(scene_, placement),
-        axis_(scene_.sensor),
-        plan_(make_plan(scene_, setup_.relay_points(), setup_.lit_extent())) {
+        plan_(make_plan(scene_, setup_.relay_points(), setup_.lit_extent())),
+        occluded_(std::any_of(scene_.surfaces.begin(), scene_.surfaces.end(),
+                              [](const Surface& s) { return s.occluder; })),
+        bounces_(scene_, setup_, StaticSampling{}) {
     const PulseTable pulses(scene_.sensor.response, scene_.sensor.bin_width,
                             std::pow(scene_.sensor.response.core_sigma(), 2), kPulseTail);
-    direct_ = setup_.direct_return(pulses, 4 * options_.zone_divisions, false);
-    RelaySampling sampling;
-    sampling.divisions = options_.zone_divisions;
-    for (int z = 0; z < scene_.sensor.zone_count(); ++z) {
-      const bool dead = scene_.sensor.zones[static_cast<std::size_t>(z)].dead;
-      seen_.push_back(dead ? std::vector<WeightedPatch>{} : setup_.seen(z, sampling));
-    }
+    first_bounce_ = setup_.direct_return(pulses, 4 * options_.zone_divisions, true);
+    direct_ = first_bounce_;
+    bounces_.add({}, direct_);
+    mix_zones(scene_.sensor, direct_);
   }
 
   using ForwardModel::three_bounce;
   void three_bounce(const PoseVector& pose, HistogramCube& out) const override;
   const HistogramCube& direct_return() const override { return direct_; }
+  HistogramCube static_return(const PoseVector& pose) const override;
   const TransportPlan& plan() const override { return plan_; }
 
  private:
-  std::vector<Leg> legs(const SurfaceCell& cell, const std::vector<WeightedPatch>& patches) const;
-  RelaySampling lit_sampling(const Vector3d& object) const;
+  using Patches = std::vector<std::vector<WeightedPatch>>;
+  /// Lit patches: one list for all zones, or one for each (confocal).
+  Patches lit_for(const PlacedObject& object) const;
+  Patches seen_for(const PlacedObject& object) const;  ///< [zone]
+  Split path_split(const Vector3d& object, double all_light) const;
+  std::vector<WeightedPatch> split_by_path(
+      const std::function<std::vector<WeightedPatch>()>& sample, RelaySampling& sampling,
+      const Vector3d& object) const;
+  std::vector<SurfaceCell> cells_of(const PlacedObject& object) const;
+  void add_object(const PlacedObject& object, const Blockers& blockers, PairSum& sum) const;
 
   Scene scene_;
   ReferenceOptions options_;
   RelaySetup setup_;
-  FineAxis axis_;
   TransportPlan plan_;
+  bool occluded_;  ///< some surface blocks light
+  StaticBounces bounces_;
+  HistogramCube first_bounce_;
   HistogramCube direct_;
-  std::vector<std::vector<WeightedPatch>> seen_;
 };
 
-std::vector<Leg> ReferenceRenderer::legs(const SurfaceCell& cell,
-                                         const std::vector<WeightedPatch>& patches) const {
-  const double cells_per_metre = axis_.scale() / (kSpeedOfLight * scene_.sensor.bin_width);
-  std::vector<Leg> legs;
-  legs.reserve(patches.size());
-  for (const WeightedPatch& p : patches) {
-    const Vector3d way = p.patch.center - cell.center;
-    const double length = way.norm();
-    Leg leg;
-    leg.direction = way / length;
-    leg.cosine = leg.direction.dot(cell.normal);
-    const double relay_cosine = -leg.direction.dot(p.patch.normal);
-    if (leg.cosine <= 0 || relay_cosine <= 0) continue;
-    if (!plan_.occluders.empty() && setup_.occluder_rays().blocked(cell.center, p.patch.center)) {
-      continue;
-    }
-    leg.weight = p.weight * relay_cosine / (length * length);
-    leg.length = (p.leg + length) * cells_per_metre;
-    legs.push_back(leg);
-  }
-  return legs;
+/// Light that a patch exchanges with an object, up to a constant.
+double exchanged(const RelayPatch& patch, const Vector3d& object) {
+  const Vector3d way = object - patch.center;
+  const double cosine = std::max(way.dot(patch.normal) / way.norm(), 0.0);
+  return patch.solid_angle * patch.albedo * cosine / way.squaredNorm();
 }
 
-RelaySampling ReferenceRenderer::lit_sampling(const Vector3d& object) const {
+/// Divides cells, as of a floor seen at a grazing angle, whose paths to the object differ by more
+/// than the pulse can stand. Two Gauss nodes err by the fourth power of the half difference h over
+/// the pulse's width, so a cell with the share s of the region's light may have h^4 = 0.1 / s.
+Split ReferenceRenderer::path_split(const Vector3d& object, double all_light) const {
+  const double pulse = kSpeedOfLight * std::hypot(scene_.sensor.response.core_sigma(),
+                                                  scene_.sensor.bin_width / std::sqrt(12.0));
+  return [object, pulse, all_light, origin = setup_.origin()](const RelayPatch& patch) {
+    const Vector3d gradient =
+        (patch.center - origin).normalized() + (patch.center - object).normalized();
+    const double u = std::abs(gradient.dot(patch.half_u)) / pulse;
+    const double v = std::abs(gradient.dot(patch.half_v)) / pulse;
+    if (std::pow(std::max(u, v), 4) * exchanged(patch, object) <= kPathError * all_light) return 0;
+    return u >= v ? 1 : 2;
+  };
+}
+
+/// Samples evenly to learn the region's light, then again with cells divided by their paths.
+std::vector<WeightedPatch> ReferenceRenderer::split_by_path(
+    const std::function<std::vector<WeightedPatch>()>& sample, RelaySampling& sampling,
+    const Vector3d& object) const {
+  sampling.split = nullptr;
+  double all_light = 0;
+  for (const WeightedPatch& p : sample()) all_light += exchanged(p.patch, object);
+  sampling.split = path_split(object, all_light);
+  return sample();
+}
+
+ReferenceRenderer::Patches ReferenceRenderer::seen_for(const PlacedObject& object) const {
+  RelaySampling sampling;
+  sampling.divisions = options_.zone_divisions;
+  sampling.gauss = [](const RelayPatch&) { return true; };
+  Patches seen(scene_.sensor.zones.size());
+  for (std::size_t z = 0; z < seen.size(); ++z) {
+    if (scene_.sensor.zones[z].dead) continue;
+    const auto even = [&] { return setup_.seen(static_cast<int>(z), sampling); };
+    seen[z] = split_by_path(even, sampling, object.T_world_object.translation());
+  }
+  return seen;
+}
+
+ReferenceRenderer::Patches ReferenceRenderer::lit_for(const PlacedObject& object) const {
   RelaySampling sampling;
   sampling.divisions = options_.field_divisions;
-  if (const auto* retro = std::get_if<RetroreflectiveMaterial>(&scene_.hidden.material)) {
+  if (const auto* retro = std::get_if<RetroreflectiveMaterial>(&object.object->material)) {
     // Lit cells must be small against the lobe's footprint.
     const double sigma = retro->lobe_sigma;
-    sampling.split = [object, sigma](const RelayPatch& patch) {
+    const Vector3d center = object.T_world_object.translation();
+    sampling.split = [center, sigma](const RelayPatch& patch) {
       const double u = patch.half_u.norm();
       const double v = patch.half_v.norm();
-      const double most = 0.5 * kLobeCell * sigma * (patch.center - object).norm();
+      const double most = 0.5 * kLobeCell * sigma * (patch.center - center).norm();
       return std::max(u, v) <= most ? 0 : (u > v ? 1 : 2);
     };
+  } else {
+    sampling.gauss = [](const RelayPatch&) { return true; };
   }
-  return sampling;
+  const Vector3d center = object.T_world_object.translation();
+  const bool split = !sampling.split;
+  const auto sampled = [&](const auto& sample) {
+    return split ? split_by_path(sample, sampling, center) : sample();
+  };
+  if (scene_.sensor.illumination == Illumination::flash) {
+    return {sampled([&] { return setup_.lit(sampling); })};
+  }
+  Patches lit(scene_.sensor.zones.size());
+  for (std::size_t z = 0; z < lit.size(); ++z) {
+    if (scene_.sensor.zones[z].dead) continue;
+    lit[z] = sampled([&] { return setup_.lit_by_zone(static_cast<int>(z), sampling); });
+  }
+  return lit;
+}
+
+std::vector<SurfaceCell> ReferenceRenderer::cells_of(const PlacedObject& placed) const {
+  const Shape& shape = placed.object->shape;
+  const bool flat =
+      std::holds_alternative<RectangleShape>(shape) || std::holds_alternative<BoxShape>(shape);
+  const int nodes = flat ? 1 : 2;  // single nodes are put as densely as Gauss nodes
+  const auto cells = divide(shape, placed.T_world_object, placed.size, options_.object_edge / nodes,
+                            options_.object_divisions * nodes);
+  return flat ? gauss_nodes(cells) : cells;
+}
+
+void ReferenceRenderer::add_object(const PlacedObject& placed, const Blockers& blockers,
+                                   PairSum& sum) const {
+  const HiddenObject& object = *placed.object;
+  const auto* retro = std::get_if<RetroreflectiveMaterial>(&object.material);
+  const Patches lit = lit_for(placed);
+  const Patches seen = seen_for(placed);
+  for (const SurfaceCell& cell : cells_of(placed)) {
+    std::vector<Leg> in;
+    for (int z = 0; z < scene_.sensor.zone_count(); ++z) {
+      const auto zone = static_cast<std::size_t>(z);
+      if (z == 0 || lit.size() > 1) in = legs_to(cell, lit[zone], blockers);
+      if (in.empty() || seen[zone].empty()) continue;
+      const std::vector<Leg> out = legs_to(cell, seen[zone], blockers);
+      if (retro == nullptr) {
+        sum.add_lambertian(z, cell.area * object.albedo / kPi, in, out);
+      } else {
+        sum.add_retroreflective(z, cell.area, object.albedo, retro->lobe_sigma, in, out);
+      }
+    }
+  }
 }
 
 void ReferenceRenderer::three_bounce(const PoseVector& pose, HistogramCube& out) const {
-  const Sensor& sensor = scene_.sensor;
-  const HiddenObject& hidden = scene_.hidden;
-  out = HistogramCube(sensor.rows, sensor.columns, sensor.bins);
-  const Placement placement = place(hidden.placement, scene_.unknowns, pose);
-  const Transform T = object_to_world(hidden.shape, hidden.anchor, placement);
-  const auto cells =
-      divide(hidden.shape, T, placement.size, options_.object_edge, options_.object_divisions);
-  const auto* retro = std::get_if<RetroreflectiveMaterial>(&hidden.material);
-  const bool confocal = sensor.illumination == Illumination::confocal;
-  const RelaySampling sampling = lit_sampling(T.translation());
-  const std::vector<WeightedPatch> lit =
-      confocal ? std::vector<WeightedPatch>{} : setup_.lit(sampling);
+  out = HistogramCube(scene_.sensor.rows, scene_.sensor.columns, scene_.sensor.bins);
+  const std::vector<PlacedObject> objects = placed_objects(scene_, pose);
+  Blockers blockers;
+  if (occluded_) blockers.push_back(&setup_.occluder_rays());
+  std::unique_ptr<RayScene> bodies;
+  if (objects.size() > 1 || !is_convex(objects.front().object->shape)) {
+    bodies = bodies_of(objects);
+    blockers.push_back(bodies.get());
+  }
+  PairSum sum(scene_.sensor);
+  for (const PlacedObject& object : objects) add_object(object, blockers, sum);
+  sum.finish(out);
+  mix_zones(scene_.sensor, out);
+}
 
-  const int zones = sensor.zone_count();
-  std::vector<std::vector<double>> light(static_cast<std::size_t>(zones));
-  for (auto& row : light) row.assign(static_cast<std::size_t>(axis_.cells()), 0.0);
-
-  std::vector<std::vector<WeightedPatch>> lit_by_zone(static_cast<std::size_t>(zones));
-  for (int z = 0; z < zones && confocal; ++z) {
-    if (sensor.zones[static_cast<std::size_t>(z)].dead) continue;
-    lit_by_zone[static_cast<std::size_t>(z)] = setup_.lit_by_zone(z, sampling);
-  }
-  for (const SurfaceCell& cell : cells) {
-    const std::vector<Leg> shared_in = confocal ? std::vector<Leg>{} : legs(cell, lit);
-    if (!confocal && shared_in.empty()) continue;
-    const std::vector<Run> shared_runs =
-        retro != nullptr && !confocal ? runs_of(shared_in) : std::vector<Run>{};
-    for (int z = 0; z < zones; ++z) {
-      const auto zone = static_cast<std::size_t>(z);
-      if (sensor.zones[zone].dead) continue;
-      const std::vector<Leg> out_legs = legs(cell, seen_[zone]);
-      if (out_legs.empty()) continue;
-      const std::vector<Leg> own_in = confocal ? legs(cell, lit_by_zone[zone]) : std::vector<Leg>{};
-      const std::vector<Leg>& in_legs = confocal ? own_in : shared_in;
-      const double start =
-          axis_.origin() + sensor.zones[zone].time_zero / sensor.bin_width * axis_.scale();
-      std::vector<double>& row = light[zone];
-      const double last = static_cast<double>(row.size()) - 2;
-      const auto deposit = [&](double weight, double position) {
-        if (!(position >= 0 && position < last)) return;
-        const auto at = static_cast<std::size_t>(position);
-        const double fraction = position - static_cast<double>(at);
-        row[at] += weight * (1 - fraction);
-        row[at + 1] += weight * fraction;
-      };
-      if (retro == nullptr) {
-        const double scattered = cell.area * hidden.albedo / kPi;
-        for (const Leg& r : out_legs) {
-          const double out_weight = scattered * r.weight * r.cosine;
-          const double at = start + r.length;
-          for (const Leg& p : in_legs) deposit(out_weight * p.weight * p.cosine, at + p.length);
-        }
-        continue;
-      }
-      // f = rho G(alpha; sigma) / sqrt(cos_i cos_o), times both cosines. In chords of the unit
-      // sphere, alpha's Gaussian is normalised exactly.
-      const double sigma2 = retro->lobe_sigma * retro->lobe_sigma;
-      const double reach = kLobeCut * retro->lobe_sigma;
-      const double peak = cell.area * hidden.albedo / (2 * kPi * sigma2);
-      const std::vector<Run> own_runs = confocal ? runs_of(in_legs) : std::vector<Run>{};
-      for (const Leg& r : out_legs) {
-        for (const Run& run : confocal ? own_runs : shared_runs) {
-          if ((run.center - r.direction).norm() > run.radius + reach) continue;
-          for (std::size_t i = run.begin; i < run.end; ++i) {
-            const Leg& p = in_legs[i];
-            const double chord = (p.direction - r.direction).squaredNorm();
-            if (chord > reach * reach) continue;
-            deposit(peak * r.weight * p.weight * std::exp(-0.5 * chord / sigma2) *
-                        std::sqrt(p.cosine * r.cosine),
-                    start + r.length + p.length);
-          }
-        }
-      }
-    }
-  }
-  std::vector<double> unwrapped(static_cast<std::size_t>(unwrapped_bins(sensor)));
-  for (int z = 0; z < zones; ++z) {
-    std::fill(unwrapped.begin(), unwrapped.end(), 0.0);
-    axis_.convolve(light[static_cast<std::size_t>(z)], unwrapped.data());
-    fold(sensor, z, unwrapped.data(), static_cast<int>(unwrapped.size()), out.zone(z));
-  }
+HistogramCube ReferenceRenderer::static_return(const PoseVector& pose) const {
+  if (!bounces_.any()) return direct_;
+  const std::unique_ptr<RayScene> bodies = bodies_of(placed_objects(scene_, pose));
+  HistogramCube light = first_bounce_;
+  bounces_.add({bodies.get()}, light);
+  mix_zones(scene_.sensor, light);
+  return light;
 }
 
 }  // namespace

@@ -138,11 +138,13 @@ class Sampler {
     }
     if (!hit) return missed == 4 ? Trace::nothing : Trace::mixed;
     patch.surface = hit->surface;
-    patch.normal = hit->normal;
+    patch.normal = two_sided(*hit) && !reflects(*hit) ? Vector3d(-hit->normal) : hit->normal;
     patch.center = hit->point;
     patch.area_center = hit->point;
     patch.distance = hit->distance;
-    patch.albedo = reflects(*hit) ? surfaces_[static_cast<std::size_t>(hit->surface)].albedo : 0.0;
+    patch.albedo = reflects(*hit) || two_sided(*hit)
+                       ? surfaces_[static_cast<std::size_t>(hit->surface)].albedo
+                       : 0.0;
     patch.solid_angle = cell.solid_angle();
     const auto on_plane = [&](double u, double v) {
       const Vector3d d = world(cell, u, v);
@@ -159,6 +161,12 @@ class Sampler {
 
   /// Rectangles reflect on one side only; closed shapes are seen from outside.
   bool reflects(const RayHit& hit) const { return hit.normal.dot(origin_ - hit.point) > 0; }
+
+  bool two_sided(const RayHit& hit) const {
+    const auto* mesh =
+        std::get_if<MeshShape>(&surfaces_[static_cast<std::size_t>(hit.surface)].shape);
+    return mesh != nullptr && mesh->two_sided;
+  }
 
   Vector3d world(const Cell& cell, double u, double v) const {
     return rotation_ * cell.direction(u, v);

@@ -120,7 +120,7 @@ void RelaySetup::take_off_direct_path(std::vector<WeightedPatch>& seen) const {
   }
 }
 
-std::vector<WeightedPatch> RelaySetup::lit(const RelaySampling& sampling) const {
+std::vector<WeightedPatch> RelaySetup::lit(const RelaySampling& sampling, bool relay_only) const {
   std::vector<WeightedPatch> patches;
   if (uses_points()) {
     for (int z = 0; z < scene_.sensor.zone_count(); ++z) {
@@ -130,19 +130,20 @@ std::vector<WeightedPatch> RelaySetup::lit(const RelaySampling& sampling) const 
       patches.back().patch.group = z;
     }
   } else {
-    patches = region(source_, scene_.sensor.field, sampling, true);
+    patches = region(source_, scene_.sensor.field, sampling, relay_only);
   }
   for (WeightedPatch& patch : patches) patch.weight *= scene_.sensor.radiant_intensity;
   return patches;
 }
 
-std::vector<WeightedPatch> RelaySetup::seen(int zone, const RelaySampling& sampling) const {
+std::vector<WeightedPatch> RelaySetup::seen(int zone, const RelaySampling& sampling,
+                                            bool relay_only) const {
   std::vector<WeightedPatch> patches;
   if (uses_points()) {
     patches = {point_patch(zone)};
   } else {
     const Zone& z = scene_.sensor.zones[static_cast<std::size_t>(zone)];
-    patches = region(detector_, std::get<AngularRectangle>(z.footprint), sampling, true);
+    patches = region(detector_, std::get<AngularRectangle>(z.footprint), sampling, relay_only);
     FieldOfIllumination storage;
     const FieldOfIllumination& field = field_of_zone(zone, storage);
     for (WeightedPatch& patch : patches) patch.radiance = radiance(patch.patch, field, nullptr);
@@ -164,13 +165,14 @@ double RelaySetup::reflected_solid_angle(int zone) const {
   return sum;
 }
 
-std::vector<WeightedPatch> RelaySetup::lit_by_zone(int zone, const RelaySampling& sampling) const {
+std::vector<WeightedPatch> RelaySetup::lit_by_zone(int zone, const RelaySampling& sampling,
+                                                   bool relay_only) const {
   std::vector<WeightedPatch> patches;
   if (uses_points()) {
     patches = {point_patch(zone)};
   } else {
     const Zone& z = scene_.sensor.zones[static_cast<std::size_t>(zone)];
-    patches = region(source_, std::get<AngularRectangle>(z.footprint), sampling, true);
+    patches = region(source_, std::get<AngularRectangle>(z.footprint), sampling, relay_only);
   }
   for (WeightedPatch& patch : patches) patch.weight *= scene_.sensor.radiant_intensity;
   return patches;
@@ -345,6 +347,31 @@ int unwrapped_bins(const Sensor& sensor) {
   int most = sensor.wrap_bins;
   for (const Zone& zone : sensor.zones) most = std::max(most, zone.wrap_bins);
   return most > 0 ? sensor.bins + 2 * most : sensor.bins;
+}
+
+void mix_zones(const Sensor& sensor, HistogramCube& cube) {
+  if (sensor.crosstalk.empty()) return;
+  const HistogramCube own = cube;
+  std::fill(cube.values.begin(), cube.values.end(), 0.0);
+  const auto zones = static_cast<std::size_t>(cube.zones());
+  for (std::size_t to = 0; to < zones; ++to) {
+    if (sensor.zones[to].dead) continue;
+    double* row = cube.zone(static_cast<int>(to));
+    for (std::size_t from = 0; from < zones; ++from) {
+      const double share = sensor.crosstalk[to * zones + from];
+      if (share <= 0) continue;
+      const double later =
+          (sensor.zones[to].time_zero - sensor.zones[from].time_zero) / sensor.bin_width;
+      const int whole = static_cast<int>(std::floor(later));
+      const double part = later - whole;
+      const double* light = own.zone(static_cast<int>(from));
+      for (int k = 0; k < cube.bins; ++k) {
+        const int at = k + whole;
+        if (at >= 0 && at < cube.bins) row[at] += share * (1 - part) * light[k];
+        if (part > 0 && at + 1 >= 0 && at + 1 < cube.bins) row[at + 1] += share * part * light[k];
+      }
+    }
+  }
 }
 
 void fold(const Sensor& sensor, int zone, const double* unwrapped, int unwrapped_count,

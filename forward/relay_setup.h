@@ -29,12 +29,14 @@ class RelaySetup {
  public:
   RelaySetup(const Scene& scene, const SensorPlacement& placement);
 
-  /// Patches that the flash field lights, relay surfaces only.
-  std::vector<WeightedPatch> lit(const RelaySampling& sampling) const;
-  /// Patches that zone z sees, relay surfaces only.
-  std::vector<WeightedPatch> seen(int zone, const RelaySampling& sampling) const;
+  /// Patches that the flash field lights, of relay surfaces or of all.
+  std::vector<WeightedPatch> lit(const RelaySampling& sampling, bool relay_only = true) const;
+  /// Patches that zone z sees.
+  std::vector<WeightedPatch> seen(int zone, const RelaySampling& sampling,
+                                  bool relay_only = true) const;
   /// Patches that zone z lights by itself (confocal).
-  std::vector<WeightedPatch> lit_by_zone(int zone, const RelaySampling& sampling) const;
+  std::vector<WeightedPatch> lit_by_zone(int zone, const RelaySampling& sampling,
+                                         bool relay_only = true) const;
 
   /// Direct return of all surfaces, W/m^2 per bin; `divisions` cells along each side of a zone,
   /// each a midpoint with its spread or four Gauss nodes.
@@ -57,6 +59,7 @@ class RelaySetup {
   double reflected_solid_angle(int zone) const;
 
   bool uses_points() const { return !placement_.relay_points.empty(); }
+  const RayScene& surface_rays() const { return *rays_; }  ///< all known surfaces
   const RayScene& occluder_rays() const { return *occluder_rays_; }
 
  private:
@@ -80,6 +83,10 @@ class RelaySetup {
 
 /// Length of the time axis in bins on which light is collected before it wraps.
 int unwrapped_bins(const Sensor& sensor);
+
+/// Spills light between zones by the sensor's crosstalk. Where time zeros differ, the light of the
+/// other zone is moved to the receiving zone's clock, linearly between bins.
+void mix_zones(const Sensor& sensor, HistogramCube& cube);
 
 /// Adds the light of an unwrapped row to the bins of a zone.
 void fold(const Sensor& sensor, int zone, const double* unwrapped, int unwrapped_count,

@@ -3,9 +3,51 @@
 
 namespace blindcorner {
 
+int object_count(const Scene& scene) { return 1 + static_cast<int>(scene.further_hidden.size()); }
+
+const HiddenObject& hidden_object(const Scene& scene, int object) {
+  if (object == 0) return scene.hidden;
+  return scene.further_hidden.at(static_cast<std::size_t>(object) - 1);
+}
+
+std::vector<Placement> placements_at(const Scene& scene, const PoseVector& pose) {
+  std::vector<Placement> placements;
+  for (int i = 0; i < object_count(scene); ++i) {
+    placements.push_back(place(hidden_object(scene, i).placement, scene.unknowns, pose, i));
+  }
+  return placements;
+}
+
+std::vector<Placement> stated_placements(const Scene& scene) {
+  std::vector<Placement> placements;
+  for (int i = 0; i < object_count(scene); ++i) {
+    placements.push_back(hidden_object(scene, i).placement);
+  }
+  return placements;
+}
+
+Scene only_object(const Scene& scene, int object) {
+  Scene alone = scene;
+  alone.hidden = hidden_object(scene, object);
+  alone.further_hidden.clear();
+  alone.unknowns.clear();
+  for (Unknown unknown : scene.unknowns) {
+    if (unknown.object != object) continue;
+    unknown.object = 0;
+    alone.unknowns.push_back(unknown);
+  }
+  return alone;
+}
+
+std::string unknown_name(const Scene& scene, const Unknown& unknown) {
+  const std::string name = component_name(unknown.component);
+  if (object_count(scene) == 1) return name;
+  return hidden_object(scene, unknown.object).name + "." + name;
+}
+
 std::vector<std::string> unknown_names(const Scene& scene) {
   std::vector<std::string> names;
-  for (const Unknown& unknown : scene.unknowns) names.push_back(component_name(unknown.component));
+  for (const Unknown& unknown : scene.unknowns) names.push_back(unknown_name(scene, unknown));
   return names;
 }
 

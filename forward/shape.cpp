@@ -123,6 +123,59 @@ void divide_cylinder(const CylinderShape& shape, double max_edge, int min_divisi
   }
 }
 
+Triangle world_triangle(const TriangleMesh& mesh, const std::array<int, 3>& corners,
+                        const Transform& T_world_shape, double size) {
+  Triangle triangle;
+  for (std::size_t k = 0; k < 3; ++k) {
+    triangle[k] =
+        T_world_shape * Vector3d(size * mesh.vertices[static_cast<std::size_t>(corners[k])]);
+  }
+  return triangle;
+}
+
+/// Triangle a, b, c as a cell: half edges of the parallelogram with the same second moments,
+/// (s s' / 24 + d d' / 8) with s the sum and d the difference of two edges.
+SurfaceCell triangle_cell(const Vector3d& a, const Vector3d& b, const Vector3d& c) {
+  const Vector3d e = b - a;
+  const Vector3d f = c - a;
+  SurfaceCell cell;
+  cell.center = (a + b + c) / 3;
+  cell.area = 0.5 * e.cross(f).norm();
+  cell.normal = e.cross(f).normalized();
+  cell.half_u = (e + f) / std::sqrt(24.0);
+  cell.half_v = (f - e) / std::sqrt(8.0);
+  return cell;
+}
+
+/// Each triangle in n^2 equal ones like itself.
+void divide_mesh(const MeshShape& shape, double max_edge, int min_divisions,
+                 std::vector<SurfaceCell>& cells) {
+  const TriangleMesh& mesh = *shape.mesh;
+  // An edge counts against the whole body's size: small triangles need not be divided.
+  const double most = std::min(max_edge, 2 * mesh.radius / min_divisions);
+  for (const auto& corners : mesh.triangles) {
+    const Triangle t = world_triangle(mesh, corners, Transform::Identity(), 1.0);
+    const double longest =
+        std::max({(t[1] - t[0]).norm(), (t[2] - t[1]).norm(), (t[0] - t[2]).norm()});
+    const int n = divisions(longest, most, 1);
+    const Vector3d e = (t[1] - t[0]) / n;
+    const Vector3d f = (t[2] - t[0]) / n;
+    const auto add = [&](const Vector3d& a, const Vector3d& b, const Vector3d& c) {
+      cells.push_back(triangle_cell(a, b, c));
+      if (!shape.two_sided) return;
+      cells.push_back(cells.back());
+      cells.back().normal = -cells.back().normal;
+    };
+    for (int i = 0; i < n; ++i) {
+      for (int j = 0; i + j < n; ++j) {
+        const Vector3d a = t[0] + i * e + j * f;
+        add(a, a + e, a + f);
+        if (i + j + 1 < n) add(a + e, a + e + f, a + f);
+      }
+    }
+  }
+}
+
 void add_quad(const std::array<Vector3d, 4>& quad, std::vector<Triangle>& triangles) {
   triangles.push_back({quad[0], quad[1], quad[2]});
   triangles.push_back({quad[0], quad[2], quad[3]});
@@ -166,7 +219,8 @@ std::string shape_name(const Shape& shape) {
   return std::visit(
       overloaded{[](const RectangleShape&) { return "rectangle"; },
                  [](const BoxShape&) { return "box"; }, [](const SphereShape&) { return "sphere"; },
-                 [](const CylinderShape&) { return "cylinder"; }},
+                 [](const CylinderShape&) { return "cylinder"; },
+                 [](const MeshShape&) { return "mesh"; }},
       shape);
 }
 
@@ -176,8 +230,15 @@ Anchor default_anchor(const Shape& shape) {
   return stands ? Anchor::base : Anchor::center;
 }
 
+bool is_convex(const Shape& shape) {
+  const auto* mesh = std::get_if<MeshShape>(&shape);
+  return mesh == nullptr || mesh->mesh->convex;
+}
+
 double yaw_period(const Shape& shape) {
-  if (std::holds_alternative<RectangleShape>(shape)) return 2 * kPi;
+  if (std::holds_alternative<RectangleShape>(shape) || std::holds_alternative<MeshShape>(shape)) {
+    return 2 * kPi;
+  }
   if (const auto* box = std::get_if<BoxShape>(&shape)) {
     return std::abs(box->size.x() - box->size.y()) < 1e-12 ? kPi / 2 : kPi;
   }
@@ -186,32 +247,37 @@ double yaw_period(const Shape& shape) {
 
 namespace {
 
-double shape_height(const Shape& shape) {
-  return std::visit(overloaded{[](const RectangleShape& s) { return s.height; },
-                               [](const BoxShape& s) { return s.size.z(); },
-                               [](const SphereShape& s) { return 2 * s.radius; },
-                               [](const CylinderShape& s) { return s.height; }},
+/// Distance of the footprint below the centre, m.
+double depth_below_center(const Shape& shape) {
+  return std::visit(overloaded{[](const RectangleShape& s) { return s.height / 2; },
+                               [](const BoxShape& s) { return s.size.z() / 2; },
+                               [](const SphereShape& s) { return s.radius; },
+                               [](const CylinderShape& s) { return s.height / 2; },
+                               [](const MeshShape& s) { return -s.mesh->lowest.z(); }},
                     shape);
 }
 
 }  // namespace
 
 double bounding_radius(const Shape& shape, Anchor anchor) {
-  const double half_height = shape_height(shape) / 2;
+  const double half_height = depth_below_center(shape);
   const double vertical = anchor == Anchor::base ? 2 * half_height : half_height;
   return std::visit(
       overloaded{
           [&](const RectangleShape& s) { return std::hypot(s.width / 2, vertical); },
           [&](const BoxShape& s) { return std::hypot(s.size.x() / 2, s.size.y() / 2, vertical); },
           [&](const SphereShape& s) { return anchor == Anchor::base ? vertical : s.radius; },
-          [&](const CylinderShape& s) { return std::hypot(s.radius, vertical); }},
+          [&](const CylinderShape& s) { return std::hypot(s.radius, vertical); },
+          [&](const MeshShape& s) {
+            return s.mesh->radius + (anchor == Anchor::base ? half_height : 0.0);
+          }},
       shape);
 }
 
 Transform object_to_world(const Shape& shape, Anchor anchor, const Placement& placement) {
   Transform T = Transform::Identity();
   T.translation() = placement.position;
-  if (anchor == Anchor::base) T.translation().z() += placement.size * shape_height(shape) / 2;
+  if (anchor == Anchor::base) T.translation().z() += placement.size * depth_below_center(shape);
   T.linear() = Eigen::AngleAxisd(placement.yaw, Vector3d::UnitZ()).toRotationMatrix();
   return T;
 }
@@ -231,7 +297,8 @@ std::vector<SurfaceCell> divide(const Shape& shape, const Transform& T_world_sha
             }
           },
           [&](const SphereShape& s) { divide_sphere(s.radius, max_edge, min_divisions, cells); },
-          [&](const CylinderShape& s) { divide_cylinder(s, max_edge, min_divisions, cells); }},
+          [&](const CylinderShape& s) { divide_cylinder(s, max_edge, min_divisions, cells); },
+          [&](const MeshShape& s) { divide_mesh(s, max_edge, min_divisions, cells); }},
       shape);
   const Eigen::Matrix3d rotation = T_world_shape.linear();
   for (SurfaceCell& cell : cells) {
@@ -258,8 +325,13 @@ std::vector<std::array<Vector3d, 4>> flat_faces(const Shape& shape, const Transf
         Vector3d(0, 0, rectangle->height / 2));
   } else if (const auto* box = std::get_if<BoxShape>(&shape)) {
     for (const auto& [center, u, v] : box_faces(box->size)) add(center, u, v);
+  } else if (const auto* mesh = std::get_if<MeshShape>(&shape)) {
+    for (const auto& corners : mesh->mesh->triangles) {
+      const Triangle t = world_triangle(*mesh->mesh, corners, T_world_shape, size);
+      quads.push_back({t[0], t[1], 0.5 * (t[1] + t[2]), t[2]});
+    }
   } else {
-    throw Error("shape", "found " + shape_name(shape) + ", accepted: rectangle or box");
+    throw Error("shape", "found " + shape_name(shape) + ", accepted: rectangle, box or mesh");
   }
   return quads;
 }
@@ -271,6 +343,12 @@ std::vector<Triangle> triangulate(const Shape& shape, const Transform& T_world_s
   std::vector<Triangle> triangles;
   if (flat) {
     for (const auto& quad : flat_faces(shape, T_world_shape, size)) add_quad(quad, triangles);
+    return triangles;
+  }
+  if (const auto* mesh = std::get_if<MeshShape>(&shape)) {
+    for (const auto& corners : mesh->mesh->triangles) {
+      triangles.push_back(world_triangle(*mesh->mesh, corners, T_world_shape, size));
+    }
     return triangles;
   }
   triangles = triangulate_round(shape, segments);

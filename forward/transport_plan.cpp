@@ -66,16 +66,17 @@ std::string number(double value) {
 
 /// Half edges of an upright box, parallel to the world axes, that holds the body about its centre;
 /// at any yaw when yaw is unknown.
-Vector3d half_extents(const Scene& scene, const Placement& probe) {
-  const bool turns = std::ranges::any_of(
-      scene.unknowns, [](const Unknown& u) { return u.component == Component::yaw; });
+Vector3d half_extents(const Scene& scene, int object, const Placement& probe) {
+  const bool turns = std::ranges::any_of(scene.unknowns, [&](const Unknown& u) {
+    return u.object == object && u.component == Component::yaw;
+  });
   const auto around = [&](double x, double y, double z) -> Vector3d {
     if (turns) return {std::hypot(x, y), std::hypot(x, y), z};
     const double c = std::abs(std::cos(probe.yaw));
     const double s = std::abs(std::sin(probe.yaw));
     return {c * x + s * y, s * x + c * y, z};
   };
-  const Shape& shape = scene.hidden.shape;
+  const Shape& shape = hidden_object(scene, object).shape;
   Vector3d half = Vector3d::Constant(bounding_radius(shape, Anchor::center));
   if (const auto* r = std::get_if<RectangleShape>(&shape)) {
     half = around(0, r->width / 2, r->height / 2);
@@ -87,12 +88,13 @@ Vector3d half_extents(const Scene& scene, const Placement& probe) {
   return probe.size * half;
 }
 
-/// Points that span the search region: corners of boxes around the body at the probed placements.
-std::vector<Vector3d> region_corners(const Scene& scene, const std::vector<Placement>& probes) {
+/// Points that span an object's search region: corners of boxes around it at the probed placements.
+std::vector<Vector3d> region_corners(const Scene& scene, int index) {
+  const HiddenObject& object = hidden_object(scene, index);
   std::vector<Vector3d> points;
-  for (const Placement& probe : probes) {
-    const Transform T = object_to_world(scene.hidden.shape, scene.hidden.anchor, probe);
-    const Vector3d half = half_extents(scene, probe);
+  for (const Placement& probe : probe_placements(scene, index)) {
+    const Transform T = object_to_world(object.shape, object.anchor, probe);
+    const Vector3d half = half_extents(scene, index, probe);
     for (int corner = 0; corner < 8; ++corner) {
       const Vector3d sign((corner & 1) != 0 ? 1 : -1, (corner & 2) != 0 ? 1 : -1,
                           (corner & 4) != 0 ? 1 : -1);
@@ -141,12 +143,14 @@ void decide_kernel(TransportPlan& plan, const Scene& scene, double farthest, dou
 
 }  // namespace
 
-std::vector<Placement> probe_placements(const Scene& scene) {
-  std::vector<Placement> placements{scene.hidden.placement};
+std::vector<Placement> probe_placements(const Scene& scene, int object) {
+  std::vector<Placement> placements{hidden_object(scene, object).placement};
   for (const Unknown& unknown : scene.unknowns) {
+    if (unknown.object != object) continue;
     std::vector<Placement> next;
     for (const Placement& placement : placements) {
       for (const double t : {0.0, 0.5, 1.0}) {
+        if (t > 0 && unknown.range() == 0) break;  // one value only
         Placement moved = placement;
         moved.set(unknown.component, unknown.lower + t * unknown.range());
         next.push_back(moved);
@@ -157,10 +161,10 @@ std::vector<Placement> probe_placements(const Scene& scene) {
   return placements;
 }
 
-bool in_search_region(const Scene& scene, const PoseVector& pose) {
-  for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
-    const Unknown& unknown = scene.unknowns[i];
-    const double value = pose[static_cast<Eigen::Index>(i)];
+bool in_search_region(const Scene& scene, const Placement& placement, int object) {
+  for (const Unknown& unknown : scene.unknowns) {
+    if (unknown.object != object) continue;
+    const double value = placement.get(unknown.component);
     if (unknown.component == Component::yaw) continue;  // turns a body inside its own ball
     const double slack = 1e-9 * unknown.range();
     if (!(value >= unknown.lower - slack && value <= unknown.upper + slack)) return false;
@@ -193,7 +197,9 @@ void TransportPlan::decide(PlanDecision made) {
 std::vector<OccluderFace> body_faces(const Shape& shape, const Transform& T_world_shape,
                                      double size) {
   std::vector<OccluderFace> faces;
-  const bool closed = !std::holds_alternative<RectangleShape>(shape);
+  const auto* mesh = std::get_if<MeshShape>(&shape);
+  const bool closed =
+      mesh != nullptr ? mesh->mesh->closed : !std::holds_alternative<RectangleShape>(shape);
   for (const Triangle& t : triangulate(shape, T_world_shape, size, kBodySegments)) {
     // Triangles at the poles of a round shape have no area.
     const Vector3d u = t[1] - t[0];
@@ -205,7 +211,11 @@ std::vector<OccluderFace> body_faces(const Shape& shape, const Transform& T_worl
 }
 
 void decide_view(TransportPlan& plan, const Scene& scene, const std::vector<Vector3d>& seen) {
-  const std::vector<Vector3d> region = region_corners(scene, probe_placements(scene));
+  std::vector<Vector3d> region;
+  for (int i = 0; i < object_count(scene); ++i) {
+    const std::vector<Vector3d> corners = region_corners(scene, i);
+    region.insert(region.end(), corners.begin(), corners.end());
+  }
   const bool apart = separated(seen, region, 0.0);
   plan.decide({Term::object_in_view, "object before the sensor", false,
                apart
@@ -218,20 +228,34 @@ void decide_view(TransportPlan& plan, const Scene& scene, const std::vector<Vect
 TransportPlan make_plan(const Scene& scene, const std::vector<Vector3d>& relay_points,
                         double lit_extent, const PlanOverrides& overrides) {
   TransportPlan plan;
-  const std::vector<Placement> probes = probe_placements(scene);
+  std::vector<Vector3d> points;
   double farthest = 0;
-  for (const Placement& probe : probes) {
-    const Transform T = object_to_world(scene.hidden.shape, scene.hidden.anchor, probe);
-    for (const Vector3d& relay : relay_points) {
-      farthest = std::max(farthest, (relay - T.translation()).norm());
+  for (int i = 0; i < object_count(scene); ++i) {
+    const HiddenObject& object = hidden_object(scene, i);
+    const std::vector<Placement> probes = probe_placements(scene, i);
+    for (const Placement& probe : probes) {
+      const Vector3d middle = object_to_world(object.shape, object.anchor, probe).translation();
+      for (const Vector3d& relay : relay_points) {
+        farthest = std::max(farthest, (relay - middle).norm());
+      }
     }
+    const std::vector<Vector3d> corners = region_corners(scene, i);
+    points.insert(points.end(), corners.begin(), corners.end());
   }
-  std::vector<Vector3d> points = region_corners(scene, probes);
   points.insert(points.end(), relay_points.begin(), relay_points.end());
   decide_occlusion(plan, scene, std::move(points), overrides);
   plan.decide({Term::self_shadowing, "self-shadowing of the object", false,
                "a convex body hides nothing from its own surface"});
   decide_kernel(plan, scene, farthest, lit_extent, overrides);
+  const bool spills = !scene.sensor.crosstalk.empty();
+  plan.decide({Term::crosstalk, "crosstalk between zones", spills,
+               spills ? "the sensor states it" : "the sensor states none"});
+  if (scene.sensor.pile_up_cycles > 0) {
+    plan.decide(
+        {Term::pile_up, "pile-up", true,
+         "the sensor records one photon a cycle; captures in which more than 1 % of the light "
+         "is hidden are corrected"});
+  }
   return plan;
 }
 

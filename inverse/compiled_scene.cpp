@@ -42,23 +42,24 @@ constexpr double kSplineBytes = 4e8;
 PoseVector path_rates(const Scene& scene, const std::vector<Vector3d>& relay) {
   const auto n = static_cast<Eigen::Index>(scene.unknowns.size());
   PoseVector rates = PoseVector::Zero(n);
-  const double radius = bounding_radius(scene.hidden.shape, Anchor::center);
-  int count = 0;
-  for (const Placement& probe : probe_placements(scene)) {
-    const Vector3d q =
-        object_to_world(scene.hidden.shape, scene.hidden.anchor, probe).translation();
-    for (const Vector3d& r : relay) {
-      const Vector3d direction = (q - r).normalized();
-      for (Eigen::Index i = 0; i < n; ++i) {
-        const Component component = scene.unknowns[static_cast<std::size_t>(i)].component;
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const Unknown& unknown = scene.unknowns[static_cast<std::size_t>(i)];
+    const HiddenObject& object = hidden_object(scene, unknown.object);
+    const double radius = bounding_radius(object.shape, Anchor::center);
+    int count = 0;
+    for (const Placement& probe : probe_placements(scene, unknown.object)) {
+      const Vector3d q = object_to_world(object.shape, object.anchor, probe).translation();
+      for (const Vector3d& r : relay) {
+        const Vector3d direction = (q - r).normalized();
+        const Component component = unknown.component;
         const bool position = component <= Component::z;
         rates[i] += position ? std::pow(2 * direction[static_cast<int>(component)], 2)
                              : std::pow(2 * radius * probe.size * 0.5, 2);
+        ++count;
       }
-      ++count;
     }
+    rates[i] = std::max(std::sqrt(rates[i] / count), 0.2);
   }
-  for (Eigen::Index i = 0; i < n; ++i) rates[i] = std::max(std::sqrt(rates[i] / count), 0.2);
   return rates;
 }
 
@@ -117,7 +118,13 @@ std::vector<std::vector<BinWindow>> reach(const CompiledScene& compiled) {
   const Sensor& sensor = scene.sensor;
   const bool summarise = std::holds_alternative<PoissonNoise>(sensor.noise);
   std::vector<PoseVector> probes;
-  for (const Placement& p : probe_placements(scene)) probes.push_back(pose_of(p, scene.unknowns));
+  for (int object = 0; object < object_count(scene); ++object) {
+    std::vector<Placement> placements = stated_placements(scene);
+    for (const Placement& p : probe_placements(scene, object)) {
+      placements[static_cast<std::size_t>(object)] = p;
+      probes.push_back(pose_of(placements, scene.unknowns));
+    }
+  }
   const std::size_t stride = std::max<std::size_t>(1, compiled.poses.size() / 400);
   for (std::size_t i = 0; i < compiled.poses.size(); i += stride)
     probes.push_back(compiled.poses[i]);
@@ -174,7 +181,7 @@ int window_rows(const CompiledScene& compiled) {
 double period_of(const Scene& scene, std::size_t unknown) {
   const Unknown& u = scene.unknowns[unknown];
   if (u.component != Component::yaw) return 0;
-  const double period = yaw_period(scene.hidden.shape);
+  const double period = yaw_period(hidden_object(scene, u.object).shape);
   return period > 0 && u.range() >= period * (1 - 1e-9) ? period : 0;
 }
 

@@ -79,11 +79,11 @@ Capture make_capture(const Scene& scene, const ForwardModel& model, const PoseVe
     capture.exposures = *budget.third_bounce_photons / counts;
     linear.ambient = budget.background_ratio * kGateShare * counts / gate_bins(scene, light);
   }
-  const HistogramCube expected = expected_counts(scene, light, model.direct_return(), linear);
+  const HistogramCube expected = expected_counts(scene, light, model.static_return(pose), linear);
   capture.counts = draw_counts(scene, expected, capture.exposures, seed);
-  const Placement placement = place(scene.hidden.placement, scene.unknowns, pose);
-  for (const Unknown& unknown : scene.unknowns) {
-    capture.truth[component_name(unknown.component)] = placement.get(unknown.component);
+  const std::vector<std::string> names = unknown_names(scene);
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    capture.truth[names[i]] = pose[static_cast<Eigen::Index>(i)];
   }
   return capture;
 }

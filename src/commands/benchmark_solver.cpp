@@ -71,7 +71,7 @@ struct Trial {
 PoseVector circular_difference(const Scene& scene, const PoseVector& a, const PoseVector& b) {
   PoseVector d = b - a;
   for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
-    const double period = yaw_period(scene.hidden.shape);
+    const double period = yaw_period(hidden_object(scene, scene.unknowns[i].object).shape);
     if (scene.unknowns[i].component != Component::yaw || period <= 0) continue;
     auto& value = d[static_cast<Eigen::Index>(i)];
     value -= period * std::round(value / period);

@@ -73,10 +73,12 @@ std::string describe_scene(const Scene& scene) {
              shape_name(surface.shape).c_str(), center.x(), center.y(), center.z(), surface.albedo,
              surface.relay ? ", relay" : "", surface.occluder ? ", occluder" : "");
   }
-  const HiddenObject& hidden = scene.hidden;
-  text += line("hidden    %s: %s, %s, albedo %.3g, there with probability %.3g beforehand",
-               hidden.name.c_str(), shape_name(hidden.shape).c_str(),
-               material_name(hidden.material), hidden.albedo, scene.presence_prior);
+  for (int i = 0; i < object_count(scene); ++i) {
+    const HiddenObject& hidden = hidden_object(scene, i);
+    text += line("hidden    %s: %s, %s, albedo %.3g, there with probability %.3g beforehand",
+                 hidden.name.c_str(), shape_name(hidden.shape).c_str(),
+                 material_name(hidden.material), hidden.albedo, scene.presence_prior);
+  }
   return text + unknowns_text(scene);
 }
 

@@ -39,32 +39,37 @@ struct RenderArguments {
 Scene fully_free(const Scene& scene) {
   Scene free = scene;
   free.unknowns.clear();
-  for (const Component component :
-       {Component::x, Component::y, Component::z, Component::yaw, Component::size}) {
-    const double value = scene.hidden.placement.get(component);
-    Unknown unknown{component, value, value, {}};
-    for (const Unknown& known : scene.unknowns) {
-      if (known.component == component) unknown = known;
+  for (int object = 0; object < object_count(scene); ++object) {
+    for (const Component component :
+         {Component::x, Component::y, Component::z, Component::yaw, Component::size}) {
+      const double value = hidden_object(scene, object).placement.get(component);
+      Unknown unknown{component, value, value, {}, object};
+      for (const Unknown& known : scene.unknowns) {
+        if (known.component == component && known.object == object) unknown = known;
+      }
+      free.unknowns.push_back(unknown);
     }
-    free.unknowns.push_back(unknown);
   }
   return free;
 }
 
-std::vector<Placement> wanted_placements(const RenderArguments& arguments, const Scene& scene) {
-  std::vector<Placement> placements;
+/// One list of placements, a placement for each object, per capture.
+std::vector<std::vector<Placement>> wanted_placements(const RenderArguments& arguments,
+                                                      const Scene& scene) {
+  std::vector<std::vector<Placement>> placements;
   for (const std::string& text : arguments.poses) placements.push_back(parse_pose(scene, text));
   std::mt19937_64 random(arguments.seed);
   for (int i = 0; i < arguments.random; ++i) {
-    placements.push_back(place(scene.hidden.placement, scene.unknowns, draw_pose(scene, random)));
+    placements.push_back(placements_at(scene, draw_pose(scene, random)));
   }
-  if (placements.empty()) placements.push_back(scene.hidden.placement);
+  if (placements.empty()) placements.push_back(stated_placements(scene));
   return placements;
 }
 
 Capture render_one(const RenderArguments& arguments, const Scene& scene, const Scene& free,
-                   const ForwardModel& model, const Placement& placement, std::uint64_t seed) {
-  const PoseVector pose = pose_of(placement, free.unknowns);
+                   const ForwardModel& model, const std::vector<Placement>& placements,
+                   std::uint64_t seed) {
+  const PoseVector pose = pose_of(placements, free.unknowns);
   Capture capture;
   if (arguments.noiseless || arguments.empty) {
     const HistogramCube light =
@@ -73,22 +78,28 @@ Capture render_one(const RenderArguments& arguments, const Scene& scene, const S
     // Without noise: S plus static at gain one, in W/m^2 per W/sr, when gains are one.
     const LinearValues linear{1.0, arguments.noiseless ? 0.0 : scene.linear.fixed_ambient,
                               scene.linear.fixed_direct};
-    const HistogramCube expected = expected_counts(scene, light, model.direct_return(), linear);
-    capture.counts = arguments.noiseless ? expected : draw_counts(scene, expected, 1.0, seed);
+    const HistogramCube known = arguments.empty ? model.direct_return() : model.static_return(pose);
+    capture.counts = expected_counts(scene, light, known, linear);
+    if (arguments.noiseless) {
+      saturate(scene.sensor, capture.counts);
+    } else {
+      capture.counts = draw_counts(scene, capture.counts, 1.0, seed);
+    }
   } else {
     LightBudget budget;
     if (arguments.photons > 0) budget.third_bounce_photons = arguments.photons;
     capture = make_capture(free, model, pose, budget, seed);
   }
-  capture.truth = arguments.empty ? std::map<std::string, double>{} : truth_of(scene, placement);
+  capture.truth = arguments.empty ? std::map<std::string, double>{} : truth_of(scene, placements);
   return capture;
 }
 
 /// The models' plans hold in the search region: it has to hold what is rendered.
-void widen_to(Scene& free, const std::vector<Placement>& placements) {
+void widen_to(Scene& free, const std::vector<std::vector<Placement>>& captures) {
   for (Unknown& unknown : free.unknowns) {
-    for (const Placement& placement : placements) {
-      const double value = placement.get(unknown.component);
+    for (const std::vector<Placement>& placements : captures) {
+      const double value =
+          placements[static_cast<std::size_t>(unknown.object)].get(unknown.component);
       unknown.lower = std::min(unknown.lower, value);
       unknown.upper = std::max(unknown.upper, value);
     }
@@ -98,7 +109,7 @@ void widen_to(Scene& free, const std::vector<Placement>& placements) {
 int run_render(const RenderArguments& arguments) {
   const Scene scene = read_scene(arguments.scene);
   const SensorPlacement sensor = sensor_placement(scene);
-  const std::vector<Placement> placements = wanted_placements(arguments, scene);
+  const auto placements = wanted_placements(arguments, scene);
   Scene free = fully_free(scene);
   widen_to(free, placements);
   const std::unique_ptr<ForwardModel> model =

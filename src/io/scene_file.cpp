@@ -13,6 +13,7 @@
 #include "blindcorner/forward/link_budget.h"
 #include "file_bytes.h"
 #include "json_reader.h"
+#include "mesh_file.h"
 #include "sensor_reader.h"
 
 namespace blindcorner {
@@ -115,12 +116,42 @@ void read_sensor_pose(const JsonReader& reader, Scene& scene) {
   }
 }
 
+// --- Meshes ------------------------------------------------------------------------------------
+
+/// "file", "scale" and "two_sided" of a mesh. Relative files are looked for beside the scene file.
+MeshShape read_mesh(const JsonReader& reader) {
+  const JsonReader file = reader.at("file");
+  const std::filesystem::path beside = std::filesystem::path(reader.file()).parent_path();
+  const double scale = reader.at("scale").number_or(1, NumberRange::between(1e-6, 1e6));
+  MeshShape shape;
+  try {
+    shape.mesh = read_obj((beside / file.text()).string(), scale);
+  } catch (const Error& error) {
+    file.fail(error.what(), "a Wavefront OBJ file, in metres, that can be read");
+  }
+  shape.two_sided = reader.at("two_sided").boolean_or(!shape.mesh->closed);
+  return shape;
+}
+
 // --- Surfaces ------------------------------------------------------------------------------------
 
 Surface read_surface(const JsonReader& reader, const std::string& default_name) {
   if (!reader.is_object()) reader.fail("an object with \"shape\"");
   Surface surface;
-  if (reader.at("shape").word({"rectangle", "box"}) == "rectangle") {
+  const std::string shape = reader.at("shape").word({"rectangle", "box", "mesh"});
+  if (shape == "mesh") {
+    reader.allow_only({"name", "shape", "file", "scale", "two_sided", "position_m", "yaw_deg",
+                       "albedo", "relay", "occluder"});
+    const MeshShape mesh = read_mesh(reader);
+    // The position is that of the file's own origin, so that a file may use world coordinates.
+    surface.T_world_surface.linear() =
+        yaw_rotation(reader.at("yaw_deg").number_or(0, kAnyAngle) * kDegree);
+    const Vector3d position = reader.has("position_m") ? reader.at("position_m").vector(kPosition)
+                                                       : Vector3d(Vector3d::Zero());
+    surface.T_world_surface.translation() =
+        position - surface.T_world_surface.linear() * mesh.mesh->origin;
+    surface.shape = mesh;
+  } else if (shape == "rectangle") {
     reader.allow_only({"name", "shape", "center_m", "normal", "up", "width_m", "height_m", "albedo",
                        "relay", "occluder"});
     surface.shape = RectangleShape{.width = reader.at("width_m").number(kLength),
@@ -164,9 +195,11 @@ std::vector<Surface> read_surfaces(const JsonReader& reader) {
 
 Shape read_hidden_shape(const JsonReader& reader) {
   const auto length = [&](const char* key) { return reader.at(key).number(kLength); };
-  const std::string shape = reader.at("shape").word({"rectangle", "box", "sphere", "cylinder"});
+  const std::string shape =
+      reader.at("shape").word({"rectangle", "box", "sphere", "cylinder", "mesh"});
   const auto allow_dimensions = [&](std::initializer_list<std::string_view> own) {
-    for (const std::string_view key : {"width_m", "height_m", "size_m", "radius_m"}) {
+    for (const std::string_view key :
+         {"width_m", "height_m", "size_m", "radius_m", "file", "scale", "two_sided"}) {
       if (reader.has(key) && std::find(own.begin(), own.end(), key) == own.end()) {
         reader.at(key).fail("a dimension that a " + shape + " does not have",
                             list_words({own.begin(), own.end()}));
@@ -184,6 +217,10 @@ Shape read_hidden_shape(const JsonReader& reader) {
   if (shape == "sphere") {
     allow_dimensions({"radius_m"});
     return SphereShape{length("radius_m")};
+  }
+  if (shape == "mesh") {
+    allow_dimensions({"file", "scale", "two_sided"});
+    return read_mesh(reader);
   }
   allow_dimensions({"radius_m", "height_m"});
   return CylinderShape{.radius = length("radius_m"), .height = length("height_m")};
@@ -213,9 +250,7 @@ Material read_material(const JsonReader& reader) {
   return RetroreflectiveMaterial{lobe.at("lobe_sigma_deg").number_or(1, range) * kDegree};
 }
 
-bool has_yaw(const Shape& shape) {
-  return std::holds_alternative<RectangleShape>(shape) || std::holds_alternative<BoxShape>(shape);
-}
+bool has_yaw(const Shape& shape) { return yaw_period(shape) > 0; }
 
 /// "accepted" for one of the unknowns' ranges.
 std::string range_words(const Unknown& unknown, double unit) {
@@ -249,36 +284,54 @@ Unknown read_unknown(const JsonReader& reader, const UnknownName& name) {
   return unknown;
 }
 
-std::vector<Unknown> read_unknowns(const JsonReader& reader, const Shape& shape) {
+/// Component and object that a key names: "x_m", or "front.x_m" where objects have names to tell
+/// them apart.
+std::pair<const UnknownName*, int> find_unknown_name(const std::string& key,
+                                                     const std::vector<HiddenObject>& objects) {
+  for (int object = 0; object < static_cast<int>(objects.size()); ++object) {
+    const std::string prefix =
+        objects.size() > 1 ? objects[static_cast<std::size_t>(object)].name + "." : "";
+    for (const UnknownName& name : kUnknownNames) {
+      if (key == prefix + name.key) return {&name, object};
+    }
+  }
+  return {nullptr, 0};
+}
+
+std::vector<Unknown> read_unknowns(const JsonReader& reader,
+                                   const std::vector<HiddenObject>& objects) {
   std::vector<Unknown> unknowns;
   for (const auto& [key, field] : reader.fields()) {
-    const auto name = std::find_if(kUnknownNames.begin(), kUnknownNames.end(),
-                                   [&, &k = key](const UnknownName& n) { return k == n.key; });
-    if (name == kUnknownNames.end()) {
+    const auto [name, object] = find_unknown_name(key, objects);
+    if (name == nullptr) {
+      const std::string prefix = objects.size() > 1 ? objects.front().name + "." : "";
+      std::vector<std::string> words;
+      for (const UnknownName& known : kUnknownNames) words.push_back(prefix + known.key);
       field.fail("an unknown of no known name",
-                 list_words({"x_m", "y_m", "z_m", "yaw_deg", "size"}));
+                 list_words(words) + (objects.size() > 1 ? ", or with another object's name" : ""));
     }
+    const Shape& shape = objects[static_cast<std::size_t>(object)].shape;
     if (name->component == Component::yaw && !has_yaw(shape)) {
       field.fail("an angle", "no yaw, because a turned " + shape_name(shape) + " looks the same");
     }
     unknowns.push_back(read_unknown(field, *name));
+    unknowns.back().object = object;
   }
   if (unknowns.empty()) reader.fail("at least one unknown");
   return unknowns;
 }
 
-const Unknown* find_unknown(const std::vector<Unknown>& unknowns, Component component) {
-  const auto it = std::find_if(unknowns.begin(), unknowns.end(),
-                               [&](const Unknown& u) { return u.component == component; });
+const Unknown* find_unknown(const std::vector<Unknown>& unknowns, Component component, int object) {
+  const auto it = std::find_if(unknowns.begin(), unknowns.end(), [&](const Unknown& u) {
+    return u.component == component && u.object == object;
+  });
   return it == unknowns.end() ? nullptr : &*it;
 }
 
 /// Value of one component: the given one, which must suit the unknown's range if the component is
 /// unknown; else the middle of that range, or the default of a known component.
 void read_component(const JsonReader& field, const UnknownName& name, const NumberRange& range,
-                    std::optional<double> absent, const std::vector<Unknown>& unknowns,
-                    Placement& placement) {
-  const Unknown* unknown = find_unknown(unknowns, name.component);
+                    std::optional<double> absent, const Unknown* unknown, Placement& placement) {
   if (!field.present() || field.is_null()) {
     if (unknown == nullptr && (!absent || field.is_null())) {
       field.fail(range.text() + ", because " + name.key + " is not among the unknowns");
@@ -301,30 +354,34 @@ void read_component(const JsonReader& field, const UnknownName& name, const Numb
 }
 
 Placement read_placement(const JsonReader& reader, const Shape& shape,
-                         const std::vector<Unknown>& unknowns) {
+                         const std::vector<Unknown>& unknowns, int object) {
   Placement placement;
+  const auto unknown = [&](std::size_t component) {
+    return find_unknown(unknowns, kUnknownNames[component].component, object);
+  };
   const JsonReader position = reader.at("position_m");
   std::vector<JsonReader> parts(3, position);
   if (position.present()) parts = position.elements_exactly(3, "numbers (null for unknown ones)");
   for (std::size_t i = 0; i < 3; ++i) {
-    read_component(parts[i], kUnknownNames[i], kPosition, {}, unknowns, placement);
+    read_component(parts[i], kUnknownNames[i], kPosition, {}, unknown(i), placement);
   }
   const JsonReader yaw = reader.at("yaw_deg");
   if (yaw.present() && !has_yaw(shape)) {
     yaw.fail("no yaw, because a turned " + shape_name(shape) + " looks the same");
   }
-  read_component(yaw, kUnknownNames[3], kAnyAngle, 0.0, unknowns, placement);
+  read_component(yaw, kUnknownNames[3], kAnyAngle, 0.0, unknown(3), placement);
   read_component(reader.at("size"), kUnknownNames[4], NumberRange::between(0.01, 100), 1.0,
-                 unknowns, placement);
+                 unknown(4), placement);
   return placement;
 }
 
-void read_hidden(const JsonReader& reader, const JsonReader& unknowns, Scene& scene) {
+/// A hidden object without its placement.
+HiddenObject read_object(const JsonReader& reader, const std::string& default_name) {
   if (!reader.is_object()) reader.fail("an object with \"shape\"");
-  reader.allow_only({"name", "shape", "width_m", "height_m", "size_m", "radius_m", "anchor",
-                     "material", "albedo", "position_m", "yaw_deg", "size"});
-  HiddenObject& hidden = scene.hidden;
-  hidden.name = reader.at("name").text_or("object");
+  reader.allow_only({"name", "shape", "width_m", "height_m", "size_m", "radius_m", "anchor", "file",
+                     "scale", "two_sided", "material", "albedo", "position_m", "yaw_deg", "size"});
+  HiddenObject hidden;
+  hidden.name = reader.at("name").text_or(default_name);
   hidden.shape = read_hidden_shape(reader);
   hidden.anchor = default_anchor(hidden.shape);
   if (const JsonReader anchor = reader.at("anchor"); anchor.present()) {
@@ -333,8 +390,43 @@ void read_hidden(const JsonReader& reader, const JsonReader& unknowns, Scene& sc
   hidden.material = read_material(reader.at("material"));
   hidden.albedo =
       reader.at("albedo").number_or(0.5, NumberRange{.lower = 0, .upper = 1, .above_lower = true});
-  scene.unknowns = read_unknowns(unknowns, hidden.shape);
-  hidden.placement = read_placement(reader, hidden.shape, scene.unknowns);
+  return hidden;
+}
+
+/// Names tell objects apart on the command line and in results: "front.x_m=0.3,back.x_m=...".
+void check_name(const JsonReader& reader, const std::vector<HiddenObject>& earlier,
+                const std::string& name) {
+  const JsonReader field = reader.at("name");
+  if (name.empty() || name.find_first_of(".,= \t\n") != std::string::npos) {
+    field.fail("a name without spaces and any of . , =");
+  }
+  const bool taken = std::any_of(earlier.begin(), earlier.end(),
+                                 [&](const HiddenObject& other) { return other.name == name; });
+  if (taken) field.fail("the name of another object", "a name of its own for each object");
+}
+
+void read_hidden(const JsonReader& reader, const JsonReader& unknowns, Scene& scene) {
+  std::vector<HiddenObject> objects;
+  std::vector<JsonReader> places;
+  if (reader.is_array()) {
+    for (const JsonReader& object : reader.elements(1)) {
+      const auto number = objects.size() + 1;
+      HiddenObject hidden = read_object(object, "object" + std::to_string(number));
+      check_name(object, objects, hidden.name);
+      objects.push_back(std::move(hidden));
+      places.push_back(object);
+    }
+  } else {
+    objects.push_back(read_object(reader, "object"));
+    places.push_back(reader);
+  }
+  scene.unknowns = read_unknowns(unknowns, objects);
+  for (std::size_t i = 0; i < objects.size(); ++i) {
+    objects[i].placement =
+        read_placement(places[i], objects[i].shape, scene.unknowns, static_cast<int>(i));
+  }
+  scene.hidden = objects.front();
+  scene.further_hidden.assign(objects.begin() + 1, objects.end());
 }
 
 // --- Linear unknowns -----------------------------------------------------------------------------
@@ -456,8 +548,19 @@ Scene parse_scene(const nlohmann::json& json, const std::string& path) {
   if (document.is_object() && document.contains("unknowns") && document["unknowns"].is_object()) {
     const Json given = document["unknowns"];
     Json ordered = Json::object();
-    for (const UnknownName& name : kUnknownNames) {
-      if (given.contains(name.key)) ordered[name.key] = given[name.key];
+    std::vector<std::string> prefixes{""};
+    if (document.contains("hidden") && document["hidden"].is_array()) {
+      for (const Json& object : document["hidden"]) {
+        if (object.is_object() && object.contains("name") && object["name"].is_string()) {
+          prefixes.push_back(object["name"].get<std::string>() + ".");
+        }
+      }
+    }
+    for (const std::string& prefix : prefixes) {
+      for (const UnknownName& name : kUnknownNames) {
+        const std::string key = prefix + name.key;
+        if (given.contains(key)) ordered[key] = given[key];
+      }
     }
     for (const auto& item : given.items()) ordered[item.key()] = item.value();
     document["unknowns"] = ordered;

@@ -294,6 +294,41 @@ void read_noise(const JsonReader& reader, Sensor& sensor) {
   sensor.noise = noise;
 }
 
+/// Shares of light that zones spill into others: one number, for each of a zone's neighbours above,
+/// below, left and right, or the whole matrix.
+void read_crosstalk(const JsonReader& reader, Sensor& sensor) {
+  if (!reader.present()) return;
+  const auto zones = static_cast<std::size_t>(sensor.zone_count());
+  sensor.crosstalk.assign(zones * zones, 0.0);
+  if (reader.is_array()) {
+    const auto rows = reader.elements_exactly(zones, "rows, one per receiving zone");
+    for (std::size_t z = 0; z < zones; ++z) {
+      const auto shares = rows[z].elements_exactly(zones, "numbers, one per zone that gives light");
+      for (std::size_t from = 0; from < zones; ++from) {
+        sensor.crosstalk[z * zones + from] = shares[from].number(NumberRange::between(0, 1));
+      }
+    }
+    return;
+  }
+  const double share = reader.number(NumberRange::between(0, 0.25));
+  for (int row = 0; row < sensor.rows; ++row) {
+    for (int column = 0; column < sensor.columns; ++column) {
+      const auto from = static_cast<std::size_t>(row * sensor.columns + column);
+      double kept = 1;
+      const auto spill = [&](int r, int c) {
+        if (r < 0 || r >= sensor.rows || c < 0 || c >= sensor.columns) return;
+        sensor.crosstalk[static_cast<std::size_t>(r * sensor.columns + c) * zones + from] = share;
+        kept -= share;
+      };
+      spill(row - 1, column);
+      spill(row + 1, column);
+      spill(row, column - 1);
+      spill(row, column + 1);
+      sensor.crosstalk[from * zones + from] = kept;
+    }
+  }
+}
+
 /// Smallest rectangle of directions around all zones; nothing for zones that are relay points.
 FieldOfIllumination around_zones(const std::vector<Zone>& zones) {
   if (!std::holds_alternative<AngularRectangle>(zones.front().footprint)) return AngularCone{};
@@ -386,14 +421,26 @@ void read_time_axis(const JsonReader& reader, Sensor& sensor) {
   sensor.response = read_response(reader.at("impulse_response"));
 }
 
+void read_detector(const JsonReader& reader, Sensor& sensor) {
+  const JsonReader cycles = reader.at("pile_up_cycles");
+  sensor.pile_up_cycles = cycles.number_or(0, NumberRange::at_least(1));
+  if (sensor.pile_up_cycles > 0 && !std::holds_alternative<PoissonNoise>(sensor.noise)) {
+    cycles.fail("pile-up beside noise.law \"gaussian\"",
+                "pile-up of counted photons (\"poisson\")");
+  }
+  sensor.saturation = reader.at("saturation").number_or(0, NumberRange::above(0));
+  read_crosstalk(reader.at("crosstalk"), sensor);
+}
+
 Sensor read_explicit(const JsonReader& reader) {
-  reader.allow_only({"name",         "description",      "preset",
-                     "rows",         "columns",          "fov_deg",
-                     "zones",        "zone_columns_deg", "zone_rows_deg",
-                     "bins",         "bin_width_ps",     "time_zero_ps",
-                     "gain",         "impulse_response", "wrap_bins",
-                     "valid_bins",   "dead_zones",       "noise",
-                     "illumination", "path_origin",      "link"});
+  reader.allow_only({"name",           "description",      "preset",
+                     "rows",           "columns",          "fov_deg",
+                     "zones",          "zone_columns_deg", "zone_rows_deg",
+                     "bins",           "bin_width_ps",     "time_zero_ps",
+                     "gain",           "impulse_response", "wrap_bins",
+                     "valid_bins",     "dead_zones",       "noise",
+                     "illumination",   "path_origin",      "link",
+                     "pile_up_cycles", "saturation",       "crosstalk"});
   Sensor sensor;
   sensor.name = reader.at("name").text_or("custom");
   reader.at("description").text_or("");
@@ -402,6 +449,7 @@ Sensor read_explicit(const JsonReader& reader) {
   read_time_axis(reader, sensor);
   read_zones(reader, sensor);
   read_noise(reader.at("noise"), sensor);
+  read_detector(reader, sensor);
   read_illumination(reader.at("illumination"), sensor);
   const bool relay = reader.at("path_origin").word_or("sensor", {"sensor", "relay"}) == "relay";
   sensor.path_origin = relay ? PathOrigin::relay : PathOrigin::sensor;

@@ -7,7 +7,11 @@
   var data = JSON.parse(document.getElementById("data").textContent);
   var scene = data.scene;
   var captures = data.result.captures;
-  var unknowns = data.result.unknowns;
+  // The map shows the first object: its unknowns go without its name.
+  var own = data.scene.object.name + ".";
+  var unknowns = data.result.unknowns.map(function (name) {
+    return name.indexOf(own) === 0 ? name.slice(own.length) : name;
+  });
   var COLOUR = {  // Okabe and Ito: told apart with any colour vision
     heaviest: "#d55e00", rival: "#0072b2", truth: "#009e73", relay: "#3d454d", occluder: "#3d454d",
     sensor: "#1b1f24", field: "#f0e442", search: "#8b949d", object: "#e69f00", model: "#0072b2",

@@ -94,7 +94,7 @@ std::vector<double> truth_vector(const Scene& scene, const std::map<std::string,
 
 double unknown_difference(const Scene& scene, std::size_t unknown, double a, double b) {
   if (scene.unknowns.at(unknown).component != Component::yaw) return a - b;
-  const double period = yaw_period(scene.hidden.shape);
+  const double period = yaw_period(hidden_object(scene, scene.unknowns[unknown].object).shape);
   return period > 0.0 ? std::remainder(a - b, period) : 0.0;
 }
 

@@ -113,6 +113,21 @@ class Cli : public ::testing::Test {
   fs::path directory_;
 };
 
+TEST_F(Cli, RenderTakesPosesOfSeveralObjectsByName) {
+  json scene =
+      json::parse(text_of(std::string(SOURCE_DIR) + "/scenes/reference_tilted_spheres.json"));
+  std::ofstream(path("two.json")) << scene;
+  const std::string render = "render '" + path("two.json") + "' --noiseless --model fast -o '";
+  EXPECT_EQ(run(render + path("near.exr") + "' --pose front.x_m=0.1,back.x_m=-0.2").exit_code, 0);
+  const CaptureFile file = read_captures(path("near.exr"));
+  EXPECT_EQ(file.captures.front().truth.at("front.x_m"), 0.1);
+  EXPECT_EQ(file.captures.front().truth.at("back.x_m"), -0.2);
+  const Outcome wrong = run(render + path("wrong.exr") + "' --pose x_m=0.1");
+  EXPECT_EQ(wrong.exit_code, 2);
+  EXPECT_THAT(wrong.err, HasSubstr("front."));
+  EXPECT_FALSE(fs::exists(path("wrong.exr")));
+}
+
 TEST_F(Cli, HelpIsNoFailure) {
   const Outcome all = run("--help");
   EXPECT_EQ(all.exit_code, 0);

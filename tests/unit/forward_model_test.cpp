@@ -311,7 +311,7 @@ TEST_P(BothModels, SourceAndDetectorMayBeSwapped) {
        {Material(LambertianMaterial{}), Material(RetroreflectiveMaterial{8 * kDegree})}) {
     const auto [forth, back] = swapped_pair(material);
     ReferenceOptions options;
-    options.zone_divisions = options.field_divisions = 24;
+    options.zone_divisions = options.field_divisions = 12;
     const HistogramCube a = model(forth, options)->three_bounce(middle(forth));
     const HistogramCube b = model(back, options)->three_bounce(middle(back));
     // The reference samples both ends alike for a Lambertian object; for a lobe it divides the lit
@@ -360,8 +360,8 @@ TEST_P(BothModels, ScalingTheSceneScalesTheLightByItsInverseSquare) {
     scene.sensor.light_offset = Vector3d(0, 0.01, 0);
     scene.surfaces.push_back(blocker(BoxShape{{0.7, 0.02, 1}}, {-0.05, 0.2, 0}));
     ReferenceOptions options;
-    options.zone_divisions = 4;
-    options.field_divisions = 10;
+    options.zone_divisions = 2;
+    options.field_divisions = 5;
     const auto small = model(scene, options);
     const HistogramCube want = small->three_bounce(middle(scene));
     for (const double factor : {1e3, 1e-3}) {
@@ -419,8 +419,8 @@ TEST_P(BothModels, OccluderThatHidesHalfOfTheWallHalvesTheLight) {
   // The sensor stands between screen and wall: its own view is free.
   open.T_world_sensor = half.T_world_sensor = at({0.35, 0, 0});
   ReferenceOptions options;
-  options.field_divisions = 24;  // even: no cell sits on the shadow's edge
-  options.zone_divisions = 8;
+  options.field_divisions = 12;  // even: no cell sits on the shadow's edge
+  options.zone_divisions = 4;
   const HistogramCube whole = model(open, options)->three_bounce(middle(open));
   const HistogramCube part = model(half, options)->three_bounce(middle(half));
   // The object's width of 2 mm moves the shadow by twice as much over a relay half width of 90 mm,
@@ -750,7 +750,7 @@ TEST_P(FastAgainstReference, MeetsItsTolerance) {
   const FastModelOptions options;
   const auto fast = make_fast_model(s, sensor_placement(s), options);
   ReferenceOptions dense;
-  dense.object_divisions = 8;
+  dense.object_divisions = 4;
   const auto reference = make_reference_renderer(s, sensor_placement(s), dense);
   double square = 0;
   double scale = 0;
@@ -807,9 +807,9 @@ INSTANTIATE_TEST_SUITE_P(ForwardModel, FastAgainstReference,
 TEST(FastModelTest, ToleranceBuysAccuracy) {
   const Scene scene = table_top();
   ReferenceOptions fine;
-  fine.zone_divisions = 10;
-  fine.field_divisions = 34;
-  fine.object_divisions = 8;
+  fine.zone_divisions = 5;
+  fine.field_divisions = 17;
+  fine.object_divisions = 4;
   const HistogramCube want =
       make_reference_renderer(scene, sensor_placement(scene), fine)->three_bounce(middle(scene));
   for (const double tolerance : {0.1, 0.01, 0.003}) {
@@ -974,7 +974,7 @@ TEST_P(PathTraced, ReferenceAgreesWithinTheTracersNoise) {
         {"normal", {std::cos(at_pose[3] * kDegree), std::sin(at_pose[3] * kDegree), 0}}};
     const Scene scene = path_traced_scene(json, hidden);
     ReferenceOptions dense;
-    dense.object_divisions = 10;
+    dense.object_divisions = 5;
     const auto reference = make_reference_renderer(scene, sensor_placement(scene), dense);
     const Agreement agreement =
         compare(reference->three_bounce(middle(scene)), mean.values.data() + p * values,

@@ -90,8 +90,9 @@ TEST(SceneFile, EveryShippedSceneIsAccepted) {
     EXPECT_EQ(static_cast<int>(scene.sensor.zones.size()), scene.sensor.zone_count());
     EXPECT_FALSE(scene.unknowns.empty());
     for (const Unknown& unknown : scene.unknowns) {
-      EXPECT_GE(scene.hidden.placement.get(unknown.component), unknown.lower);
-      EXPECT_LE(scene.hidden.placement.get(unknown.component), unknown.upper);
+      const Placement& placement = hidden_object(scene, unknown.object).placement;
+      EXPECT_GE(placement.get(unknown.component), unknown.lower);
+      EXPECT_LE(placement.get(unknown.component), unknown.upper);
     }
     ++count;
   }
@@ -292,6 +293,82 @@ TEST(SceneFile, StandingShapesAreAnchoredAtTheirBase) {
             Anchor::center);
   EXPECT_EQ(anchor(R"({"shape": "sphere", "radius_m": 0.2, "position_m": [null, null, 0]})"),
             Anchor::center);
+}
+
+/// Two hidden spheres.
+json two_objects() {
+  json scene = minimal();
+  scene["hidden"] = json::parse(R"([
+    {"name": "front", "shape": "sphere", "radius_m": 0.1, "position_m": [null, 0.5, 1]},
+    {"name": "back", "shape": "sphere", "radius_m": 0.2, "position_m": [0.1, null, 1.1]}
+  ])");
+  scene["unknowns"] = json::parse(R"({"front.x_m": [0, 0.5], "back.y_m": [0.4, 1.0]})");
+  return scene;
+}
+
+TEST(SceneFile, SeveralHiddenObjectsHaveNames) {
+  const Scene scene = parse_scene(two_objects(), "test.json");
+  ASSERT_EQ(object_count(scene), 2);
+  EXPECT_EQ(unknown_names(scene), (std::vector<std::string>{"front.x_m", "back.y_m"}));
+  EXPECT_EQ(scene.unknowns[1].object, 1);
+  EXPECT_EQ(hidden_object(scene, 1).placement.position.x(), 0.1);
+  EXPECT_NEAR(hidden_object(scene, 1).placement.position.y(), 0.7, kRounding);
+  const auto message = [](const Change& change) {
+    json wrong = two_objects();
+    change(wrong);
+    return message_of([&] { parse_scene(wrong, "test.json"); });
+  };
+  EXPECT_THAT(message([](json& s) {
+                s["unknowns"]["x_m"] = {0, 1};
+              }),
+              HasSubstr("unknowns.x_m: found an unknown of no known name"));
+  EXPECT_THAT(message([](json& s) { s["hidden"][1]["name"] = "front"; }),
+              HasSubstr("hidden[1].name: found the name of another object"));
+  EXPECT_THAT(message([](json& s) { s["hidden"][0]["name"] = "a.b"; }),
+              HasSubstr("hidden[0].name: found \"a.b\""));
+  EXPECT_THAT(message([](json& s) { s["hidden"] = json::array(); }), HasSubstr("hidden"));
+}
+
+TEST(SceneFile, MeshesAreReadFromBesideTheScene) {
+  json scene = minimal();
+  scene["hidden"] = json::parse(R"({"shape": "mesh", "file": "meshes/arrow.obj", "scale": 0.5,
+                                    "position_m": [null, null, 1], "yaw_deg": 30})");
+  scene["surfaces"].push_back(json::parse(R"({"shape": "mesh", "file": "meshes/arrow.obj",
+    "position_m": [1, 2, 3], "occluder": true})"));
+  const std::string beside = SOURCE_DIR "/scenes/test.json";
+  const Scene read = parse_scene(scene, beside);
+  const auto& mesh = std::get<MeshShape>(read.hidden.shape);
+  EXPECT_NEAR(mesh.mesh->extent.x(), 0.2, kRounding);
+  EXPECT_FALSE(mesh.two_sided) << "a closed body is seen from outside";
+  EXPECT_EQ(read.hidden.anchor, Anchor::center);
+  // A surface's position is that of the file's origin, 5 cm before the tip's rear edge.
+  const auto& surface = std::get<MeshShape>(read.surfaces[1].shape);
+  const Eigen::Vector3d origin = read.surfaces[1].T_world_surface * surface.mesh->origin;
+  EXPECT_NEAR((origin - Eigen::Vector3d(1, 2, 3)).norm(), 0, 1e-9);
+  scene["hidden"]["file"] = "meshes/none.obj";
+  EXPECT_THAT(message_of([&] { parse_scene(scene, beside); }), HasSubstr("hidden.file: found"));
+}
+
+TEST(SceneFile, DetectorsEffectsAreRead) {
+  const Scene scene = changed([](json& s) {
+    s["sensor"]["pile_up_cycles"] = 1e5;
+    s["sensor"]["saturation"] = 65535;
+    s["sensor"]["crosstalk"] = 0.1;
+  });
+  EXPECT_EQ(scene.sensor.pile_up_cycles, 1e5);
+  EXPECT_EQ(scene.sensor.saturation, 65535);
+  ASSERT_EQ(scene.sensor.crosstalk.size(), 4U);  // two zones side by side
+  EXPECT_NEAR(scene.sensor.crosstalk[0], 0.9, kRounding);
+  EXPECT_NEAR(scene.sensor.crosstalk[1], 0.1, kRounding);
+  const Scene matrix = changed([](json& s) { s["sensor"]["crosstalk"] = {{1, 0.2}, {0, 0.8}}; });
+  EXPECT_EQ(matrix.sensor.crosstalk, (std::vector<double>{1, 0.2, 0, 0.8}));
+  EXPECT_THAT(message_of([] {
+                changed([](json& s) {
+                  s["sensor"]["pile_up_cycles"] = 10;
+                  s["sensor"]["noise"] = {{"law", "gaussian"}, {"variance_floor", 1}};
+                });
+              }),
+              HasSubstr("sensor.pile_up_cycles"));
 }
 
 TEST(SceneFile, LinearUnknownsAreRead) {

@@ -177,7 +177,7 @@ TEST(TransportPlan, PosesOutsideOfTheSearchRegionKeepAllOccluders) {
   ASSERT_LT(planned->plan().occluders.size(), all->plan().occluders.size());
   PoseVector outside = pose_of(s.hidden.placement, s.unknowns);
   outside << 0.1, 1.4, 1.0, -65 * kDegree;
-  EXPECT_FALSE(in_search_region(s, outside));
+  EXPECT_FALSE(in_search_region(s, place(s.hidden.placement, s.unknowns, outside)));
   const HistogramCube want = all->three_bounce(outside);
   ASSERT_GT(peak(want), 0.0);
   EXPECT_EQ(planned->three_bounce(outside).values, want.values);

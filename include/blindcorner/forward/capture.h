@@ -33,7 +33,7 @@ struct HistogramCube {
 /// One capture: counts and what is known about how they were taken.
 struct Capture {
   HistogramCube counts;
-  double exposures = 1.0;                   ///< how many exposures were averaged
+  double exposures = 1.0;  ///< how many exposures were averaged
   /// [zones], where zones were averaged over different numbers; 0: the zone has no data.
   std::optional<std::vector<double>> zone_exposures;
   std::optional<double> dispersion;         ///< variance / mean; the sensor's if not given

@@ -55,9 +55,13 @@ class ForwardModel {
     return out;
   }
 
-  /// Light that went source, surface, detector; same unit. Zero when path lengths count from the
-  /// relay (the first bounce is then no part of a capture).
+  /// Light of the known scene alone: source, surface, detector, and where it matters the two- and
+  /// three-bounce returns of known surfaces; same unit. Zero when path lengths count from the relay
+  /// (the first bounce is then no part of a capture).
   virtual const HistogramCube& direct_return() const = 0;
+
+  /// The same with the hidden objects standing in the way of the later bounces.
+  virtual HistogramCube static_return(const PoseVector& /*pose*/) const { return direct_return(); }
 
   virtual const TransportPlan& plan() const = 0;
 
@@ -67,11 +71,13 @@ class ForwardModel {
 };
 
 /// Sampling of the reference renderer: uniform, denser than and different from the fast model's.
+/// Flat cells, of relay and object, have 2 x 2 Gauss-Legendre nodes each; cells of curved objects
+/// and lit cells that resolve a lobe have one.
 struct ReferenceOptions {
-  int zone_divisions = 7;     ///< relay cells along each side of a zone
-  int field_divisions = 23;   ///< relay cells along each side of the field (rings of a cone)
-  int object_divisions = 10;  ///< least cells along each edge of the object
-  double object_edge = 0.2;   ///< m, largest cell edge on the object
+  int zone_divisions = 4;    ///< relay cells along each side of a zone
+  int field_divisions = 12;  ///< relay cells along each side of the field (rings of a cone)
+  int object_divisions = 5;  ///< least cells along each edge of the object
+  double object_edge = 0.4;  ///< m, largest cell edge on the object
 
   void validate() const;
 };

@@ -16,13 +16,29 @@ struct LinearValues {
   double direct = 1.0;
 };
 
-/// gain * (amplitude * S + direct * static) + ambient, per zone and bin. Dead zones stay zero.
+/// gain * (amplitude * S + direct * static) + ambient, per zone and bin, then the detector's
+/// pile-up if the sensor has any. Dead zones stay zero.
 HistogramCube expected_counts(const Scene& scene, const HistogramCube& three_bounce,
                               const HistogramCube& direct_return, const LinearValues& linear);
 
+/// Coates' model of a detector that reports the first photon of each laser pulse: with p = 1 -
+/// exp(-m / N) the probability of a photon in a bin, m counts expected without pile-up in N cycles,
+/// a bin expects N p times the share of cycles in which no earlier bin had one. In place, one zone.
+/// (Coates, J. Phys. E 1, 878, 1968.)
+void pile_up(double cycles, double* counts, int bins);
+
+/// Coates' correction, the inverse: counts that would have been expected without pile-up, from
+/// counts of `exposures` averaged exposures of `cycles` each. `live` gets, per bin, counts over
+/// corrected counts: how much of the light was recorded.
+void undo_pile_up(double cycles, const double* counts, int bins, double* corrected, double* live);
+
+/// Cuts counts at what a bin can hold, if the sensor has such a limit.
+void saturate(const Sensor& sensor, HistogramCube& counts);
+
 /// Draws counts from expected ones by the scene's noise law: Poisson scaled to the dispersion, or
-/// Gaussian with the stated variance law, censored at zero if the sensor does that. `exposures` are
-/// averaged. The same seed gives the same counts.
+/// Gaussian with the stated variance law, censored at zero if the sensor does that. Under pile-up
+/// each bin is binomial given the earlier ones, its probability that of the expected counts. The
+/// average of the `exposures` saturates. The same seed gives the same counts.
 HistogramCube draw_counts(const Scene& scene, const HistogramCube& expected, double exposures,
                           std::uint64_t seed);
 

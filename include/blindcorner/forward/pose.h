@@ -43,6 +43,7 @@ struct Unknown {
   double lower = 0.0;  ///< m, rad or 1
   double upper = 1.0;  ///< m, rad or 1
   std::optional<NormalPrior> prior;
+  int object = 0;  ///< which of the scene's hidden objects it belongs to
 
   double range() const { return upper - lower; }
 };
@@ -50,11 +51,14 @@ struct Unknown {
 /// Values of the unknowns in the order in which the scene lists them (SI units).
 using PoseVector = Eigen::VectorXd;
 
-/// `known` with the values of `pose` put in place of the unknown components.
+/// `known` with the values of `pose` put in place of the unknown components of one object.
 Placement place(const Placement& known, const std::vector<Unknown>& unknowns,
-                const PoseVector& pose);
+                const PoseVector& pose, int object = 0);
 
-/// The values of the unknown components of a placement.
+/// The values of the unknown components of the only object's placement.
 PoseVector pose_of(const Placement& placement, const std::vector<Unknown>& unknowns);
+
+/// The same for several objects, one placement each.
+PoseVector pose_of(const std::vector<Placement>& placements, const std::vector<Unknown>& unknowns);
 
 }  // namespace blindcorner

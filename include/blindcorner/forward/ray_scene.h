@@ -22,6 +22,8 @@ struct RayHit {
 class RayScene {
  public:
   explicit RayScene(const std::vector<Surface>& surfaces);
+  /// Bodies given by their triangles; hits name them by index.
+  explicit RayScene(const std::vector<std::vector<Triangle>>& bodies);
   ~RayScene();
   RayScene(const RayScene&) = delete;
   RayScene& operator=(const RayScene&) = delete;

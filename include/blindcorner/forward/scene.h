@@ -66,8 +66,8 @@ struct LinearUnknowns {
   double fixed_ambient = 0.0;                 ///< counts per bin
   /// [zones] of the ambient light where it is per_zone, counts per bin; empty: it is unknown.
   std::vector<NormalPrior> ambient_prior;
-  LinearMode direct = LinearMode::fixed;      ///< fixed or per_zone: scale of the static return
-  double fixed_direct = 1.0;                  ///< 0: the static return is absent from captures
+  LinearMode direct = LinearMode::fixed;  ///< fixed or per_zone: scale of the static return
+  double fixed_direct = 1.0;              ///< 0: the static return is absent from captures
 };
 
 struct Scene {
@@ -78,6 +78,7 @@ struct Scene {
   std::optional<Eigen::Matrix<double, 6, 6>> sensor_covariance;  ///< x, y, z (m), rotation (rad)
   std::vector<Surface> surfaces;
   HiddenObject hidden;
+  std::vector<HiddenObject> further_hidden;  ///< more hidden objects; usually none
   std::vector<Unknown> unknowns;
   LinearUnknowns linear;
   double presence_prior = 0.5;  ///< probability that an object is there at all
@@ -86,7 +87,21 @@ struct Scene {
   double outlier_probability = 0.0;
 };
 
-/// Names of the unknowns with units, in order: "x_m", "yaw_rad", ...
+/// Number of hidden objects, and one of them: 0 is `hidden`, then `further_hidden`.
+int object_count(const Scene& scene);
+const HiddenObject& hidden_object(const Scene& scene, int object);
+
+/// Placements of all hidden objects at a pose, and those that the scene itself states.
+std::vector<Placement> placements_at(const Scene& scene, const PoseVector& pose);
+std::vector<Placement> stated_placements(const Scene& scene);
+
+/// The scene as one of its hidden objects has it alone: that object and its unknowns only.
+Scene only_object(const Scene& scene, int object);
+
+/// Name of a component of an object with its unit: "x_m", with several objects "front.x_m".
+std::string unknown_name(const Scene& scene, const Unknown& unknown);
+
+/// Names of the unknowns in order.
 std::vector<std::string> unknown_names(const Scene& scene);
 
 }  // namespace blindcorner

@@ -73,6 +73,13 @@ struct Sensor {
   int wrap_bins = 0;  ///< light later than this bin reappears this many bins earlier; 0: never
   NoiseLaw noise = PoissonNoise{};
   double dispersion = 1.0;  ///< variance / mean of one exposure's counts
+  /// Laser pulses times detectors of a zone in one capture. Each detector reports at most the first
+  /// photon of a pulse, so early light hides later light (pile-up). 0: no pile-up.
+  double pile_up_cycles = 0.0;
+  double saturation = 0.0;  ///< most counts that a bin can hold; 0: any number
+  /// [receiving zone][zone] share of a zone's light that a zone records, row by row; empty: each
+  /// zone records its own light and no other.
+  std::vector<double> crosstalk;
   Illumination illumination = Illumination::flash;
   FieldOfIllumination field = AngularCone{};
   double radiant_intensity = 1.0;                          ///< W/sr inside the field

@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <memory>
 #include <string>
 #include <variant>
 #include <vector>
@@ -30,9 +31,33 @@ struct CylinderShape {
   double height = 1.0;  ///< m, along z
 };
 
-using Shape = std::variant<RectangleShape, BoxShape, SphereShape, CylinderShape>;
+/// Triangles about the centroid of their area, m. Made by `make_mesh`.
+struct TriangleMesh {
+  std::vector<Eigen::Vector3d> vertices;
+  std::vector<std::array<int, 3>> triangles;         ///< counter-clockwise seen from outside
+  Eigen::Vector3d origin = Eigen::Vector3d::Zero();  ///< of the given vertices' own coordinates
+  Eigen::Vector3d extent = Eigen::Vector3d::Zero();  ///< m, of the bounding box along its own axes
+  Eigen::Vector3d lowest = Eigen::Vector3d::Zero();  ///< corner of the bounding box
+  double radius = 0.0;                               ///< m, farthest vertex from the centroid
+  bool closed = false;  ///< every edge joins two triangles that run along it in opposite directions
+  bool convex = false;  ///< closed, and no vertex lies outside of any face
+};
 
-/// "rectangle", "box", "sphere" or "cylinder".
+/// Moves the vertices to the centroid and finds out the rest. Throws Error when there is no
+/// triangle of an area, a vertex is not finite or an index is out of range.
+std::shared_ptr<const TriangleMesh> make_mesh(std::vector<Eigen::Vector3d> vertices,
+                                              std::vector<std::array<int, 3>> triangles);
+
+/// Body or sheet made of triangles.
+struct MeshShape {
+  std::shared_ptr<const TriangleMesh> mesh;
+  bool two_sided =
+      false;  ///< reflects on both sides; else only on the outer one. Both sides block.
+};
+
+using Shape = std::variant<RectangleShape, BoxShape, SphereShape, CylinderShape, MeshShape>;
+
+/// "rectangle", "box", "sphere", "cylinder" or "mesh".
 std::string shape_name(const Shape& shape);
 
 /// Which point of the shape its position names: the centre, or the centre of its footprint.
@@ -41,8 +66,11 @@ enum class Anchor { center, base };
 /// `base` for shapes that stand (box, cylinder), `center` otherwise.
 Anchor default_anchor(const Shape& shape);
 
+/// Whether no line between two points of the shape leaves it: it cannot shadow itself.
+bool is_convex(const Shape& shape);
+
 /// Period in radians after which a yaw turn looks the same: 2 pi for a rectangle, pi for a box,
-/// pi/2 for a box of square footprint, 0 for shapes that yaw does not change.
+/// pi/2 for a box of square footprint, 2 pi for a mesh, 0 for shapes that yaw does not change.
 double yaw_period(const Shape& shape);
 
 /// Largest distance of a point of the shape from its anchor, m.
@@ -76,8 +104,9 @@ using Triangle = std::array<Eigen::Vector3d, 3>;
 std::vector<Triangle> triangulate(const Shape& shape, const Transform& T_world_shape, double size,
                                   int segments = 48);
 
-/// Flat faces of a rectangle (1) or a box (6) as planar quads, corners counter-clockwise seen from
-/// outside; throws Error for curved shapes.
+/// Flat faces of a rectangle (1), a box (6) or a mesh as planar quads, corners counter-clockwise
+/// seen from outside (of a triangle, the third corner is in the middle of an edge); throws Error
+/// for curved shapes.
 std::vector<std::array<Eigen::Vector3d, 4>> flat_faces(const Shape& shape,
                                                        const Transform& T_world_shape, double size);
 

@@ -26,6 +26,8 @@ enum class Term {
   whole_axis,      ///< the time axis outside what light from the search region can reach
   object_in_view,  ///< the object before the sensor: seen directly, or blocking its view
   direct_return,   ///< light of the known surfaces
+  known_bounces,   ///< two and three bounces within the known scene
+  crosstalk,       ///< light of one zone that another records
   pile_up          ///< detections lost behind earlier ones of the same pulse
 };
 
@@ -60,12 +62,13 @@ struct PlanOverrides {
   bool switched_off(Term term) const;
 };
 
-/// Corner and mid poses of the search region (every combination of lower, middle and upper values
-/// of the unknowns), for judging spreads and gates before any pose is known.
-std::vector<Placement> probe_placements(const Scene& scene);
+/// Corner and mid placements of one object's search region (every combination of lower, middle and
+/// upper values of its unknowns), for judging spreads and gates before any pose is known.
+std::vector<Placement> probe_placements(const Scene& scene, int object = 0);
 
-/// Whether every component of a pose lies in the range of its unknown: the plan holds there.
-bool in_search_region(const Scene& scene, const PoseVector& pose);
+/// Whether every free component of an object's placement lies in the range of its unknown: the plan
+/// holds there.
+bool in_search_region(const Scene& scene, const Placement& placement, int object = 0);
 
 /// Decides the plan. `relay_points` are points on the relay that span what is lit and seen;
 /// `lit_extent` is the diameter of the lit spot in m. Decisions that depend on the sensor's place

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Light that bounces twice or three times within the known scene: it reaches the sensor late, as
+/// light from a hidden object does.
+#pragma once
+
+#include <vector>
+
+#include "blindcorner/forward/capture.h"
+#include "pair_sum.h"
+#include "relay_setup.h"
+
+namespace blindcorner {
+
+/// How finely the light between known surfaces is sampled: cells along each side, each of four
+/// Gauss nodes.
+struct StaticSampling {
+  int zone_divisions = 2;
+  int field_divisions = 8;
+  /// Largest edge of a middle surface's cells in standard deviations of the pulse's path.
+  double middle_edge = 1.0;
+  int most_divisions = 64;  ///< of a middle surface's edge
+};
+
+/// The known scene's own two- and three-bounce returns: source, surface, surface, (surface,)
+/// detector. More bounces are left out: each costs a factor of albedo times the share of the
+/// hemisphere that the surfaces fill for each other.
+class StaticBounces {
+ public:
+  StaticBounces(const Scene& scene, const RelaySetup& setup, const StaticSampling& sampling);
+
+  /// Whether any two reflecting surfaces face each other.
+  bool any() const { return any_; }
+
+  /// Adds the returns to the cube, W/m^2 per bin; `bodies` block some of them.
+  void add(const Blockers& bodies, HistogramCube& cube) const;
+
+ private:
+  struct Middle {
+    int surface;
+    SurfaceCell cell;
+  };
+  void add_two(PairSum& sum, int zone, const Blockers& blockers) const;
+  void add_three(PairSum& sum, const Blockers& blockers) const;
+  const std::vector<WeightedPatch>& lit(int zone) const {
+    return lit_[lit_.size() == 1 ? 0 : static_cast<std::size_t>(zone)];
+  }
+
+  const Scene& scene_;
+  bool any_ = false;
+  const RelaySetup& setup_;
+  std::vector<std::vector<WeightedPatch>> lit_;   // one for all zones, or one each (confocal)
+  std::vector<std::vector<WeightedPatch>> seen_;  // [zone]
+  std::vector<Middle> middle_;                    // cells that other surfaces' light reaches
+};
+
+}  // namespace blindcorner
