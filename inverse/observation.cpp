@@ -7,6 +7,7 @@
 #include <string>
 
 #include "blindcorner/forward/error.h"
+#include "blindcorner/forward/photon_noise.h"
 
 namespace blindcorner {
 
@@ -14,6 +15,44 @@ namespace {
 
 /// Exposures that stand for none: a thousand standard deviations tell nothing.
 constexpr double kNoExposure = 1e-6;
+
+/// Pile-up that hides less than this share of the light is left as it is.
+constexpr double kPileUpMatters = 0.01;
+
+/// Counts as they would be without pile-up, and the share of the light that was recorded.
+struct Unpiled {
+  HistogramCube counts;
+  double live = 1;
+};
+
+/// Coates' correction. Given the earlier bins, a bin's count is binomial; its likelihood in the
+/// expected light m has its maximum at the corrected count n / e and, for a light of l photons per
+/// cycle and bin, its curvature within l^2 / 12 of e times a Poisson law's, e being the share of
+/// the light that was recorded. So the corrected counts follow a Poisson law with e as exposure,
+/// which is convex in the linear unknowns. e hardly changes behind the first bounce, where the
+/// object's light is: its mean over bins and zones stands for all of them.
+Unpiled without_pile_up(const Sensor& sensor, const Capture& capture) {
+  Unpiled result{capture.counts, 1.0};
+  if (sensor.pile_up_cycles <= 0 || !std::holds_alternative<PoissonNoise>(sensor.noise)) {
+    return result;
+  }
+  const int bins = capture.counts.bins;
+  HistogramCube corrected = capture.counts;
+  std::vector<double> live(static_cast<std::size_t>(bins));
+  double sum = 0;
+  double least = 1;
+  int count = 0;
+  for (int z = 0; z < corrected.zones(); ++z) {
+    if (sensor.zones[static_cast<std::size_t>(z)].dead) continue;
+    undo_pile_up(sensor.pile_up_cycles, capture.counts.zone(z), bins, corrected.zone(z),
+                 live.data());
+    sum += std::accumulate(live.begin(), live.end(), 0.0);
+    least = std::min(least, *std::min_element(live.begin(), live.end()));
+    count += bins;
+  }
+  if (count == 0 || least > 1 - kPileUpMatters) return result;
+  return {std::move(corrected), sum / count};
+}
 
 }  // namespace
 
@@ -73,8 +112,10 @@ Observation observe(const Scene& scene, std::span<const Capture> captures,
   for (std::size_t c = 0; c < captures.size(); ++c) {
     const Capture& capture = captures[c];
     const double dispersion = capture.dispersion.value_or(sensor.dispersion);
+    const Unpiled unpiled = without_pile_up(sensor, capture);
     if (!capture.zone_exposures) {
-      observation.likelihood.emplace_back(sensor.noise, dispersion, capture.exposures);
+      observation.likelihood.emplace_back(sensor.noise, dispersion,
+                                          capture.exposures * unpiled.live);
     }
     for (int z = 0; z < sensor.zone_count(); ++z) {
       const Zone& zone = sensor.zones[static_cast<std::size_t>(z)];
@@ -86,8 +127,9 @@ Observation observe(const Scene& scene, std::span<const Capture> captures,
       if (zone.dead || window.first >= window.end) continue;
       if (capture.zone_exposures) {
         // A zone without data keeps its place among the rows of the compiled scene.
-        observation.likelihood.emplace_back(sensor.noise, dispersion,
-                                            std::max(capture.exposures_of(z), kNoExposure));
+        observation.likelihood.emplace_back(
+            sensor.noise, dispersion,
+            std::max(capture.exposures_of(z) * unpiled.live, kNoExposure));
       }
       const BinLikelihood& law = observation.likelihood.back();
       ObservedZone observed;
@@ -96,7 +138,7 @@ Observation observe(const Scene& scene, std::span<const Capture> captures,
       observed.law = observation.likelihood.size() - 1;
       observed.first = window.first;
       observed.gain = zone.gain;
-      const double* counts = capture.counts.zone(z);
+      const double* counts = unpiled.counts.zone(z);
       observed.counts.assign(counts + window.first, counts + window.end);
       for (int k = 0; k < observed.bins(); ++k) {
         const bool censored = law.censored() && observed.counts[static_cast<std::size_t>(k)] <= 0;
