@@ -43,7 +43,7 @@ json read_json(const std::string& path) {
   }
 }
 
-/// Values of the unknowns by capture index; NaN where one is not known.
+/// Values of the unknowns by place in the result; NaN where one is not known.
 using Truth = std::map<int, Eigen::VectorXd>;
 
 Eigen::VectorXd vector_of(const std::map<std::string, double>& values,
@@ -67,7 +67,8 @@ std::vector<std::string> cells(const std::string& line) {
   return list;
 }
 
-/// A table with a header: the unknowns' names, and `index` if rows are not in the captures' order.
+/// A table with a header: the unknowns' names, and `index` (place in the result, from 0) if rows
+/// are not in its order.
 Truth read_csv(const std::string& path, const std::vector<std::string>& names) {
   std::ifstream file(path);
   if (!file) throw Error(path, "no such file, or it cannot be read");
@@ -131,7 +132,7 @@ Eigen::VectorXd numbers(const json& list, Eigen::Index size, const std::string& 
 
 /// What one entry of the result says against its truth; nothing when either is missing.
 std::optional<EstimateError> error_of(const json& entry, const Truth* truth,
-                                      const std::vector<std::string>& names, bool mean,
+                                      const std::vector<std::string>& names, bool mean, int place,
                                       const std::string& where) {
   const auto n = static_cast<Eigen::Index>(names.size());
   const json* pose = nullptr;
@@ -146,8 +147,7 @@ std::optional<EstimateError> error_of(const json& entry, const Truth* truth,
   if (pose == nullptr) return std::nullopt;
   Eigen::VectorXd known;
   if (truth != nullptr) {
-    if (!entry.contains("index") || !entry["index"].is_number_integer()) return std::nullopt;
-    const auto found = truth->find(entry["index"].get<int>());
+    const auto found = truth->find(place);
     if (found == truth->end()) return std::nullopt;
     known = found->second;
   } else {
@@ -192,7 +192,7 @@ int run_evaluate(const EvaluateArguments& arguments) {
   int without = 0;
   for (std::size_t i = 0; i < result["captures"].size(); ++i) {
     const auto error = error_of(result["captures"][i], truth ? &*truth : nullptr, names,
-                                arguments.estimator == "mean",
+                                arguments.estimator == "mean", static_cast<int>(i),
                                 arguments.result + ": captures[" + std::to_string(i) + "]");
     if (error) {
       row.errors.push_back(*error);
