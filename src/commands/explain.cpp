@@ -210,9 +210,10 @@ SensorPlacement placement_of(const ExplainArguments& arguments, const Scene& sce
 int run_explain(const ExplainArguments& arguments) {
   const Scene scene = read_scene(arguments.scene);
   const SensorPlacement sensor = placement_of(arguments, scene);
-  const Placement object =
-      arguments.pose.empty() ? scene.hidden.placement : parse_pose(scene, arguments.pose);
-  const PoseVector pose = pose_of(object, scene.unknowns);
+  const std::vector<Placement> objects =
+      arguments.pose.empty() ? stated_placements(scene) : parse_pose(scene, arguments.pose);
+  const Placement& object = objects.front();
+  const PoseVector pose = pose_of(objects, scene.unknowns);
   std::vector<PoseVector> poses{pose};
   std::mt19937_64 random(arguments.seed);
   while (static_cast<int>(poses.size()) < arguments.poses) {
