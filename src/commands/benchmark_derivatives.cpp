@@ -101,10 +101,10 @@ std::string csv(const std::vector<Study>& studies) {
   return text;
 }
 
-std::vector<Chart> charts(const std::vector<Study>& studies) {
-  std::vector<Chart> list;
+std::vector<StudyChart> charts(const std::vector<Study>& studies) {
+  std::vector<StudyChart> list;
   for (const Study& s : studies) {
-    Chart chart;
+    StudyChart chart;
     chart.title = s.scene + ": " + s.unknown;
     chart.x_name = "step, as movement of the object, m";
     chart.y_name = "relative error of the derivative";

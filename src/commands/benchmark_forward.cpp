@@ -217,11 +217,11 @@ std::string csv(const std::vector<std::pair<Truth, std::vector<Setting>>>& studi
   return text;
 }
 
-std::vector<Chart> charts(const std::vector<std::pair<Truth, std::vector<Setting>>>& studies) {
-  std::vector<Chart> list;
+std::vector<StudyChart> charts(const std::vector<std::pair<Truth, std::vector<Setting>>>& studies) {
+  std::vector<StudyChart> list;
   for (const auto& [truth, settings] : studies) {
     for (const bool worst : {false, true}) {
-      Chart chart;
+      StudyChart chart;
       chart.title = settings.front().scene + (worst ? ": worst bin" : ": relative L2");
       chart.x_name = "microseconds an evaluation, one core";
       chart.y_name = worst ? "largest error / peak" : "relative L2 error";

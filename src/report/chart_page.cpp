@@ -22,7 +22,7 @@ constexpr const char* kStyle =
     ".axis path,.axis line{fill:none;stroke:#999;shape-rendering:crispEdges}"
     ".axis .minor{stroke:#eee}.rule{stroke:#888;stroke-dasharray:5 4}";
 
-json to_json(const Chart& chart) {
+json to_json(const StudyChart& chart) {
   json series = json::array();
   for (const ChartSeries& s : chart.series) {
     json points = json::array();
@@ -67,9 +67,9 @@ std::string script_safe(std::string text) {
 }  // namespace
 
 std::string chart_page(const std::string& title, const std::string& text,
-                       const std::vector<Chart>& charts) {
+                       const std::vector<StudyChart>& charts) {
   json list = json::array();
-  for (const Chart& chart : charts) list.push_back(to_json(chart));
+  for (const StudyChart& chart : charts) list.push_back(to_json(chart));
   std::string page = "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>";
   page += escaped(title) + "</title><style>" + kStyle + "</style></head><body><h1>";
   page +=

@@ -25,7 +25,7 @@ struct ChartRule {
   bool vertical = false;
 };
 
-struct Chart {
+struct StudyChart {
   std::string title, x_name, y_name;
   std::vector<ChartSeries> series;
   std::vector<ChartRule> rules;
@@ -33,6 +33,6 @@ struct Chart {
 
 /// The page: title, a paragraph that says what is drawn, the charts.
 std::string chart_page(const std::string& title, const std::string& text,
-                       const std::vector<Chart>& charts);
+                       const std::vector<StudyChart>& charts);
 
 }  // namespace blindcorner
