@@ -33,8 +33,8 @@ struct CalibrationOptions {
   double determined_share = 0.8;
   /// Smallest spread of the object's brightness, natural logarithm.
   double least_brightness_log = 0.05;
-  /// Probability that a capture is disturbed by what the model does not know, where the scene states
-  /// none; see Scene.
+  /// Probability that a capture is disturbed by what the model does not know, where the scene
+  /// states none; see Scene.
   double outlier_probability = 0.01;
   /// Scale the noise until the calibration's own captures, fitted as if their poses were not known,
   /// have a mean squared normalised error of one.
@@ -82,9 +82,9 @@ struct Calibration {
   int used = 0;                ///< captures
   double deviance_before = 0;  ///< at the scene's values, gains apart
   double deviance_after = 0;
-  double expected_deviance = 0;  ///< at the noise law found
-  double brightness_log = 0;     ///< spread of the object's brightness from capture to capture
-  double variance_scale = 1;     ///< factor on the noise's variance, see the options
+  double expected_deviance = 0;    ///< at the noise law found
+  double brightness_log = 0;       ///< spread of the object's brightness from capture to capture
+  double variance_scale = 1;       ///< factor on the noise's variance, see the options
   std::vector<std::string> notes;  ///< what could not be done, one line each
 };
 

@@ -59,8 +59,8 @@ struct ImportOptions {
   /// Sensor of a TMF8828 log with several on the bus; 0: the only one.
   int i2c_address = 0;
 
-  /// CheapSPAD: repeats averaged into one capture, consecutive ones; 0: all of a position. 2 are the
-  /// samples of the publication.
+  /// CheapSPAD: repeats averaged into one capture, consecutive ones; 0: all of a position. 2 are
+  /// the samples of the publication.
   int repeats_per_sample = 0;
   PublishedFilter published_filter = PublishedFilter::none;
 
