@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "pose_objective.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace blindcorner {
@@ -60,6 +61,11 @@ void PoseObjective::shapes(const LightSource& light, const PoseVector& pose,
   buffer.object.resize(static_cast<std::size_t>(rows_));
   if (light.spline != nullptr) {
     light.spline->evaluate(pose, buffer.object.data());
+    if (light.correction != nullptr) {
+      for (std::size_t r = 0; r < buffer.object.size(); ++r) {
+        buffer.object[r] = std::max(buffer.object[r] + (*light.correction)[r], 0.0);
+      }
+    }
     point(buffer, true);
     return;
   }
@@ -79,8 +85,8 @@ void PoseObjective::shapes(const LightSource& light, const PoseVector& pose,
 
 void PoseObjective::empty_shapes(ShapeBuffer& buffer) const { point(buffer, false); }
 
-PoseValue PoseObjective::finish(const PoseVector& pose, ShapeBuffer& buffer,
-                                LinearSolution& solution, bool warm, double accuracy) const {
+PoseValue PoseObjective::evaluate(const ShapeBuffer& buffer, const PoseVector& pose,
+                                  LinearSolution& solution, bool warm, double accuracy) const {
   solver_.solve(buffer.shapes, solution, warm, accuracy);
   PoseValue value;
   value.log_likelihood = solution.log_likelihood;
@@ -94,7 +100,7 @@ PoseValue PoseObjective::evaluate(const LightSource& light, const PoseVector& po
                                   LinearSolution& solution, bool warm, double accuracy) const {
   ShapeBuffer& buffer = scratch();
   shapes(light, pose, buffer);
-  return finish(pose, buffer, solution, warm, accuracy);
+  return evaluate(buffer, pose, solution, warm, accuracy);
 }
 
 PoseValue PoseObjective::evaluate_template(int index, LinearSolution& solution, bool warm,
@@ -104,7 +110,8 @@ PoseValue PoseObjective::evaluate_template(int index, LinearSolution& solution, 
   const float* column = compiled_.templates.col(index).data();
   for (std::size_t i = 0; i < buffer.object.size(); ++i) buffer.object[i] = column[i];
   point(buffer, true);
-  return finish(compiled_.poses[static_cast<std::size_t>(index)], buffer, solution, warm, accuracy);
+  return evaluate(buffer, compiled_.poses[static_cast<std::size_t>(index)], solution, warm,
+                  accuracy);
 }
 
 PoseValue PoseObjective::evaluate_empty(LinearSolution& solution) const {

@@ -22,13 +22,17 @@ struct PoseValue {
   double log_integrand = 0;  ///< log_posterior plus the linear unknowns' log volume
 };
 
-/// Where expected histograms come from: models, or the spline through the scored poses.
+/// Where expected histograms come from: models, or the spline through the scored poses, which may
+/// be corrected by what it lacks at a pose nearby.
 struct LightSource {
   const ModelSet* models = nullptr;
   const SplineGrid* spline = nullptr;
+  const std::vector<double>* correction = nullptr;  ///< [rows] added to the spline's light
 
   LightSource(const ModelSet& set) : models(&set) {}      // NOLINT(google-explicit-constructor)
   LightSource(const SplineGrid& grid) : spline(&grid) {}  // NOLINT(google-explicit-constructor)
+  LightSource(const SplineGrid& grid, const std::vector<double>& added)
+      : spline(&grid), correction(&added) {}
 };
 
 class PoseObjective {
@@ -38,6 +42,10 @@ class PoseObjective {
   /// Evaluates at a pose with the given light; `solution` is the warm start and the result,
   /// `accuracy` the tolerated error of the log posterior from eliminating the linear unknowns.
   PoseValue evaluate(const LightSource& light, const PoseVector& pose, LinearSolution& solution,
+                     bool warm, double accuracy = 0) const;
+
+  /// The same from shapes that were filled before.
+  PoseValue evaluate(const ShapeBuffer& buffer, const PoseVector& pose, LinearSolution& solution,
                      bool warm, double accuracy = 0) const;
 
   /// The same from the precomputed histograms of a scored pose.
@@ -57,8 +65,6 @@ class PoseObjective {
 
  private:
   void point(ShapeBuffer& buffer, bool object) const;
-  PoseValue finish(const PoseVector& pose, ShapeBuffer& buffer, LinearSolution& solution, bool warm,
-                   double accuracy) const;
 
   const CompiledScene& compiled_;
   LinearSolver solver_;

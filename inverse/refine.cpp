@@ -19,8 +19,9 @@ struct Stop {
 constexpr Stop kApproach{12, 1e-5, false};
 constexpr Stop kApproachSpline{40, 1e-6, false};
 constexpr Stop kPolish{25, 1e-6, true};
-/// After the spline's own optimum there is little left to gain.
-constexpr Stop kPolishAfterSpline{12, 4e-5, true};
+/// Corrections of the spline by the model, and the gain in log posterior that calls for another.
+constexpr int kMostCorrections = 5;
+constexpr double kWorthCorrecting = 0.01;
 
 /// What the linear unknowns may lack in log posterior: the residuals then lie within
 /// sqrt(2 * kAccuracy) = 1.4e-5 of where they should be, a thousandth of what a difference step of
@@ -137,6 +138,40 @@ Refined finish(const PoseObjective& objective, const LightSource& light, Refined
   return result;
 }
 
+/// The model's value at the pose, and what the spline lacks of its light there.
+Refined finish_corrected(const PoseObjective& objective, Refined result) {
+  const CompiledScene& compiled = objective.compiled();
+  wrap_pose(compiled.scene, result.pose);
+  ShapeBuffer model;
+  ShapeBuffer spline;
+  objective.shapes(compiled.models(), result.pose, model);
+  objective.shapes(*compiled.spline, result.pose, spline);
+  result.correction.resize(model.object.size());
+  for (std::size_t r = 0; r < model.object.size(); ++r) {
+    result.correction[r] = model.object[r] - spline.object[r];
+  }
+  result.value = objective.evaluate(model, result.pose, result.linear, true);
+  return result;
+}
+
+/// Least squares on the model with the spline's derivatives: minimises on the spline as the model
+/// corrects it at the last pose, until that gains no more. Where it stops, J'r = 0 holds with the
+/// spline's Jacobian instead of the model's; if their columns differ by a share e, the log
+/// posterior lacks e^2 / 2 an unknown there, times the misfit (chi squared a degree of freedom).
+Refined polish_on_spline(const PoseObjective& objective, Refined start) {
+  const CompiledScene& compiled = objective.compiled();
+  Refined best = finish_corrected(objective, std::move(start));
+  for (int k = 0; k < kMostCorrections; ++k) {
+    Refined next = best;
+    minimise(objective, {*compiled.spline, best.correction}, kApproachSpline, next);
+    next = finish_corrected(objective, std::move(next));
+    const double gain = next.value.log_posterior - best.value.log_posterior;
+    if (gain > 0) best = std::move(next);
+    if (gain < kWorthCorrecting) break;
+  }
+  return best;
+}
+
 /// Compass search about an optimum of least squares: shadow edges leave kinks on which a quadratic
 /// model can stop short. Returns whether anything was gained worth another descent.
 bool compass(const PoseObjective& objective, const ModelSet& models, Refined& result) {
@@ -173,6 +208,13 @@ bool compass(const PoseObjective& objective, const ModelSet& models, Refined& re
 
 }  // namespace
 
+LightSource light_near(const CompiledScene& compiled, const Refined& refined) {
+  if (compiled.spline && !refined.correction.empty()) {
+    return {*compiled.spline, refined.correction};
+  }
+  return compiled.models();
+}
+
 Refined approach(const PoseObjective& objective, const PoseVector& start) {
   const CompiledScene& compiled = objective.compiled();
   Refined result;
@@ -188,19 +230,26 @@ Refined approach(const PoseObjective& objective, const PoseVector& start) {
 }
 
 Refined polish(const PoseObjective& objective, const PoseVector& start) {
-  const ModelSet& models = objective.compiled().models();
+  const CompiledScene& compiled = objective.compiled();
+  const ModelSet& models = compiled.models();
   Refined result;
   result.pose = start;
-  const Stop& stop = objective.compiled().spline ? kPolishAfterSpline : kPolish;
-  minimise(objective, models, stop, result);
-  result = finish(objective, models, std::move(result));
-  const bool kinks = !models.front()->plan().occluders.empty();
-  if (kinks && compass(objective, models, result)) {
+  if (compiled.spline) {
+    result = polish_on_spline(objective, std::move(result));
+  } else {
     minimise(objective, models, kPolish, result);
-    Refined again = finish(objective, models, result);
+    result = finish(objective, models, std::move(result));
+  }
+  const bool kinks = !models.front()->plan().occluders.empty();
+  if (!kinks) return result;
+  const bool worth_another = compass(objective, models, result);
+  if (worth_another) {
+    Refined again = result;
+    minimise(objective, models, kPolish, again);
+    again = finish(objective, models, std::move(again));
     if (again.value.log_posterior > result.value.log_posterior) result = std::move(again);
   }
-  return result;
+  return compiled.spline ? finish_corrected(objective, std::move(result)) : result;
 }
 
 }  // namespace blindcorner

@@ -10,6 +10,8 @@ struct Refined {
   PoseVector pose;
   PoseValue value;
   LinearSolution linear;
+  /// [rows] What the spline lacks at the pose, from polish() where there is a spline; else empty.
+  std::vector<double> correction;
   int evaluations = 0;
   bool converged = false;
 };
@@ -19,7 +21,11 @@ struct Refined {
 /// is one, else once for each cheap rung of the ladder, wide pulses first. The value is theirs.
 Refined approach(const PoseObjective& objective, const PoseVector& start);
 
-/// The same with the model of the wanted tolerance, from a start in the right basin.
+/// The same with the model of the wanted tolerance, from a start in the right basin. Where there is
+/// a spline, it gives the derivatives and the model the residuals.
 Refined polish(const PoseObjective& objective, const PoseVector& start);
+
+/// The light at and near a refined pose: the corrected spline where there is one, else the model.
+LightSource light_near(const CompiledScene& compiled, const Refined& refined);
 
 }  // namespace blindcorner

@@ -141,6 +141,7 @@ bool laplace_holds(const PoseObjective& objective, const Refined& optimum, const
                    double inflation) {
   const Scene& scene = objective.compiled().scene;
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(peak.covariance);
+  const LightSource light = light_near(objective.compiled(), optimum);
   const double top = tempered(optimum.value, inflation);
   const double expected = 0.5 * kSigmaPoint * kSigmaPoint;
   for (Eigen::Index i = 0; i < peak.center.size(); ++i) {
@@ -150,7 +151,7 @@ bool laplace_holds(const PoseObjective& objective, const Refined& optimum, const
       PoseVector pose = optimum.pose + sign * step;
       if (!std::isfinite(log_pose_prior(scene, pose))) return false;
       LinearSolution linear = optimum.linear;
-      const PoseValue value = objective.evaluate(objective.compiled().models(), pose, linear, true);
+      const PoseValue value = objective.evaluate(light, pose, linear, true);
       const double drop = top - tempered(value, inflation);
       if (drop > expected * kLaplaceFactor || drop < expected / kLaplaceFactor) return false;
     }
@@ -167,20 +168,20 @@ LightSource sample_light(const PoseObjective& objective, const std::vector<const
   if (!compiled.spline) return compiled.models();
   double low = std::numeric_limits<double>::infinity();
   double high = -low;
-  const auto compare = [&](const PoseVector& pose, const LinearSolution& start) {
-    if (!std::isfinite(log_pose_prior(compiled.scene, pose))) return;
-    LinearSolution a = start;
-    LinearSolution b = start;
-    const double difference =
-        tempered(objective.evaluate(*compiled.spline, pose, a, true, kAccuracy), inflation) -
-        tempered(objective.evaluate(compiled.models(), pose, b, true, kAccuracy), inflation);
+  const auto value = [&](const LightSource& light, const PoseVector& pose, LinearSolution linear) {
+    return tempered(objective.evaluate(light, pose, linear, true, kAccuracy), inflation);
+  };
+  const auto note = [&](double difference) {
     low = std::min(low, difference);
     high = std::max(high, difference);
   };
   for (std::size_t j = 0; j < peaks.size() && high - low < kAgreement; ++j) {
-    compare(optima[j]->pose, optima[j]->linear);
+    const Refined& top = *optima[j];
+    note(value(*compiled.spline, top.pose, top.linear) - tempered(top.value, inflation));
     for (Eigen::Index i = 0; i < peaks[j].center.size(); ++i) {
-      compare(optima[j]->pose + (i % 2 == 0 ? 1 : -1) * peaks[j].root.col(i), optima[j]->linear);
+      const PoseVector pose = top.pose + (i % 2 == 0 ? 1 : -1) * peaks[j].root.col(i);
+      if (!std::isfinite(log_pose_prior(compiled.scene, pose))) continue;
+      note(value(*compiled.spline, pose, top.linear) - value(compiled.models(), pose, top.linear));
     }
   }
   if (high - low < kAgreement) return *compiled.spline;
@@ -269,8 +270,9 @@ Information information(const PoseObjective& objective, const Refined& optimum,
   // Derivatives of the unit-amplitude light in the pose and in the sensor's pose.
   const int rows = objective.rows();
   Eigen::MatrixXd gradient(rows, global);
+  const LightSource source = light_near(compiled, optimum);
   ShapeBuffer at;
-  objective.shapes(compiled.models(), optimum.pose, at);
+  objective.shapes(source, optimum.pose, at);
   ShapeBuffer plus;
   ShapeBuffer minus;
   const auto column = [&](int index, double width) {
@@ -284,8 +286,8 @@ Information information(const PoseObjective& objective, const Refined& optimum,
     PoseVector down = optimum.pose;
     up[i] += compiled.step[i];
     down[i] -= compiled.step[i];
-    objective.shapes(compiled.models(), up, plus);
-    objective.shapes(compiled.models(), down, minus);
+    objective.shapes(source, up, plus);
+    objective.shapes(source, down, minus);
     column(i, 2 * compiled.step[i]);
   }
   for (int i = 0; i < sensor; ++i) {
@@ -351,7 +353,7 @@ GoodnessOfFit goodness_of_fit(const PoseObjective& objective, const Refined& opt
   const Observation& observation = objective.solver().observation();
   GoodnessOfFit fit;
   ShapeBuffer at;
-  objective.shapes(objective.compiled().models(), optimum.pose, at);
+  objective.shapes(light_near(objective.compiled(), optimum), optimum.pose, at);
   std::vector<double> mean;
   double variance = 0;
   const auto add = [&](const BinLikelihood& law, double m) {
