@@ -3,8 +3,10 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 
 #include "blindcorner/forward/constants.h"
@@ -26,6 +28,12 @@ constexpr double kBetter = 0.02;
 /// squares gains about that much on a sample. Descents on a spline are so cheap, and so many, that
 /// there only a better sample counts.
 constexpr double kPromising = 1.0;
+/// Modes are apart when every way between them falls this far below the lower one.
+constexpr double kValley = 1.0;
+/// Ways are looked at in 2^(k + 1) - 1 places, and bent only between modes that matter: at most
+/// this much below the best.
+constexpr int kRidgeHalvings = 1;
+constexpr double kWorthBending = 5.0;
 /// Modes closer than this (Mahalanobis) are one.
 constexpr double kMergeDistance = 1.0;
 
@@ -217,6 +225,47 @@ void finish_mixture(const Scene& scene, PoseMixture& mixture) {
   mixture.mean = reference + shift;
   wrap_pose(scene, mixture.mean);
 }
+
+/// A way from one pose to another that nowhere falls below a level: the straight line, or one bent
+/// along a curved ridge.
+struct Ridge {
+  std::function<double(const PoseVector&)> value;
+  PoseVector spacing;  ///< [n] units in which directions are compared
+  double least = 0;    ///< the level
+  bool bend = true;
+
+  /// Looks at the middle, moved uphill across the way if need be, then at both halves.
+  bool leads(const PoseVector& from, const PoseVector& to, int halvings) const {
+    PoseVector middle = 0.5 * (from + to);
+    if (value(middle) < least && !(bend && climb(middle, to - from))) return false;
+    return halvings == 0 || (leads(from, middle, halvings - 1) && leads(middle, to, halvings - 1));
+  }
+
+ private:
+  /// Compass search at right angles to the way until the level is reached.
+  bool climb(PoseVector& pose, const PoseVector& way) const {
+    const Eigen::Index n = pose.size();
+    const PoseVector along = way.cwiseQuotient(spacing);
+    // All columns but the first: at right angles to it.
+    const Eigen::MatrixXd basis =
+        along.householderQr().householderQ() * Eigen::MatrixXd::Identity(n, n);
+    double best = value(pose);
+    for (double step = 0.25; step > 0.03; step /= 2) {
+      for (Eigen::Index i = 1; i < n; ++i) {
+        for (const double sign : {1.0, -1.0}) {
+          const PoseVector moved =
+              pose + sign * step * along.norm() * basis.col(i).cwiseProduct(spacing);
+          const double here = value(moved);
+          if (here <= best) continue;
+          best = here;
+          pose = moved;
+          if (best >= least) return true;
+        }
+      }
+    }
+    return false;
+  }
+};
 
 /// The best samples at which least squares might end somewhere new.
 std::vector<PoseVector> promising(const PoseObjective& objective, const LightSource& light,
@@ -415,32 +464,37 @@ std::vector<Refined> merge(const CompiledScene& compiled, std::vector<Refined> o
 
 std::vector<std::size_t> connect(const PoseObjective& objective,
                                  const std::vector<const Refined*>& optima, double inflation) {
-  constexpr double kValley = 1.0;
   constexpr std::size_t kMostHeads = 6;
   const CompiledScene& compiled = objective.compiled();
   const LightSource light =
       compiled.spline ? LightSource(*compiled.spline) : LightSource(compiled.models());
   const auto value = [&](const PoseVector& pose, const LinearSolution& start) {
+    if (!std::isfinite(log_pose_prior(compiled.scene, pose))) {
+      return -std::numeric_limits<double>::infinity();
+    }
     LinearSolution linear = start;
     return tempered(objective.evaluate(light, pose, linear, true, kAccuracy), inflation);
   };
   std::vector<double> ends;
   for (const Refined* optimum : optima) ends.push_back(value(optimum->pose, optimum->linear));
+  const double top = ends.empty() ? 0.0 : *std::max_element(ends.begin(), ends.end());
   std::vector<std::size_t> head(optima.size());
   std::vector<std::size_t> heads;
   for (std::size_t j = 0; j < optima.size(); ++j) {
     head[j] = j;
     for (std::size_t h = 0; h < std::min(heads.size(), kMostHeads) && head[j] == j; ++h) {
       const Refined& best = *optima[heads[h]];
+      Ridge ridge;
+      ridge.spacing = compiled.spacing;
+      ridge.least = std::min(ends[heads[h]], ends[j]) - kValley;
+      ridge.bend = ends[j] > top - kWorthBending;
+      ridge.value = [&](const PoseVector& pose) {
+        PoseVector wrapped = pose;
+        wrap_pose(compiled.scene, wrapped);
+        return value(wrapped, best.linear);
+      };
       const PoseVector way = pose_difference(compiled.scene, best.pose, optima[j]->pose);
-      const double least = std::min(ends[heads[h]], ends[j]) - kValley;
-      bool valley = false;
-      for (const double t : {0.5, 0.25, 0.75}) {
-        PoseVector pose = best.pose + t * way;
-        wrap_pose(compiled.scene, pose);
-        valley = valley || value(pose, best.linear) < least;
-      }
-      if (!valley) head[j] = heads[h];
+      if (ridge.leads(best.pose, best.pose + way, kRidgeHalvings)) head[j] = heads[h];
     }
     if (head[j] == j) heads.push_back(j);
   }

@@ -59,8 +59,9 @@ Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& 
                     const Scored* scored, const MovedModels* moved,
                     const PosteriorOptions& options);
 
-/// Groups optima (best first) with no valley between them: along the straight line the log
-/// posterior falls less than one below the lower end. Returns for each the index of its group's
+/// Groups optima (best first) with no valley between them: along a way from one to the other,
+/// straight or bent along a curved ridge, the log posterior falls less than one below the lower
+/// end. Returns for each the index of its group's
 /// best.
 std::vector<std::size_t> connect(const PoseObjective& objective,
                                  const std::vector<const Refined*>& optima, double inflation);
