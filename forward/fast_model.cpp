@@ -46,6 +46,13 @@ constexpr double kQuadratureError = 0.01;
 constexpr double kMidpointError = 0.35;
 /// Width of a relay patch in standard deviations of the lobe, as seen from the object.
 constexpr double kLobePatch = 1.5;
+/// Coarseness of sampling that is looked at, and the ratio from one to the next.
+constexpr double kCoarsest = 5.657;
+constexpr double kFinest = 0.45;
+constexpr double kCoarsenessStep = 1.41421356;
+/// Most pairs of lit and seen patches, times object nodes, that a wide lobe's model takes for an
+/// evaluation (about 50 ms): the search for a sampling ends there, whatever the tolerance.
+constexpr double kMostPairs = 4e6;
 /// Width of a path cell in pulse standard deviations: pairs in one cell differ by a spread of
 /// s = 0.4^2 / 6 = 0.03, whose closure error is below 1e-4. Wider cells leave kinks in the pose.
 constexpr double kPathCell = 0.4;
@@ -558,6 +565,7 @@ class FastModel final : public ForwardModel {
   };
   Limits limits(double tolerance, double coarseness) const;
   void choose_fidelity(const FastModelOptions& options);
+  bool too_many_pairs() const;
   void decide_bounces(double tolerance);
   double coarsest(const std::vector<PoseVector>& poses, double tolerance,
                   const std::function<int(double)>& sample) const;
@@ -826,19 +834,27 @@ void FastModel::choose_fidelity(const FastModelOptions& options) {
     sample_relay(limits(options.tolerance, c), options.tolerance);
     return lit_.size() + seen_.size();
   };
-  sample_both(2, 2);
+  fidelity_.relay = 2;
+  sample_both(fidelity_.relay, kCoarsest);
+  while (too_many_pairs() && fidelity_.relay < kCoarsest) {
+    fidelity_.relay *= kCoarsenessStep;
+    sample_both(fidelity_.relay, kCoarsest);
+  }
   fidelity_.object = coarsest(poses, 0.5 * options.tolerance, object);
   object(fidelity_.object);
   fidelity_.relay = coarsest(poses, 0.5 * options.tolerance, relay);
   relay(fidelity_.relay);
 }
 
+/// Whether pairs of patches, where they are needed, would take too long.
+bool FastModel::too_many_pairs() const {
+  return plan_.kernel == Kernel::retro_pairs &&
+         1.0 * lit_.size() * seen_.size() * object_nodes_ > kMostPairs;
+}
+
 /// `sample` takes a coarseness and returns how many cells it made.
 double FastModel::coarsest(const std::vector<PoseVector>& poses, double tolerance,
                            const std::function<int(double)>& sample) const {
-  constexpr double kCoarsest = 5.657;
-  constexpr double kFinest = 0.45;
-  const double step = std::sqrt(0.5);
   // Borders of surfaces and shadows converge slowly: below this, finer cells that gain next to
   // nothing are not worth their time.
   constexpr double kStagnates = 0.05;
@@ -850,8 +866,9 @@ double FastModel::coarsest(const std::vector<PoseVector>& poses, double toleranc
   std::vector<Candidate> candidates;
   std::size_t next = 0;
   double before = std::numeric_limits<double>::infinity();
-  for (double c = kCoarsest; c > kFinest; c *= step) {
+  for (double c = kCoarsest; c > kFinest; c /= kCoarsenessStep) {
     const int cells = sample(c);
+    if (!candidates.empty() && too_many_pairs()) break;
     if (!candidates.empty() && candidates.back().cells == cells) continue;
     candidates.push_back({c, cells, std::vector<HistogramCube>(poses.size())});
     const Candidate& fine = candidates.back();
