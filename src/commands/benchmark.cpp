@@ -3,16 +3,22 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cstdio>
 #include <filesystem>
 
 #include "blindcorner/forward/error.h"
-#include "commands/commands.h"
+#include "blindcorner/io/atomic_file.h"
+#include "blindcorner/io/scene_file.h"
+#include "commands/output_directory.h"
+#include "report/html.h"
 
 namespace blindcorner {
+namespace {
 
-std::vector<std::string> benchmark_scenes(const std::vector<std::string>& asked) {
+namespace fs = std::filesystem;
+
+std::vector<std::string> scene_files(const std::vector<std::string>& asked) {
   if (!asked.empty()) return asked;
-  namespace fs = std::filesystem;
   std::vector<std::string> scenes;
   if (fs::is_directory("scenes")) {
     for (const auto& entry : fs::directory_iterator("scenes")) {
@@ -22,6 +28,56 @@ std::vector<std::string> benchmark_scenes(const std::vector<std::string>& asked)
   if (scenes.empty()) throw Error("SCENE", "found none, accepted: scene files, or a folder scenes");
   std::sort(scenes.begin(), scenes.end());
   return scenes;
+}
+
+std::string study_path(const StudyArguments& arguments, const StudyFiles& files,
+                       const char* extension) {
+  return (fs::path(arguments.output) / (files.name + extension)).string();
+}
+
+}  // namespace
+
+void add_study_options(CLI::App& command, StudyArguments& arguments, int most_poses) {
+  command.add_option("SCENE", arguments.scenes, "scene files; default: those in scenes/");
+  command.add_option("-o,--output", arguments.output, "directory to write to")
+      ->capture_default_str();
+  command.add_option("--poses", arguments.poses, "poses per scene")
+      ->check(CLI::Range(1, most_poses))
+      ->capture_default_str();
+  command.add_option("--seed", arguments.seed, "of the poses")->capture_default_str();
+}
+
+FastModelOptions at_tolerance(double tolerance) {
+  FastModelOptions options;
+  options.tolerance = tolerance;
+  return options;
+}
+
+void for_each_scene(const StudyArguments& arguments,
+                    const std::function<void(const Scene&, const SensorPlacement&)>& study) {
+  for (const std::string& path : scene_files(arguments.scenes)) {
+    const Scene scene = read_scene(path);
+    const SensorPlacement sensor = sensor_placement(scene);
+    if (std::ranges::all_of(sensor.relay_points, [](const auto& p) { return p.allFinite(); })) {
+      study(scene, sensor);
+    } else {
+      std::printf("%-18s left out: its zones come with each capture\n", scene.name.c_str());
+    }
+  }
+}
+
+void write_study(const StudyArguments& arguments, const StudyFiles& files, const std::string& csv,
+                 const std::vector<Chart>& charts) {
+  make_directory(arguments.output);
+  write_atomically(study_path(arguments, files, ".csv"), csv);
+  write_atomically(
+      study_path(arguments, files, ".html"),
+      plain_page(files.title, "<p>" + html_safe(files.text) + "</p>\n" + charts_html(charts)));
+}
+
+void print_study_files(const StudyArguments& arguments, const StudyFiles& files) {
+  std::printf("%s and %s\n", study_path(arguments, files, ".csv").c_str(),
+              study_path(arguments, files, ".html").c_str());
 }
 
 void add_benchmark_command(CLI::App& app, int& exit_code) {

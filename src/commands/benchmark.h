@@ -2,12 +2,14 @@
 /// The family `blindcorner benchmark ...`.
 #pragma once
 
+#include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
-namespace CLI {
-class App;
-}
+#include "blindcorner/forward/forward_model.h"
+#include "commands/commands.h"
+#include "report/chart.h"
 
 namespace blindcorner {
 
@@ -15,8 +17,32 @@ void add_solver_benchmark(CLI::App& benchmark, int& exit_code);
 void add_forward_benchmark(CLI::App& benchmark, int& exit_code);
 void add_derivatives_benchmark(CLI::App& benchmark, int& exit_code);
 
-/// The scene files asked for; without any, those of the folder `scenes` here, sorted. Throws Error
-/// when there is none.
-std::vector<std::string> benchmark_scenes(const std::vector<std::string>& asked);
+/// What studies of the forward models are told.
+struct StudyArguments {
+  std::vector<std::string> scenes;  ///< files; none: those of the folder `scenes` here
+  std::string output = "out/benchmark";
+  int poses = 2;  ///< per scene
+  std::uint64_t seed = 1;
+};
+void add_study_options(CLI::App& command, StudyArguments& arguments, int most_poses);
+
+FastModelOptions at_tolerance(double tolerance);
+
+/// Calls `study` with each scene and its own sensor placement. Scenes whose relay points come with
+/// each capture are named on standard output and left out. Throws Error when there is no scene.
+void for_each_scene(const StudyArguments& arguments,
+                    const std::function<void(const Scene&, const SensorPlacement&)>& study);
+
+/// How a study's files are called, and what its page says above the charts.
+struct StudyFiles {
+  std::string name;  ///< of the files, without extension
+  std::string title, text;
+};
+
+/// Writes the table and the page, each completely or not at all.
+void write_study(const StudyArguments& arguments, const StudyFiles& files, const std::string& csv,
+                 const std::vector<Chart>& charts);
+/// Says on standard output where they are.
+void print_study_files(const StudyArguments& arguments, const StudyFiles& files);
 
 }  // namespace blindcorner

@@ -5,29 +5,22 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <filesystem>
 #include <memory>
 #include <random>
 
 #include "blindcorner/inverse/derivative_study.h"
 #include "blindcorner/inverse/difference_steps.h"
-#include "blindcorner/io/atomic_file.h"
-#include "blindcorner/io/scene_file.h"
 #include "commands/benchmark.h"
-#include "commands/commands.h"
+#include "formatted.h"
 #include "progress.h"
-#include "report/chart_page.h"
 #include "synthetic.h"
 
 namespace blindcorner {
 namespace {
 
-struct DerivativeArguments {
-  std::vector<std::string> scenes;
-  std::string output = "out/benchmark";
-  int poses = 3;
+struct DerivativeArguments : StudyArguments {
+  DerivativeArguments() { poses = 3; }
   double tolerance = 0.04;
-  std::uint64_t seed = 1;
 };
 
 struct Study {
@@ -37,16 +30,11 @@ struct Study {
   std::vector<DerivativeErrors> poses;
 };
 
-FastModelOptions at_tolerance(double tolerance) {
-  FastModelOptions options;
-  options.tolerance = tolerance;
-  return options;
-}
-
 /// How far the farthest point of the object moves per unit of an unknown, m.
 double lever_of(const Scene& scene, const Unknown& unknown) {
   if (unknown.component <= Component::z) return 1.0;
-  return scene.hidden.placement.size * bounding_radius(scene.hidden.shape, Anchor::center);
+  const HiddenObject& object = hidden_object(scene, unknown.object);
+  return object.placement.size * bounding_radius(object.shape, Anchor::center);
 }
 
 std::vector<Study> study(const DerivativeArguments& arguments, const Scene& scene,
@@ -87,32 +75,31 @@ void print(const Study& s) {
 
 std::string csv(const std::vector<Study>& studies) {
   std::string text = "scene,unknown,pose,step,movement_m,relative_error\n";
-  char line[200];
   for (const Study& s : studies) {
     for (std::size_t p = 0; p < s.poses.size(); ++p) {
-      for (std::size_t n = 0; n < s.poses[p].steps.size(); ++n) {
-        std::snprintf(line, sizeof line, "%s,%s,%zu,%.5g,%.5g,%.5g\n", s.scene.c_str(),
-                      s.unknown.c_str(), p, s.poses[p].steps[n], s.poses[p].steps[n] * s.lever,
-                      s.poses[p].errors[n]);
-        text += line;
+      const DerivativeErrors& pose = s.poses[p];
+      for (std::size_t n = 0; n < pose.steps.size(); ++n) {
+        text += formatted("%s,%s,%zu,%.5g,%.5g,%.5g\n", s.scene.c_str(), s.unknown.c_str(), p,
+                          pose.steps[n], pose.steps[n] * s.lever, pose.errors[n]);
       }
     }
   }
   return text;
 }
 
-std::vector<StudyChart> charts(const std::vector<Study>& studies) {
-  std::vector<StudyChart> list;
+std::vector<Chart> charts(const std::vector<Study>& studies) {
+  std::vector<Chart> list;
   for (const Study& s : studies) {
-    StudyChart chart;
-    chart.title = s.scene + ": " + s.unknown;
-    chart.x_name = "step, as movement of the object, m";
-    chart.y_name = "relative error of the derivative";
+    Chart chart{s.scene + ": " + s.unknown, "step, as movement of the object, m",
+                "relative error of the derivative"};
+    chart.logarithmic = true;
+    chart.width = 560;
+    chart.height = 330;
     chart.rules = {{"default", s.step * s.lever, true}};
     for (std::size_t p = 0; p < s.poses.size(); ++p) {
-      ChartSeries series{"pose " + std::to_string(p + 1), {}, true};
+      ChartSeries series{"pose " + std::to_string(p + 1), {}, SeriesStyle::marked_line};
       for (std::size_t n = 0; n < s.poses[p].steps.size(); ++n) {
-        series.points.push_back({s.poses[p].steps[n] * s.lever, s.poses[p].errors[n], ""});
+        series.points.push_back({s.poses[p].steps[n] * s.lever, s.poses[p].errors[n]});
       }
       chart.series.push_back(std::move(series));
     }
@@ -121,34 +108,24 @@ std::vector<StudyChart> charts(const std::vector<Study>& studies) {
   return list;
 }
 
+const StudyFiles kFiles{
+    "derivatives", "Error of numeric derivatives by step",
+    "Central differences of the fast model's histogram against a Richardson extrapolation from "
+    "steps about the default one, relative L2. Steps of yaw and size are drawn as the movement of "
+    "the object's farthest point."};
+
 int run_derivatives(const DerivativeArguments& arguments) {
-  std::filesystem::create_directories(arguments.output);
-  const std::filesystem::path folder(arguments.output);
   std::printf("%-18s %-8s %15s %12s %12s\n", "scene", "unknown", "default step", "error there",
               "least error");
   std::vector<Study> all;
-  for (const std::string& path : benchmark_scenes(arguments.scenes)) {
-    const Scene scene = read_scene(path);
-    const SensorPlacement sensor = sensor_placement(scene);
-    if (std::ranges::any_of(sensor.relay_points, [](const auto& p) { return !p.allFinite(); })) {
-      std::printf("%-18s left out: its zones come with each capture\n", scene.name.c_str());
-      continue;
-    }
+  for_each_scene(arguments, [&](const Scene& scene, const SensorPlacement& sensor) {
     for (Study& s : study(arguments, scene, sensor)) {
       print(s);
       all.push_back(std::move(s));
     }
-    write_atomically((folder / "derivatives.csv").string(), csv(all));
-    write_atomically(
-        (folder / "derivatives.html").string(),
-        chart_page("Error of numeric derivatives by step",
-                   "Central differences of the fast model's histogram against a Richardson "
-                   "extrapolation from steps about the default one, relative L2. Steps of yaw and "
-                   "size are drawn as the movement of the object's farthest point.",
-                   charts(all)));
-  }
-  std::printf("%s and %s\n", (folder / "derivatives.csv").c_str(),
-              (folder / "derivatives.html").c_str());
+    write_study(arguments, kFiles, csv(all), charts(all));
+  });
+  print_study_files(arguments, kFiles);
   return kAllWell;
 }
 
@@ -160,15 +137,9 @@ void add_derivatives_benchmark(CLI::App& benchmark, int& exit_code) {
                                 "error of numeric derivatives by step; writes derivatives.csv and "
                                 "derivatives.html");
   const auto arguments = std::make_shared<DerivativeArguments>();
-  command.add_option("SCENE", arguments->scenes, "scene files; default: those in scenes/");
-  command.add_option("-o,--output", arguments->output, "directory to write to")
-      ->capture_default_str();
-  command.add_option("--poses", arguments->poses, "poses per scene")
-      ->check(CLI::Range(1, 100))
-      ->capture_default_str();
+  add_study_options(command, *arguments, 100);
   command.add_option("--tolerance", arguments->tolerance, "of the fast model")
       ->capture_default_str();
-  command.add_option("--seed", arguments->seed, "of the poses")->capture_default_str();
   command.callback([arguments, &exit_code] { exit_code = run_derivatives(*arguments); });
 }
 

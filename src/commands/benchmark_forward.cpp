@@ -6,19 +6,15 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <filesystem>
 #include <memory>
 #include <random>
 
 #include "blindcorner/forward/forward_model.h"
 #include "blindcorner/forward/photon_noise.h"
-#include "blindcorner/io/atomic_file.h"
-#include "blindcorner/io/scene_file.h"
 #include "commands/benchmark.h"
-#include "commands/commands.h"
 #include "cpu_clock.h"
+#include "formatted.h"
 #include "progress.h"
-#include "report/chart_page.h"
 #include "synthetic.h"
 
 namespace blindcorner {
@@ -34,13 +30,9 @@ constexpr double kReferenceScales[] = {0.3, 0.45, 0.7, 1.0};
 /// Processor time that the timing of one setting takes at most, s.
 constexpr double kTimingSeconds = 0.2;
 
-struct ForwardArguments {
-  std::vector<std::string> scenes;
-  std::string output = "out/benchmark";
-  int poses = 2;
+struct ForwardArguments : StudyArguments {
   double truth = 1.4;       ///< sampling of the truth, in units of the reference's default
   double slowest_ms = 500;  ///< finer settings are left out once one takes longer
-  std::uint64_t seed = 1;
 };
 
 struct Setting {
@@ -56,12 +48,6 @@ struct Truth {
   double noise_l2 = 0;    ///< root of the summed variances over the root of the summed squares
   double noise_peak = 0;  ///< standard deviation of the brightest bin over its light
 };
-
-FastModelOptions at_tolerance(double tolerance) {
-  FastModelOptions options;
-  options.tolerance = tolerance;
-  return options;
-}
 
 ReferenceOptions scaled(double scale) {
   ReferenceOptions options;
@@ -102,10 +88,11 @@ void add_noise(const Scene& scene, const HistogramCube& direct, Truth& truth) {
   truth.noise_peak = std::sqrt(peak_variance) / peak;
 }
 
-Truth make_truth(const ForwardArguments& arguments, const Scene& scene) {
+Truth make_truth(const ForwardArguments& arguments, const Scene& scene,
+                 const SensorPlacement& sensor) {
   Truth truth;
   std::mt19937_64 random(arguments.seed);
-  const auto fast = make_fast_model(scene, sensor_placement(scene), at_tolerance(0.3));
+  const auto fast = make_fast_model(scene, sensor, at_tolerance(0.3));
   std::vector<double> totals;
   std::mt19937_64 typical(arguments.seed + 1);
   for (int i = 0; i < 32; ++i) totals.push_back(total_light(*fast, draw_pose(scene, typical)));
@@ -115,8 +102,7 @@ Truth make_truth(const ForwardArguments& arguments, const Scene& scene) {
     const PoseVector pose = draw_pose(scene, random);
     if (total_light(*fast, pose) >= least) truth.poses.push_back(pose);
   }
-  const auto reference =
-      make_reference_renderer(scene, sensor_placement(scene), scaled(arguments.truth));
+  const auto reference = make_reference_renderer(scene, sensor, scaled(arguments.truth));
   truth.light.resize(truth.poses.size());
   Progress progress(scene.name + ": truth", truth.poses.size());
   tbb::parallel_for(std::size_t{0}, truth.poses.size(), [&](std::size_t i) {
@@ -161,8 +147,7 @@ Setting run(const ForwardModel& model, const Truth& truth) {
 }
 
 std::vector<Setting> study(const ForwardArguments& arguments, const Scene& scene,
-                           const Truth& truth) {
-  const SensorPlacement sensor = sensor_placement(scene);
+                           const SensorPlacement& sensor, const Truth& truth) {
   std::vector<Setting> settings;
   Progress progress(scene.name + ": settings",
                     std::size(kFidelities) + std::size(kTolerances) + std::size(kReferenceScales));
@@ -178,24 +163,20 @@ std::vector<Setting> study(const ForwardArguments& arguments, const Scene& scene
     progress.advance();
     return setting.microseconds < 1e3 * arguments.slowest_ms;
   };
-  char name[32];
   for (const double fidelity : kFidelities) {
-    FastModelOptions options;
-    options.tolerance = kFidelityTolerance;
+    FastModelOptions options = at_tolerance(kFidelityTolerance);
     options.fidelity = Fidelity{fidelity, fidelity};
     const auto model = make_fast_model(scene, sensor, options);
-    std::snprintf(name, sizeof name, "fidelity %g", fidelity);
-    if (!add(run(*model, truth), "fast", name, *model)) break;
+    if (!add(run(*model, truth), "fast", formatted("fidelity %g", fidelity), *model)) break;
   }
   for (const double tolerance : kTolerances) {
     const auto model = make_fast_model(scene, sensor, at_tolerance(tolerance));
-    std::snprintf(name, sizeof name, "tolerance %g", tolerance);
+    const std::string name = formatted("tolerance %g", tolerance);
     if (!add(run(*model, truth), "fast at tolerance", name, *model)) break;
   }
   for (const double scale : kReferenceScales) {
     const auto model = make_reference_renderer(scene, sensor, scaled(scale));
-    std::snprintf(name, sizeof name, "sampling %g", scale);
-    if (!add(run(*model, truth), "reference", name, *model)) break;
+    if (!add(run(*model, truth), "reference", formatted("sampling %g", scale), *model)) break;
   }
   progress.finish();
   return settings;
@@ -207,28 +188,30 @@ std::string csv(const std::vector<std::pair<Truth, std::vector<Setting>>>& studi
       "noise_relative_l2,noise_peak_bin\n";
   for (const auto& [truth, settings] : studies) {
     for (const Setting& s : settings) {
-      char line[256];
-      std::snprintf(line, sizeof line, "%s,%s,%s,%g,%g,%.5g,%.5g,%.5g,%.5g,%.5g\n", s.scene.c_str(),
-                    s.model.c_str(), s.name.c_str(), s.relay, s.object, s.microseconds,
-                    s.relative_l2, s.worst_bin, truth.noise_l2, truth.noise_peak);
-      text += line;
+      text += formatted("%s,%s,%s,%g,%g,%.5g,%.5g,%.5g,%.5g,%.5g\n", s.scene.c_str(),
+                        s.model.c_str(), s.name.c_str(), s.relay, s.object, s.microseconds,
+                        s.relative_l2, s.worst_bin, truth.noise_l2, truth.noise_peak);
     }
   }
   return text;
 }
 
-std::vector<StudyChart> charts(const std::vector<std::pair<Truth, std::vector<Setting>>>& studies) {
-  std::vector<StudyChart> list;
+std::vector<Chart> charts(const std::vector<std::pair<Truth, std::vector<Setting>>>& studies) {
+  std::vector<Chart> list;
   for (const auto& [truth, settings] : studies) {
     for (const bool worst : {false, true}) {
-      StudyChart chart;
-      chart.title = settings.front().scene + (worst ? ": worst bin" : ": relative L2");
-      chart.x_name = "microseconds an evaluation, one core";
-      chart.y_name = worst ? "largest error / peak" : "relative L2 error";
+      Chart chart{settings.front().scene + (worst ? ": worst bin" : ": relative L2"),
+                  "microseconds an evaluation, one core",
+                  worst ? "largest error / peak" : "relative L2 error"};
+      chart.logarithmic = true;
+      chart.width = 560;
+      chart.height = 330;
       chart.rules = {{"noise of one capture", worst ? truth.noise_peak : truth.noise_l2, false}};
       for (const Setting& s : settings) {
         if (chart.series.empty() || chart.series.back().name != s.model) {
-          chart.series.push_back({s.model, {}, s.model != "fast at tolerance"});
+          const bool joined = s.model != "fast at tolerance";
+          chart.series.push_back(
+              {s.model, {}, joined ? SeriesStyle::marked_line : SeriesStyle::circles});
         }
         chart.series.back().points.push_back(
             {s.microseconds, worst ? s.worst_bin : s.relative_l2, s.name});
@@ -254,48 +237,39 @@ void print_row(const std::string& scene, const Truth& truth, const std::vector<S
   const Setting* reference = cheapest(settings, false, 0.01);
   const auto asked = std::ranges::find(settings, "tolerance 0.01", &Setting::name);
   const auto text = [](const Setting* s) {
-    char out[32] = "-";
-    if (s != nullptr) std::snprintf(out, sizeof out, "%.4g", s->microseconds);
-    return std::string(out);
+    return s == nullptr ? std::string("-") : formatted("%.4g", s->microseconds);
   };
   const Setting* chosen = asked == settings.end() ? nullptr : &*asked;
-  char error[32] = "-", ratio[32] = "-";
-  if (chosen != nullptr) std::snprintf(error, sizeof error, "%.2g %%", 100 * chosen->relative_l2);
+  std::string error = "-", ratio = "-";
+  if (chosen != nullptr) error = formatted("%.2g %%", 100 * chosen->relative_l2);
   if (fast != nullptr && reference != nullptr) {
-    std::snprintf(ratio, sizeof ratio, "%.0f", reference->microseconds / fast->microseconds);
+    ratio = formatted("%.0f", reference->microseconds / fast->microseconds);
   }
   std::printf("%-18s %12s %10s %14s %14s %9s %9.2g %%\n", scene.c_str(), text(chosen).c_str(),
-              error, text(fast).c_str(), text(reference).c_str(), ratio, 100 * truth.noise_l2);
+              error.c_str(), text(fast).c_str(), text(reference).c_str(), ratio.c_str(),
+              100 * truth.noise_l2);
   std::fflush(stdout);
 }
 
+const StudyFiles kFiles{
+    "forward", "Error of the forward model against run time",
+    "Each point is one sampling of the fast model or of the reference renderer, its error measured "
+    "against a denser reference. Below the dashed line, the noise of one capture at the scene's "
+    "own "
+    "counts, more time stops paying."};
+
 int run_forward(const ForwardArguments& arguments) {
-  std::filesystem::create_directories(arguments.output);
-  const std::filesystem::path folder(arguments.output);
   std::printf("%-18s %12s %10s %14s %14s %9s %11s\n", "scene", "at 1 %, us", "rel. L2",
               "fast 1 %, us", "reference, us", "ratio", "noise");
   std::vector<std::pair<Truth, std::vector<Setting>>> studies;
-  for (const std::string& path : benchmark_scenes(arguments.scenes)) {
-    const Scene scene = read_scene(path);
-    const SensorPlacement sensor = sensor_placement(scene);
-    if (std::ranges::any_of(sensor.relay_points, [](const auto& p) { return !p.allFinite(); })) {
-      std::printf("%-18s left out: its zones come with each capture\n", scene.name.c_str());
-      continue;
-    }
-    Truth truth = make_truth(arguments, scene);
-    std::vector<Setting> settings = study(arguments, scene, truth);
+  for_each_scene(arguments, [&](const Scene& scene, const SensorPlacement& sensor) {
+    Truth truth = make_truth(arguments, scene, sensor);
+    std::vector<Setting> settings = study(arguments, scene, sensor, truth);
     print_row(scene.name, truth, settings);
     studies.emplace_back(std::move(truth), std::move(settings));
-    write_atomically((folder / "forward.csv").string(), csv(studies));
-    write_atomically(
-        (folder / "forward.html").string(),
-        chart_page("Error of the forward model against run time",
-                   "Each point is one sampling of the fast model or of the reference renderer, its "
-                   "error measured against a denser reference. Below the dashed line, the noise of "
-                   "one capture at the scene's own counts, more time stops paying.",
-                   charts(studies)));
-  }
-  std::printf("%s and %s\n", (folder / "forward.csv").c_str(), (folder / "forward.html").c_str());
+    write_study(arguments, kFiles, csv(studies), charts(studies));
+  });
+  print_study_files(arguments, kFiles);
   return kAllWell;
 }
 
@@ -307,12 +281,7 @@ void add_forward_benchmark(CLI::App& benchmark, int& exit_code) {
       "error of the forward models against run time; writes forward.csv and "
       "forward.html");
   const auto arguments = std::make_shared<ForwardArguments>();
-  command.add_option("SCENE", arguments->scenes, "scene files; default: those in scenes/");
-  command.add_option("-o,--output", arguments->output, "directory to write to")
-      ->capture_default_str();
-  command.add_option("--poses", arguments->poses, "poses per scene")
-      ->check(CLI::Range(1, 1000))
-      ->capture_default_str();
+  add_study_options(command, *arguments, 1000);
   command
       .add_option("--truth", arguments->truth,
                   "sampling of the truth, in units of the reference renderer's default")
@@ -323,7 +292,6 @@ void add_forward_benchmark(CLI::App& benchmark, int& exit_code) {
                   "finer settings of a model are left out once one takes longer")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
-  command.add_option("--seed", arguments->seed, "of the poses")->capture_default_str();
   command.callback([arguments, &exit_code] { exit_code = run_forward(*arguments); });
 }
 

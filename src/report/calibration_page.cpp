@@ -2,20 +2,13 @@
 #include "report/calibration_page.h"
 
 #include <algorithm>
-#include <cmath>
-#include <cstdio>
 
+#include "formatted.h"
 #include "report/chart.h"
+#include "report/html.h"
 
 namespace blindcorner {
 namespace {
-
-template <typename... Args>
-std::string format(const char* pattern, Args... args) {
-  char text[512];
-  std::snprintf(text, sizeof text, pattern, args...);
-  return text;
-}
 
 std::string assignment_text(const SpotAssignment& assignment) {
   std::string text;
@@ -25,23 +18,41 @@ std::string assignment_text(const SpotAssignment& assignment) {
 
 /// "value +- error", the error of a logarithmic parameter as a factor's per cent.
 std::string value_text(const CalibratedParameter& p) {
-  if (!p.determined) return format("%.6g", p.value);
-  if (p.logarithmic) return format("%.6g +- %.2g %%", p.value, 100 * p.standard_error);
-  return format("%.6g +- %.2g", p.value, p.standard_error);
+  if (!p.determined) return formatted("%.6g", p.value);
+  if (p.logarithmic) return formatted("%.6g +- %.2g %%", p.value, 100 * p.standard_error);
+  return formatted("%.6g +- %.2g", p.value, p.standard_error);
 }
 
 std::string noise_text(const Scene& scene) {
   if (const auto* noise = std::get_if<GaussianNoise>(&scene.sensor.noise)) {
-    return format("variance = %.4g + %.4g per count", noise->variance_floor,
-                  noise->variance_per_count);
+    return formatted("variance = %.4g + %.4g per count", noise->variance_floor,
+                     noise->variance_per_count);
   }
-  return format("variance = %.4g per count", scene.sensor.dispersion);
+  return formatted("variance = %.4g per count", scene.sensor.dispersion);
 }
 
 std::string summary_line(const Calibration& c) {
-  return format("%d captures used, %zu left out; deviance %.0f before, %.0f after, %.0f bins",
-                c.used, c.left_out.size(), c.deviance_before, c.deviance_after,
-                c.expected_deviance);
+  return formatted("%d captures used, %zu left out; deviance %.0f before, %.0f after, %.0f bins",
+                   c.used, c.left_out.size(), c.deviance_before, c.deviance_after,
+                   c.expected_deviance);
+}
+
+ChartSeries series_of(const char* name, const char* colour, const std::vector<double>& values,
+                      SeriesStyle style) {
+  ChartSeries series{name, {}, style, colour};
+  for (std::size_t k = 0; k < values.size(); ++k) {
+    series.points.push_back({static_cast<double>(k), values[k]});
+  }
+  return series;
+}
+
+Chart view_chart(const CalibrationView& view) {
+  Chart chart{"zone " + std::to_string(view.zone), "bins, object's light moved together",
+              "mean counts"};
+  chart.series = {series_of("before", "#999999", view.before, SeriesStyle::line),
+                  series_of("after", "#d62728", view.after, SeriesStyle::line),
+                  series_of("measured", "#1f77b4", view.measured, SeriesStyle::dots)};
+  return chart;
 }
 
 }  // namespace
@@ -49,76 +60,60 @@ std::string summary_line(const Calibration& c) {
 std::string calibration_text(const Calibration& calibration) {
   std::string text = summary_line(calibration) + "\n";
   for (const CalibratedParameter& p : calibration.parameters) {
-    text += format("  %-32s %-26s prior %.6g%s\n", p.name.c_str(), value_text(p).c_str(), p.prior,
-                   p.determined ? "" : "  not determined, kept");
+    text += formatted("  %-32s %-26s prior %.6g%s\n", p.name.c_str(), value_text(p).c_str(),
+                      p.prior, p.determined ? "" : "  not determined, kept");
   }
   text += "  noise: " + noise_text(calibration.scene) +
-          format(", of this a factor %.2f to make fits honest\n", calibration.variance_scale);
+          formatted(", of this a factor %.2f to make fits honest\n", calibration.variance_scale);
   const auto& ambient = calibration.scene.linear.ambient_prior;
   for (std::size_t z = 0; z < ambient.size(); ++z) {
-    text += format("  ambient[%zu]: %.4g +- %.2g counts per bin\n", z, ambient[z].mean,
-                   ambient[z].sigma);
+    text += formatted("  ambient[%zu]: %.4g +- %.2g counts per bin\n", z, ambient[z].mean,
+                      ambient[z].sigma);
   }
   text +=
-      format("  brightness of the object varies by %.1f %%\n", 100 * calibration.brightness_log);
+      formatted("  brightness of the object varies by %.1f %%\n", 100 * calibration.brightness_log);
   if (!calibration.assignments.empty()) {
     text += "  spots (place by place), deviance:\n";
     for (std::size_t i = 0; i < std::min<std::size_t>(3, calibration.assignments.size()); ++i) {
-      text += format("    %s: %.0f\n", assignment_text(calibration.assignments[i]).c_str(),
-                     calibration.assignments[i].deviance);
+      text += formatted("    %s: %.0f\n", assignment_text(calibration.assignments[i]).c_str(),
+                        calibration.assignments[i].deviance);
     }
   }
   for (const LeftOutCapture& out : calibration.left_out) {
-    text += format("  capture %d left out: ", out.index) + out.reason + "\n";
+    text += formatted("  capture %d left out: ", out.index) + out.reason + "\n";
   }
   for (const std::string& note : calibration.notes) text += "  " + note + "\n";
   return text;
 }
 
 std::string calibration_page(const Scene& before, const Calibration& calibration) {
-  std::string body = "<p>" + escaped(summary_line(calibration)) + "</p>\n<div>";
-  for (const CalibrationView& view : calibration.views) {
-    Chart chart;
-    chart.title = "zone " + std::to_string(view.zone);
-    chart.x_label = "bins, object's light moved together";
-    chart.y_label = "mean counts";
-    const auto line = [](const char* label, const char* colour, const std::vector<double>& values,
-                         bool dots) {
-      ChartLine l{label, colour, {}, dots};
-      for (std::size_t k = 0; k < values.size(); ++k) {
-        l.points.emplace_back(static_cast<double>(k), values[k]);
-      }
-      return l;
-    };
-    chart.lines = {line("before", "#999999", view.before, false),
-                   line("after", "#d62728", view.after, false),
-                   line("measured", "#1f77b4", view.measured, true)};
-    body += chart_svg(chart);
-  }
-  body += "</div>\n<table><tr><th>parameter<th>value<th>prior<th>its sigma</tr>\n";
+  std::vector<Chart> charts;
+  for (const CalibrationView& view : calibration.views) charts.push_back(view_chart(view));
+  std::string body = "<p>" + html_safe(summary_line(calibration)) + "</p>\n" + charts_html(charts);
+  body += "<table><tr><th>parameter<th>value<th>prior<th>its sigma</tr>\n";
   for (const CalibratedParameter& p : calibration.parameters) {
     body += std::string("<tr") + (p.determined ? "" : " class=\"open\"") + "><td>" +
-            escaped(p.name) + "<td>" + escaped(value_text(p)) +
+            html_safe(p.name) + "<td>" + html_safe(value_text(p)) +
             (p.determined ? "" : " (not determined, kept)") +
-            format("<td>%.6g<td>%.3g</tr>\n", p.prior, p.prior_sigma);
+            formatted("<td>%.6g<td>%.3g</tr>\n", p.prior, p.prior_sigma);
   }
-  body += "</table>\n<p>Noise: " + escaped(noise_text(calibration.scene)) +
-          format(
+  body += "</table>\n<p>Noise: " + html_safe(noise_text(calibration.scene)) +
+          formatted(
               ", of this a factor %.2f so that fits of these captures are honest. The object's "
               "brightness varies by %.1f %%.</p>\n",
               calibration.variance_scale, 100 * calibration.brightness_log);
   if (!calibration.assignments.empty()) {
     body += "<table><tr><th>spot in each place<th>deviance</tr>\n";
     for (const SpotAssignment& a : calibration.assignments) {
-      body += "<tr><td>" + assignment_text(a) + format("<td>%.0f</tr>\n", a.deviance);
+      body += "<tr><td>" + assignment_text(a) + formatted("<td>%.0f</tr>\n", a.deviance);
     }
     body += "</table>\n";
   }
   for (const LeftOutCapture& out : calibration.left_out) {
-    body += format("<p>Capture %d left out: ", out.index) + escaped(out.reason) + "</p>\n";
+    body += formatted("<p>Capture %d left out: ", out.index) + html_safe(out.reason) + "</p>\n";
   }
-  for (const std::string& note : calibration.notes) body += "<p>" + escaped(note) + "</p>\n";
-  return simple_page("Calibration of " + before.name, body);
+  for (const std::string& note : calibration.notes) body += "<p>" + html_safe(note) + "</p>\n";
+  return plain_page("Calibration of " + before.name, body);
 }
 
 }  // namespace blindcorner

@@ -3,148 +3,232 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
+#include <limits>
+
+#include "formatted.h"
+#include "report/html.h"
 
 namespace blindcorner {
 namespace {
 
-struct Range {
-  double low = 1e300, high = -1e300;
-  void add(double v) {
-    if (!std::isfinite(v)) return;
-    low = std::min(low, v);
-    high = std::max(high, v);
+const char* const kPalette[] = {"#1f77b4", "#d62728", "#2ca02c", "#9467bd",
+                                "#ff7f0e", "#17becf", "#8c564b", "#e377c2"};
+
+/// Room around the plot, pixels; the legend takes more above it.
+constexpr double kLeft = 58, kRight = 12, kTop = 24, kBottom = 38;
+constexpr double kLegendRow = 14, kLegendGap = 14;
+/// Width of a letter, pixels, rather more than less: for breaking the legend into rows.
+constexpr double kLetter = 6.2;
+/// About as many ticks fit on an axis.
+constexpr int kTicks = 4;
+constexpr int kMostDecades = 8;
+
+/// Values along one direction, and the pixels that they are drawn at.
+class Axis {
+ public:
+  explicit Axis(bool logarithmic) : logarithmic_(logarithmic) {}
+
+  bool shows(double v) const { return std::isfinite(v) && (!logarithmic_ || v > 0); }
+  void include(double v) {
+    if (!shows(v)) return;
+    low_ = std::min(low_, v);
+    high_ = std::max(high_, v);
   }
-  void settle() {
-    if (low > high) low = 0, high = 1;
-    if (high - low < 1e-12) high = low + 1;
+  /// Room at both ends, as a share of the range (linear axes); zero stays at the very end.
+  void settle(double margin, double from_pixel, double to_pixel) {
+    from_ = from_pixel;
+    to_ = to_pixel;
+    if (logarithmic_) {
+      if (low_ > high_) low_ = 0.1, high_ = 10;
+      low_ /= 1.4;
+      high_ *= 1.4;
+      return;
+    }
+    if (low_ > high_) low_ = 0, high_ = 1;
+    if (high_ - low_ < 1e-12) high_ = low_ + 1;
+    const double room = margin * (high_ - low_);
+    high_ += room;
+    if (low_ != 0) low_ -= room;
   }
+  double pixel(double v) const {
+    const double share =
+        logarithmic_ ? std::log(v / low_) / std::log(high_ / low_) : (v - low_) / (high_ - low_);
+    return from_ + (to_ - from_) * share;
+  }
+  std::vector<double> ticks() const { return logarithmic_ ? log_ticks() : linear_ticks(); }
+
+ private:
+  /// Steps of 1, 2 or 5 times a power of ten.
+  std::vector<double> linear_ticks() const {
+    const double span = high_ - low_;
+    const double power = std::pow(10.0, std::floor(std::log10(span / kTicks)));
+    double step = power;
+    for (const double factor : {2.0, 5.0, 10.0}) {
+      if (span / step > kTicks + 1) step = factor * power;
+    }
+    std::vector<double> ticks;
+    for (double t = std::ceil(low_ / step); t * step <= high_ + 1e-9 * span; ++t) {
+      ticks.push_back(t * step);
+    }
+    return ticks;
+  }
+  /// Decades, some left out where there are many; within less than two, 1, 2 and 5 of each.
+  std::vector<double> log_ticks() const {
+    const int first = static_cast<int>(std::floor(std::log10(low_)));
+    const int last = static_cast<int>(std::ceil(std::log10(high_)));
+    const int every = 1 + (last - first) / kMostDecades;
+    std::vector<double> ticks;
+    const auto add = [&](double t) {
+      if (t >= low_ && t <= high_) ticks.push_back(t);
+    };
+    for (int d = first; d <= last; ++d) {
+      if (d % every == 0) add(std::pow(10.0, d));
+    }
+    if (ticks.size() > 1) return ticks;
+    ticks.clear();
+    for (int d = first; d <= last; ++d) {
+      for (const double factor : {1.0, 2.0, 5.0}) add(factor * std::pow(10.0, d));
+    }
+    return ticks;
+  }
+
+  bool logarithmic_;
+  double low_ = std::numeric_limits<double>::max(), high_ = -low_;
+  double from_ = 0, to_ = 1;
 };
 
-/// A step of 1, 2 or 5 times a power of ten that gives about four ticks.
-double tick_step(double span) {
-  const double power = std::pow(10.0, std::floor(std::log10(span / 4)));
-  for (const double factor : {1.0, 2.0, 5.0}) {
-    if (span / (factor * power) <= 5) return factor * power;
+std::string number(double v) { return formatted("%.6g", std::abs(v) < 1e-12 ? 0.0 : v); }
+
+std::string colour_of(const Chart& chart, std::size_t i) {
+  const std::string& own = chart.series[i].colour;
+  return own.empty() ? kPalette[i % std::size(kPalette)] : own;
+}
+
+/// Names in their series' colours, in rows from the left; returns the height that they take.
+double add_legend(const Chart& chart, std::string& svg) {
+  double x = 0, height = 0;
+  for (std::size_t i = 0; i < chart.series.size(); ++i) {
+    const std::string& name = chart.series[i].name;
+    if (name.empty()) continue;
+    const double width = kLegendGap + kLetter * static_cast<double>(name.size());
+    const bool new_row = x == 0 || kLeft + x + width > chart.width;
+    if (new_row) {
+      if (height > 0) svg += "</text>";
+      svg += formatted("<text x=\"%.0f\" y=\"%.0f\">", kLeft, kTop + height + 4);
+      height += kLegendRow;
+      x = 0;
+    }
+    svg += formatted("<tspan dx=\"%.0f\" fill=\"%s\">", new_row ? 0.0 : kLegendGap,
+                     colour_of(chart, i).c_str()) +
+           html_safe(name) + "</tspan>";
+    x += width;
   }
-  return 10 * power;
+  if (height > 0) svg += "</text>";
+  return height;
 }
 
-std::string text_number(double v) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.6g", std::abs(v) < 1e-12 ? 0.0 : v);
-  return text;
+void add_axes(const Chart& chart, const Axis& x, const Axis& y, double top, std::string& svg) {
+  const double right = chart.width - kRight, bottom = chart.height - kBottom;
+  for (const double t : x.ticks()) {
+    svg +=
+        formatted("<path d=\"M%.1f %.1fV%.1f\" stroke=\"#ddd\"/>", x.pixel(t), top, bottom) +
+        formatted("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"middle\">", x.pixel(t), bottom + 14) +
+        number(t) + "</text>";
+  }
+  for (const double t : y.ticks()) {
+    svg +=
+        formatted("<path d=\"M%.1f %.1fH%.1f\" stroke=\"#ddd\"/>", kLeft, y.pixel(t), right) +
+        formatted("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"end\">", kLeft - 4, y.pixel(t) + 4) +
+        number(t) + "</text>";
+  }
+  svg += formatted("<path d=\"M%.1f %.1fV%.1fH%.1f\" stroke=\"#999\" fill=\"none\"/>", kLeft, top,
+                   bottom, right) +
+         formatted("<text x=\"%.1f\" y=\"%d\" text-anchor=\"middle\">", (kLeft + right) / 2,
+                   chart.height - 6) +
+         html_safe(chart.x_label) + "</text>" +
+         formatted("<text transform=\"translate(11,%.1f) rotate(-90)\" text-anchor=\"middle\">",
+                   (top + bottom) / 2) +
+         html_safe(chart.y_label) + "</text>";
 }
 
-template <typename... Args>
-std::string format(const char* pattern, Args... args) {
-  char text[512];
-  std::snprintf(text, sizeof text, pattern, args...);
-  return text;
+void add_rule(const Chart& chart, const ChartRule& rule, const Axis& x, const Axis& y, double top,
+              std::string& svg) {
+  constexpr const char* kDashes = "stroke=\"#888\" stroke-dasharray=\"5 4\"";
+  const double right = chart.width - kRight, bottom = chart.height - kBottom;
+  if (!(rule.vertical ? x : y).shows(rule.at)) return;
+  if (rule.vertical) {
+    const double at = x.pixel(rule.at);
+    svg += formatted("<path d=\"M%.1f %.1fV%.1f\" %s/>", at, top, bottom, kDashes) +
+           formatted("<text x=\"%.1f\" y=\"%.1f\">", at + 3, top + 10);
+  } else {
+    const double at = y.pixel(rule.at);
+    svg += formatted("<path d=\"M%.1f %.1fH%.1f\" %s/>", kLeft, at, right, kDashes) +
+           formatted("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"end\">", right - 3, at - 4);
+  }
+  svg += html_safe(rule.name) + "</text>";
+}
+
+/// Shown when the point is pointed at.
+std::string point_title(const Chart& chart, const ChartSeries& series, const ChartPoint& point) {
+  return "><title>" + html_safe(series.name) +
+         (point.label.empty() ? "" : ", " + html_safe(point.label)) + "\n" +
+         html_safe(chart.x_label) + formatted(": %.3g\n", point.x) + html_safe(chart.y_label) +
+         formatted(": %.3g</title>", point.y);
+}
+
+void add_series(const Chart& chart, std::size_t i, const Axis& x, const Axis& y, std::string& svg) {
+  const ChartSeries& series = chart.series[i];
+  const std::string colour = colour_of(chart, i);
+  std::string path;
+  std::string marks;
+  for (const ChartPoint& p : series.points) {
+    if (!x.shows(p.x) || !y.shows(p.y)) continue;
+    const double px = x.pixel(p.x), py = y.pixel(p.y);
+    path += formatted("%s%.1f %.1f", path.empty() ? "M" : "L", px, py);
+    const bool open = series.style == SeriesStyle::circles;
+    marks += formatted("<circle cx=\"%.1f\" cy=\"%.1f\" r=\"%s\" %s=\"%s\"", px, py,
+                       open ? "4.5" : "2", open ? "fill=\"none\" stroke" : "fill", colour.c_str());
+    marks += series.style == SeriesStyle::dots ? "/>" : point_title(chart, series, p) + "</circle>";
+  }
+  const bool joined = series.style == SeriesStyle::line || series.style == SeriesStyle::marked_line;
+  if (joined) {
+    svg +=
+        "<path fill=\"none\" stroke-width=\"1.5\" stroke=\"" + colour + "\" d=\"" + path + "\"/>";
+  }
+  if (series.style != SeriesStyle::line) svg += marks;
 }
 
 }  // namespace
 
-std::string escaped(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    switch (c) {
-      case '&':
-        out += "&amp;";
-        break;
-      case '<':
-        out += "&lt;";
-        break;
-      case '>':
-        out += "&gt;";
-        break;
-      case '"':
-        out += "&quot;";
-        break;
-      default:
-        out += c;
-    }
-  }
-  return out;
-}
-
 std::string chart_svg(const Chart& chart) {
-  constexpr double kLeft = 52, kRight = 10, kTop = 24, kBottom = 38;
-  Range x, y;
-  for (const ChartLine& line : chart.lines) {
-    for (const auto& [px, py] : line.points) {
-      x.add(px);
-      y.add(py);
-    }
-  }
-  x.settle();
-  y.settle();
-  const double margin = 0.05 * (y.high - y.low);
-  y.high += margin;
-  if (y.low != 0) y.low -= margin;
-  const double w = chart.width - kLeft - kRight;
-  const double h = chart.height - kTop - kBottom;
-  const auto px = [&](double v) { return kLeft + w * (v - x.low) / (x.high - x.low); };
-  const auto py = [&](double v) { return kTop + h * (1 - (v - y.low) / (y.high - y.low)); };
-  std::string svg = format(
+  std::string svg = formatted(
       "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"%d\" height=\"%d\" "
-      "font-family=\"sans-serif\" "
-      "font-size=\"11\">",
+      "font-family=\"sans-serif\" font-size=\"11\">",
       chart.width, chart.height);
-  svg += format("<text x=\"%.0f\" y=\"14\" font-size=\"12\">", kLeft) + escaped(chart.title) +
-         "</text>";
-  for (double t = std::ceil(x.low / tick_step(x.high - x.low)) * tick_step(x.high - x.low);
-       t <= x.high + 1e-9 * (x.high - x.low); t += tick_step(x.high - x.low)) {
-    svg += format("<path d=\"M%.1f %.1fV%.1f\" stroke=\"#ddd\"/>", px(t), kTop, kTop + h);
-    svg += format("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"middle\">", px(t), kTop + h + 14) +
-           text_number(t) + "</text>";
-  }
-  for (double t = std::ceil(y.low / tick_step(y.high - y.low)) * tick_step(y.high - y.low);
-       t <= y.high + 1e-9 * (y.high - y.low); t += tick_step(y.high - y.low)) {
-    svg += format("<path d=\"M%.1f %.1fH%.1f\" stroke=\"#ddd\"/>", kLeft, py(t), kLeft + w);
-    svg += format("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"end\">", kLeft - 4, py(t) + 4) +
-           text_number(t) + "</text>";
-  }
-  double legend = kTop + 12;
-  for (const ChartLine& line : chart.lines) {
-    if (line.dots) {
-      for (const auto& [a, b] : line.points) {
-        if (!std::isfinite(a) || !std::isfinite(b)) continue;
-        svg += format("<circle cx=\"%.1f\" cy=\"%.1f\" r=\"2\" fill=\"%s\"/>", px(a), py(b),
-                      line.colour.c_str());
-      }
-    } else {
-      std::string path;
-      for (const auto& [a, b] : line.points) {
-        if (!std::isfinite(a) || !std::isfinite(b)) continue;
-        path += format("%s%.1f %.1f", path.empty() ? "M" : "L", px(a), py(b));
-      }
-      svg += "<path fill=\"none\" stroke-width=\"1.5\" stroke=\"" + line.colour + "\" d=\"" + path +
-             "\"/>";
-    }
-    if (!line.label.empty()) {
-      svg += format("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"end\" fill=\"%s\">", kLeft + w - 4,
-                    legend, line.colour.c_str()) +
-             escaped(line.label) + "</text>";
-      legend += 13;
+  svg += formatted("<text x=\"%.0f\" y=\"14\" font-size=\"12\" font-weight=\"600\">", kLeft) +
+         html_safe(chart.title) + "</text>";
+  const double top = kTop + add_legend(chart, svg);
+  Axis x(chart.logarithmic), y(chart.logarithmic);
+  for (const ChartSeries& series : chart.series) {
+    for (const ChartPoint& point : series.points) {
+      if (!x.shows(point.x) || !y.shows(point.y)) continue;
+      x.include(point.x);
+      y.include(point.y);
     }
   }
-  svg +=
-      format("<text x=\"%.1f\" y=\"%d\" text-anchor=\"middle\">", kLeft + w / 2, chart.height - 6) +
-      escaped(chart.x_label) + "</text>";
-  svg += format("<text transform=\"translate(11,%.1f) rotate(-90)\" text-anchor=\"middle\">",
-                kTop + h / 2) +
-         escaped(chart.y_label) + "</text>";
+  for (const ChartRule& rule : chart.rules) (rule.vertical ? x : y).include(rule.at);
+  x.settle(0, kLeft, chart.width - kRight);
+  y.settle(0.05, chart.height - kBottom, top);
+  add_axes(chart, x, y, top, svg);
+  for (const ChartRule& rule : chart.rules) add_rule(chart, rule, x, y, top, svg);
+  for (std::size_t i = 0; i < chart.series.size(); ++i) add_series(chart, i, x, y, svg);
   return svg + "</svg>";
 }
 
-std::string simple_page(const std::string& title, const std::string& body) {
-  return "<!doctype html>\n<html lang=\"en\"><meta charset=\"utf-8\"><title>" + escaped(title) +
-         "</title>\n<style>body{font:14px sans-serif;margin:1.5em;max-width:78em}"
-         "table{border-collapse:collapse;margin:1em 0}td,th{padding:2px 10px;text-align:right;"
-         "border-bottom:1px solid #ddd}td:first-child,th:first-child{text-align:left}"
-         ".open{color:#999}</style>\n<h1>" +
-         escaped(title) + "</h1>\n" + body + "</html>\n";
+std::string charts_html(const std::vector<Chart>& charts) {
+  std::string html = "<div class=\"charts\">\n";
+  for (const Chart& chart : charts) html += chart_svg(chart) + "\n";
+  return html + "</div>\n";
 }
 
 }  // namespace blindcorner

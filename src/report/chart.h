@@ -1,34 +1,51 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Small line charts as SVG, for pages that need no script.
+/// Line charts as SVG, for pages that need no script.
 #pragma once
 
 #include <string>
-#include <utility>
 #include <vector>
 
 namespace blindcorner {
 
-struct ChartLine {
-  std::string label;
-  std::string colour;  ///< CSS
-  std::vector<std::pair<double, double>> points;
-  bool dots = false;  ///< points instead of a line
+struct ChartPoint {
+  double x = 0, y = 0;  ///< what is not finite, or not > 0 on logarithmic axes, is not drawn
+  std::string label{};  ///< shown beside the values when the point is pointed at
+};
+
+enum class SeriesStyle {
+  line,
+  marked_line,  ///< with a dot at each point that tells its values when pointed at
+  dots,
+  circles,  ///< that tell their values when pointed at
+};
+
+struct ChartSeries {
+  std::string name;  ///< in the legend; empty: not there
+  std::vector<ChartPoint> points{};
+  SeriesStyle style = SeriesStyle::line;
+  std::string colour{};  ///< CSS; empty: the palette's, by the place among the chart's series
+};
+
+/// A dashed line across a chart.
+struct ChartRule {
+  std::string name;
+  double at = 0;
+  bool vertical = false;
 };
 
 struct Chart {
   std::string title;
   std::string x_label, y_label;
-  std::vector<ChartLine> lines;
-  int width = 360, height = 240;
+  std::vector<ChartSeries> series{};
+  std::vector<ChartRule> rules{};
+  bool logarithmic = false;       ///< both axes
+  int width = 360, height = 240;  ///< pixels
 };
 
 /// One <svg> element.
 std::string chart_svg(const Chart& chart);
 
-/// A self-contained HTML page.
-std::string simple_page(const std::string& title, const std::string& body);
-
-/// Text for HTML.
-std::string escaped(const std::string& text);
+/// A block of charts, as many beside each other as the page is wide.
+std::string charts_html(const std::vector<Chart>& charts);
 
 }  // namespace blindcorner

@@ -3,66 +3,57 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
+#include <functional>
 #include <nlohmann/json.hpp>
 
+#include "formatted.h"
 #include "report/chart.h"
+#include "report/html.h"
 #include "report/result_file.h"
 
 namespace blindcorner {
 namespace {
 
-const char* const kColours[] = {"#1f77b4", "#d62728", "#2ca02c", "#9467bd",
-                                "#ff7f0e", "#17becf", "#8c564b", "#e377c2"};
-
-template <typename... Args>
-std::string format(const char* pattern, Args... args) {
-  char text[512];
-  std::snprintf(text, sizeof text, pattern, args...);
-  return text;
-}
-
 std::string figure_text(const Figure& figure) {
-  return format("%.3f (%.3f to %.3f)", figure.value, figure.low, figure.high);
+  return formatted("%.3f (%.3f to %.3f)", figure.value, figure.low, figure.high);
 }
+
+/// Points that a curve is drawn with at most, and dots.
+constexpr std::size_t kMostCurvePoints = 200;
+constexpr std::size_t kMostDots = 1500;
 
 /// Share of estimates with at most a given error.
 Chart error_chart(const std::vector<EvaluationRow>& rows) {
-  Chart chart;
-  chart.title = "errors";
-  chart.x_label = "length of the error";
-  chart.y_label = "share of estimates";
+  Chart chart{"errors", "length of the error", "share of estimates"};
   chart.width = 460;
   chart.height = 320;
-  std::size_t colour = 0;
   for (const EvaluationRow& row : rows) {
     std::vector<double> lengths;
     for (const EstimateError& e : row.errors) lengths.push_back(e.error.norm());
     std::sort(lengths.begin(), lengths.end());
-    ChartLine line{row.name, kColours[colour++ % std::size(kColours)], {}, false};
-    const std::size_t step = std::max<std::size_t>(1, lengths.size() / 200);
+    ChartSeries series{row.name};
+    const std::size_t step = std::max<std::size_t>(1, lengths.size() / kMostCurvePoints);
     for (std::size_t i = 0; i < lengths.size(); i += step) {
-      line.points.emplace_back(lengths[i],
-                               static_cast<double>(i + 1) / static_cast<double>(lengths.size()));
+      series.points.push_back(
+          {lengths[i], static_cast<double>(i + 1) / static_cast<double>(lengths.size())});
     }
-    chart.lines.push_back(std::move(line));
+    chart.series.push_back(std::move(series));
   }
   return chart;
 }
 
+/// Share within each number of claimed standard deviations, from 0 to 3.
+ChartSeries coverage_series(const std::string& name, const std::function<double(double)>& within) {
+  ChartSeries series{name};
+  for (int i = 0; i <= 60; ++i) series.points.push_back({0.05 * i, within(0.05 * i)});
+  return series;
+}
+
 /// Share of coordinates within so many claimed standard deviations, against an honest Gaussian.
 Chart coverage_chart(const std::vector<EvaluationRow>& rows) {
-  Chart chart;
-  chart.title = "coverage";
-  chart.x_label = "claimed standard deviations";
-  chart.y_label = "share of coordinates within";
+  Chart chart{"coverage", "claimed standard deviations", "share of coordinates within"};
   chart.width = 460;
   chart.height = 320;
-  ChartLine honest{"honest", "#999999", {}, false};
-  for (int i = 0; i <= 60; ++i)
-    honest.points.emplace_back(0.05 * i, std::erf(0.05 * i / std::sqrt(2.0)));
-  chart.lines.push_back(std::move(honest));
-  std::size_t colour = 0;
   for (const EvaluationRow& row : rows) {
     std::vector<double> units;
     for (const EstimateError& e : row.errors) {
@@ -71,14 +62,34 @@ Chart coverage_chart(const std::vector<EvaluationRow>& rows) {
       }
     }
     std::sort(units.begin(), units.end());
-    ChartLine line{row.name, kColours[colour++ % std::size(kColours)], {}, false};
-    for (int i = 0; i <= 60; ++i) {
-      const auto within = std::upper_bound(units.begin(), units.end(), 0.05 * i) - units.begin();
-      line.points.emplace_back(0.05 * i,
-                               static_cast<double>(within) / static_cast<double>(units.size()));
-    }
-    chart.lines.push_back(std::move(line));
+    chart.series.push_back(coverage_series(row.name, [&](double sigmas) {
+      const auto within = std::upper_bound(units.begin(), units.end(), sigmas) - units.begin();
+      return static_cast<double>(within) / static_cast<double>(units.size());
+    }));
   }
+  // Last, so that a row has the same colour in both charts.
+  ChartSeries honest =
+      coverage_series("honest", [](double sigmas) { return std::erf(sigmas / std::sqrt(2.0)); });
+  honest.colour = "#999999";
+  chart.series.push_back(std::move(honest));
+  return chart;
+}
+
+/// Errors of one unknown against their claimed standard deviations.
+Chart unknown_chart(const EvaluationRow& row, const std::string& unknown, Eigen::Index k) {
+  Chart chart{row.name + ": " + unknown, "claimed standard deviation", "error"};
+  ChartSeries dots{"", {}, SeriesStyle::dots};
+  double most = 0;
+  const std::size_t step = std::max<std::size_t>(1, row.errors.size() / kMostDots);
+  for (std::size_t e = 0; e < row.errors.size(); e += step) {
+    const double sigma = std::sqrt(row.errors[e].covariance(k, k));
+    dots.points.push_back({sigma, row.errors[e].error[k]});
+    most = std::max(most, sigma);
+  }
+  const std::string red = "#d62728";
+  chart.series = {dots,
+                  {"2 sigma", {{0, 0}, {most, 2 * most}}, SeriesStyle::line, red},
+                  {"", {{0, 0}, {most, -2 * most}}, SeriesStyle::line, red}};
   return chart;
 }
 
@@ -87,10 +98,10 @@ Chart coverage_chart(const std::vector<EvaluationRow>& rows) {
 std::string evaluation_text(const std::vector<EvaluationRow>& rows) {
   std::string text;
   for (const EvaluationRow& row : rows) {
-    text += format("%s: %d estimates of %d positions\n", row.name.c_str(), row.evaluation.estimates,
-                   row.evaluation.groups);
+    text += formatted("%s: %d estimates of %d positions\n", row.name.c_str(),
+                      row.evaluation.estimates, row.evaluation.groups);
     for (const Figure& figure : row.evaluation.figures) {
-      text += format("  %-18s %s\n", figure.name.c_str(), figure_text(figure).c_str());
+      text += formatted("  %-18s %s\n", figure.name.c_str(), figure_text(figure).c_str());
     }
   }
   return text;
@@ -102,43 +113,25 @@ std::string evaluation_page(const std::string& title, const std::vector<Evaluati
       "<p>Lengths in m, angles in rad; bootstrap intervals (95 % unless stated "
       "otherwise) over positions. Honest: coverage 0.683 and 0.954, normalised error "
       "1.</p>\n<table><tr><th>&nbsp;";
-  for (const EvaluationRow& row : rows) body += "<th>" + escaped(row.name);
+  for (const EvaluationRow& row : rows) body += "<th>" + html_safe(row.name);
   body += "</tr>\n<tr><td>estimates (positions)";
   for (const EvaluationRow& row : rows) {
-    body += format("<td>%d (%d)", row.evaluation.estimates, row.evaluation.groups);
+    body += formatted("<td>%d (%d)", row.evaluation.estimates, row.evaluation.groups);
   }
   body += "</tr>\n";
   for (std::size_t f = 0; f < rows.front().evaluation.figures.size(); ++f) {
-    body += "<tr><td>" + escaped(rows.front().evaluation.figures[f].name);
+    body += "<tr><td>" + html_safe(rows.front().evaluation.figures[f].name);
     for (const EvaluationRow& row : rows) {
-      body += "<td>" + escaped(figure_text(row.evaluation.figures[f]));
+      body += "<td>" + html_safe(figure_text(row.evaluation.figures[f]));
     }
     body += "</tr>\n";
   }
-  body += "</table>\n" + chart_svg(error_chart(rows)) + chart_svg(coverage_chart(rows)) + "<div>";
-  // Estimate errors coordinate by coordinate of the first row.
-  const EvaluationRow& first = rows.front();
+  body += "</table>\n" + charts_html({error_chart(rows), coverage_chart(rows)});
+  std::vector<Chart> unknowns;
   for (std::size_t i = 0; i < names.size(); ++i) {
-    const auto k = static_cast<Eigen::Index>(i);
-    Chart chart;
-    chart.title = first.name + ": " + names[i];
-    chart.x_label = "claimed standard deviation";
-    chart.y_label = "error";
-    chart.width = 300;
-    ChartLine dots{"", kColours[0], {}, true};
-    double most = 0;
-    const std::size_t step = std::max<std::size_t>(1, first.errors.size() / 1500);
-    for (std::size_t e = 0; e < first.errors.size(); e += step) {
-      const double sigma = std::sqrt(first.errors[e].covariance(k, k));
-      dots.points.emplace_back(sigma, first.errors[e].error[k]);
-      most = std::max(most, sigma);
-    }
-    chart.lines = {dots,
-                   {"2 sigma", "#d62728", {{0, 0}, {most, 2 * most}}, false},
-                   {"", "#d62728", {{0, 0}, {most, -2 * most}}, false}};
-    body += chart_svg(chart);
+    unknowns.push_back(unknown_chart(rows.front(), names[i], static_cast<Eigen::Index>(i)));
   }
-  return simple_page(title, body + "</div>");
+  return plain_page(title, body + charts_html(unknowns));
 }
 
 std::string evaluation_json(const std::vector<EvaluationRow>& rows) {

@@ -11,6 +11,7 @@
 
 #include "blindcorner/forward/constants.h"
 #include "report/birds_eye.h"
+#include "report/html.h"
 #include "report/result_file.h"
 
 namespace blindcorner {
@@ -268,26 +269,6 @@ std::string script_safe(const std::string& text) {
       safe += "\\u003c";
     } else {
       safe += character;
-    }
-  }
-  return safe;
-}
-
-std::string html_safe(const std::string& text) {
-  std::string safe;
-  for (const char character : text) {
-    switch (character) {
-      case '<':
-        safe += "&lt;";
-        break;
-      case '>':
-        safe += "&gt;";
-        break;
-      case '&':
-        safe += "&amp;";
-        break;
-      default:
-        safe += character;
     }
   }
   return safe;
