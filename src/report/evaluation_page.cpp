@@ -31,12 +31,15 @@ Chart error_chart(const std::vector<EvaluationRow>& rows) {
     std::vector<double> lengths;
     for (const EstimateError& e : row.errors) lengths.push_back(e.error.norm());
     std::sort(lengths.begin(), lengths.end());
-    ChartSeries series{row.name};
-    const std::size_t step = std::max<std::size_t>(1, lengths.size() / kMostCurvePoints);
-    for (std::size_t i = 0; i < lengths.size(); i += step) {
+    ChartSeries series{row.name, {{0, 0}}};
+    const std::size_t count = lengths.size();
+    const auto add = [&](std::size_t n) {
       series.points.push_back(
-          {lengths[i], static_cast<double>(i + 1) / static_cast<double>(lengths.size())});
-    }
+          {lengths[n - 1], static_cast<double>(n) / static_cast<double>(count)});
+    };
+    const std::size_t step = 1 + count / kMostCurvePoints;
+    for (std::size_t n = step; n < count; n += step) add(n);
+    if (count > 0) add(count);
     chart.series.push_back(std::move(series));
   }
   return chart;
@@ -110,9 +113,8 @@ std::string evaluation_text(const std::vector<EvaluationRow>& rows) {
 std::string evaluation_page(const std::string& title, const std::vector<EvaluationRow>& rows,
                             const std::vector<std::string>& names) {
   std::string body =
-      "<p>Lengths in m, angles in rad; bootstrap intervals (95 % unless stated "
-      "otherwise) over positions. Honest: coverage 0.683 and 0.954, normalised error "
-      "1.</p>\n<table><tr><th>&nbsp;";
+      "<p>Lengths in m, angles in rad; bootstrap intervals (95 %) over positions. Honest: coverage "
+      "0.683 and 0.954, normalised error 1.</p>\n<table><tr><th>&nbsp;";
   for (const EvaluationRow& row : rows) body += "<th>" + html_safe(row.name);
   body += "</tr>\n<tr><td>estimates (positions)";
   for (const EvaluationRow& row : rows) {
