@@ -22,7 +22,7 @@
 #include "blindcorner/io/capture_file.h"
 #include "blindcorner/io/scene_file.h"
 #include "commands/benchmark.h"
-#include "commands/commands.h"
+#include "commands/output_directory.h"
 #include "progress.h"
 #include "synthetic.h"
 
@@ -142,7 +142,7 @@ Trial run_trial(const Scene& scene, const Capture& capture, const PoseVector& tr
 double quantile(std::vector<double> values, double q) {
   if (values.empty()) return std::nan("");
   std::sort(values.begin(), values.end());
-  return values[static_cast<std::size_t>(q * static_cast<double>(values.size() - 1) + 0.5)];
+  return values[static_cast<std::size_t>(std::lround(q * static_cast<double>(values.size() - 1)))];
 }
 
 struct Row {
@@ -257,9 +257,9 @@ std::vector<Trial> study(const SolverArguments& arguments, const std::string& pa
 }
 
 int run_solver(const SolverArguments& arguments) {
-  if (!arguments.output.empty()) std::filesystem::create_directories(arguments.output);
+  if (!arguments.output.empty()) make_directory(arguments.output);
   if (!arguments.captures_directory.empty()) {
-    std::filesystem::create_directories(arguments.captures_directory);
+    make_directory(arguments.captures_directory);
   }
   std::printf("%-18s %8s %8s %9s %8s %8s %9s %9s %9s %9s\n", "scene", "captures", "failed",
               "optimum", "right", "(bound)", "median m", "90 % m", "median ms", "most ms");

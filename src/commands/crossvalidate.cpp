@@ -8,7 +8,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <cstring>
 #include <filesystem>
 #include <map>
 #include <memory>
@@ -20,6 +19,7 @@
 #include "blindcorner/io/scene_file.h"
 #include "commands/capture_inputs.h"
 #include "commands/commands.h"
+#include "commands/output_directory.h"
 #include "progress.h"
 #include "report/evaluation_page.h"
 #include "report/result_file.h"
@@ -50,7 +50,7 @@ struct Position {
   Eigen::VectorXd pose;
 };
 
-/// FNV-1a of the values in tenths of a millimetre.
+/// FNV-1a of the values in tenths of a millimetre (or of a milliradian).
 std::uint64_t hash_of(const Eigen::VectorXd& pose) {
   std::uint64_t hash = 14695981039346656037ull;
   for (const double value : pose) {
@@ -84,7 +84,8 @@ struct Split {
   std::vector<std::string> evaluate;   ///< keys of positions
 };
 
-/// Five folds of positions: calibrate on four, or on a few of one.
+/// Folds of positions: calibrate on all but one and evaluate that, or calibrate on a few positions
+/// of one and evaluate all others.
 std::vector<Split> fold_splits(const std::vector<Position>& positions, int folds, int few) {
   std::vector<Split> splits;
   for (int f = 0; f < folds; ++f) {
@@ -180,11 +181,7 @@ int run_crossvalidate(const CrossvalidateArguments& arguments) {
       sample_positions.push_back(position_of(scene, capture));
     }
   }
-  std::error_code code;
-  fs::create_directories(arguments.output, code);
-  if (!fs::is_directory(arguments.output)) {
-    throw Error(arguments.output, "cannot be made a directory");
-  }
+  make_directory(arguments.output);
 
   const std::vector<std::string> names = unknown_names(scene);
   std::vector<EvaluationRow> rows;

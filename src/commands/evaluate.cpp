@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /// `blindcorner evaluate RESULT [TRUTH]`.
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>

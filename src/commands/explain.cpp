@@ -98,8 +98,8 @@ std::string share_text(double share) {
 }
 
 void print_plan(const ExplainArguments& arguments, const Scene& scene,
-                const SensorPlacement& sensor, TransportPlan plan, FastModelOptions options,
-                const std::vector<PoseVector>& poses) {
+                const SensorPlacement& sensor, const TransportPlan& plan,
+                const FastModelOptions& options, const std::vector<PoseVector>& poses) {
   const auto model = make_fast_model(scene, sensor, options);
   const Measured plain = measure(*model, poses);
   std::printf("\nTransport plan at a tolerance of %s of the peak: %.4g us an evaluation\n",
@@ -136,7 +136,8 @@ void print_plan(const ExplainArguments& arguments, const Scene& scene,
       "  bound: most that leaving out may change a bin, as a share of the pose's peak (pile-up: "
       "of\n"
       "  the bin itself); measured: largest change at %zu poses when the term is switched against\n"
-      "  the plan; time: what an evaluation costs or saves by it.\n",
+      "  the plan; time: what an evaluation costs or saves by it, or\n"
+      "  within what the two cannot be told apart.\n",
       plain.light.size());
 }
 
@@ -151,7 +152,8 @@ void print_zones(const Scene& scene, const std::vector<ZoneBudget>& zones) {
     all.direct += b.direct;
     all.three_bounce += b.three_bounce;
     noise += b.signal_to_noise * b.signal_to_noise;
-    if (zones.size() > 16 && z % 9 != 0) continue;  // the diagonal of an 8 x 8 sensor
+    // Of many zones, those on the diagonal.
+    if (zones.size() > 16 && z % static_cast<std::size_t>(scene.sensor.columns + 1) != 0) continue;
     std::printf("  %4zu %12.4g %12.4g %12.4g %10.0f %14.4g %8.2g\n", z, b.direct, b.three_bounce,
                 b.peak, b.gate_bins, b.background, b.signal_to_noise);
   }
@@ -203,6 +205,12 @@ void print_scaling(const Scene& scene, const SensorPlacement& sensor, const Plac
       "  Lambertian and -2, -2 and -2 of a retroreflective object are its limits)\n");
 }
 
+const char* object_kind(const Material& material) {
+  if (std::holds_alternative<LambertianMaterial>(material)) return "Lambertian object";
+  if (std::holds_alternative<RetroreflectiveMaterial>(material)) return "retroreflective object";
+  return "object with a measured law";
+}
+
 SensorPlacement placement_of(const ExplainArguments& arguments, const Scene& scene) {
   const auto points = [](const SensorPlacement& sensor) {
     return std::ranges::all_of(sensor.relay_points, [](const auto& p) { return p.allFinite(); });
@@ -235,14 +243,16 @@ int run_explain(const ExplainArguments& arguments) {
   options.tolerance = arguments.tolerance;
   const auto model = make_fast_model(scene, sensor, options);
   options.fidelity = model->fidelity();  // the same sampling with and without each term
-  const ModelSize size = model->size().value_or(ModelSize{});
-  std::printf("scene %s: %s\n", scene.name.c_str(),
-              std::holds_alternative<LambertianMaterial>(scene.hidden.material)
-                  ? "Lambertian object"
-                  : "retroreflective object");
-  std::printf("  relay: %d lit patches in %d groups, %d seen ones in %d; object: %d points\n",
-              size.lit_patches, size.lit_groups, size.seen_patches, size.seen_groups,
-              size.object_points);
+  std::printf("scene %s:", scene.name.c_str());
+  for (int i = 0; i < object_count(scene); ++i) {
+    std::printf("%s %s", i == 0 ? "" : ",", object_kind(hidden_object(scene, i).material));
+  }
+  std::printf("\n");
+  if (const auto size = model->size()) {
+    std::printf("  relay: %d lit patches in %d groups, %d seen ones in %d; object: %d points\n",
+                size->lit_patches, size->lit_groups, size->seen_patches, size->seen_groups,
+                size->object_points);
+  }
 
   const std::vector<ZoneBudget> zones = link_budget(scene, *model, pose);
   TransportPlan plan = model->plan();

@@ -12,13 +12,13 @@
 #include <filesystem>
 #include <memory>
 
-#include "blindcorner/forward/error.h"
 #include "blindcorner/io/atomic_file.h"
 #include "blindcorner/io/capture_file.h"
 #include "blindcorner/io/scene_file.h"
 #include "commands/capture_inputs.h"
 #include "commands/commands.h"
 #include "commands/fit_table.h"
+#include "commands/output_directory.h"
 #include "progress.h"
 #include "report/page.h"
 #include "report/result_file.h"
@@ -132,14 +132,6 @@ void write_outputs(const FitArguments& arguments, const Scene& scene,
     write_atomically((directory / "index.html").string(), result_page(scene, results, conditions));
   }
   write_result(directory.string(), scene, results);
-}
-
-void make_directory(const std::string& path) {
-  std::error_code code;
-  fs::create_directories(path, code);
-  if (code || !fs::is_directory(path)) {
-    throw Error(path, "cannot be made a directory" + (code ? ": " + code.message() : ""));
-  }
 }
 
 int run_fit(const FitArguments& arguments) {

@@ -5,6 +5,8 @@
 #include <cstdio>
 #include <cstdlib>
 
+#include "blindcorner/forward/constants.h"
+
 namespace blindcorner {
 namespace {
 
@@ -32,9 +34,8 @@ Json per_zone(const Scene& scene, const Value& value) {
 }
 
 Json response_json(const ResponseShape& shape) {
-  constexpr double kFwhm = 2.3548200450309493;
   if (const auto* g = std::get_if<GaussianResponse>(&shape)) {
-    return {{"type", "gaussian"}, {"fwhm_ps", picoseconds(g->sigma * kFwhm)}};
+    return {{"type", "gaussian"}, {"fwhm_ps", picoseconds(g->sigma * kGaussianFwhm)}};
   }
   if (const auto* b = std::get_if<BoxGaussianResponse>(&shape)) {
     return {{"type", "box_gaussian"},
@@ -47,7 +48,7 @@ Json response_json(const ResponseShape& shape) {
       tails.push_back({{"fraction", number(tail.fraction)}, {"decay_ps", picoseconds(tail.decay)}});
     }
     return {{"type", "exponential_tail"},
-            {"fwhm_ps", picoseconds(e->sigma * kFwhm)},
+            {"fwhm_ps", picoseconds(e->sigma * kGaussianFwhm)},
             {"tails", std::move(tails)}};
   }
   return nullptr;  // a table is not changed
