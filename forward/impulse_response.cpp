@@ -8,14 +8,10 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
+#include "overloaded.h"
 
 namespace blindcorner {
 namespace {
-
-template <class... Ts>
-struct overloaded : Ts... {
-  using Ts::operator()...;
-};
 
 double normal_cumulative(double t, double sigma) {
   if (sigma <= 0) return t < 0 ? 0.0 : 1.0;

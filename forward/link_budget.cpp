@@ -66,7 +66,7 @@ double exponent(double before, double after) {
   return std::log(after / before) / std::log((1 + kDistanceStep) / (1 - kDistanceStep));
 }
 
-/// Middle of what is lit, and its distance along the optical axis.
+/// Middle of what is lit and seen.
 Vector3d lit_middle(const Scene& scene, const SensorPlacement& sensor) {
   const std::vector<Vector3d> points = RelaySetup(scene, sensor).relay_points();
   Vector3d middle = Vector3d::Zero();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// The three-bounce sum of the design, pair by pair.
+/// The three-bounce sum, pair by pair.
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -106,8 +106,8 @@ class ReferenceRenderer final : public ForwardModel {
   std::vector<WeightedPatch> split_by_path(
       const std::function<std::vector<WeightedPatch>()>& sample, RelaySampling& sampling,
       const Vector3d& object) const;
-  std::vector<SurfaceCell> cells_of(const PlacedObject& object) const;
-  void add_object(const PlacedObject& object, const Blockers& blockers, PairSum& sum) const;
+  std::vector<SurfaceCell> cells_of(const PlacedObject& placed) const;
+  void add_object(const PlacedObject& placed, const Blockers& blockers, PairSum& sum) const;
 
   Scene scene_;
   ReferenceOptions options_;

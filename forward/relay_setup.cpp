@@ -25,6 +25,11 @@ std::vector<Surface> only_occluders(const std::vector<Surface>& surfaces) {
   return chosen;
 }
 
+/// Directions of a zone that is no relay point.
+const AngularRectangle& footprint(const Sensor& sensor, int zone) {
+  return std::get<AngularRectangle>(sensor.zones[static_cast<std::size_t>(zone)].footprint);
+}
+
 }  // namespace
 
 SensorPlacement sensor_placement(const Scene& scene, const Capture* capture) {
@@ -142,8 +147,7 @@ std::vector<WeightedPatch> RelaySetup::seen(int zone, const RelaySampling& sampl
   if (uses_points()) {
     patches = {point_patch(zone)};
   } else {
-    const Zone& z = scene_.sensor.zones[static_cast<std::size_t>(zone)];
-    patches = region(detector_, std::get<AngularRectangle>(z.footprint), sampling, relay_only);
+    patches = region(detector_, footprint(scene_.sensor, zone), sampling, relay_only);
     FieldOfIllumination storage;
     const FieldOfIllumination& field = field_of_zone(zone, storage);
     for (WeightedPatch& patch : patches) patch.radiance = radiance(patch.patch, field, nullptr);
@@ -153,13 +157,12 @@ std::vector<WeightedPatch> RelaySetup::seen(int zone, const RelaySampling& sampl
 }
 
 double RelaySetup::reflected_solid_angle(int zone) const {
+  if (uses_points()) return 0;
   RelaySampling sampling;
   sampling.divisions = 8;
   double sum = 0;
-  if (uses_points()) return sum;
-  const Zone& z = scene_.sensor.zones[static_cast<std::size_t>(zone)];
   for (const WeightedPatch& patch :
-       region(detector_, std::get<AngularRectangle>(z.footprint), sampling, false)) {
+       region(detector_, footprint(scene_.sensor, zone), sampling, false)) {
     sum += patch.weight;
   }
   return sum;
@@ -171,8 +174,7 @@ std::vector<WeightedPatch> RelaySetup::lit_by_zone(int zone, const RelaySampling
   if (uses_points()) {
     patches = {point_patch(zone)};
   } else {
-    const Zone& z = scene_.sensor.zones[static_cast<std::size_t>(zone)];
-    patches = region(source_, std::get<AngularRectangle>(z.footprint), sampling, relay_only);
+    patches = region(source_, footprint(scene_.sensor, zone), sampling, relay_only);
   }
   for (WeightedPatch& patch : patches) patch.weight *= scene_.sensor.radiant_intensity;
   return patches;
@@ -185,9 +187,10 @@ double RelaySetup::radiance(const RelayPatch& patch, const FieldOfIllumination& 
     return contains(
         field, to_sensor * (patch.area_center + a * patch.half_u + b * patch.half_v - source_));
   };
-  double fraction = lit(0, 0) ? 1 : 0;
-  const int corners = static_cast<int>(lit(-1, -1)) + lit(1, -1) + lit(-1, 1) + lit(1, 1);
-  if (corners != 4 * static_cast<int>(fraction)) {
+  const bool center = lit(0, 0);
+  double fraction = center ? 1 : 0;
+  if (lit(-1, -1) != center || lit(1, -1) != center || lit(-1, 1) != center ||
+      lit(1, 1) != center) {
     constexpr int kSide = 12;
     int count = 0;
     for (int i = 0; i < kSide; ++i) {

@@ -40,7 +40,7 @@ Scene only_object(const Scene& scene, int object) {
 }
 
 std::string unknown_name(const Scene& scene, const Unknown& unknown) {
-  const std::string name = component_name(unknown.component);
+  std::string name = component_name(unknown.component);
   if (object_count(scene) == 1) return name;
   return hidden_object(scene, unknown.object).name + "." + name;
 }

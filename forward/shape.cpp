@@ -6,16 +6,12 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
+#include "overloaded.h"
 
 namespace blindcorner {
 namespace {
 
 using Eigen::Vector3d;
-
-template <class... Ts>
-struct overloaded : Ts... {
-  using Ts::operator()...;
-};
 
 int divisions(double edge, double max_edge, int min_divisions) {
   return std::max(min_divisions, static_cast<int>(std::ceil(edge / max_edge - 1e-9)));
