@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// The three-bounce sum of the design, pair by pair, onto a fine time axis.
+/// The three-bounce sum, pair by pair, onto a fine time axis.
 #pragma once
 
 #include <Eigen/Core>

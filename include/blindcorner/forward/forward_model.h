@@ -44,9 +44,13 @@ class ForwardModel {
  public:
   virtual ~ForwardModel() = default;
 
-  /// S of the design: light that went source, relay, object, relay, detector. W/m^2 per bin for a
-  /// zone that weighs all its directions alike; gains and linear unknowns are not applied. `out` is
-  /// resized to [rows, columns, bins]. The pose holds the scene's unknowns in order, SI units.
+  /// Light that went source, relay, object, relay, detector, W/m^2 per bin for a zone that weighs
+  /// all its directions alike: the sum over lit points p, object points q and seen points r of
+  ///   I dOmega_p (rho_p / pi) cos cos / |pq|^2 * f dA_q * cos cos / |qr|^2 (rho_r / pi) dOmega_r
+  /// where p, q and r see each other, each a pulse at its whole path's time; I the source's radiant
+  /// intensity, f the object's BRDF, dOmega_r as the detector sees it. Gains and linear unknowns
+  /// are not applied. `out` is resized to [rows, columns, bins]. The pose holds the scene's
+  /// unknowns in order, SI units.
   virtual void three_bounce(const PoseVector& pose, HistogramCube& out) const = 0;
 
   HistogramCube three_bounce(const PoseVector& pose) const {
@@ -67,6 +71,7 @@ class ForwardModel {
 
   /// Sampling that the fast model chose; nothing for the reference renderer.
   virtual std::optional<Fidelity> fidelity() const { return std::nullopt; }
+  /// Nothing for the reference renderer, nor for several objects.
   virtual std::optional<ModelSize> size() const { return std::nullopt; }
 };
 
@@ -82,7 +87,8 @@ struct ReferenceOptions {
   void validate() const;
 };
 
-/// The sum of the design, pair by pair: any material, point-to-point visibility rays, no closure.
+/// The sum of `three_bounce`, pair by pair: any material, point-to-point visibility rays, no
+/// moments.
 std::unique_ptr<ForwardModel> make_reference_renderer(const Scene& scene,
                                                       const SensorPlacement& placement,
                                                       const ReferenceOptions& options = {});

@@ -2,6 +2,7 @@
 /// Will the sensor see it? Photons per capture from the physical quantities of the link.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "blindcorner/forward/forward_model.h"
@@ -46,8 +47,8 @@ std::vector<ZoneBudget> link_budget(const Scene& scene, const ForwardModel& mode
                                     const PoseVector& pose);
 
 /// Detections per pulse and detector in the busiest zone, all light together; nothing without a
-/// link. Detections behind an earlier one of the same pulse are lost, so a bin k loses the share 1
-/// - exp(-sum of the means before k) at most: below this number (Coates, J. Phys. E 1, 1968).
+/// link. Detections behind an earlier one of the same pulse are lost, so bin k loses at most the
+/// share 1 - exp(-sum of the means before k): less than this number (Coates, J. Phys. E 1, 1968).
 std::optional<double> detections_per_pulse(const Scene& scene,
                                            const std::vector<ZoneBudget>& budget);
 

@@ -27,9 +27,9 @@ HistogramCube expected_counts(const Scene& scene, const HistogramCube& three_bou
 /// (Coates, J. Phys. E 1, 878, 1968.)
 void pile_up(double cycles, double* counts, int bins);
 
-/// Coates' correction, the inverse: counts that would have been expected without pile-up, from
-/// counts of `exposures` averaged exposures of `cycles` each. `live` gets, per bin, counts over
-/// corrected counts: how much of the light was recorded.
+/// Coates' correction, the inverse, of one zone: the counts without pile-up from the mean counts of
+/// exposures of `cycles` each, both [bins]. `live` gets, per bin, counts over corrected counts: how
+/// much of the light was recorded.
 void undo_pile_up(double cycles, const double* counts, int bins, double* corrected, double* live);
 
 /// Cuts counts at what a bin can hold, if the sensor has such a limit.

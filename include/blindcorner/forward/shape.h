@@ -51,8 +51,7 @@ std::shared_ptr<const TriangleMesh> make_mesh(std::vector<Eigen::Vector3d> verti
 /// Body or sheet made of triangles.
 struct MeshShape {
   std::shared_ptr<const TriangleMesh> mesh;
-  bool two_sided =
-      false;  ///< reflects on both sides; else only on the outer one. Both sides block.
+  bool two_sided = false;  ///< reflects on both sides, else on the outer one; both block
 };
 
 using Shape = std::variant<RectangleShape, BoxShape, SphereShape, CylinderShape, MeshShape>;

@@ -48,9 +48,10 @@ struct TransportPlan {
   std::vector<OccluderFace> occluders;  ///< faces that can stand between relay and search region
   std::vector<PlanDecision> decisions;
 
+  /// Throws Error when nothing was decided about the term.
   const PlanDecision& decision(Term term) const;
   /// Adds a decision, or replaces the one about the same term.
-  void decide(PlanDecision decision);
+  void decide(PlanDecision made);
 };
 
 /// Terms switched against the plan's own decision, to measure what a decision costs or saves.

@@ -29,7 +29,7 @@ struct CalibrationOptions {
   bool permutations = true;
   /// A capture whose deviance is this many standard deviations too large is left out.
   double outlier_sigmas = 8.0;
-  /// A parameter is determined when the data shrink its prior below this share.
+  /// A parameter is determined when its standard error is below this share of its prior's sigma.
   double determined_share = 0.8;
   /// Smallest spread of the object's brightness, natural logarithm.
   double least_brightness_log = 0.05;
@@ -45,7 +45,7 @@ struct CalibrationOptions {
 };
 
 struct CalibratedParameter {
-  std::string name;        ///< with its unit: "time_zero_ps", "gain[3]", "relay_point_m[0].x"
+  std::string name;        ///< such as "time_zero_ps", "gain_factor[3]", "relay_spot[0].up_m"
   double prior = 0;        ///< what the scene file says
   double prior_sigma = 0;  ///< of the parameter itself, or of its logarithm if `logarithmic`
   double value = 0;
