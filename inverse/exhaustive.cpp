@@ -153,7 +153,7 @@ ExhaustiveResult ExhaustiveSearch::search(const Capture& capture,
   const std::vector<std::size_t> head = connect(objective, tops, 1.0);
   std::size_t heaviest = 0;
   double total = 0;
-  for (std::size_t j = 0; j < masses.size(); ++j) total += masses[j].weight;
+  for (const Mass& mass : masses) total += mass.weight;
   for (std::size_t j = 0; j < masses.size(); ++j) {
     if (head[j] == j) continue;
     // Moments about the other optimum.

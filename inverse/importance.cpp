@@ -150,9 +150,9 @@ class Sampler {
       }
     }
     double sum = 0;
-    for (std::size_t c = 0; c < next.size(); ++c) {
-      next[c] = std::max(next[c], 1e-12);
-      sum += next[c];
+    for (double& share : next) {
+      share = std::max(share, 1e-12);
+      sum += share;
     }
     const double floor = 0.1 / static_cast<double>(next.size());
     double rest = 0;
