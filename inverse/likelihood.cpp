@@ -14,19 +14,21 @@
 namespace blindcorner {
 namespace {
 
-/// log Phi(x) and the ratio phi(x)/Phi(x), stable in the far tail.
-void exact_normal_tail(double x, double& log_phi, double& ratio) {
+/// log Phi(x) and the ratio phi(x)/Phi(x).
+struct NormalTail {
+  double log_phi, ratio;
+};
+
+/// Stable in the far tail.
+NormalTail exact_normal_tail(double x) {
   if (x > -20) {
     const double p = 0.5 * std::erfc(-x / std::numbers::sqrt2);
-    log_phi = std::log(p);
-    ratio = std::exp(-0.5 * x * x) / (std::sqrt(2 * kPi) * p);
-    return;
+    return {std::log(p), std::exp(-0.5 * x * x) / (std::sqrt(2 * kPi) * p)};
   }
   // Phi(x) = phi(x)/(-x) (1 - 1/x^2 + 3/x^4 - ...).
   const double y = 1 / (x * x);
   const double series = 1 - y * (1 - 3 * y * (1 - 5 * y));
-  log_phi = -0.5 * x * x - std::log(-x * std::sqrt(2 * kPi)) + std::log(series);
-  ratio = -x / series;
+  return {-0.5 * x * x - std::log(-x * std::sqrt(2 * kPi)) + std::log(series), -x / series};
 }
 
 /// log Phi and phi/Phi on a grid; cubic interpolation with the exact slopes, good to 1e-8.
@@ -39,9 +41,8 @@ class NormalTailTable {
   NormalTailTable() {
     for (std::size_t i = 0; i < nodes_.size(); ++i) {
       const double x = kLowest + static_cast<double>(i) / kPerUnit;
-      Node& node = nodes_[i];
-      exact_normal_tail(x, node.log_phi, node.ratio);
-      node.ratio_slope = -node.ratio * (x + node.ratio);
+      const NormalTail exact = exact_normal_tail(x);
+      nodes_[i] = {exact.log_phi, exact.ratio, -exact.ratio * (x + exact.ratio)};
     }
   }
 
@@ -83,20 +84,12 @@ const NormalTailTable kNormalTail;
 
 /// log Phi(x).
 double log_normal_tail(double x) {
-  if (NormalTailTable::covers(x)) return kNormalTail.log_phi(x);
-  double log_phi = 0;
-  double ratio = 0;
-  exact_normal_tail(x, log_phi, ratio);
-  return log_phi;
+  return NormalTailTable::covers(x) ? kNormalTail.log_phi(x) : exact_normal_tail(x).log_phi;
 }
 
 /// phi(x) / Phi(x).
 double normal_tail_ratio(double x) {
-  if (NormalTailTable::covers(x)) return kNormalTail.ratio(x);
-  double log_phi = 0;
-  double ratio = 0;
-  exact_normal_tail(x, log_phi, ratio);
-  return ratio;
+  return NormalTailTable::covers(x) ? kNormalTail.ratio(x) : exact_normal_tail(x).ratio;
 }
 
 }  // namespace
