@@ -6,6 +6,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <numeric>
 
 #include "blindcorner/forward/error.h"
@@ -27,6 +28,19 @@ constexpr std::size_t kScaleCaptures = 96;
 constexpr double kLargestError = 6.0;
 /// Least spread of the ambient light, share of its mean.
 constexpr double kAmbientSpread = 0.02;
+/// Fewer levels of a zone's ambient light say nothing about their spread.
+constexpr std::size_t kLeastLevels = 8;
+/// Fewer squared residuals say nothing about the noise law.
+constexpr std::size_t kLeastSquares = 100;
+/// Squared residuals beyond this many variances are left out of the noise law ...
+constexpr double kTrim = 9.0;
+/// ... and those within have this mean, E[u^2 | u^2 < 9] of a standard normal u.
+constexpr double kTrimmedMean = 0.9733;
+/// Median of chi-square with one degree of freedom, and the 97.5 % point of a normal variable.
+constexpr double kMedianSquare = 0.455;
+constexpr double kNormalPoint = 1.96;
+/// Most spots whose assignments are all tried (120 of them).
+constexpr std::size_t kMostSpots = 5;
 
 /// True pose of a capture in the order of the scene's unknowns.
 PoseVector true_pose(const Scene& scene, const Capture& capture, std::size_t index) {
@@ -47,17 +61,23 @@ PoseVector true_pose(const Scene& scene, const Capture& capture, std::size_t ind
 
 double quantile(std::vector<double> values, double share) {
   if (values.empty()) return 0;
-  const auto k = static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1) + 0.5);
+  const auto k = std::lround(share * static_cast<double>(values.size() - 1));
   std::nth_element(values.begin(), values.begin() + k, values.end());
   return values[static_cast<std::size_t>(k)];
+}
+
+/// Whether a zone of the capture holds data: one that does not is observed with next to no exposure
+/// and has a variance out of all proportion. `level`: expected counts to compare variances at.
+bool has_data(const Observation& observation, const ObservedZone& zone, double level) {
+  constexpr double kProportion = 1e4;
+  return observation.law(zone).variance(level) <=
+         kProportion * observation.likelihood.front().variance(level);
 }
 
 double degrees_of_freedom(const Observation& observation) {
   double bins = 0;
   for (const ObservedZone& zone : observation.zones) {
-    if (observation.law(zone).variance(1.0) < 1e4 * observation.likelihood.front().variance(1.0)) {
-      bins += zone.bins();
-    }
+    if (has_data(observation, zone, 1.0)) bins += zone.bins();
   }
   return std::max(bins, 1.0);
 }
@@ -130,23 +150,23 @@ void learn_ambient(const CalibrationProblem& problem, const Evaluations& flat,
     for (std::size_t i = 0; i < observation.zones.size(); ++i) {
       const ObservedZone& zone = observation.zones[i];
       const double level = flat[c].linear.ambient[i];
-      const double variance = observation.law(zone).variance(std::max(level, 1e-12));
-      if (variance > 1e4 * observation.likelihood.front().variance(std::max(level, 1e-12)))
-        continue;
+      const double lit = std::max(level, 1e-12);
+      if (!has_data(observation, zone, lit)) continue;
       levels[static_cast<std::size_t>(zone.zone)].push_back(level);
-      variances[static_cast<std::size_t>(zone.zone)].push_back(variance / zone.bins());
+      variances[static_cast<std::size_t>(zone.zone)].push_back(observation.law(zone).variance(lit) /
+                                                               zone.bins());
     }
   }
   std::vector<NormalPrior> priors(zones, NormalPrior{0, 1e6});
   for (std::size_t z = 0; z < zones; ++z) {
-    if (levels[z].size() < 8) {
+    if (levels[z].size() < kLeastLevels) {
       if (!scene.sensor.zones[z].dead) return;  // too few to say anything about a spread
       continue;
     }
     const double middle = quantile(levels[z], 0.5);
     std::vector<double> away;
     for (const double level : levels[z]) away.push_back(std::abs(level - middle));
-    const double spread = quantile(std::move(away), 0.95) / 1.96;
+    const double spread = quantile(std::move(away), 0.95) / kNormalPoint;
     const double noise = quantile(variances[z], 0.5);
     priors[z] = {middle,
                  std::sqrt(std::max(spread * spread - noise,
@@ -189,16 +209,14 @@ void learn_noise(const CalibrationProblem& problem, const Evaluations& evaluatio
       }
     }
   }
-  if (squares.size() < 100) return;
-  // E[u^2 | |u| < 3] of a standard normal variable.
-  constexpr double kTrim = 0.9733;
+  if (squares.size() < kLeastSquares) return;
   if (std::holds_alternative<PoissonNoise>(scene.sensor.noise)) {
     double dispersion = scene.sensor.dispersion;
     for (int i = 0; i < 20; ++i) {
       double numerator = 0, denominator = 0;
       for (const Square& s : squares) {
-        if (s.square > 9 * dispersion * std::max(s.mean, 1e-9)) continue;
-        numerator += s.square / kTrim;
+        if (s.square > kTrim * dispersion * std::max(s.mean, 1e-9)) continue;
+        numerator += s.square / kTrimmedMean;
         denominator += s.mean;
       }
       if (denominator > 0 && numerator > 0) dispersion = numerator / denominator;
@@ -212,7 +230,7 @@ void learn_noise(const CalibrationProblem& problem, const Evaluations& evaluatio
   for (const Square& s : squares) {
     ratio.push_back(s.square / (noise.variance_floor + noise.variance_per_count * s.mean));
   }
-  const double scale = quantile(std::move(ratio), 0.5) / 0.455;
+  const double scale = quantile(std::move(ratio), 0.5) / kMedianSquare;
   double floor = noise.variance_floor * scale;
   double slope = noise.variance_per_count * scale;
   for (int i = 0; i < 30; ++i) {
@@ -220,11 +238,11 @@ void learn_noise(const CalibrationProblem& problem, const Evaluations& evaluatio
     Eigen::Vector2d g = Eigen::Vector2d::Zero();
     for (const Square& s : squares) {
       const double v = floor + slope * s.mean;
-      if (s.square > 9 * v) continue;
+      if (s.square > kTrim * v) continue;
       const double weight = 1 / (v * v);
       const Eigen::Vector2d x(1, s.mean);
       h += weight * x * x.transpose();
-      g += weight * x * s.square / kTrim;
+      g += weight * x * s.square / kTrimmedMean;
     }
     const Eigen::Vector2d solved = h.ldlt().solve(g);
     const double least = 1e-3 * (floor + slope * (h(0, 1) / h(0, 0)));
@@ -405,6 +423,39 @@ std::vector<CalibrationView> views(const CalibrationProblem& problem, const Eval
   return list;
 }
 
+/// The parameters in the units of their names.
+std::vector<CalibratedParameter> estimates(const CalibrationProblem& problem,
+                                           const Eigen::VectorXd& u,
+                                           const Eigen::MatrixXd& covariance) {
+  std::vector<CalibratedParameter> list;
+  for (std::size_t i = 0; i < problem.parameters().size(); ++i) {
+    const InstrumentParameter& p = problem.parameters()[i];
+    const auto k = static_cast<Eigen::Index>(i);
+    const double factor = p.logarithmic ? 1 : p.unit;
+    list.push_back({p.name, p.prior, factor * p.sigma, p.value(u[k]),
+                    factor * (p.fixed ? p.sigma : std::sqrt(covariance(k, k))), p.logarithmic,
+                    !p.fixed});
+  }
+  return list;
+}
+
+/// Which captures were used, and why the others were not.
+void tell_captures(const CalibrationProblem& problem, const Evaluations& evaluations,
+                   const std::vector<double>& keep, Calibration& result) {
+  for (std::size_t c = 0; c < keep.size(); ++c) {
+    const double bins = degrees_of_freedom(problem.observation(c));
+    if (keep[c] > 0) {
+      ++result.used;
+      result.expected_deviance += bins;
+      continue;
+    }
+    char text[96];
+    std::snprintf(text, sizeof text, "does not fit: deviance %.0f where about %.0f is usual",
+                  evaluations[c].deviance, bins);
+    result.left_out.push_back({static_cast<int>(c), text});
+  }
+}
+
 double total_deviance(const Evaluations& evaluations, const std::vector<double>& keep) {
   double total = 0;
   for (std::size_t c = 0; c < evaluations.size(); ++c) {
@@ -460,14 +511,15 @@ Calibration calibrate(const Scene& scene, std::span<const Capture> captures,
 
   // Which spot is which.
   const RelaySpots spots = relay_spots(scene);
-  if (options.permutations && !no_object && spots.points.size() > 1 && spots.points.size() <= 5) {
+  if (options.permutations && !no_object && spots.points.size() > 1 &&
+      spots.points.size() <= kMostSpots) {
     result.assignments = try_assignments(scene, list, poses, options, advance);
     std::vector<Eigen::Vector3d> points;
     for (const int i : result.assignments.front().spot) {
       points.push_back(spots.points[static_cast<std::size_t>(i)]);
     }
     move_spots(result.scene, spots, points);
-  } else if (spots.points.size() > 5) {
+  } else if (spots.points.size() > kMostSpots) {
     result.notes.push_back("assignments of spots: not tried, there are more than five spots");
   }
 
@@ -514,26 +566,8 @@ Calibration calibrate(const Scene& scene, std::span<const Capture> captures,
   evaluations = problem.evaluate(problem.scene_at(u));
   report(0.7);
 
-  for (std::size_t i = 0; i < problem.parameters().size(); ++i) {
-    const InstrumentParameter& p = problem.parameters()[i];
-    const auto k = static_cast<Eigen::Index>(i);
-    const double factor = p.logarithmic ? 1 : p.unit;
-    result.parameters.push_back({p.name, p.prior, factor * p.sigma, p.value(u[k]),
-                                 factor * (p.fixed ? p.sigma : std::sqrt(covariance(k, k))),
-                                 p.logarithmic, !p.fixed});
-  }
-  for (std::size_t c = 0; c < keep.size(); ++c) {
-    if (keep[c] > 0) {
-      ++result.used;
-      result.expected_deviance += degrees_of_freedom(problem.observation(c));
-      continue;
-    }
-    const double bins = degrees_of_freedom(problem.observation(c));
-    char text[96];
-    std::snprintf(text, sizeof text, "does not fit: deviance %.0f where about %.0f is usual",
-                  evaluations[c].deviance, bins);
-    result.left_out.push_back({static_cast<int>(c), text});
-  }
+  result.parameters = estimates(problem, u, covariance);
+  tell_captures(problem, evaluations, keep, result);
   result.scene = problem.scene_at(u);
   const Evaluations before = problem.evaluate(problem.scene_at(start));
   result.deviance_before = total_deviance(before, keep);

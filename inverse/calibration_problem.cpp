@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
 #include "blindcorner/forward/forward_model.h"
 
@@ -67,7 +68,7 @@ void add_pulse(const Scene& scene, double log_sigma, std::vector<InstrumentParam
                              ? std::get<GaussianResponse>(shape).sigma
                              : std::get<ExponentialTailResponse>(shape).sigma;
     p.name = "impulse_response.fwhm_ps";
-    p.prior = sigma * 2.354820045 * 1e12;
+    p.prior = sigma * kGaussianFwhm * 1e12;
     p.apply = [](Scene& s, double u) { scale_pulse(s, 1, std::exp(u)); };
     list.push_back(p);
   }
@@ -100,22 +101,18 @@ void add_law(const Scene& scene, const CalibrationOptions& options,
              std::vector<InstrumentParameter>& list) {
   const auto* law = std::get_if<MeasuredLawMaterial>(&scene.hidden.material);
   if (law == nullptr) return;
-  InstrumentParameter p;
-  p.step = 1e-3;
-  p.name = "measured_law.cosine_exponent";
-  p.prior = law->cosine_exponent;
-  p.sigma = options.cosine_exponent;
-  p.apply = [](Scene& s, double u) {
-    std::get<MeasuredLawMaterial>(s.hidden.material).cosine_exponent += u;
+  const auto add = [&](const char* name, double MeasuredLawMaterial::*exponent, double sigma) {
+    InstrumentParameter p;
+    p.name = std::string("measured_law.") + name;
+    p.prior = law->*exponent;
+    p.sigma = sigma;
+    p.apply = [exponent](Scene& s, double u) {
+      std::get<MeasuredLawMaterial>(s.hidden.material).*exponent += u;
+    };
+    list.push_back(p);
   };
-  list.push_back(p);
-  p.name = "measured_law.distance_exponent";
-  p.prior = law->distance_exponent;
-  p.sigma = options.distance_exponent;
-  p.apply = [](Scene& s, double u) {
-    std::get<MeasuredLawMaterial>(s.hidden.material).distance_exponent += u;
-  };
-  list.push_back(p);
+  add("cosine_exponent", &MeasuredLawMaterial::cosine_exponent, options.cosine_exponent);
+  add("distance_exponent", &MeasuredLawMaterial::distance_exponent, options.distance_exponent);
 }
 
 }  // namespace
@@ -196,7 +193,7 @@ std::vector<InstrumentParameter> instrument_parameters(const Scene& scene,
   return list;
 }
 
-CalibrationProblem::CalibrationProblem(Scene scene, std::vector<Capture> captures,
+CalibrationProblem::CalibrationProblem(const Scene& scene, std::vector<Capture> captures,
                                        std::vector<std::optional<PoseVector>> poses,
                                        std::vector<InstrumentParameter> parameters)
     : captures_(std::move(captures)), poses_(std::move(poses)), parameters_(std::move(parameters)) {

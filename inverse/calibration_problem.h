@@ -47,7 +47,7 @@ std::vector<InstrumentParameter> instrument_parameters(const Scene& scene,
 class CalibrationProblem {
  public:
   /// `poses` is [captures]; an empty optional: no object.
-  CalibrationProblem(Scene scene, std::vector<Capture> captures,
+  CalibrationProblem(const Scene& scene, std::vector<Capture> captures,
                      std::vector<std::optional<PoseVector>> poses,
                      std::vector<InstrumentParameter> parameters);
 
