@@ -172,19 +172,24 @@ std::vector<Position> read_positions(const std::string& path) {
   return positions;
 }
 
-/// The filter of the published evaluation.
+/// The filter of the published evaluation: the target this near to the wall (m, along y) ...
+constexpr double kPublishedLeastY = -1.7;
+/// ... and at least this much light, counts, after the first bins of the sixth repeat.
+constexpr double kPublishedLeastLight = 20000;
+constexpr std::ptrdiff_t kPublishedFirstBin = 9;
+constexpr std::size_t kPublishedRepeat = 5;
+
 bool published(const Position& position, PublishedFilter filter) {
   if (filter == PublishedFilter::none) return true;
-  if (position.place[1] < -1.7) return false;
+  if (position.place[1] < kPublishedLeastY) return false;
   if (filter == PublishedFilter::without_mirrors) return true;
-  // Light after the first nine bins of the sixth repeat, in the two spots on the right.
+  // In the two spots on the right.
   for (const std::size_t spot : {std::size_t{1}, std::size_t{3}}) {
     const RepeatSeries& series = position.spots[spot];
-    if (series.size() <= 5) return false;
-    if (std::accumulate(series[5].begin() + std::min<std::ptrdiff_t>(9, std::ssize(series[5])),
-                        series[5].end(), 0.0) < 20000) {
-      return false;
-    }
+    if (series.size() <= kPublishedRepeat) return false;
+    const std::vector<double>& row = series[kPublishedRepeat];
+    const auto first = row.begin() + std::min(kPublishedFirstBin, std::ssize(row));
+    if (std::accumulate(first, row.end(), 0.0) < kPublishedLeastLight) return false;
   }
   return true;
 }
@@ -243,8 +248,7 @@ CaptureFile import_cheapspad(const std::string& path, const ImportOptions& optio
   file.sensor = "vl53l1x_2x2";
   file.description =
       "CheapSPAD; a row per relay spot, a column per phase (the brighter one first); truth from "
-      "the "
-      "file";
+      "the file";
   std::map<Rejection, std::size_t> rejected;
   std::size_t kept = 0;
   std::size_t filtered = 0;
