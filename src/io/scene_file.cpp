@@ -420,6 +420,12 @@ void read_hidden(const JsonReader& reader, const JsonReader& unknowns, Scene& sc
     objects.push_back(read_object(reader, "object"));
     places.push_back(reader);
   }
+  for (std::size_t i = 0; i < objects.size() && objects.size() > 1; ++i) {
+    if (!std::holds_alternative<MeasuredLawMaterial>(objects[i].material)) continue;
+    places[i]
+        .at("material")
+        .fail("a measured law beside other objects", "a measured law for the only object");
+  }
   scene.unknowns = read_unknowns(unknowns, objects);
   for (std::size_t i = 0; i < objects.size(); ++i) {
     objects[i].placement =

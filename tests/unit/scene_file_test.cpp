@@ -327,6 +327,11 @@ TEST(SceneFile, SeveralHiddenObjectsHaveNames) {
   EXPECT_THAT(message([](json& s) { s["hidden"][0]["name"] = "a.b"; }),
               HasSubstr("hidden[0].name: found \"a.b\""));
   EXPECT_THAT(message([](json& s) { s["hidden"] = json::array(); }), HasSubstr("hidden"));
+  EXPECT_THAT(message([](json& s) {
+                s["hidden"][1]["material"]["measured_law"] = {{"cosine_exponent", 2},
+                                                              {"distance_exponent", 4}};
+              }),
+              HasSubstr("hidden[1].material: found a measured law beside other objects"));
 }
 
 TEST(SceneFile, MeshesAreReadFromBesideTheScene) {
