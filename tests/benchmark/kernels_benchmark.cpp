@@ -11,6 +11,7 @@
 #include "blindcorner/forward/ray_scene.h"
 #include "blindcorner/forward/visibility.h"
 #include "blindcorner/io/scene_file.h"
+#include "unit/test_scenes.h"
 
 namespace blindcorner {
 namespace {
@@ -19,36 +20,28 @@ Scene shipped(const std::string& name) {
   return read_scene(std::string(SOURCE_DIR) + "/scenes/" + name + ".json");
 }
 
-std::vector<PoseVector> poses(const Scene& scene) {
+/// Evaluates a model at 64 poses of the search region in turn.
+void evaluate(benchmark::State& state, const Scene& scene, const ForwardModel& model) {
   std::mt19937_64 random(1);
-  std::vector<PoseVector> list;
-  for (int i = 0; i < 64; ++i) {
-    PoseVector pose(static_cast<Eigen::Index>(scene.unknowns.size()));
-    for (std::size_t k = 0; k < scene.unknowns.size(); ++k) {
-      const Unknown& unknown = scene.unknowns[k];
-      pose[static_cast<Eigen::Index>(k)] =
-          std::uniform_real_distribution<double>(unknown.lower, unknown.upper)(random);
-    }
-    list.push_back(pose);
+  std::vector<PoseVector> poses;
+  for (int i = 0; i < 64; ++i) poses.push_back(testing_scenes::random_pose(scene, random));
+  HistogramCube out;
+  std::size_t i = 0;
+  for (auto _ : state) {
+    model.three_bounce(poses[i++ % poses.size()], out);
+    benchmark::DoNotOptimize(out.values.data());
   }
-  return list;
+  state.SetItemsProcessed(state.iterations());
 }
 
 /// One histogram cube of the fast model; argument: tolerance in per mille.
 void fast_model(benchmark::State& state, const std::string& name, bool occluders) {
   Scene scene = shipped(name);
   for (Surface& surface : scene.surfaces) surface.occluder = surface.occluder && occluders;
-  FastModelOptions options;
-  options.tolerance = 1e-3 * static_cast<double>(state.range(0));
-  const auto model = make_fast_model(scene, sensor_placement(scene), options);
-  const auto list = poses(scene);
-  HistogramCube out;
-  std::size_t i = 0;
-  for (auto _ : state) {
-    model->three_bounce(list[i++ % list.size()], out);
-    benchmark::DoNotOptimize(out.values.data());
-  }
-  state.SetItemsProcessed(state.iterations());
+  const double tolerance = 1e-3 * static_cast<double>(state.range(0));
+  const auto model =
+      make_fast_model(scene, sensor_placement(scene), testing_scenes::at_tolerance(tolerance));
+  evaluate(state, scene, *model);
 }
 BENCHMARK_CAPTURE(fast_model, tmf8828_wall, "tmf8828_wall", true)
     ->Arg(100)
@@ -76,13 +69,7 @@ void reference_renderer(benchmark::State& state) {
   options.field_divisions = 10;
   options.object_divisions = 4;
   const auto model = make_reference_renderer(scene, sensor_placement(scene), options);
-  const auto list = poses(scene);
-  HistogramCube out;
-  std::size_t i = 0;
-  for (auto _ : state) {
-    model->three_bounce(list[i++ % list.size()], out);
-    benchmark::DoNotOptimize(out.values.data());
-  }
+  evaluate(state, scene, *model);
 }
 BENCHMARK(reference_renderer)->Unit(benchmark::kMillisecond);
 

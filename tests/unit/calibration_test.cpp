@@ -11,6 +11,7 @@
 #include "blindcorner/forward/forward_model.h"
 #include "blindcorner/forward/photon_noise.h"
 #include "blindcorner/io/scene_file.h"
+#include "test_scenes.h"
 
 namespace blindcorner {
 namespace {
@@ -30,12 +31,9 @@ std::vector<Capture> captures_of(const Scene& instrument, int count, double ambi
   std::vector<Capture> captures;
   for (int i = 0; i < count; ++i) {
     Capture capture;
-    PoseVector pose(static_cast<Eigen::Index>(instrument.unknowns.size()));
+    const PoseVector pose = testing_scenes::random_pose(instrument, random);
     const auto names = unknown_names(instrument);
     for (std::size_t k = 0; k < names.size(); ++k) {
-      const Unknown& unknown = instrument.unknowns[k];
-      std::uniform_real_distribution<double> uniform(unknown.lower, unknown.upper);
-      pose[static_cast<Eigen::Index>(k)] = uniform(random);
       capture.truth[names[k]] = pose[static_cast<Eigen::Index>(k)];
     }
     capture.counts = model->three_bounce(pose);

@@ -92,7 +92,7 @@ TEST_P(ClosedForm, RectangularFieldOfIllumination) {
 }
 
 // Sensor aside, turned, pitched and rolled, light beside it: one lit and one seen spot, with the
-// formula of the design written out between them.
+// three-bounce formula written out between them.
 TEST_P(ClosedForm, TiltedSensorWithItsLightAside) {
   Scene scene = one_narrow_zone();
   const Matrix3d rotation =

@@ -203,7 +203,7 @@ TwoPointGeometry two_point_geometry(const Scene& scene) {
           4 * std::atan(t * t / std::sqrt(1 + 2 * t * t))};
 }
 
-// The sum of the design with one p, one q and one r, written out.
+// The three-bounce sum with one p, one q and one r, written out.
 TEST_P(BothModels, SmallLambertianPatchHasTheFormulaWrittenOut) {
   const Scene scene = two_points();
   const HistogramCube light = model(scene)->three_bounce(middle(scene));

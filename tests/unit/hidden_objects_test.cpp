@@ -17,10 +17,11 @@ using Faces = std::vector<std::array<int, 3>>;
 
 /// 3 x 3 zones before a wall, an object beside the line of sight.
 Scene wall_scene() {
-  Scene scene;
+  Scene scene = one_narrow_zone();
   scene.name = "wall";
   Sensor& sensor = scene.sensor;
   sensor.rows = sensor.columns = 3;
+  sensor.zones.clear();
   for (int z = 0; z < 9; ++z) {
     const double left = -18 + 12 * (z % 3), top = -18 + 12 * (z / 3);
     Zone zone;
@@ -28,13 +29,10 @@ Scene wall_scene() {
                                       (top + 12) * kDegree};
     sensor.zones.push_back(zone);
   }
-  sensor.bins = 128;
   sensor.bin_width = 88e-12;
   sensor.response = ImpulseResponse(GaussianResponse{120e-12});
   sensor.field = AngularCone{28 * kDegree};
-  scene.surfaces = {rectangle({0.6, 0, 0}, {-1, 0, 0}, 4, 4, 0.7)};
   scene.hidden.shape = RectangleShape{0.2, 0.3};
-  scene.hidden.albedo = 0.8;
   scene.hidden.placement.position = Vector3d(0.15, 0.6, 0.05);
   scene.hidden.placement.yaw = -25 * kDegree;
   scene.unknowns = {{Component::x, 0.1, 0.2, std::nullopt}};

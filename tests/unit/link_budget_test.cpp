@@ -14,17 +14,13 @@
 #include "blindcorner/forward/error.h"
 #include "blindcorner/forward/photon_noise.h"
 #include "blindcorner/io/scene_file.h"
+#include "test_scenes.h"
 
 namespace blindcorner {
 namespace {
 
 using nlohmann::json;
-
-FastModelOptions at_tolerance(double tolerance) {
-  FastModelOptions options;
-  options.tolerance = tolerance;
-  return options;
-}
+using testing_scenes::at_tolerance;
 
 /// The street LiDAR's figures.
 Link street_link() {

@@ -3,7 +3,9 @@
 #pragma once
 
 #include <cmath>
+#include <memory>
 #include <numeric>
+#include <random>
 #include <string>
 
 #include "blindcorner/forward/constants.h"
@@ -80,6 +82,23 @@ inline std::unique_ptr<ForwardModel> model_of(const Scene& scene, bool fast,
                                               const ReferenceOptions& options = {}) {
   return fast ? make_fast_model(scene, sensor_placement(scene))
               : make_reference_renderer(scene, sensor_placement(scene), options);
+}
+
+inline FastModelOptions at_tolerance(double tolerance) {
+  FastModelOptions options;
+  options.tolerance = tolerance;
+  return options;
+}
+
+/// Evenly over the search region.
+inline PoseVector random_pose(const Scene& scene, std::mt19937_64& random) {
+  PoseVector pose(static_cast<Eigen::Index>(scene.unknowns.size()));
+  for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
+    const Unknown& unknown = scene.unknowns[i];
+    pose[static_cast<Eigen::Index>(i)] =
+        std::uniform_real_distribution<double>(unknown.lower, unknown.upper)(random);
+  }
+  return pose;
 }
 
 inline PoseVector stated_pose(const Scene& scene) {

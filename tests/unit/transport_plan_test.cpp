@@ -15,27 +15,14 @@
 #include "blindcorner/forward/ray_scene.h"
 #include "blindcorner/io/scene_file.h"
 #include "forward/relay_setup.h"
+#include "test_scenes.h"
 
 namespace blindcorner {
 namespace {
 
 using Eigen::Vector3d;
-
-FastModelOptions at_tolerance(double tolerance) {
-  FastModelOptions options;
-  options.tolerance = tolerance;
-  return options;
-}
-
-PoseVector random_pose(const Scene& scene, std::mt19937_64& random) {
-  PoseVector pose(static_cast<Eigen::Index>(scene.unknowns.size()));
-  for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
-    const Unknown& unknown = scene.unknowns[i];
-    pose[static_cast<Eigen::Index>(i)] =
-        std::uniform_real_distribution<double>(unknown.lower, unknown.upper)(random);
-  }
-  return pose;
-}
+using testing_scenes::at_tolerance;
+using testing_scenes::random_pose;
 
 double peak(const HistogramCube& cube) {
   return *std::max_element(cube.values.begin(), cube.values.end());
