@@ -10,8 +10,10 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
+#include "capture_likelihood.h"
 #include "compiled_scene.h"
 #include "detection.h"
+#include "fitted_histograms.h"
 #include "refine.h"
 #include "scoring.h"
 #include "uncertainty.h"
@@ -128,42 +130,6 @@ void answer_darkness(const CompiledScene& compiled, const Observation& observati
       presence_probability(std::log(dark / count), 0.0, scene.presence_prior);
   result.false_alarm_probability = 1;
   result.flags = {"no_photons", "nothing_detected"};
-}
-
-FittedHistograms histograms(const PoseObjective& objective, const Refined& best,
-                            const Capture& capture, int index) {
-  const Scene& scene = objective.compiled().scene;
-  const Sensor& sensor = scene.sensor;
-  FittedHistograms h;
-  h.measured = capture.counts;
-  h.model = HistogramCube(sensor.rows, sensor.columns, sensor.bins);
-  h.object = h.model;
-  h.zone_used.assign(static_cast<std::size_t>(sensor.zone_count()), false);
-  h.amplitude.assign(h.zone_used.size(), 0.0);
-  h.ambient.assign(h.zone_used.size(), 0.0);
-  h.direct.assign(h.zone_used.size(), 0.0);
-  h.first_bin = sensor.bins;
-  const auto& model = objective.compiled().models()[static_cast<std::size_t>(index)];
-  const HistogramCube light = model->three_bounce(best.pose);
-  const auto& zones = objective.solver().observation().zones;
-  for (std::size_t i = 0; i < zones.size(); ++i) {
-    if (zones[i].capture != index) continue;
-    const auto z = static_cast<std::size_t>(zones[i].zone);
-    h.zone_used[z] = true;
-    h.amplitude[z] = best.linear.amplitude[i];
-    h.ambient[z] = best.linear.ambient[i];
-    h.direct[z] = objective.compiled().direct.empty() ? 0.0 : best.linear.direct[i];
-    h.first_bin = std::min(h.first_bin, zones[i].first);
-    h.end_bin = std::max(h.end_bin, zones[i].first + zones[i].bins());
-    for (int k = 0; k < sensor.bins; ++k) {
-      const double object = zones[i].gain * h.amplitude[z] * light.zone(zones[i].zone)[k];
-      h.object.zone(zones[i].zone)[k] = object;
-      h.model.zone(zones[i].zone)[k] =
-          object + h.ambient[z] +
-          zones[i].gain * h.direct[z] * model->direct_return().zone(zones[i].zone)[k];
-    }
-  }
-  return h;
 }
 
 /// Mixes the prior into mean and covariance of the whole posterior, for captures that something
@@ -375,7 +341,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   set_flags(scene, posterior, result);
   for (std::size_t i = 0; i < captures.size(); ++i) {
     result.histograms.push_back(
-        histograms(objective, optima.front(), captures[i], static_cast<int>(i)));
+        fitted_histograms(objective, optima.front(), captures[i], static_cast<int>(i)));
   }
   result.time_ms.total = total.lap();
   return result;
@@ -396,6 +362,12 @@ FitResult Fitter::fit(const Capture& capture) const { return impl_->fit({&captur
 FitResult Fitter::fit_joint(std::span<const Capture> captures) const {
   if (captures.empty()) throw Error("captures", "found none, accepted: at least one");
   return impl_->fit(captures);
+}
+
+std::unique_ptr<FrameLikelihood> Fitter::frame(const Capture& capture) const {
+  check_capture(impl_->scene, capture);
+  const Prepared& known = impl_->prepare({sensor_placement(impl_->scene, &capture)});
+  return make_capture_likelihood(*known.compiled, capture, impl_->options);
 }
 
 const Scene& Fitter::scene() const { return impl_->scene; }

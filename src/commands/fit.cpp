@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// `blindcorner fit SCENE CAPTURE... -o DIR [--joint]`.
+/// `blindcorner fit SCENE CAPTURE... -o DIR [--joint | --track]`.
 #include "blindcorner/inverse/fit.h"
 
 #include <tbb/global_control.h>
@@ -12,6 +12,8 @@
 #include <filesystem>
 #include <memory>
 
+#include "blindcorner/forward/error.h"
+#include "blindcorner/inverse/tracker.h"
 #include "blindcorner/io/atomic_file.h"
 #include "blindcorner/io/capture_file.h"
 #include "blindcorner/io/scene_file.h"
@@ -35,6 +37,7 @@ struct FitArguments {
   std::vector<std::string> captures;
   std::string output;
   bool joint = false;
+  bool track = false;
   bool no_page = false;
   int threads = 0;
   FitOptions options;
@@ -111,6 +114,39 @@ std::vector<FitResult> fit_joint(const Fitter& fitter, const std::vector<Capture
   return results;
 }
 
+/// The captures in their order as frames of one moving object. A frame that cannot be used is
+/// passed over: the object is predicted across it.
+std::vector<FitResult> fit_track(const Fitter& fitter, const Motion& motion,
+                                 const std::vector<CaptureInput>& inputs) {
+  const Scene& scene = fitter.scene();
+  Tracker tracker(scene, motion);
+  std::vector<FitResult> results;
+  std::vector<FitResult> tracked;
+  std::vector<std::size_t> places;
+  Progress progress("frames", inputs.size());
+  double since = 0;
+  for (std::size_t i = 0; i < inputs.size(); ++i) {
+    since += i > 0 ? motion.frame_interval : 0;
+    if (!inputs[i].capture) {
+      results.push_back(failure(inputs[i]));
+    } else {
+      const Capture& capture = *inputs[i].capture;
+      results.push_back(guarded([&] { return track_frame(fitter, tracker, capture, since); }));
+      name_captures(results.back(), {&capture});
+      if (results.back().track) {
+        results.back().track->time = static_cast<double>(i) * motion.frame_interval;
+        places.push_back(i);
+        since = 0;
+      }
+    }
+    progress.advance();
+  }
+  for (const std::size_t i : places) tracked.push_back(std::move(results[i]));
+  add_smoothed(scene, tracker, tracked);
+  for (std::size_t k = 0; k < places.size(); ++k) results[places[k]] = std::move(tracked[k]);
+  return results;
+}
+
 /// How the captures of each result were taken, for the page.
 std::vector<std::vector<CaptureConditions>> conditions_of_all(
     const Scene& scene, const std::vector<CaptureInput>& inputs, bool joint) {
@@ -152,7 +188,9 @@ int run_fit(const FitArguments& arguments) {
   make_directory(arguments.output);
 
   const std::vector<FitResult> results =
-      arguments.joint ? fit_joint(fitter, inputs) : fit_each(fitter, inputs);
+      arguments.joint   ? fit_joint(fitter, inputs)
+      : arguments.track ? fit_track(fitter, read_motion(arguments.scene), inputs)
+                        : fit_each(fitter, inputs);
   write_outputs(arguments, scene, results, inputs);
   std::fputs(fit_table(scene, results).c_str(), stdout);
   const std::string failures = failure_lines(results);
@@ -204,7 +242,12 @@ void add_fit_command(CLI::App& app, int& exit_code) {
       .add_option("--instrument", arguments->instrument,
                   "what `calibrate` found out about the instrument")
       ->type_name("FILE");
-  command.add_flag("--joint", arguments->joint, "one object seen in all captures: one fit");
+  CLI::Option* joint =
+      command.add_flag("--joint", arguments->joint, "one object seen in all captures: one fit");
+  command
+      .add_flag("--track", arguments->track,
+                "captures are frames in the order of time, of one object that moves")
+      ->excludes(joint);
   command.add_flag("--no-page", arguments->no_page, "do not write index.html");
   add_fit_options(command, *arguments);
   command.callback([arguments, &exit_code] { exit_code = run_fit(*arguments); });

@@ -502,11 +502,37 @@ void read_linear(const JsonReader& reader, std::size_t zones, LinearUnknowns& li
   if (reader.has("direct")) read_direct(reader.at("direct"), linear);
 }
 
+// --- Motion --------------------------------------------------------------------------------------
+
+Motion read_motion_object(const JsonReader& reader) {
+  Motion motion;
+  if (!reader.present()) return motion;
+  reader.allow_only({"frame_interval_s", "acceleration_density_m2_per_s3", "initial_speed_m_per_s",
+                     "height_drift_m_per_sqrt_s", "yaw_drift_deg_per_sqrt_s",
+                     "size_drift_per_sqrt_s", "brightness_drift_per_sqrt_s", "position_error_m"});
+  const NumberRange positive{.lower = 0, .upper = 1e6, .above_lower = true};
+  const NumberRange not_negative{.lower = 0, .upper = 1e6};
+  const auto read = [&](const char* field, double& value, const NumberRange& range) {
+    value = reader.at(field).number_or(value, range);
+  };
+  read("frame_interval_s", motion.frame_interval, positive);
+  read("acceleration_density_m2_per_s3", motion.acceleration_density, positive);
+  read("initial_speed_m_per_s", motion.initial_speed, positive);
+  read("height_drift_m_per_sqrt_s", motion.height_drift, not_negative);
+  double yaw_deg = motion.yaw_drift / kDegree;
+  read("yaw_drift_deg_per_sqrt_s", yaw_deg, not_negative);
+  motion.yaw_drift = yaw_deg * kDegree;
+  read("size_drift_per_sqrt_s", motion.size_drift, not_negative);
+  read("brightness_drift_per_sqrt_s", motion.brightness_drift, not_negative);
+  read("position_error_m", motion.position_error, not_negative);
+  return motion;
+}
+
 Scene read_document(const Json& json, const std::string& path) {
   const JsonReader reader(json, path.empty() ? "scene" : path);
   if (!reader.is_object()) reader.fail("an object");
   reader.allow_only({"name", "description", "sensor", "sensor_pose", "surfaces", "hidden",
-                     "unknowns", "linear", "presence_prior", "outlier_probability"});
+                     "unknowns", "linear", "presence_prior", "outlier_probability", "motion"});
   Scene scene;
   scene.path = path;
   scene.name = reader.at("name").text_or(std::filesystem::path(path).stem().string());
@@ -520,6 +546,7 @@ Scene read_document(const Json& json, const std::string& path) {
   scene.outlier_probability =
       reader.at("outlier_probability")
           .number_or(0, NumberRange{.lower = 0, .upper = 1, .below_upper = true});
+  read_motion_object(reader.at("motion"));  // a mistake there shows in every command
   const JsonReader linear = reader.at("linear");
   const JsonReader ambient = linear.present() ? linear.at("ambient") : linear;
   apply_link(scene, ambient.present() && ambient.has("counts_per_bin"));
@@ -546,6 +573,11 @@ Scene read_scene(const std::string& path, const std::string& instrument) {
   } catch (const Error& error) {
     throw Error(instrument, std::string("does not suit the scene: ") + error.what());
   }
+}
+
+Motion read_motion(const std::string& path) {
+  const Json document = JsonReader::parse(read_bytes(path), path);
+  return read_motion_object(JsonReader(document, path).at("motion"));
 }
 
 Scene parse_scene(const nlohmann::json& json, const std::string& path) {

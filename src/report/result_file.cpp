@@ -65,6 +65,21 @@ json linear_json(const FittedHistograms& fitted) {
           {"direct", numbers(fitted.direct)}};
 }
 
+json track_json(const TrackSummary& track) {
+  const bool smoothed = track.smoothed_pose.size() > 0;
+  return {{"time_s", number_or_null(track.time)},
+          {"velocity", numbers(track.velocity)},
+          {"amplitude", number_or_null(track.amplitude)},
+          {"amplitude_sigma_log", number_or_null(track.amplitude_sigma_log)},
+          {"predicted_frames", track.coasted},
+          {"searched", track.searched},
+          {"innovation", number_or_null(track.innovation)},
+          {"innovation_expected", number_or_null(track.freedom)},
+          {"inflation", number_or_null(track.inflation)},
+          {"smoothed_pose", smoothed ? numbers(track.smoothed_pose) : json(nullptr)},
+          {"smoothed_covariance", smoothed ? matrix(track.smoothed_covariance) : json(nullptr)}};
+}
+
 json truth_json(const Scene& scene, const std::map<std::string, double>& truth) {
   const std::vector<double> values = truth_vector(scene, truth);
   return values.empty() ? json(nullptr) : numbers(values);
@@ -146,6 +161,7 @@ json capture_json(const Scene& scene, const FitResult& result) {
   for (const FittedHistograms& fitted : result.histograms) {
     if (!failed) entry["linear"].push_back(linear_json(fitted));
   }
+  if (result.track) entry["track"] = track_json(*result.track);
   entry["flags"] = result.flags;
   entry["truth"] = truth_json(scene, result.truth);
   entry["error"] = failed ? json(result.error) : json(nullptr);

@@ -479,5 +479,44 @@ TEST_F(Cli, CalibrationAndEvaluationNameWhatIsWrong) {
   EXPECT_EQ(few.exit_code, 2);
 }
 
+/// An object that moves by 2 cm a frame, with a capture in between that cannot be used.
+TEST_F(Cli, TrackFollowsFramesAndPassesOverABrokenOne) {
+  const std::string scene = std::string(SOURCE_DIR) + "/scenes/denali_like.json";
+  std::string captures;
+  for (int i = 0; i < 4; ++i) {
+    const std::string name = path("frame" + std::to_string(i) + ".exr");
+    captures += " '" + name + "'";
+    const std::string pose = "x_m=" + std::to_string(1.10 + 0.02 * i) + ",y_m=0.3";
+    ASSERT_EQ(
+        run("render '" + scene + "' -o '" + name + "' --noiseless --model fast --pose " + pose)
+            .exit_code,
+        0);
+    if (i == 1) captures += " '" + write_with_nan("broken.exr") + "'";
+  }
+  const Outcome result = run(fit(scene, captures) + " --track --no-page");
+  EXPECT_EQ(result.exit_code, 1) << result.err;
+  const json list = json::parse(text_of(path("out/result.json")))["captures"];
+  ASSERT_EQ(list.size(), 5U);
+  EXPECT_TRUE(list[2]["error"].is_string());
+  EXPECT_FALSE(list[2].contains("track"));
+  for (const int i : {0, 1, 3, 4}) {
+    const json& frame = list[static_cast<std::size_t>(i)];
+    EXPECT_TRUE(frame["error"].is_null());
+    // The frame interval that scenes have when they do not say.
+    EXPECT_NEAR(frame["track"]["time_s"].get<double>(), 0.1 * i, 1e-9);
+    ASSERT_FALSE(frame["modes"].empty());
+    for (const std::size_t k : {0U, 1U}) {
+      EXPECT_NEAR(frame["modes"][0]["pose"][k].get<double>(), frame["truth"][k].get<double>(),
+                  0.02);
+      EXPECT_NEAR(frame["track"]["smoothed_pose"][k].get<double>(), frame["truth"][k].get<double>(),
+                  0.02);
+    }
+  }
+}
+
+TEST_F(Cli, TrackExcludesJoint) {
+  expect_refused(run(fit(kScene, write_flat("good.exr")) + " --track --joint"));
+}
+
 }  // namespace
 }  // namespace blindcorner

@@ -68,6 +68,22 @@ struct FittedHistograms {
   std::vector<double> direct;      ///< [zones] scale of the static return
 };
 
+/// What a tracker adds to the answer of one frame.
+struct TrackSummary {
+  double time = 0.0;               ///< s, since the first frame
+  PoseVector velocity;             ///< [unknowns] per s; NaN where the tracker has none
+  double amplitude = 0.0;          ///< of the heaviest mode; NaN where it is no state
+  double amplitude_sigma_log = 0;  ///< standard deviation of its natural logarithm
+  int coasted = 0;                 ///< frames in a row in which the object was only predicted
+  bool searched = false;           ///< the whole region was searched
+  double innovation = 0.0;         ///< normalised innovation squared
+  double freedom = 0.0;            ///< its expectation
+  double inflation = 1.0;          ///< of the measurement's covariance, from earlier innovations
+  /// With the frames that came after; empty where nothing was tracked.
+  PoseVector smoothed_pose;
+  Eigen::MatrixXd smoothed_covariance;
+};
+
 /// What a fit returns. A joint fit lists all its captures.
 struct FitResult {
   std::vector<std::string> sources;
@@ -82,7 +98,10 @@ struct FitResult {
   std::string error;  ///< empty when the fit went well
   StageTimes time_ms;
   std::vector<FittedHistograms> histograms;  ///< per capture
+  std::optional<TrackSummary> track;         ///< of a tracker
 };
+
+class FrameLikelihood;
 
 /// Fits captures of one scene. Compiled models are kept between calls and shared by threads.
 class Fitter {
@@ -98,6 +117,9 @@ class Fitter {
 
   /// One object seen in all captures, from different sensor poses. Thread safe.
   FitResult fit_joint(std::span<const Capture> captures) const;
+
+  /// The likelihood of one capture, for a tracker. The fitter must outlive it. Thread safe.
+  std::unique_ptr<FrameLikelihood> frame(const Capture& capture) const;
 
   const Scene& scene() const;
 

@@ -5,6 +5,7 @@
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
+#include "blindcorner/forward/motion.h"
 #include "blindcorner/forward/scene.h"
 
 namespace blindcorner {
@@ -19,5 +20,8 @@ Scene read_scene(const std::string& path, const std::string& instrument);
 
 /// The same from JSON in memory; `path` names it in messages and resolves relative file names.
 Scene parse_scene(const nlohmann::json& json, const std::string& path);
+
+/// How the hidden object may move: the field `motion` of a scene file, for a tracker.
+Motion read_motion(const std::string& path);
 
 }  // namespace blindcorner
