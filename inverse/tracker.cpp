@@ -245,7 +245,7 @@ void Tracker::predict_all(double dt) {
 std::vector<Tracker::Hypothesis> Tracker::explain(const FrameLikelihood& frame, TrackPoint& point) {
   const double log_empty = frame.log_evidence_empty(inflation_);
   std::vector<Hypothesis> shown;
-  bool surprised = modes_.empty() || since_search_ >= options_.search_interval;
+  bool surprised = false;
   for (const TrackMode& mode : modes_) {
     const Gaussian prior = measured_part(layout_, mode.state);
     const FrameLikelihood::Update update = frame.update(prior, prior.mean, inflation_);
@@ -265,13 +265,16 @@ std::vector<Tracker::Hypothesis> Tracker::explain(const FrameLikelihood& frame, 
   }
   std::vector<Hypothesis> all;
   double log_other = log_empty;
-  if (surprised) {
+  if (surprised || modes_.empty() || since_search_ >= options_.search_interval) {
     since_search_ = 0;
     point.searched = true;
     const double share = modes_.empty() ? 1.0 : options_.lost_probability;
     search(frame, share, all);
-    // What a new object would explain, clutter may explain as well.
-    for (const Hypothesis& h : all) log_other = log_sum(log_other, h.log_weight - std::log(share));
+    // When the frame is not what was predicted: what a new object would explain, a disturbance may
+    // explain as well.
+    for (const Hypothesis& h : all) {
+      if (surprised) log_other = log_sum(log_other, h.log_weight - std::log(share));
+    }
   }
   for (std::size_t i = 0; i < shown.size(); ++i) {
     Hypothesis missed;

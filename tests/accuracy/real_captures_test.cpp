@@ -70,9 +70,15 @@ double coverage(const std::vector<Point>& track, double reach) {
   return near / (4.0 * kSteps);
 }
 
-/// Marks in the order of their visits; the track smoothed by a running median of `2 half + 1`.
-std::vector<int> visits(const std::vector<Point>& track, std::size_t half) {
-  std::vector<int> order;
+/// A stay near a mark, from a first frame to before an end.
+struct Visit {
+  int mark = 0;
+  std::size_t first = 0, end = 0;
+};
+
+/// Visits in their order; the track smoothed by a running median of `2 half + 1`.
+std::vector<Visit> visits(const std::vector<Point>& track, std::size_t half) {
+  std::vector<Visit> order;
   for (std::size_t i = 0; i < track.size(); ++i) {
     std::vector<double> x, z;
     for (std::size_t k = i > half ? i - half : 0; k < std::min(track.size(), i + half + 1); ++k) {
@@ -85,9 +91,40 @@ std::vector<int> visits(const std::vector<Point>& track, std::size_t half) {
         [&](const Point& a, const Point& b) { return distance(a, smooth) < distance(b, smooth); });
     if (distance(*nearest, smooth) >= kVisit) continue;
     const auto mark = static_cast<int>(nearest - kMarks.begin());
-    if (order.empty() || order.back() != mark) order.push_back(mark);
+    if (order.empty() || order.back().mark != mark) order.push_back({mark, i, i});
+    order.back().end = i + 1;
   }
   return order;
+}
+
+std::string names(const std::vector<Visit>& order) {
+  std::string sequence;
+  for (const Visit& visit : order) sequence += std::to_string(visit.mark);
+  return sequence;
+}
+
+/// The smallest distance to the mark in each visit, averaged.
+double mean_approach(const std::vector<Point>& track, const std::vector<Visit>& order) {
+  double sum = 0;
+  for (const Visit& visit : order) {
+    double closest = 1e9;
+    for (std::size_t i = visit.first; i < visit.end; ++i) {
+      closest = std::min(closest, distance(track[i], kMarks[static_cast<std::size_t>(visit.mark)]));
+    }
+    sum += closest / static_cast<double>(order.size());
+  }
+  return sum;
+}
+
+void expect_steps_along_the_sides(const std::vector<Visit>& order) {
+  for (int mark = 0; mark < 4; ++mark) {
+    EXPECT_TRUE(std::any_of(order.begin(), order.end(),
+                            [&](const Visit& visit) { return visit.mark == mark; }))
+        << "mark " << mark << " never visited";
+  }
+  for (std::size_t i = 1; i < order.size(); ++i) {
+    EXPECT_NE((order[i].mark - order[i - 1].mark + 4) % 4, 2) << names(order);
+  }
 }
 
 class RealCaptures : public ::testing::Test {
@@ -150,24 +187,81 @@ TEST_F(RealCaptures, PersonWalksBetweenTheFloorMarks) {
     times.push_back(time["total"].get<double>() - time["prepare"].get<double>());
   }
   const double share = coverage(track, 0.10);
-  const std::vector<int> order = visits(track, 3);
-  std::string sequence;
-  for (const int mark : order) sequence += std::to_string(mark);
+  const std::vector<Visit> order = visits(track, 3);
   std::printf("median distance %.2f cm, perimeter %.3f, marks %s, %.1f ms a frame\n",
-              100 * median(distances), share, sequence.c_str(), median(times));
+              100 * median(distances), share, names(order).c_str(), median(times));
   EXPECT_LE(median(distances), 0.065);
   EXPECT_GE(share, 0.85);
-  for (int mark = 0; mark < 4; ++mark) {
-    EXPECT_NE(std::find(order.begin(), order.end(), mark), order.end())
-        << "mark " << mark << " never visited";
-  }
-  // The walk follows the sides.
-  for (std::size_t i = 1; i < order.size(); ++i) {
-    EXPECT_NE((order[i] - order[i - 1] + 4) % 4, 2) << sequence;
-  }
+  expect_steps_along_the_sides(order);
 #ifndef BLINDCORNER_SANITIZE
   RecordProperty("ms_per_frame", static_cast<int>(median(times)));
 #endif
+}
+
+/// Nearest point of the rectangle's outline.
+Point nearest_on_outline(const Point& p) {
+  Point best;
+  double least = 1e9;
+  for (std::size_t side = 0; side < 4; ++side) {
+    const Point& a = kMarks[side];
+    const Point& b = kMarks[(side + 1) % 4];
+    const Point along{b.x - a.x, b.z - a.z};
+    const double length2 = along.x * along.x + along.z * along.z;
+    const double t =
+        std::clamp(((p.x - a.x) * along.x + (p.z - a.z) * along.z) / length2, 0.0, 1.0);
+    const Point foot{a.x + t * along.x, a.z + t * along.z};
+    if (distance(p, foot) < least) {
+      least = distance(p, foot);
+      best = foot;
+    }
+  }
+  return best;
+}
+
+/// The filter's answer after each frame, which knows nothing of later frames.
+TEST_F(RealCaptures, PersonIsTracked) {
+  constexpr double kChiSquare95 = 5.991;  // two degrees of freedom
+  constexpr double kRunning = 7.0;        // m/s
+  ASSERT_NO_FATAL_FAILURE(run("import " + data("st_person_tracking") + " -o " + path("st.exr")));
+  const json result = fit("st_person_tracking.json", "st.exr", "--track --threads 1");
+  ASSERT_FALSE(HasFatalFailure());
+  std::vector<Point> track;
+  std::vector<double> distances;
+  double covered = 0, fastest = 0, before = 0;
+  for (const json& capture : result["captures"]) {
+    ASSERT_TRUE(capture["error"].is_null()) << capture["error"];
+    if (capture["modes"].empty()) continue;
+    const json& mode = capture["modes"][0];
+    const Point at{mode["pose"][0].get<double>(), -mode["pose"][1].get<double>()};
+    const double time = capture["track"]["time_s"].get<double>();
+    if (!track.empty()) {
+      fastest = std::max(fastest, distance(at, track.back()) / (time - before));
+    }
+    before = time;
+    track.push_back(at);
+    distances.push_back(outline_distance(at));
+    const Point foot = nearest_on_outline(at);
+    const double dx = foot.x - at.x;
+    const double dy = -(foot.z - at.z);
+    const json& c = mode["covariance"];
+    const double xx = c[0][0].get<double>(), xy = c[0][1].get<double>(), yy = c[1][1].get<double>();
+    const double squared = (yy * dx * dx - 2 * xy * dx * dy + xx * dy * dy) / (xx * yy - xy * xy);
+    covered += squared < kChiSquare95 ? 1 : 0;
+  }
+  ASSERT_GE(track.size(), 290U);  // the person enters after the third frame
+  const auto frames = static_cast<double>(track.size());
+  const std::vector<Visit> order = visits(track, 2);
+  std::printf(
+      "median distance %.2f cm, closest approach %.2f cm, marks %s, perimeter %.3f, fastest %.1f "
+      "m/s, ellipse covers %.3f\n",
+      100 * median(distances), 100 * mean_approach(track, order), names(order).c_str(),
+      coverage(track, 0.10), fastest, covered / frames);
+  EXPECT_LE(median(distances), 0.05);
+  EXPECT_LE(mean_approach(track, order), 0.05);
+  EXPECT_LE(fastest, kRunning);
+  EXPECT_GE(covered / frames, 0.90);
+  EXPECT_LE(covered / frames, 0.98);
+  expect_steps_along_the_sides(order);
 }
 
 TEST_F(RealCaptures, FirstBounceGivesTheWallDistance) {

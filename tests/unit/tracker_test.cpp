@@ -15,6 +15,7 @@
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
 #include "blindcorner/forward/forward_model.h"
+#include "blindcorner/forward/photon_noise.h"
 #include "blindcorner/io/scene_file.h"
 
 namespace blindcorner {
