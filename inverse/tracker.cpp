@@ -498,6 +498,8 @@ FitResult track_frame(const Fitter& fitter, Tracker& tracker, const Capture& cap
   result.track = summary_of(tracker.layout(), point);
   if (point.modes.empty()) {
     result.flags.emplace_back("nothing_detected");
+    const double none = std::numeric_limits<double>::quiet_NaN();
+    result.goodness_of_fit = {none, none, none, point.inflation};
   } else {
     const TrackMode& mode = point.modes.front();
     frame->describe(mode.state.mean.head(tracker.layout().measured), result);

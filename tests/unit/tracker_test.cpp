@@ -5,12 +5,16 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-#include <limits>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
 #include <random>
+#include <string>
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
@@ -351,6 +355,50 @@ TEST(Tracker, OptionsAreChecked) {
   TrackerOptions options;
   options.gate_probability = 0;
   EXPECT_THROW(Tracker(floor_scene(), walking(), options), Error);
+}
+
+// ---- The scene's field
+// ---------------------------------------------------------------------------
+
+class MotionField : public testing::Test {
+ protected:
+  void SetUp() override {
+    path_ = (std::filesystem::temp_directory_path() / "blindcorner_motion_XXXXXX").string();
+    const int file = mkstemp(path_.data());
+    ASSERT_GE(file, 0);
+    close(file);
+  }
+  void TearDown() override { std::filesystem::remove(path_); }
+
+  Motion read(const std::string& json) {
+    std::ofstream(path_) << json;
+    return read_motion(path_);
+  }
+
+  std::string path_;
+};
+
+TEST_F(MotionField, IsReadWithItsUnits) {
+  const Motion motion =
+      read(R"({"motion": {"frame_interval_s": 0.04, "yaw_drift_deg_per_sqrt_s": 90}})");
+  EXPECT_EQ(motion.frame_interval, 0.04);
+  EXPECT_NEAR(motion.yaw_drift, kPi / 2, 1e-12);
+  EXPECT_EQ(motion.acceleration_density, Motion{}.acceleration_density);
+  EXPECT_EQ(read("{}").frame_interval, Motion{}.frame_interval);
+}
+
+TEST_F(MotionField, MistakesAreNamed) {
+  const auto message = [&](const std::string& json) -> std::string {
+    try {
+      read(json);
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_THAT(message(R"({"motion": {"frame_interval_s": 0}})"),
+              testing::HasSubstr("motion.frame_interval_s: found 0"));
+  EXPECT_THAT(message(R"({"motion": {"speed": 1}})"), testing::HasSubstr("motion.speed"));
 }
 
 // ---- The likelihood of a capture ----------------------------------------------------------------
