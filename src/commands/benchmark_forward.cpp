@@ -49,16 +49,6 @@ struct Truth {
   double noise_peak = 0;  ///< standard deviation of the brightest bin over its light
 };
 
-ReferenceOptions scaled(double scale) {
-  ReferenceOptions options;
-  const auto times = [&](int n) { return std::max(1, static_cast<int>(std::lround(scale * n))); };
-  options.zone_divisions = times(options.zone_divisions);
-  options.field_divisions = times(options.field_divisions);
-  options.object_divisions = times(options.object_divisions);
-  options.object_edge /= scale;
-  return options;
-}
-
 /// Noise of one capture relative to the object's light: what a model's error hides behind.
 void add_noise(const Scene& scene, const HistogramCube& direct, Truth& truth) {
   double variance = 0, square = 0, peak = 0, peak_variance = 0;
@@ -102,7 +92,8 @@ Truth make_truth(const ForwardArguments& arguments, const Scene& scene,
     const PoseVector pose = draw_pose(scene, random);
     if (total_light(*fast, pose) >= least) truth.poses.push_back(pose);
   }
-  const auto reference = make_reference_renderer(scene, sensor, scaled(arguments.truth));
+  const auto reference =
+      make_reference_renderer(scene, sensor, reference_sampling(arguments.truth));
   truth.light.resize(truth.poses.size());
   Progress progress(scene.name + ": truth", truth.poses.size());
   tbb::parallel_for(std::size_t{0}, truth.poses.size(), [&](std::size_t i) {
@@ -175,7 +166,7 @@ std::vector<Setting> study(const ForwardArguments& arguments, const Scene& scene
     if (!add(run(*model, truth), "fast at tolerance", name, *model)) break;
   }
   for (const double scale : kReferenceScales) {
-    const auto model = make_reference_renderer(scene, sensor, scaled(scale));
+    const auto model = make_reference_renderer(scene, sensor, reference_sampling(scale));
     if (!add(run(*model, truth), "reference", formatted("sampling %g", scale), *model)) break;
   }
   progress.finish();

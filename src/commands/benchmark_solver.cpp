@@ -42,6 +42,7 @@ struct SolverArguments {
   double least_photons = 10;
   double most_photons = 1000;
   double amplitude_spread = 0.3;
+  double truth = 1;  ///< sampling of the captures' renderer, in units of its default
   std::uint64_t seed = 1;
   FitOptions fit;
   ExhaustiveOptions exhaustive;
@@ -204,7 +205,8 @@ nlohmann::json to_json(const std::string& scene, const std::vector<Trial>& trial
 
 std::vector<Trial> study(const SolverArguments& arguments, const std::string& path) {
   const Scene scene = read_scene(path);
-  const auto reference = make_reference_renderer(scene, sensor_placement(scene));
+  const auto reference =
+      make_reference_renderer(scene, sensor_placement(scene), reference_sampling(arguments.truth));
   const auto count = static_cast<std::size_t>(arguments.captures);
   std::vector<PoseVector> truths(count);
   std::vector<LightBudget> budgets(count);
@@ -303,6 +305,11 @@ void add_solver_benchmark(CLI::App& benchmark, int& exit_code) {
   command
       .add_option("--amplitude-spread", arguments->amplitude_spread,
                   "standard deviation of the log of the object's true brightness")
+      ->capture_default_str();
+  command
+      .add_option("--truth", arguments->truth,
+                  "sampling of the captures, in units of the reference renderer's default")
+      ->check(CLI::Range(0.1, 10.0))
       ->capture_default_str();
   command.add_option("--starts", arguments->fit.max_starts, "refined starts of the fit")
       ->capture_default_str();
