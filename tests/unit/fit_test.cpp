@@ -15,9 +15,12 @@
 #include "blindcorner/forward/photon_noise.h"
 #include "blindcorner/inverse/exhaustive.h"
 #include "blindcorner/io/scene_file.h"
+#include "test_scenes.h"
 
 namespace blindcorner {
 namespace {
+
+using testing_scenes::reference_capture;
 
 using testing::Contains;
 using testing::HasSubstr;
@@ -31,26 +34,6 @@ FitOptions quick_options() {
   options.importance_samples = 128;
   options.empty_captures = 32;
   return options;
-}
-
-/// Capture with about `photons` photons of three-bounce light over an equal background.
-Capture reference_capture(const Scene& scene, const PoseVector& pose, double photons,
-                          std::uint64_t seed) {
-  const auto model = make_reference_renderer(scene, sensor_placement(scene));
-  const HistogramCube light = model->three_bounce(pose);
-  double counts = 0;
-  for (int z = 0; z < light.zones(); ++z) {
-    for (int k = 0; k < light.bins; ++k) {
-      counts += scene.sensor.zones[static_cast<std::size_t>(z)].gain * light.zone(z)[k];
-    }
-  }
-  Capture capture;
-  capture.exposures = photons / counts;
-  const LinearValues linear{1.0, counts / (light.zones() * 20), scene.linear.fixed_direct};
-  capture.counts = draw_counts(scene, expected_counts(scene, light, model->direct_return(), linear),
-                               capture.exposures, seed);
-  capture.source = "synthetic";
-  return capture;
 }
 
 Capture blank(const Scene& scene) {

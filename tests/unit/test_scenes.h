@@ -10,6 +10,7 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/forward_model.h"
+#include "blindcorner/forward/photon_noise.h"
 
 namespace blindcorner::testing_scenes {
 
@@ -99,6 +100,26 @@ inline PoseVector random_pose(const Scene& scene, std::mt19937_64& random) {
         std::uniform_real_distribution<double>(unknown.lower, unknown.upper)(random);
   }
   return pose;
+}
+
+/// Capture with about `photons` photons of three-bounce light over an equal background.
+inline Capture reference_capture(const Scene& scene, const PoseVector& pose, double photons,
+                                 std::uint64_t seed) {
+  const auto model = make_reference_renderer(scene, sensor_placement(scene));
+  const HistogramCube light = model->three_bounce(pose);
+  double counts = 0;
+  for (int z = 0; z < light.zones(); ++z) {
+    for (int k = 0; k < light.bins; ++k) {
+      counts += scene.sensor.zones[static_cast<std::size_t>(z)].gain * light.zone(z)[k];
+    }
+  }
+  Capture capture;
+  capture.exposures = photons / counts;
+  const LinearValues linear{1.0, counts / (light.zones() * 20), scene.linear.fixed_direct};
+  capture.counts = draw_counts(scene, expected_counts(scene, light, model->direct_return(), linear),
+                               capture.exposures, seed);
+  capture.source = "synthetic";
+  return capture;
 }
 
 inline PoseVector stated_pose(const Scene& scene) {
