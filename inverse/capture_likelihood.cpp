@@ -100,9 +100,9 @@ class CaptureLikelihood final : public FrameLikelihood {
   void describe(const Eigen::VectorXd& at, FitResult& result) const override {
     Refined fitted;
     fitted.pose = at.head(poses());
-    Light light;
+    ShapeBuffer light;
     fill(compiled_.models(), at, light);
-    solver_.solve(light.buffer.shapes, fitted.linear, false);
+    solver_.solve(light.shapes, fitted.linear, false);
     fitted.value.log_likelihood = fitted.linear.log_likelihood;
     if (size() > poses()) {
       std::fill(fitted.linear.amplitude.begin(), fitted.linear.amplitude.end(),
@@ -113,9 +113,6 @@ class CaptureLikelihood final : public FrameLikelihood {
   }
 
  private:
-  struct Light {
-    ShapeBuffer buffer;  ///< amplitude included
-  };
   struct State {
     Eigen::VectorXd at;
     LinearSolution linear;
@@ -136,11 +133,11 @@ class CaptureLikelihood final : public FrameLikelihood {
   }
 
   /// Expected light at a state, amplitude included.
-  void fill(const LightSource& source, const Eigen::VectorXd& at, Light& light) const {
+  void fill(const LightSource& source, const Eigen::VectorXd& at, ShapeBuffer& light) const {
     const PoseVector pose = at.head(poses());
-    objective_.shapes(source, pose, light.buffer);
+    objective_.shapes(source, pose, light);
     const double a = amplitude(at);
-    for (double& value : light.buffer.object) value *= a;
+    for (double& value : light.object) value *= a;
   }
 
   Eigen::VectorXd from_mean(const Gaussian& prior, const Eigen::VectorXd& at) const {
@@ -161,9 +158,9 @@ class CaptureLikelihood final : public FrameLikelihood {
 
   /// Log posterior of a state; `light` is filled.
   void evaluate(const LightSource& source, const Gaussian& prior, const Eigen::MatrixXd& precision,
-                double log_norm, double inflation, State& state, Light& light) const {
+                double log_norm, double inflation, State& state, ShapeBuffer& light) const {
     fill(source, state.at, light);
-    solver_.solve(light.buffer.shapes, state.linear, !state.linear.ambient.empty(), 1e-6);
+    solver_.solve(light.shapes, state.linear, !state.linear.ambient.empty(), 1e-6);
     const Eigen::VectorXd d = from_mean(prior, state.at);
     state.log_posterior = state.linear.log_likelihood / inflation + state.linear.log_prior +
                           state.linear.log_volume + log_norm - 0.5 * d.dot(precision * d);
@@ -171,7 +168,7 @@ class CaptureLikelihood final : public FrameLikelihood {
 
   /// Gradient of the log likelihood and expected information, the zones' own linear unknowns
   /// eliminated by the Schur complement.
-  void linearise(const LightSource& source, const State& state, const Light& light,
+  void linearise(const LightSource& source, const State& state, const ShapeBuffer& light,
                  Eigen::VectorXd& gradient, Eigen::MatrixXd& information) const {
     const Eigen::Index n = size();
     const int rows = objective_.rows();
@@ -191,7 +188,7 @@ class CaptureLikelihood final : public FrameLikelihood {
       slope.col(i) = (p - m) * (a / (2 * compiled_.step[i]));
     }
     if (n > poses()) {
-      slope.col(poses()) = Eigen::Map<const Eigen::VectorXd>(light.buffer.object.data(), rows);
+      slope.col(poses()) = Eigen::Map<const Eigen::VectorXd>(light.object.data(), rows);
     }
     gradient.setZero(n);
     information.setZero(n, n);
@@ -203,16 +200,14 @@ class CaptureLikelihood final : public FrameLikelihood {
     }
   }
 
-  void add_zone(std::size_t z, const Light& light, const State& state,
+  void add_zone(std::size_t z, const ShapeBuffer& light, const State& state,
                 const Eigen::Ref<const Eigen::MatrixXd>& slope, Eigen::VectorXd& gradient,
                 Eigen::MatrixXd& information) const {
     const ObservedZone& zone = observation_.zones[z];
     const BinLikelihood& law = observation_.law(zone);
     const LinearUnknowns& linear = solver_.unknowns();
-    const ZoneShapes& shapes = light.buffer.shapes[z];
-    const bool own_amplitude = linear.amplitude == LinearMode::per_zone;
-    const bool own_ambient = linear.ambient == LinearMode::per_zone;
-    const bool own_direct = linear.direct == LinearMode::per_zone && shapes.direct != nullptr;
+    const ZoneShapes& shapes = light.shapes[z];
+    const OwnUnknowns own(linear, shapes);
     const double a = state.linear.amplitude[z];
     const int bins = zone.bins();
     Eigen::VectorXd mean(bins);
@@ -224,25 +219,18 @@ class CaptureLikelihood final : public FrameLikelihood {
       const double m = law.poisson() ? std::max(mean[k], 1e-12) : mean[k];
       weight[k] = law.information(m);
       first[k] = law.terms(zone.counts[static_cast<std::size_t>(k)], m).first;
-      if (own_amplitude) local(k, 0) = a * shapes.object[k];
-      if (own_ambient) local(k, 1) = 1;
-      if (own_direct) local(k, 2) = shapes.direct[k];
+      if (own.amplitude) local(k, 0) = a * shapes.object[k];
+      if (own.ambient) local(k, 1) = 1;
+      if (own.direct) local(k, 2) = shapes.direct[k];
     }
     const Eigen::MatrixXd weighted = weight.asDiagonal() * slope * a;
     gradient -= a * slope.transpose() * first;
     information += a * slope.transpose() * weighted;
-    if (!own_amplitude && !own_ambient && !own_direct) return;
+    if (!own.amplitude && !own.ambient && !own.direct) return;
     const Eigen::MatrixXd cross = weighted.transpose() * local;
-    Eigen::Matrix3d own = local.transpose() * weight.asDiagonal() * local;
-    if (own_ambient && zone.outside_bins > 0) {
-      own(1, 1) += zone.outside_bins * law.information(std::max(state.linear.ambient[z], 1e-12));
-    }
-    if (own_ambient && !linear.ambient_prior.empty()) {
-      own(1, 1) += std::pow(linear.ambient_prior[static_cast<std::size_t>(zone.zone)].sigma, -2);
-    }
-    if (own_amplitude) own(0, 0) += std::pow(linear.amplitude_prior.sigma_log, -2);
-    for (int i = 0; i < 3; ++i) own(i, i) = own(i, i) > 0 ? own(i, i) * (1 + 1e-12) : 1.0;
-    information -= cross * own.ldlt().solve(cross.transpose());
+    Eigen::Matrix3d within = local.transpose() * weight.asDiagonal() * local;
+    complete_own_information(zone, law, linear, own, state.linear.ambient[z], within);
+    information -= cross * within.ldlt().solve(cross.transpose());
   }
 
   /// Fisher scoring, damped by halving steps that lead downhill.
@@ -255,7 +243,7 @@ class CaptureLikelihood final : public FrameLikelihood {
     State state;
     state.at = start;
     clamp(state.at);
-    Light light;
+    ShapeBuffer light;
     evaluate(source, prior, precision, log_norm, inflation, state, light);
     for (int i = 0; i < kMostSteps; ++i) {
       Eigen::VectorXd gradient;

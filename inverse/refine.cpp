@@ -242,14 +242,16 @@ Refined polish(const PoseObjective& objective, const PoseVector& start) {
   }
   const bool kinks = !models.front()->plan().occluders.empty();
   if (!kinks) return result;
-  const bool worth_another = compass(objective, models, result);
-  if (worth_another) {
+  const PoseVector before = result.pose;
+  if (compass(objective, models, result)) {
     Refined again = result;
     minimise(objective, models, kPolish, again);
     again = finish(objective, models, std::move(again));
     if (again.value.log_posterior > result.value.log_posterior) result = std::move(again);
   }
-  return compiled.spline ? finish_corrected(objective, std::move(result)) : result;
+  // The correction belongs to the pose.
+  const bool moved = result.pose != before;
+  return compiled.spline && moved ? finish_corrected(objective, std::move(result)) : result;
 }
 
 }  // namespace blindcorner

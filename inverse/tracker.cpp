@@ -13,6 +13,7 @@
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
 #include "compiled_scene.h"
+#include "uncertainty.h"
 
 namespace blindcorner {
 namespace {
@@ -411,9 +412,6 @@ std::vector<std::optional<Gaussian>> Tracker::smoothed() const {
   return result;
 }
 
-// ---- Results
-// --------------------------------------------------------------------------------------
-
 namespace {
 
 /// Pose part of a state as it is reported: wrapped, with the model's position error.
@@ -440,19 +438,7 @@ PoseMixture mixture_of(const Scene& scene, const Motion& motion, const TrackPoin
     reported.log_likelihood = mode.log_likelihood;
     mixture.modes.push_back(std::move(reported));
   }
-  if (mixture.modes.empty()) return mixture;
-  const PoseVector& reference = mixture.modes.front().pose;
-  PoseVector shift = PoseVector::Zero(reference.size());
-  for (const PoseMode& mode : mixture.modes) {
-    shift += mode.weight * pose_difference(scene, reference, mode.pose);
-  }
-  mixture.covariance = MatrixXd::Zero(reference.size(), reference.size());
-  for (const PoseMode& mode : mixture.modes) {
-    const PoseVector d = pose_difference(scene, reference, mode.pose) - shift;
-    mixture.covariance += mode.weight * (mode.covariance + d * d.transpose());
-  }
-  mixture.mean = reference + shift;
-  wrap_pose(scene, mixture.mean);
+  if (!mixture.modes.empty()) set_moments(scene, mixture);
   return mixture;
 }
 

@@ -211,19 +211,7 @@ void finish_mixture(const Scene& scene, PoseMixture& mixture) {
       }
     }
   }
-  // Mean and covariance of the mixture about its heaviest mode.
-  const PoseVector& reference = mixture.modes.front().pose;
-  PoseVector shift = PoseVector::Zero(reference.size());
-  for (const PoseMode& mode : mixture.modes) {
-    shift += mode.weight * pose_difference(scene, reference, mode.pose);
-  }
-  mixture.covariance.setZero(reference.size(), reference.size());
-  for (const PoseMode& mode : mixture.modes) {
-    const PoseVector d = pose_difference(scene, reference, mode.pose) - shift;
-    mixture.covariance += mode.weight * (mode.covariance + d * d.transpose());
-  }
-  mixture.mean = reference + shift;
-  wrap_pose(scene, mixture.mean);
+  set_moments(scene, mixture);
 }
 
 /// A way from one pose to another that nowhere falls below a level: the straight line, or one bent
@@ -237,19 +225,20 @@ struct Ridge {
   /// Looks at the middle, moved uphill across the way if need be, then at both halves.
   bool leads(const PoseVector& from, const PoseVector& to, int halvings) const {
     PoseVector middle = 0.5 * (from + to);
-    if (value(middle) < least && !(bend && climb(middle, to - from))) return false;
+    const double here = value(middle);
+    if (here < least && !(bend && climb(middle, here, to - from))) return false;
     return halvings == 0 || (leads(from, middle, halvings - 1) && leads(middle, to, halvings - 1));
   }
 
  private:
-  /// Compass search at right angles to the way until the level is reached.
-  bool climb(PoseVector& pose, const PoseVector& way) const {
+  /// Compass search at right angles to the way, from a pose of value `best`, until the level is
+  /// reached.
+  bool climb(PoseVector& pose, double best, const PoseVector& way) const {
     const Eigen::Index n = pose.size();
     const PoseVector along = way.cwiseQuotient(spacing);
     // All columns but the first: at right angles to it.
     const Eigen::MatrixXd basis =
         along.householderQr().householderQ() * Eigen::MatrixXd::Identity(n, n);
-    double best = value(pose);
     for (double step = 0.25; step > 0.03; step /= 2) {
       for (Eigen::Index i = 1; i < n; ++i) {
         for (const double sign : {1.0, -1.0}) {
@@ -359,10 +348,7 @@ Information information(const PoseObjective& objective, const Refined& optimum,
     objective.solver().expected(zone, at.shapes[z], a, c, b, mean.data());
     Eigen::MatrixXd cross = Eigen::MatrixXd::Zero(global, 3);
     Eigen::Matrix3d local = Eigen::Matrix3d::Zero();
-    const bool own_amplitude = unknowns.amplitude == LinearMode::per_zone;
-    const bool own_ambient = unknowns.ambient == LinearMode::per_zone;
-    const bool own_direct =
-        unknowns.direct == LinearMode::per_zone && at.shapes[z].direct != nullptr;
+    const OwnUnknowns own(unknowns, at.shapes[z]);
     Eigen::VectorXd g(global);
     for (int k = 0; k < zone.bins(); ++k, ++row) {
       const auto i = static_cast<std::size_t>(k);
@@ -370,21 +356,13 @@ Information information(const PoseObjective& objective, const Refined& optimum,
       g.head(n + sensor) = a * gradient.row(row).head(n + sensor).transpose();
       const double light = a * at.shapes[z].object[k];
       if (shared) g[global - 1] = light;  // derivative in log a
-      const Eigen::Vector3d l(own_amplitude ? light : 0, own_ambient ? 1 : 0,
-                              own_direct ? at.shapes[z].direct[k] : 0);
+      const Eigen::Vector3d l(own.amplitude ? light : 0, own.ambient ? 1 : 0,
+                              own.direct ? at.shapes[z].direct[k] : 0);
       total.noalias() += weight * g * g.transpose();
       cross.noalias() += weight * g * l.transpose();
       local.noalias() += weight * l * l.transpose();
     }
-    if (own_ambient && zone.outside_bins > 0) {
-      local(1, 1) += zone.outside_bins * law.information(std::max(c, 1e-12));
-    }
-    if (own_ambient && !unknowns.ambient_prior.empty()) {
-      local(1, 1) +=
-          std::pow(unknowns.ambient_prior[static_cast<std::size_t>(zone.zone)].sigma, -2);
-    }
-    if (own_amplitude) local(0, 0) += std::pow(unknowns.amplitude_prior.sigma_log, -2);
-    for (int i = 0; i < 3; ++i) local(i, i) = local(i, i) > 0 ? local(i, i) * (1 + 1e-12) : 1.0;
+    complete_own_information(zone, law, unknowns, own, c, local);
     total -= cross * local.ldlt().solve(cross.transpose());
   }
   if (shared) {
@@ -396,6 +374,43 @@ Information information(const PoseObjective& objective, const Refined& optimum,
   info.pose = total.topLeftCorner(n, n);
   if (moved != nullptr) info.pose_sensor = total.block(0, n, n, 6);
   return info;
+}
+
+void set_moments(const Scene& scene, PoseMixture& mixture) {
+  const PoseVector& reference = mixture.modes.front().pose;
+  PoseVector shift = PoseVector::Zero(reference.size());
+  for (const PoseMode& mode : mixture.modes) {
+    shift += mode.weight * pose_difference(scene, reference, mode.pose);
+  }
+  mixture.covariance.setZero(reference.size(), reference.size());
+  for (const PoseMode& mode : mixture.modes) {
+    const PoseVector d = pose_difference(scene, reference, mode.pose) - shift;
+    mixture.covariance += mode.weight * (mode.covariance + d * d.transpose());
+  }
+  mixture.mean = reference + shift;
+  wrap_pose(scene, mixture.mean);
+}
+
+OwnUnknowns::OwnUnknowns(const LinearUnknowns& unknowns, const ZoneShapes& shapes)
+    : amplitude(unknowns.amplitude == LinearMode::per_zone),
+      ambient(unknowns.ambient == LinearMode::per_zone),
+      direct(unknowns.direct == LinearMode::per_zone && shapes.direct != nullptr) {}
+
+void complete_own_information(const ObservedZone& zone, const BinLikelihood& law,
+                              const LinearUnknowns& unknowns, const OwnUnknowns& own,
+                              double ambient, Eigen::Matrix3d& information) {
+  if (own.ambient && zone.outside_bins > 0) {
+    information(1, 1) += zone.outside_bins * law.information(std::max(ambient, 1e-12));
+  }
+  if (own.ambient && !unknowns.ambient_prior.empty()) {
+    information(1, 1) +=
+        std::pow(unknowns.ambient_prior[static_cast<std::size_t>(zone.zone)].sigma, -2);
+  }
+  if (own.amplitude) information(0, 0) += std::pow(unknowns.amplitude_prior.sigma_log, -2);
+  for (int i = 0; i < 3; ++i) {
+    double& own_term = information(i, i);
+    own_term = own_term > 0 ? own_term * (1 + 1e-12) : 1.0;
+  }
 }
 
 GoodnessOfFit goodness_of_fit(const PoseObjective& objective, const Refined& optimum) {

@@ -31,6 +31,23 @@ struct MovedModels {
 Information information(const PoseObjective& objective, const Refined& optimum,
                         const MovedModels* moved = nullptr);
 
+/// Which linear unknowns (amplitude, ambient, direct) a zone has for itself.
+struct OwnUnknowns {
+  bool amplitude, ambient, direct;
+
+  OwnUnknowns(const LinearUnknowns& unknowns, const ZoneShapes& shapes);
+};
+
+/// Completes the information [3, 3] of a zone's own linear unknowns from the bins of its window:
+/// adds the bins outside of it and the priors, and makes those that it does not have neutral.
+void complete_own_information(const ObservedZone& zone, const BinLikelihood& law,
+                              const LinearUnknowns& unknowns, const OwnUnknowns& own,
+                              double ambient, Eigen::Matrix3d& information);
+
+/// Mean and covariance of a mixture from its modes, whose weights sum to one; circular unknowns
+/// are unrolled about the first mode.
+void set_moments(const Scene& scene, PoseMixture& mixture);
+
 /// Deviance at an optimum against its expectation for counts as small as these are.
 GoodnessOfFit goodness_of_fit(const PoseObjective& objective, const Refined& optimum);
 
