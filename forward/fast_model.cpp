@@ -758,7 +758,7 @@ const HistogramCube& FastModel::direct_return() const {
     const PulseTable tails(sensor.response, sensor.bin_width,
                            std::pow(sensor.response.core_sigma(), 2), 1e-7);
     direct_ = setup_.direct_return(tails, 10, true);
-    if (bounces_) StaticBounces(scene_, setup_, kBounces).add({}, direct_);
+    if (bounces_) StaticBounces(scene_, setup_, kBounces).add(nullptr, direct_);
     mix_zones(sensor, direct_);
   });
   return direct_;
@@ -779,7 +779,7 @@ void FastModel::decide_bounces(double tolerance) {
   const StaticBounces bounces(scene_, setup_, kBouncesEstimate);
   if (!bounces.any()) return decide(false, "no two reflecting surfaces face each other");
   HistogramCube light(sensor.rows, sensor.columns, sensor.bins);
-  bounces.add({}, light);
+  bounces.add(nullptr, light);
   double brightest = 0;
   HistogramCube object;
   for (const PoseVector& pose : probe_poses()) {

@@ -2,9 +2,12 @@
 #include "pair_sum.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdint>
 
 #include "blindcorner/forward/constants.h"
+#include "blindcorner/forward/multiversion.h"
 #include "blindcorner/forward/visibility.h"
 
 namespace blindcorner {
@@ -14,12 +17,12 @@ using Eigen::Vector3d;
 
 /// Energy that the tabulated pulse may lose at either end.
 constexpr double kPulseTail = 1e-8;
-/// Lobes are cut where they have fallen to exp(-5^2 / 2) = 4e-6 of their peak.
-constexpr double kLobeCut = 5.0;
+/// Lobes are cut here, in standard deviations: exp(-4.5^2 / 2) = 4e-5 of the light is beyond.
+constexpr double kLobeCut = 4.5;
 /// Cosines below this are rounding of single precision hits, not light.
 constexpr double kLeastCosine = 1e-9;
 
-/// Consecutive legs whose directions lie in a ball: lobes skip whole runs.
+/// Consecutive legs, with a ball about their directions: lobes skip what is out of reach.
 struct Run {
   std::size_t begin, end;
   Vector3d center;
@@ -27,7 +30,7 @@ struct Run {
 };
 
 std::vector<Run> runs_of(const std::vector<Leg>& legs) {
-  constexpr std::size_t kRun = 32;
+  constexpr std::size_t kRun = 8;
   std::vector<Run> runs;
   for (std::size_t begin = 0; begin < legs.size(); begin += kRun) {
     Run run{begin, std::min(begin + kRun, legs.size()), Vector3d::Zero(), 0.0};
@@ -39,6 +42,92 @@ std::vector<Run> runs_of(const std::vector<Leg>& legs) {
     runs.push_back(run);
   }
   return runs;
+}
+
+/// Ways into a retroreflecting cell side by side in memory, and what a lobe makes of each: light
+/// for two neighbouring cells of the time axis.
+struct LobeArrays {
+  std::vector<double> x, y, z;  ///< direction
+  std::vector<double> weight, length;
+  std::vector<double> early, late;
+  std::vector<std::int64_t> cell;
+
+  static constexpr std::array kIn = {&LobeArrays::x, &LobeArrays::y, &LobeArrays::z,
+                                     &LobeArrays::weight, &LobeArrays::length};
+  void clear() {
+    for (const auto values : kIn) (this->*values).clear();
+  }
+  void push_back(const Leg& leg) {
+    x.push_back(leg.direction.x());
+    y.push_back(leg.direction.y());
+    z.push_back(leg.direction.z());
+    weight.push_back(leg.weight * std::sqrt(leg.cosine));
+    length.push_back(leg.length);
+  }
+  void append(const LobeArrays& other, const Run& run) {
+    for (const auto values : kIn) {
+      const double* from = (other.*values).data();
+      (this->*values).insert((this->*values).end(), from + run.begin, from + run.end);
+    }
+  }
+};
+
+/// exp(x) for x in [-kLobeCut^2 / 2, 0]: the power series of exp(x / 16), whose rest is below
+/// (10.2 / 16)^12 / 12! = 1e-11, squared four times. Plain arithmetic, so that loops vectorise.
+inline double lobe_exponential(double x) {
+  constexpr std::array<double, 12> kSeries{
+      1.0,       1.0,        1.0 / 2,     1.0 / 6,      1.0 / 24,      1.0 / 120,
+      1.0 / 720, 1.0 / 5040, 1.0 / 40320, 1.0 / 362880, 1.0 / 3628800, 1.0 / 39916800};
+  const double y = x / 16;
+  double e = kSeries[11];
+  for (std::size_t i = 11; i-- > 0;) e = e * y + kSeries[i];
+  e *= e;
+  e *= e;
+  e *= e;
+  return e * e;
+}
+
+/// A way out of a retroreflecting cell, and its lobe.
+struct Lobe {
+  double x, y, z;  ///< direction
+  double scale;    ///< of the weights
+  double inverse;  ///< -1 / (2 sigma^2)
+  double reach2;   ///< of the chord, squared
+};
+
+/// Pairs one way out, whose own place on the time axis is `first`, with all ways in. Light from
+/// before or after the axis of `cells` cells is dropped.
+BLINDCORNER_MULTIVERSION
+void light_of_lobe(LobeArrays& in, const Lobe& lobe, double first, double cells_per_metre,
+                   std::size_t cells) {
+  const std::size_t count = in.x.size();
+  in.early.resize(count);
+  in.late.resize(count);
+  in.cell.resize(count);
+  const double* x = in.x.data();
+  const double* y = in.y.data();
+  const double* z = in.z.data();
+  const double* w = in.weight.data();
+  const double* length = in.length.data();
+  double* early = in.early.data();
+  double* late = in.late.data();
+  std::int64_t* cell = in.cell.data();
+  const auto last = static_cast<double>(cells) - 2;
+  BLINDCORNER_INDEPENDENT
+  for (std::size_t i = 0; i < count; ++i) {
+    const double dx = x[i] - lobe.x;
+    const double dy = y[i] - lobe.y;
+    const double dz = z[i] - lobe.z;
+    const double chord2 = dx * dx + dy * dy + dz * dz;
+    const double inside = lobe.scale * w[i] * lobe_exponential(lobe.inverse * chord2);
+    const double position = first + cells_per_metre * length[i];
+    const bool counts = chord2 <= lobe.reach2 && position >= 0 && position < last;
+    const double weight = counts ? inside : 0.0;
+    const auto at = static_cast<std::int64_t>(counts ? position : 0.0);
+    late[i] = weight * (position - static_cast<double>(at));
+    early[i] = weight - late[i];
+    cell[i] = at;
+  }
 }
 
 /// Rays along each side of a patch that straddles a shadow's edge.
@@ -150,6 +239,7 @@ std::vector<Leg> legs_to(const SurfaceCell& cell, const std::vector<WeightedPatc
     const double area = 4 * p.patch.half_u.cross(p.patch.half_v).norm();
     leg.weight = p.weight * relay_cosine / (length * length + (soften ? area / kPi : 0.0));
     leg.length = p.leg + length;
+    leg.patch = static_cast<std::size_t>(&p - patches.data());
     legs.push_back(leg);
     if (!blockers.empty()) ends.push_back(&p);
   }
@@ -167,16 +257,24 @@ struct PairSum::Deposit {
     const double position = start + scale * length;
     return position >= 0 && position < static_cast<double>(row.size()) - 2;
   }
-  void add_all(double weight, double length, const std::vector<double>& weights,
-               const std::vector<double>& lengths) const {
+  /// Without a range check: `count` ways on from a leg of `length`.
+  void add_all(double weight, double length, const double* weights, const double* lengths,
+               std::size_t count) const {
     const double first = start + scale * length;
     double* cells = row.data();
-    for (std::size_t i = 0; i < weights.size(); ++i) {
+    for (std::size_t i = 0; i < count; ++i) {
       const double position = first + scale * lengths[i];
       const auto at = static_cast<std::ptrdiff_t>(position);
       const double later = (position - static_cast<double>(at)) * weight * weights[i];
       cells[at] += weight * weights[i] - later;
       cells[at + 1] += later;
+    }
+  }
+  void add(const LobeArrays& light) const {
+    double* cells = row.data();
+    for (std::size_t i = 0; i < light.cell.size(); ++i) {
+      cells[light.cell[i]] += light.early[i];
+      cells[light.cell[i] + 1] += light.late[i];
     }
   }
   void operator()(double weight, double length) const {
@@ -208,7 +306,7 @@ void PairSum::add_lambertian(int zone, double scattered, const std::vector<Leg>&
                              const std::vector<Leg>& out) {
   if (in.empty()) return;
   const Deposit put = deposit(zone);
-  // Side by side in memory, and without a range check where the longest and the shortest pass it.
+  // Side by side in memory.
   std::vector<double> weights, lengths;
   for (const Leg& p : in) {
     weights.push_back(p.weight * p.cosine);
@@ -218,7 +316,7 @@ void PairSum::add_lambertian(int zone, double scattered, const std::vector<Leg>&
   for (const Leg& r : out) {
     const double out_weight = scattered * r.weight * r.cosine;
     if (put.holds(r.length + *shortest) && put.holds(r.length + *longest)) {
-      put.add_all(out_weight, r.length, weights, lengths);
+      put.add_all(out_weight, r.length, weights.data(), lengths.data(), in.size());
     } else {
       for (std::size_t i = 0; i < in.size(); ++i) {
         put(out_weight * weights[i], r.length + lengths[i]);
@@ -230,21 +328,24 @@ void PairSum::add_lambertian(int zone, double scattered, const std::vector<Leg>&
 void PairSum::add_retroreflective(int zone, double area, double albedo, double sigma,
                                   const std::vector<Leg>& in, const std::vector<Leg>& out) {
   const Deposit put = deposit(zone);
-  const double sigma2 = sigma * sigma;
   const double reach = kLobeCut * sigma;
-  const double peak = area * albedo / (2 * kPi * sigma2);
+  const double peak = area * albedo / (2 * kPi * sigma * sigma);
   const std::vector<Run> runs = runs_of(in);
-  for (const Leg& r : out) {
+  LobeArrays all, near;
+  for (const Leg& leg : in) all.push_back(leg);
+  for (const Run& ways_out : runs_of(out)) {
+    near.clear();
     for (const Run& run : runs) {
-      if ((run.center - r.direction).norm() > run.radius + reach) continue;
-      for (std::size_t i = run.begin; i < run.end; ++i) {
-        const Leg& p = in[i];
-        const double chord = (p.direction - r.direction).squaredNorm();
-        if (chord > reach * reach) continue;
-        put(peak * r.weight * p.weight * std::exp(-0.5 * chord / sigma2) *
-                std::sqrt(p.cosine * r.cosine),
-            r.length + p.length);
-      }
+      const double most = run.radius + ways_out.radius + reach;
+      if ((run.center - ways_out.center).squaredNorm() <= most * most) near.append(all, run);
+    }
+    for (std::size_t o = ways_out.begin; o < ways_out.end; ++o) {
+      const Leg& r = out[o];
+      const Vector3d& d = r.direction;
+      const double scale = peak * r.weight * std::sqrt(r.cosine);
+      light_of_lobe(near, {d.x(), d.y(), d.z(), scale, -0.5 / (sigma * sigma), reach * reach},
+                    put.start + put.scale * r.length, put.scale, put.row.size());
+      put.add(near);
     }
   }
 }

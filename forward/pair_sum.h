@@ -41,6 +41,7 @@ struct Leg {
   double weight = 0;                                    ///< without the cosine at the cell
   double cosine = 0;                                    ///< at the cell
   double length = 0;                                    ///< m, outer and inner leg
+  std::size_t patch = 0;                                ///< index of the patch
   Eigen::Vector3d direction = Eigen::Vector3d::Zero();  ///< from the cell, unit
 };
 

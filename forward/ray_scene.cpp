@@ -7,6 +7,8 @@
 #include <embree3/rtcore.h>
 #endif
 
+#include <Eigen/Geometry>
+#include <algorithm>
 #include <limits>
 #include <string>
 
@@ -44,6 +46,8 @@ void set_ray(RTCRay& ray, const Eigen::Vector3d& origin, const Eigen::Vector3d& 
 struct RayScene::Impl {
   RTCDevice device = nullptr;
   RTCScene scene = nullptr;
+  Eigen::Vector3d center = Eigen::Vector3d::Zero();  ///< of a ball around all bodies
+  double radius = 0;
 
   ~Impl() {
     if (scene != nullptr) rtcReleaseScene(scene);
@@ -95,6 +99,16 @@ RayScene::RayScene(const std::vector<std::vector<Triangle>>& bodies)
   rtcSetSceneFlags(impl_->scene, RTC_SCENE_FLAG_ROBUST);
   for (std::size_t i = 0; i < bodies.size(); ++i) impl_->add(static_cast<unsigned>(i), bodies[i]);
   rtcCommitScene(impl_->scene);
+
+  Eigen::AlignedBox3d box;
+  for (const auto& body : bodies) {
+    for (const Triangle& triangle : body) {
+      for (const Eigen::Vector3d& corner : triangle) box.extend(corner);
+    }
+  }
+  if (box.isEmpty()) return;
+  impl_->center = box.center();
+  impl_->radius = box.diagonal().norm() / 2;
 }
 
 RayScene::~RayScene() = default;
@@ -136,6 +150,15 @@ bool RayScene::blocked(const Eigen::Vector3d& from, const Eigen::Vector3d& to) c
   rtcOccluded1(impl_->scene, &context, &ray);
 #endif
   return ray.tfar < 0;
+}
+
+bool RayScene::may_block(const Eigen::Vector3d& from, const Eigen::Vector3d& to,
+                         double margin) const {
+  const Eigen::Vector3d way = to - from;
+  const double along = way.dot(impl_->center - from) / way.squaredNorm();
+  const Eigen::Vector3d nearest = from + std::clamp(along, 0.0, 1.0) * way;
+  const double reach = impl_->radius + margin;
+  return (nearest - impl_->center).squaredNorm() <= reach * reach;
 }
 
 }  // namespace blindcorner

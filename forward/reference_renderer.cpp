@@ -87,7 +87,7 @@ class ReferenceRenderer final : public ForwardModel {
                             std::pow(scene_.sensor.response.core_sigma(), 2), kPulseTail);
     first_bounce_ = setup_.direct_return(pulses, 4 * options_.zone_divisions, true);
     direct_ = first_bounce_;
-    bounces_.add({}, direct_);
+    bounces_.add(nullptr, direct_);
     mix_zones(scene_.sensor, direct_);
   }
 
@@ -250,7 +250,7 @@ HistogramCube ReferenceRenderer::static_return(const PoseVector& pose) const {
   if (!bounces_.any()) return direct_;
   const std::unique_ptr<RayScene> bodies = bodies_of(placed_objects(scene_, pose));
   HistogramCube light = first_bounce_;
-  bounces_.add({bodies.get()}, light);
+  bounces_.add(bodies.get(), light);
   mix_zones(scene_.sensor, light);
   return light;
 }

@@ -37,6 +37,11 @@ bool reached(const SurfaceCell& cell, int surface, const std::vector<WeightedPat
   });
 }
 
+SurfaceCell as_cell(const RelayPatch& patch) {
+  const double area = 4 * patch.half_u.cross(patch.half_v).norm();
+  return {patch.center, patch.normal, patch.half_u, patch.half_v, area};
+}
+
 }  // namespace
 
 StaticBounces::StaticBounces(const Scene& scene, const RelaySetup& setup,
@@ -83,47 +88,106 @@ StaticBounces::StaticBounces(const Scene& scene, const RelaySetup& setup,
         return std::any_of(lists.begin(), lists.end(),
                            [&](const auto& patches) { return reached(cell, id, patches); });
       };
-      if (by(lit_) && by(seen_)) middle_.push_back({id, cell});
+      if (by(lit_) && by(seen_)) middle_.push_back({id, cell, cell.area * surface.albedo / kPi});
     }
   }
+
+  open_.emplace(sensor);
+  for (int z = 0; z < sensor.zone_count(); ++z) add_two(*open_, z);
+  add_three(*open_);
+}
+
+std::vector<Leg> StaticBounces::open_legs(const SurfaceCell& cell,
+                                          const std::vector<WeightedPatch>& patches,
+                                          int surface) const {
+  return legs_to(cell, patches, {&setup_.surface_rays()}, surface, true);
+}
+
+StaticBounces::Ways StaticBounces::ways(const SurfaceCell& cell,
+                                        const std::vector<WeightedPatch>& patches, int surface,
+                                        const RayScene& bodies) const {
+  Ways ways{open_legs(cell, patches, surface), {}, {}};
+  const bool may_change = std::any_of(ways.open.begin(), ways.open.end(), [&](const Leg& leg) {
+    const RelayPatch& patch = patches[leg.patch].patch;
+    return bodies.may_block(cell.center, patch.area_center,
+                            patch.half_u.norm() + patch.half_v.norm());
+  });
+  if (!may_change) {
+    ways.shaded = ways.open;
+    return ways;
+  }
+  ways.shaded = legs_to(cell, patches, {&bodies, &setup_.surface_rays()}, surface, true);
+  // Both lists are in the patches' order.
+  auto left = ways.shaded.begin();
+  for (Leg leg : ways.open) {
+    while (left != ways.shaded.end() && left->patch < leg.patch) ++left;
+    const bool some = left != ways.shaded.end() && left->patch == leg.patch;
+    if (some && left->weight == leg.weight && left->length == leg.length) continue;
+    leg.weight = -leg.weight;
+    ways.change.push_back(leg);
+    if (some) ways.change.push_back(*left);
+  }
+  return ways;
 }
 
 /// Source, surface p, surface r, detector.
-void StaticBounces::add_two(PairSum& sum, int zone, const Blockers& blockers) const {
+void StaticBounces::add_two(PairSum& sum, int zone) const {
   for (const WeightedPatch& r : seen_[static_cast<std::size_t>(zone)]) {
-    const double area = 4 * r.patch.half_u.cross(r.patch.half_v).norm();
-    const SurfaceCell end{r.patch.center, r.patch.normal, r.patch.half_u, r.patch.half_v, area};
-    for (const Leg& p : legs_to(end, lit(zone), blockers, r.patch.surface, true)) {
+    for (const Leg& p : open_legs(as_cell(r.patch), lit(zone), r.patch.surface)) {
       sum.add(zone, p.weight * p.cosine * r.weight, p.length + r.leg);
     }
   }
 }
 
-void StaticBounces::add_three(PairSum& sum, const Blockers& blockers) const {
+void StaticBounces::add_three(PairSum& sum) const {
   for (const Middle& middle : middle_) {
-    const double scattered =
-        middle.cell.area * scene_.surfaces[static_cast<std::size_t>(middle.surface)].albedo / kPi;
     std::vector<Leg> in;
     for (int z = 0; z < scene_.sensor.zone_count(); ++z) {
-      if (z == 0 || lit_.size() > 1) {
-        in = legs_to(middle.cell, lit(z), blockers, middle.surface, true);
-      }
+      if (z == 0 || lit_.size() > 1) in = open_legs(middle.cell, lit(z), middle.surface);
       if (in.empty()) continue;
       sum.add_lambertian(
-          z, scattered, in,
-          legs_to(middle.cell, seen_[static_cast<std::size_t>(z)], blockers, middle.surface, true));
+          z, middle.scattered, in,
+          open_legs(middle.cell, seen_[static_cast<std::size_t>(z)], middle.surface));
     }
   }
 }
 
-void StaticBounces::add(const Blockers& bodies, HistogramCube& cube) const {
+void StaticBounces::change_two(PairSum& sum, int zone, const RayScene& bodies) const {
+  for (const WeightedPatch& r : seen_[static_cast<std::size_t>(zone)]) {
+    for (const Leg& p : ways(as_cell(r.patch), lit(zone), r.patch.surface, bodies).change) {
+      sum.add(zone, p.weight * p.cosine * r.weight, p.length + r.leg);
+    }
+  }
+}
+
+/// With ways in i + di and ways out o + do, the change of i o is di o + (i + di) do.
+void StaticBounces::change_three(PairSum& sum, const RayScene& bodies) const {
+  for (const Middle& middle : middle_) {
+    Ways in;
+    for (int z = 0; z < scene_.sensor.zone_count(); ++z) {
+      if (z == 0 || lit_.size() > 1) in = ways(middle.cell, lit(z), middle.surface, bodies);
+      if (in.open.empty()) continue;
+      const Ways out =
+          ways(middle.cell, seen_[static_cast<std::size_t>(z)], middle.surface, bodies);
+      sum.add_lambertian(z, middle.scattered, in.change, out.open);
+      sum.add_lambertian(z, middle.scattered, in.shaded, out.change);
+    }
+  }
+}
+
+void StaticBounces::add(const RayScene* bodies, HistogramCube& cube) const {
   if (!any()) return;
-  Blockers blockers = bodies;
-  blockers.push_back(&setup_.surface_rays());
-  PairSum sum(scene_.sensor);
-  for (int z = 0; z < scene_.sensor.zone_count(); ++z) add_two(sum, z, blockers);
-  add_three(sum, blockers);
-  sum.finish(cube);
+  PairSum sum = *open_;
+  if (bodies != nullptr) {
+    for (int z = 0; z < scene_.sensor.zone_count(); ++z) change_two(sum, z, *bodies);
+    change_three(sum, *bodies);
+  }
+  HistogramCube light(cube.rows, cube.columns, cube.bins);
+  sum.finish(light);
+  // Light taken away leaves rounding of either sign.
+  for (std::size_t i = 0; i < cube.values.size(); ++i) {
+    cube.values[i] += std::max(light.values[i], 0.0);
+  }
 }
 
 }  // namespace blindcorner

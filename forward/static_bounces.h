@@ -3,6 +3,7 @@
 /// light from a hidden object does.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "blindcorner/forward/capture.h"
@@ -31,16 +32,29 @@ class StaticBounces {
   /// Whether any two reflecting surfaces face each other.
   bool any() const { return any_; }
 
-  /// Adds the returns to the cube, W/m^2 per bin; `bodies` block some of them.
-  void add(const Blockers& bodies, HistogramCube& cube) const;
+  /// Adds the returns to the cube, W/m^2 per bin; `bodies` block some of them (none: nullptr). All
+  /// pairs were summed once; a call goes through those only that the bodies change.
+  void add(const RayScene* bodies, HistogramCube& cube) const;
 
  private:
   struct Middle {
     int surface;
     SurfaceCell cell;
+    double scattered;  ///< area times albedo over pi
   };
-  void add_two(PairSum& sum, int zone, const Blockers& blockers) const;
-  void add_three(PairSum& sum, const Blockers& blockers) const;
+  /// Ways between a cell and patches without and with bodies, and the difference: legs that bodies
+  /// change, once with their light taken away and once with what is left of it.
+  struct Ways {
+    std::vector<Leg> open, shaded, change;
+  };
+  std::vector<Leg> open_legs(const SurfaceCell& cell, const std::vector<WeightedPatch>& patches,
+                             int surface) const;
+  Ways ways(const SurfaceCell& cell, const std::vector<WeightedPatch>& patches, int surface,
+            const RayScene& bodies) const;
+  void add_two(PairSum& sum, int zone) const;
+  void add_three(PairSum& sum) const;
+  void change_two(PairSum& sum, int zone, const RayScene& bodies) const;
+  void change_three(PairSum& sum, const RayScene& bodies) const;
   const std::vector<WeightedPatch>& lit(int zone) const {
     return lit_[lit_.size() == 1 ? 0 : static_cast<std::size_t>(zone)];
   }
@@ -51,6 +65,7 @@ class StaticBounces {
   std::vector<std::vector<WeightedPatch>> lit_;   // one for all zones, or one each (confocal)
   std::vector<std::vector<WeightedPatch>> seen_;  // [zone]
   std::vector<Middle> middle_;                    // cells that other surfaces' light reaches
+  std::optional<PairSum> open_;                   // what all send without bodies
 };
 
 }  // namespace blindcorner

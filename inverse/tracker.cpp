@@ -328,16 +328,16 @@ bool Tracker::too_close(const Hypothesis& a, const Hypothesis& b) const {
 }
 
 /// Merges, prunes and normalises; what is left are the modes.
-void Tracker::keep(std::vector<Hypothesis> all) {
-  std::stable_sort(all.begin(), all.end(), [](const Hypothesis& a, const Hypothesis& b) {
-    return a.log_weight > b.log_weight;
-  });
+void Tracker::keep(std::vector<Hypothesis> hypotheses) {
+  std::stable_sort(
+      hypotheses.begin(), hypotheses.end(),
+      [](const Hypothesis& a, const Hypothesis& b) { return a.log_weight > b.log_weight; });
   modes_.clear();
-  if (all.empty()) return;
-  const double top = all.front().log_weight;
+  if (hypotheses.empty()) return;
+  const double top = hypotheses.front().log_weight;
   std::vector<Hypothesis> kept;
   std::vector<double> weights;
-  for (const Hypothesis& next : all) {
+  for (const Hypothesis& next : hypotheses) {
     const double weight = std::exp(next.log_weight - top);
     if (!(weight > options_.negligible_weight)) break;
     const auto like = std::find_if(kept.begin(), kept.end(),
@@ -378,9 +378,9 @@ void Tracker::keep(std::vector<Hypothesis> all) {
 
 /// The measurement's covariance follows the innovations: their normalised squares should be one per
 /// degree of freedom.
-void Tracker::adapt(const Innovation& seen, double dt) {
-  if (seen.freedom < 1) return;
-  const double surprise = std::min(seen.squared / seen.freedom, kMostSurprise);
+void Tracker::adapt(const Innovation& innovation, double dt) {
+  if (innovation.freedom < 1) return;
+  const double surprise = std::min(innovation.squared / innovation.freedom, kMostSurprise);
   inflation_ *= std::exp((surprise - 1) * std::min(dt / options_.inflation_time, 0.1));
   inflation_ = std::clamp(inflation_, 1.0, options_.max_inflation);
 }

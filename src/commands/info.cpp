@@ -30,7 +30,7 @@ std::string line(const char* format, Values... values) {
 
 std::string sensor_text(const Sensor& sensor) {
   int dead = 0;
-  for (const Zone& zone : sensor.zones) dead += zone.dead;
+  for (const Zone& zone : sensor.zones) dead += zone.dead ? 1 : 0;
   std::string text =
       line("sensor    %s: %d x %d zones (%d dead), %d bins of %.6g ps, %s", sensor.name.c_str(),
            sensor.rows, sensor.columns, dead, sensor.bins, sensor.bin_width * 1e12,

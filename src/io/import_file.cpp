@@ -61,7 +61,7 @@ struct Axes {
 
 /// Names of the axes, checked for sense but not yet against an array.
 std::vector<std::string> parse_axes(const std::string& text) {
-  const std::vector<std::string> names = split_list(text);
+  std::vector<std::string> names = split_list(text);
   Axes axes;
   for (const std::string& name : names) {
     Axis* axis = axes.find(name);

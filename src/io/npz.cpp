@@ -93,7 +93,7 @@ NpyArray NpzFile::read(const std::string& name) const {
 
 std::string npz_of(const std::vector<std::pair<std::string, std::string>>& members) {
   ZipError error;
-  const auto fail = [&error](const char* step, const std::string& what) {
+  const auto fail = [](const char* step, const std::string& what) {
     throw Error(std::string("zip archive: ") + step, what);
   };
   zip_source_t* target = zip_source_buffer_create(nullptr, 0, 0, &error.error);

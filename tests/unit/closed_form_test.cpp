@@ -220,6 +220,41 @@ TEST(StaticReturn, HiddenObjectBlocksThreeBounceLight) {
   EXPECT_NEAR(sum(reference->static_return(stated_pose(scene))) - first, 0, 1e-6 * open);
 }
 
+// What a hidden object takes away from the known scene's light is what a black surface in its place
+// would: all pairs summed anew against the changes only.
+TEST(StaticReturn, HiddenObjectBlocksAsABlackSurfaceDoes) {
+  Scene scene = with_known_plate();
+  scene.sensor.field = field_of(30, 30);
+  scene.sensor.zones[0].footprint = field_of(25, 25);
+  scene.surfaces[1].shape = RectangleShape{0.5, 0.5};
+  scene.hidden.shape = RectangleShape{0.15, 0.2};
+  scene.hidden.placement.position = Vector3d(0.36, 0.3, 0.05);
+  scene.hidden.placement.yaw = 120 * kDegree;
+  scene.unknowns = {{Component::x, 0.3, 0.5, std::nullopt}};
+  const auto reference = model_of(scene, false);
+  Scene black = scene;
+  Surface body;
+  body.name = "black";
+  body.shape = scene.hidden.shape;
+  body.T_world_surface =
+      object_to_world(scene.hidden.shape, scene.hidden.anchor, scene.hidden.placement);
+  body.albedo = 0;
+  black.surfaces.push_back(body);
+  Scene alone = scene;
+  alone.surfaces.pop_back();
+  const double first = sum(model_of(alone, false)->direct_return());
+  const HistogramCube open = reference->direct_return();
+  const HistogramCube got = reference->static_return(stated_pose(scene));
+  const HistogramCube want = model_of(black, false)->direct_return();
+  const double share = (sum(want) - first) / (sum(open) - first);
+  ASSERT_GT(share, 0.2);
+  ASSERT_LT(share, 0.98);
+  const double brightest = *std::max_element(open.values.begin(), open.values.end());
+  for (std::size_t i = 0; i < want.values.size(); ++i) {
+    EXPECT_NEAR(got.values[i], want.values[i], 1e-12 * brightest) << "bin " << i;
+  }
+}
+
 // Source, wall, floor, detector: the light falls on a spot of the wall, the second zone looks at a
 // spot of the floor.
 TEST(StaticReturn, TwoBouncesHaveTheFormulaWrittenOut) {
