@@ -10,6 +10,7 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
+#include "blindcorner/forward/photon_noise.h"
 #include "relay_setup.h"
 
 namespace blindcorner {
@@ -137,14 +138,14 @@ std::vector<ZoneBudget> link_budget(const Scene& scene, const ForwardModel& mode
     std::sort(bins.begin(), bins.end(), std::greater<>());
     budget.peak = bins.front().first;
     double signal = 0;
-    double all = 0;
+    double variance = 0;
     for (const auto& [object, counts] : bins) {
       if (signal >= kGateShare * budget.three_bounce) break;
       signal += object;
-      all += counts;
+      variance += count_variance(sensor, counts);
       ++budget.gate_bins;
     }
-    budget.signal_to_noise = all > 0 ? signal / std::sqrt(sensor.dispersion * all) : 0.0;
+    budget.signal_to_noise = variance > 0 ? signal / std::sqrt(variance) : 0.0;
   }
   return budgets;
 }

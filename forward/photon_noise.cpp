@@ -72,6 +72,13 @@ HistogramCube expected_counts(const Scene& scene, const HistogramCube& three_bou
   return counts;
 }
 
+double count_variance(const Sensor& sensor, double counts) {
+  if (const auto* gaussian = std::get_if<GaussianNoise>(&sensor.noise)) {
+    return gaussian->variance_floor + gaussian->variance_per_count * std::max(counts, 0.0);
+  }
+  return sensor.dispersion * counts;
+}
+
 HistogramCube draw_counts(const Scene& scene, const HistogramCube& expected, double exposures,
                           std::uint64_t seed) {
   std::mt19937_64 random(seed);
@@ -82,9 +89,7 @@ HistogramCube draw_counts(const Scene& scene, const HistogramCube& expected, dou
       const auto zone = i / static_cast<std::size_t>(counts.bins);
       if (scene.sensor.zones[zone].dead) continue;
       double& value = counts.values[i];
-      const double variance =
-          gaussian->variance_floor + gaussian->variance_per_count * std::max(value, 0.0);
-      value += std::sqrt(variance / exposures) * normal(random);
+      value += std::sqrt(count_variance(scene.sensor, value) / exposures) * normal(random);
       if (gaussian->censored_at_zero) value = std::max(value, 0.0);
     }
     saturate(scene.sensor, counts);

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "blindcorner/forward/scene.h"
 
+#include <cmath>
+
 namespace blindcorner {
 
 int object_count(const Scene& scene) { return 1 + static_cast<int>(scene.further_hidden.size()); }
@@ -49,6 +51,25 @@ std::vector<std::string> unknown_names(const Scene& scene) {
   std::vector<std::string> names;
   for (const Unknown& unknown : scene.unknowns) names.push_back(unknown_name(scene, unknown));
   return names;
+}
+
+std::vector<double> periods(const Scene& scene) {
+  std::vector<double> periods;
+  for (const Unknown& u : scene.unknowns) {
+    periods.push_back(
+        u.component == Component::yaw ? yaw_period(hidden_object(scene, u.object).shape) : 0.0);
+  }
+  return periods;
+}
+
+PoseVector pose_error(const Scene& scene, const PoseVector& estimate, const PoseVector& truth) {
+  PoseVector error = estimate - truth;
+  const std::vector<double> wraps = periods(scene);
+  for (std::size_t i = 0; i < wraps.size(); ++i) {
+    double& e = error[static_cast<Eigen::Index>(i)];
+    if (wraps[i] > 0) e = std::remainder(e, wraps[i]);
+  }
+  return error;
 }
 
 }  // namespace blindcorner

@@ -340,7 +340,7 @@ double normalised_error(const Scene& scene, const CalibrationProblem& problem,
   tbb::parallel_for(std::size_t{0}, chosen.size(), [&](std::size_t i) {
     if (i % stride != 0) return;
     const FitResult result = fitter.fit(problem.capture(chosen[i]));
-    const PoseVector error = result.posterior.mean - *problem.pose(chosen[i]);
+    const PoseVector error = pose_error(scene, result.posterior.mean, *problem.pose(chosen[i]));
     errors[i] = std::min(error.dot(result.posterior.covariance.ldlt().solve(error)) /
                              static_cast<double>(error.size()),
                          kLargestError);

@@ -132,6 +132,26 @@ void answer_darkness(const CompiledScene& compiled, const Observation& observati
   result.flags = {"no_photons", "nothing_detected"};
 }
 
+/// Mean and variance of an unknown's prior: even over its range, times the normal one if given.
+NormalPrior prior_moments(const Unknown& unknown) {
+  constexpr int kSteps = 400;
+  double weight = 0;
+  double first = 0;
+  double second = 0;
+  for (int i = 0; i < kSteps; ++i) {
+    const double value = unknown.lower + unknown.range() * (i + 0.5) / kSteps;
+    const double u = unknown.prior ? (value - unknown.prior->mean) / unknown.prior->sigma : 0.0;
+    const double density = std::exp(-0.5 * u * u);
+    weight += density;
+    first += density * value;
+    second += density * value * value;
+  }
+  const double even = unknown.range() / std::sqrt(12.0);
+  if (!(weight > 0)) return {0.5 * (unknown.lower + unknown.upper), even};
+  const double mean = first / weight;
+  return {mean, std::sqrt(std::max(second / weight - mean * mean, 0.0))};
+}
+
 /// Mixes the prior into mean and covariance of the whole posterior, for captures that something
 /// unknown has disturbed: no small covariance may come of a capture that the model does not
 /// explain.
@@ -143,11 +163,11 @@ void allow_for_outliers(const Scene& scene, PoseMixture& mixture) {
   Eigen::MatrixXd spread = Eigen::MatrixXd::Zero(n, n);
   for (Eigen::Index i = 0; i < n; ++i) {
     const Unknown& unknown = scene.unknowns[static_cast<std::size_t>(i)];
-    const double center = 0.5 * (unknown.lower + unknown.upper);
+    const NormalPrior prior = prior_moments(unknown);
     // On a circle the prior has no mean: only its spread counts.
     const bool circular = period_of(scene, static_cast<std::size_t>(i)) > 0;
-    difference[i] = circular ? 0.0 : center - mixture.mean[i];
-    spread(i, i) = unknown.range() * unknown.range() / 12;
+    difference[i] = circular ? 0.0 : prior.mean - mixture.mean[i];
+    spread(i, i) = prior.sigma * prior.sigma;
   }
   mixture.mean += share * difference;
   mixture.covariance = (1 - share) * mixture.covariance + share * spread +

@@ -61,10 +61,7 @@ void add_noise(const Scene& scene, const HistogramCube& direct, Truth& truth) {
       if (zone.dead) continue;
       for (int k = zone.first_valid_bin; k < scene.sensor.valid_end(z); ++k) {
         const double signal = zone.gain * linear.amplitude * light.zone(z)[k];
-        double v = scene.sensor.dispersion * counts.zone(z)[k];
-        if (const auto* gaussian = std::get_if<GaussianNoise>(&scene.sensor.noise)) {
-          v = gaussian->variance_floor + gaussian->variance_per_count * signal;
-        }
+        const double v = count_variance(scene.sensor, counts.zone(z)[k]);
         variance += v;
         square += signal * signal;
         if (signal > peak) {

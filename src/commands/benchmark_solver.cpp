@@ -69,20 +69,9 @@ struct Trial {
   StageTimes stages;
 };
 
-PoseVector circular_difference(const Scene& scene, const PoseVector& a, const PoseVector& b) {
-  PoseVector d = b - a;
-  for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
-    const double period = yaw_period(hidden_object(scene, scene.unknowns[i].object).shape);
-    if (scene.unknowns[i].component != Component::yaw || period <= 0) continue;
-    auto& value = d[static_cast<Eigen::Index>(i)];
-    value -= period * std::round(value / period);
-  }
-  return d;
-}
-
 /// Whether the truth lies in the mode's 99 % region.
 bool holds(const Scene& scene, const PoseMode& mode, const PoseVector& truth) {
-  const PoseVector d = circular_difference(scene, mode.pose, truth);
+  const PoseVector d = pose_error(scene, mode.pose, truth);
   const double distance = d.dot(mode.covariance.ldlt().solve(d));
   return distance <= kRegion[d.size()];
 }

@@ -158,8 +158,8 @@ void evaluate_split(const Scene& calibrated, const FitOptions& options,
       std::size_t{0}, chosen.size(),
       [&](std::size_t i) {
         const FitResult result = fitter.fit(captures[chosen[i]]);
-        own[i] = {result.posterior.mean - positions[chosen[i]].pose, result.posterior.covariance,
-                  positions[chosen[i]].key};
+        own[i] = {pose_error(calibrated, result.posterior.mean, positions[chosen[i]].pose),
+                  result.posterior.covariance, positions[chosen[i]].key};
         progress.advance();
       },
       tbb::simple_partitioner());

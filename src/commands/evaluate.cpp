@@ -133,9 +133,9 @@ Eigen::VectorXd numbers(const json& list, Eigen::Index size, const std::string& 
 
 /// What one entry of the result says against its truth; nothing when either is missing.
 std::optional<EstimateError> error_of(const json& entry, const Truth* truth,
-                                      const std::vector<std::string>& names, bool mean, int place,
+                                      const Eigen::VectorXd& periods, bool mean, int place,
                                       const std::string& where) {
-  const auto n = static_cast<Eigen::Index>(names.size());
+  const Eigen::Index n = periods.size();
   const json* pose = nullptr;
   const json* covariance = nullptr;
   if (mean && entry.contains("mean") && entry["mean"].is_array()) {
@@ -159,10 +159,7 @@ std::optional<EstimateError> error_of(const json& entry, const Truth* truth,
   EstimateError e;
   e.error = numbers(*pose, n, where + ".mean") - known;
   for (Eigen::Index i = 0; i < n; ++i) {
-    // Yaw is circular.
-    if (names[static_cast<std::size_t>(i)].ends_with("yaw_rad")) {
-      e.error[i] = std::remainder(e.error[i], 2 * kPi);
-    }
+    if (periods[i] > 0) e.error[i] = std::remainder(e.error[i], periods[i]);
   }
   e.covariance.resize(n, n);
   if (!covariance->is_array() || static_cast<Eigen::Index>(covariance->size()) != n) {
@@ -186,13 +183,16 @@ int run_evaluate(const EvaluateArguments& arguments) {
     throw Error(arguments.result, "is no result of blindcorner fit");
   }
   const auto names = result["unknowns"].get<std::vector<std::string>>();
+  if (!result.contains("periods")) throw Error(arguments.result + ": periods", "is missing");
+  const Eigen::VectorXd periods = numbers(
+      result["periods"], static_cast<Eigen::Index>(names.size()), arguments.result + ": periods");
   std::optional<Truth> truth;
   if (!arguments.truth.empty()) truth = read_truth(arguments.truth, names);
   EvaluationRow row;
   row.name = std::filesystem::path(arguments.result).string();
   int without = 0;
   for (std::size_t i = 0; i < result["captures"].size(); ++i) {
-    const auto error = error_of(result["captures"][i], truth ? &*truth : nullptr, names,
+    const auto error = error_of(result["captures"][i], truth ? &*truth : nullptr, periods,
                                 arguments.estimator == "mean", static_cast<int>(i),
                                 arguments.result + ": captures[" + std::to_string(i) + "]");
     if (error) {

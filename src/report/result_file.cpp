@@ -107,12 +107,6 @@ std::vector<double> truth_vector(const Scene& scene, const std::map<std::string,
   return any ? values : std::vector<double>{};
 }
 
-double unknown_difference(const Scene& scene, std::size_t unknown, double a, double b) {
-  if (scene.unknowns.at(unknown).component != Component::yaw) return a - b;
-  const double period = yaw_period(hidden_object(scene, scene.unknowns[unknown].object).shape);
-  return period > 0.0 ? std::remainder(a - b, period) : 0.0;
-}
-
 double position_error(const Scene& scene, const FitResult& result) {
   const double unknown_error = std::numeric_limits<double>::quiet_NaN();
   const std::vector<double> truth = truth_vector(scene, result.truth);
@@ -175,6 +169,7 @@ json result_json(const Scene& scene, const std::vector<FitResult>& results) {
   return {{"format", kResultFormat},
           {"scene", scene.path.empty() ? scene.name : scene.path},
           {"unknowns", unknown_names(scene)},
+          {"periods", periods(scene)},
           {"captures", std::move(captures)}};
 }
 

@@ -38,10 +38,6 @@ std::string dump_json(const nlohmann::json& json, int indent = -1);
 /// does not. Empty when it knows none.
 std::vector<double> truth_vector(const Scene& scene, const std::map<std::string, double>& truth);
 
-/// Difference of two values of an unknown; of yaw the shortest way around the circle, modulo the
-/// symmetry of the scene's hidden shape (0 for a shape that yaw does not change).
-double unknown_difference(const Scene& scene, std::size_t unknown, double a, double b);
-
 /// Distance of the heaviest mode's position from the true one over the unknown coordinates, m; NaN
 /// without mode, without truth or when no coordinate is unknown.
 double position_error(const Scene& scene, const FitResult& result);

@@ -417,6 +417,28 @@ class CliCalibration : public Cli {
   std::string files_;
 };
 
+// A plate turned by half a turn is the same plate.
+TEST_F(Cli, EvaluatesYawModuloTheShapesSymmetry) {
+  const json covariance = {{0.01, 0}, {0, 0.01}};
+  const json mode = {{"optimum", {0.1, 3.1}}, {"covariance", covariance}};
+  const json capture = {
+      {"modes", {mode}}, {"mean", {0.1, 3.1}}, {"covariance", covariance}, {"truth", {0.1, 0.0}}};
+  json result = {{"format", "blindcorner.result/1"},
+                 {"unknowns", {"x_m", "yaw_rad"}},
+                 {"periods", {0.0, 3.14159265}},
+                 {"captures", {capture, capture, capture}}};
+  const std::string file = path("result.json");
+  std::ofstream(file) << result;
+  ASSERT_EQ(run("evaluate '" + file + "' --resamples 10").exit_code, 0);
+  const json figures = json::parse(text_of(path("evaluation.json")));
+  EXPECT_NEAR(figures.at("rows")[0].at("figures").at("rmse_yaw_rad").at("value"), 0.0416, 1e-3);
+  result.erase("periods");
+  std::ofstream(file) << result;
+  const Outcome refused = run("evaluate '" + file + "'");
+  EXPECT_NE(refused.exit_code, 0);
+  EXPECT_THAT(refused.err, HasSubstr("result.json: periods"));
+}
+
 TEST_F(CliCalibration, CalibratesFitsAndEvaluates) {
   const std::string instrument = path("instrument.json");
   const Outcome calibrated = run("calibrate " + scene_ + files_ +

@@ -136,6 +136,30 @@ TEST(Fit, CovarianceShrinksWithLight) {
   EXPECT_GT(ratio, 8);
 }
 
+// A disturbed capture says nothing: its share of the answer is the prior, the normal one if given.
+TEST(Fit, OutliersHaveThePriorsMeanAndSpread) {
+  Scene scene = quick_scene();
+  const double share = 0.2;
+  Unknown& x = scene.unknowns[0];
+  const NormalPrior prior{x.lower + 0.55 * x.range(), 0.04 * x.range()};
+  x.prior = prior;
+  const Capture capture = reference_capture(scene, middle(scene), 3000, 1);
+  const PoseMixture clean = fit(scene, capture, quick_options()).posterior;
+  scene.outlier_probability = share;
+  const PoseMixture mixed = fit(scene, capture, quick_options()).posterior;
+  const Unknown& y = scene.unknowns[1];
+  const double even = y.range() * y.range() / 12;
+  const Eigen::Vector2d center(prior.mean, 0.5 * (y.lower + y.upper));
+  const Eigen::Vector2d variance(prior.sigma * prior.sigma, even);
+  for (Eigen::Index i = 0; i < 2; ++i) {
+    const double d = center[i] - clean.mean[i];
+    EXPECT_NEAR(mixed.mean[i], clean.mean[i] + share * d, 1e-5);
+    const double want =
+        (1 - share) * clean.covariance(i, i) + share * variance[i] + share * (1 - share) * d * d;
+    EXPECT_NEAR(mixed.covariance(i, i), want, 1e-3 * want);
+  }
+}
+
 TEST(Fit, JointFitIsSharperThanEachCapture) {
   const Scene scene = quick_scene();
   const Fitter fitter(scene, quick_options());

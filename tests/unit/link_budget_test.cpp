@@ -59,6 +59,36 @@ TEST(LinkBudget, GainIsCountsPerIrradiance) {
   EXPECT_NEAR(link_radiant_intensity(street_link(), 0.588), 0.4 / 0.588, 1e-9);
 }
 
+// S/N of values with Gaussian noise is over that noise, not over counts' own.
+TEST(LinkBudget, SignalToNoiseFollowsTheNoiseLaw) {
+  Scene scene = read_scene(SOURCE_DIR "/scenes/denali_like.json");
+  const SensorPlacement sensor = sensor_placement(scene);
+  const auto model = make_fast_model(scene, sensor, at_tolerance(0.1));
+  PoseVector pose(2);
+  for (Eigen::Index i = 0; i < 2; ++i) {
+    const Unknown& u = scene.unknowns[static_cast<std::size_t>(i)];
+    pose[i] = 0.5 * (u.lower + u.upper);
+  }
+  scene.sensor.noise = GaussianNoise{4.0, 0.0, false};
+  double before = 0;
+  for (const double floor : {4.0, 16.0}) {
+    std::get<GaussianNoise>(scene.sensor.noise).variance_floor = floor;
+    double best = 0;
+    for (const ZoneBudget& b : link_budget(scene, *model, pose)) {
+      best = std::max(best, b.signal_to_noise);
+      if (b.gate_bins > 0) {
+        EXPECT_LE(b.signal_to_noise, b.three_bounce / std::sqrt(floor * b.gate_bins) + 1e-12);
+        EXPECT_GE(b.signal_to_noise, 0.89 * b.three_bounce / std::sqrt(floor * b.gate_bins));
+      }
+    }
+    ASSERT_GT(best, 0);
+    if (before > 0) {
+      EXPECT_NEAR(best, before / 2, 1e-6 * before);
+    }
+    before = best;
+  }
+}
+
 // Integrated over all wavelengths the spectrum is the illuminance over the efficacy, and the
 // efficacy is that of the eye: V(lambda) = 1.019 exp(-285.4 (lambda - 0.559 um)^2), 683 lm/W.
 TEST(LinkBudget, DaylightIsABlackBodyOfItsIlluminance) {

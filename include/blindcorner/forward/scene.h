@@ -104,4 +104,10 @@ std::string unknown_name(const Scene& scene, const Unknown& unknown);
 /// Names of the unknowns in order.
 std::vector<std::string> unknown_names(const Scene& scene);
 
+/// After how much each unknown repeats: the symmetry of its object's shape for yaw, rad; else 0.
+std::vector<double> periods(const Scene& scene);
+
+/// Estimate minus truth; of yaw the shortest way around, modulo the symmetry of the shape.
+PoseVector pose_error(const Scene& scene, const PoseVector& estimate, const PoseVector& truth);
+
 }  // namespace blindcorner
