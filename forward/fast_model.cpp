@@ -27,6 +27,7 @@
 #include "blindcorner/forward/error.h"
 #include "blindcorner/forward/forward_model.h"
 #include "blindcorner/forward/multiversion.h"
+#include "lobe_field.h"
 #include "measured_law_model.h"
 #include "relay_setup.h"
 #include "static_bounces.h"
@@ -584,7 +585,10 @@ class FastModel final : public ForwardModel {
     });
   }
   void lambertian(const CellNodes& cell, const Shadows& shadows, Scratch& s) const;
-  void retro_single(const CellNodes& cell, const Shadows& shadows, Scratch& s) const;
+  void retro_single(const CellNodes& cell, const Shadows& shadows,
+                    const std::vector<OccluderFace>& occluders, Scratch& s) const;
+  void gather(const CellNodes& cell, std::size_t node, const std::vector<OccluderFace>& occluders,
+              Scratch& s) const;
   void retro_pairs(const CellNodes& cell, const Shadows& shadows, Scratch& s) const;
   void light_between(const CellNode& node, const PatchArrays& arrays, const ShadowView* shadows,
                      Scratch& s) const;
@@ -605,6 +609,7 @@ class FastModel final : public ForwardModel {
   RelaySetup setup_;
   TransportPlan plan_;
   std::vector<OccluderFace> all_occluders_;  ///< for poses outside of the search region
+  std::optional<LobeField> lobe_;            ///< of the single sum
   bool confocal_;
   double pulse_sigma_;     ///< m of path, pulse, bin and extra blur together
   double extra_variance_;  ///< s^2
@@ -644,6 +649,9 @@ FastModel::FastModel(const Scene& scene, const SensorPlacement& placement,
       cells_per_metre_(1 / (kPathCell * pulse_sigma_)),
       path_cells_(static_cast<int>(axis_bins_ / bins_per_metre_ * cells_per_metre_) +
                   2 * kCellMargin) {
+  if (plan_.kernel == Kernel::retro_single && !setup_.uses_points()) {
+    lobe_.emplace(scene_, placement);
+  }
   choose_fidelity(options);
   complete_plan(options.tolerance);
   decide_bounces(options.tolerance);
@@ -1313,7 +1321,8 @@ void FastModel::pair_zone(Scratch& s, std::size_t node, int zone, std::size_t be
 
 /// The lobe is small against the lit spot: light comes back from where it fell. Integrating the
 /// lobe over p leaves the radiance at r, and the fall-off is 1/r^2.
-void FastModel::retro_single(const CellNodes& cell, const Shadows& shadows, Scratch& s) const {
+void FastModel::retro_single(const CellNodes& cell, const Shadows& shadows,
+                             const std::vector<OccluderFace>& occluders, Scratch& s) const {
   const double sigma = std::get<RetroreflectiveMaterial>(scene_.hidden.material).lobe_sigma;
   // Both outer legs are the patch's own; counted from the relay they cancel.
   const double way_in = scene_.sensor.path_origin == PathOrigin::sensor ? 1 : 0;
@@ -1325,8 +1334,12 @@ void FastModel::retro_single(const CellNodes& cell, const Shadows& shadows, Scra
   std::fill_n(s.pulses.variance.begin(), groups, 0.0);
   for (std::size_t n = 0; n < cell.count; ++n) {
     light_between(cell.nodes[n], seen_, shadows.empty() ? nullptr : &shadows[n], s);
-    retro_light_of_patches(s, seen_, scene_.hidden.albedo * cell.nodes[n].area, cell.half_u,
-                           cell.half_v, sigma, way_in, s.patches);
+    if (lobe_) {
+      gather(cell, n, occluders, s);
+    } else {
+      retro_light_of_patches(s, seen_, scene_.hidden.albedo * cell.nodes[n].area, cell.half_u,
+                             cell.half_v, sigma, way_in, s.patches);
+    }
     std::size_t i = 0;
     for (std::size_t g = 0; g < groups; ++g) {
       for (const auto end = static_cast<std::size_t>(seen_.group_end[g]); i < end; ++i) {
@@ -1337,6 +1350,30 @@ void FastModel::retro_single(const CellNodes& cell, const Shadows& shadows, Scra
     }
   }
   add_seen_pulses(s, 1);
+}
+
+/// Light that comes back of every patch, with what the lobe about it gathers: sums of weight, path
+/// and path squared.
+void FastModel::gather(const CellNodes& cell, std::size_t node,
+                       const std::vector<OccluderFace>& occluders, Scratch& s) const {
+  const LobeField::View view = lobe_->seen_from(cell.nodes[node].center, occluders);
+  const double scale = scene_.hidden.albedo * cell.nodes[node].area;
+  std::size_t i = 0;
+  for (std::size_t g = 0; g < seen_.group_end.size(); ++g) {
+    for (const auto end = static_cast<std::size_t>(seen_.group_end[g]); i < end; ++i) {
+      s.patches.weight[i] = s.patches.first[i] = s.patches.second[i] = 0;
+      if (s.weight[i] <= 0) continue;
+      const Vector3d d(s.dx[i], s.dy[i], s.dz[i]);
+      const GatheredLight in = view.about(d, seen_.group_zone[g]);
+      const double weight = scale * s.weight[i];
+      const double path = s.path[i];
+      const double variance = 4 * (s.variance[i] + cell.variance(d));
+      s.patches.weight[i] = weight * in.weight;
+      s.patches.first[i] = weight * (in.first + path * in.weight);
+      s.patches.second[i] =
+          weight * (in.second + 2 * path * in.first + (path * path + variance) * in.weight);
+    }
+  }
 }
 
 /// Wide lobes: every pair of a lit and a seen patch, weighted with the lobe averaged over both
@@ -1465,7 +1502,7 @@ void FastModel::render(const Placement& placement, const MovingBodies& bodies,
         lambertian(nodes, shadows, scratch);
         break;
       case Kernel::retro_single:
-        retro_single(nodes, shadows, scratch);
+        retro_single(nodes, shadows, occluders, scratch);
         break;
       case Kernel::retro_pairs:
         retro_pairs(nodes, shadows, scratch);
