@@ -20,6 +20,7 @@
 #include <limits>
 #include <mutex>
 #include <numbers>
+#include <span>
 #include <string>
 #include <utility>
 
@@ -226,6 +227,8 @@ void grow(LightSums& cells, Range& range, int begin, int end) {
 /// Scratch for one evaluation, one per thread.
 struct Scratch {
   std::vector<double> weight, path, variance, dx, dy, dz, cosine, rows;
+  std::vector<std::pair<std::size_t, double>> partial;  ///< patches seen in part, and which share
+  std::vector<double> distance, extent;                 ///< of patches, for lobes
   std::vector<Sums> cells;     ///< [zone][path cell]; all zero between evaluations
   std::vector<Range> touched;  ///< [zone] path cells that hold light
   LightSums patches;           ///< of one node, every patch by itself
@@ -430,6 +433,28 @@ BLINDCORNER_MULTIVERSION void retro_light_of_patches(const Scratch& s, const Pat
   }
 }
 
+/// From light gathered about each of `n` patches to what comes back: both legs change with a cell's
+/// half edges u and v.
+BLINDCORNER_MULTIVERSION void scale_gathered(const Scratch& s, std::size_t n, double scale,
+                                             const Vector3d& u, const Vector3d& v,
+                                             LightSums& sums) {
+  const double ux = u.x(), uy = u.y(), uz = u.z(), vx = v.x(), vy = v.y(), vz = v.z();
+  const double* w = s.weight.data();
+  const double *dx = s.dx.data(), *dy = s.dy.data(), *dz = s.dz.data();
+  double* __restrict weight = sums.weight.data();
+  double* __restrict first = sums.first.data();
+  double* __restrict second = sums.second.data();
+  BLINDCORNER_INDEPENDENT
+  for (std::size_t i = 0; i < n; ++i) {
+    const double gu = dx[i] * ux + dy[i] * uy + dz[i] * uz;
+    const double gv = dx[i] * vx + dy[i] * vy + dz[i] * vz;
+    const double light = scale * w[i];
+    second[i] = light * (second[i] + 4 * (gu * gu + gv * gv) / 3 * weight[i]);
+    first[i] *= light;
+    weight[i] *= light;
+  }
+}
+
 /// Adds pulses to the two nearest of `count` path cells, each in proportion to nearness and with
 /// moments about the cell's own path, against cancellation. Widens `touched` by the cells used.
 BLINDCORNER_MULTIVERSION void add_to_cells(const Pulses& p, std::size_t begin, std::size_t end,
@@ -569,7 +594,7 @@ class FastModel final : public ForwardModel {
   bool too_many_pairs() const;
   void decide_bounces(double tolerance);
   double coarsest(const std::vector<PoseVector>& poses, double tolerance,
-                  const std::function<int(double)>& sample) const;
+                  const std::function<int(double)>& sample);
   std::vector<PoseVector> probe_poses() const;
   static double largest_change(const std::vector<HistogramCube>& coarse,
                                const std::vector<HistogramCube>& fine);
@@ -586,7 +611,7 @@ class FastModel final : public ForwardModel {
   }
   void lambertian(const CellNodes& cell, const Shadows& shadows, Scratch& s) const;
   void retro_single(const CellNodes& cell, const Shadows& shadows,
-                    const std::vector<OccluderFace>& occluders, Scratch& s) const;
+                    std::span<const std::vector<OccluderFace>> occluders, Scratch& s) const;
   void gather(const CellNodes& cell, std::size_t node, const std::vector<OccluderFace>& occluders,
               Scratch& s) const;
   void retro_pairs(const CellNodes& cell, const Shadows& shadows, Scratch& s) const;
@@ -617,6 +642,7 @@ class FastModel final : public ForwardModel {
   double object_edge_ = 1.0;
   int dim_patches_ = 0;           ///< left out
   int object_nodes_ = 0;          ///< of the scene's own placement
+  double unresolved_ = 0;         ///< change of a bin where the search for a sampling gave up
   bool object_midpoint_ = false;  ///< cells are so small that their centres will do
   Fidelity fidelity_;
   PulseTable pulses_;
@@ -676,7 +702,9 @@ void FastModel::complete_plan(double tolerance) {
     plan_.decide(pairs);
   } else {
     PlanDecision pairs = plan_.decision(Term::patch_pairs);
-    pairs.bound = single_sum_bound();
+    // Pairs also divide the relay by the lobe: what coarser patches err by, the search's last
+    // change and as much again for what it would go on to.
+    pairs.bound = single_sum_bound() + std::max(tolerance, 2 * unresolved_);
     plan_.decide(pairs);
   }
   const auto [first, last] = reachable_bins();
@@ -689,34 +717,73 @@ void FastModel::complete_plan(double tolerance) {
                        : "captures hold none"});
 }
 
-/// Largest change of a bin, as a share of the peak, when pairs of patches are replaced by one sum.
-/// Along an edge of the light (the rim of what is lit, a shadow) the pairs smear it by the lobe's
-/// footprint f = sigma r / cos, stretched on the tilted relay: a strip loses
-/// integral (1 - Phi(x / f)) dx = 0.4 f of its width. A bin sees a part of the lit spot of width w
-/// between two edges, each of which counts on the way in, and loses 2 * 0.4 f / w; w is the share
-/// kBinShare of the spot's extent.
+/// What one pulse, of the right mean and of the variance that two points of the lobe give, leaves
+/// out of the light that a lobe gathers on the tilted relay, relative to the pulse's peak.
+///
+/// Turned by z standard deviations along the tilt (angle t off the normal, lobe s, distance r), the
+/// lobe meets the relay a way x = r s z / cos t (1 + s tan t z + ...) off, and the path changes by
+/// a z + b z^2 with a = r s / cos t times the path's gradient and b = a s tan t. The two points
+/// miss the variance 2 b^2, which lowers the peak of a pulse of width w by b^2 / w^2; a Gaussian
+/// misses the third cumulant k = 6 a^2 b + 8 b^3, by max |He3 phi| / phi(0) k / (6 w^3) = 0.23 k /
+/// w^3. An edge that cuts the lobe makes it lopsided besides: at most k = 0.22 a^3, of a half
+/// normal distribution. Oblique edges that meet lose 0.03 of the lobe at the corner.
+struct LobeClosure {
+  double smooth;   ///< of all light
+  double at_edge;  ///< of light within a footprint of an edge
+
+  LobeClosure(double a, double bend, double pulse) {
+    const double b = a * std::min(bend, 1.0);
+    const double w = std::sqrt(pulse * pulse + a * a);
+    const auto skew = [&](double k) { return 0.23 * k / (w * w * w); };
+    smooth = std::min(b * b / (w * w) + skew(6 * a * a * b + 8 * b * b * b), 1.0);
+    at_edge = std::min(skew(0.22 * a * a * a) + 0.03, 1.0);
+  }
+};
+
+/// Largest change of a bin, as a share of the peak, when pairs of patches replace the single sum:
+/// what LobeClosure leaves out, averaged over each zone's light and relative to the brightest
+/// zone's, at the worst of the probed placements. Edges count for the share of a bin's light within
+/// a footprint on either side of two edges; a bin sees the share kBinShare of the lit spot.
 double FastModel::single_sum_bound() const {
   const auto* retro = std::get_if<RetroreflectiveMaterial>(&scene_.hidden.material);
   const double extent = setup_.lit_extent();
   if (retro == nullptr || extent <= 0) return 0.0;
   constexpr double kBinShare = 0.12;  // a pulse of 4 cm of path on a spot of 0.6 m: 0.07 to 0.3
-  double footprint = 0;               // averaged over the light exchanged, the placements' largest
+  const double sigma = retro->lobe_sigma;
+  double bound = 0;
+  std::vector<double> light(scene_.sensor.zones.size());
+  std::vector<double> lost(light.size());
   for (const Placement& p : probe_placements(scene_)) {
     const Vector3d q = object_to_world(scene_.hidden.shape, scene_.hidden.anchor, p).translation();
-    double sum = 0;
-    double light = 0;
-    for (int i = 0; i < seen_.size(); ++i) {
+    std::fill(light.begin(), light.end(), 0.0);
+    std::fill(lost.begin(), lost.end(), 0.0);
+    for (int i = 0, group = 0; i < seen_.size(); ++i) {
+      while (i >= seen_.group_end[static_cast<std::size_t>(group)]) ++group;
       const Vector3d way = q - seen_.center(i);
       const double r = way.norm();
-      const double cosine = way.dot(seen_.normal(i)) / r;
-      if (cosine <= 0) continue;
-      const double weight = seen_.weight[static_cast<std::size_t>(i)] * cosine / (r * r);
-      light += weight;
-      sum += weight * retro->lobe_sigma * r / std::max(cosine, retro->lobe_sigma);
+      const Vector3d normal = seen_.normal(i);
+      const double cosine = std::max(way.dot(normal) / r, 0.5 * sigma);
+      if (way.dot(normal) <= 0) continue;
+      const auto k = static_cast<std::size_t>(i);
+      const double weight = seen_.weight[k] * seen_.radiance[k] * cosine / (r * r);
+      // Along the tilt, on the relay.
+      const Vector3d tilt = way / r - normal * way.dot(normal) / r;
+      const double sine = tilt.norm();
+      const Vector3d gradient = seen_.leg_direction(i) - way / r;
+      const double slope = sine > 0 ? std::abs(gradient.dot(tilt)) / sine : 0.0;
+      const double footprint = sigma * r / cosine;
+      const LobeClosure closure(footprint * slope, sigma * sine / cosine, pulse_sigma_);
+      const double near_edges = std::min(4 * footprint / (kBinShare * extent), 1.0);
+      const auto zone = static_cast<std::size_t>(seen_.group_zone[static_cast<std::size_t>(group)]);
+      light[zone] += weight;
+      lost[zone] += weight * (closure.smooth + near_edges * closure.at_edge);
     }
-    if (light > 0) footprint = std::max(footprint, sum / light);
+    const double brightest = *std::max_element(light.begin(), light.end());
+    if (brightest > 0) {
+      bound = std::max(bound, *std::max_element(lost.begin(), lost.end()) / brightest);
+    }
   }
-  return 2 * 0.4 * footprint / (kBinShare * extent);
+  return bound;
 }
 
 /// First and last bin of any zone that light from the search region can reach, by the shortest and
@@ -862,7 +929,7 @@ bool FastModel::too_many_pairs() const {
 
 /// `sample` takes a coarseness and returns how many cells it made.
 double FastModel::coarsest(const std::vector<PoseVector>& poses, double tolerance,
-                           const std::function<int(double)>& sample) const {
+                           const std::function<int(double)>& sample) {
   // Borders of surfaces and shadows converge slowly: below this, finer cells that gain next to
   // nothing are not worth their time.
   constexpr double kStagnates = 0.05;
@@ -886,10 +953,15 @@ double FastModel::coarsest(const std::vector<PoseVector>& poses, double toleranc
     for (; next + 1 < candidates.size() && fine.cells >= 2 * candidates[next].cells; ++next) {
       const double change = largest_change(candidates[next].cubes, fine.cubes);
       const bool stagnates = change < kStagnates && change > 0.8 * before;
-      if (change < tolerance || stagnates) return candidates[next].coarseness;
+      if (change < tolerance) return candidates[next].coarseness;
+      if (stagnates) {
+        unresolved_ += change;
+        return candidates[next].coarseness;
+      }
       before = change;
     }
   }
+  if (std::isfinite(before)) unresolved_ += before;
   return candidates.back().coarseness;
 }
 
@@ -1102,6 +1174,7 @@ void FastModel::sample_object(const Limits& limits) {
 void FastModel::light_between(const CellNode& node, const PatchArrays& arrays,
                               const ShadowView* shadows, Scratch& s) const {
   exchange(node, arrays, s);
+  s.partial.clear();
   if (shadows == nullptr) return;
   for (const PatchArrays::Block& block : arrays.blocks) {
     const ShadowView::Sight sight = shadows->sight(block.center, block.radius);
@@ -1126,6 +1199,7 @@ void FastModel::shade(const CellNode& node, const PatchArrays& arrays, const Sha
     s.weight[k] = 0;
     return;
   }
+  s.partial.emplace_back(k, part.fraction);
   // The visible part's own centre.
   const Vector3d way = arrays.center(patch) + part.shift - node.center;
   const double r = way.norm();
@@ -1319,10 +1393,12 @@ void FastModel::pair_zone(Scratch& s, std::size_t node, int zone, std::size_t be
   touched = {std::min(touched.begin, used.begin), std::max(touched.end, used.end)};
 }
 
-/// The lobe is small against the lit spot: light comes back from where it fell. Integrating the
+/// The lobe is small against the lit spot: light comes back from where it fell. `occluders` of each
+/// node, or one list for all. Integrating the
 /// lobe over p leaves the radiance at r, and the fall-off is 1/r^2.
 void FastModel::retro_single(const CellNodes& cell, const Shadows& shadows,
-                             const std::vector<OccluderFace>& occluders, Scratch& s) const {
+                             std::span<const std::vector<OccluderFace>> occluders,
+                             Scratch& s) const {
   const double sigma = std::get<RetroreflectiveMaterial>(scene_.hidden.material).lobe_sigma;
   // Both outer legs are the patch's own; counted from the relay they cancel.
   const double way_in = scene_.sensor.path_origin == PathOrigin::sensor ? 1 : 0;
@@ -1335,7 +1411,7 @@ void FastModel::retro_single(const CellNodes& cell, const Shadows& shadows,
   for (std::size_t n = 0; n < cell.count; ++n) {
     light_between(cell.nodes[n], seen_, shadows.empty() ? nullptr : &shadows[n], s);
     if (lobe_) {
-      gather(cell, n, occluders, s);
+      gather(cell, n, occluders[std::min(n, occluders.size() - 1)], s);
     } else {
       retro_light_of_patches(s, seen_, scene_.hidden.albedo * cell.nodes[n].area, cell.half_u,
                              cell.half_v, sigma, way_in, s.patches);
@@ -1357,23 +1433,28 @@ void FastModel::retro_single(const CellNodes& cell, const Shadows& shadows,
 void FastModel::gather(const CellNodes& cell, std::size_t node,
                        const std::vector<OccluderFace>& occluders, Scratch& s) const {
   const LobeField::View view = lobe_->seen_from(cell.nodes[node].center, occluders);
-  const double scale = scene_.hidden.albedo * cell.nodes[node].area;
-  std::size_t i = 0;
-  for (std::size_t g = 0; g < seen_.group_end.size(); ++g) {
-    for (const auto end = static_cast<std::size_t>(seen_.group_end[g]); i < end; ++i) {
-      s.patches.weight[i] = s.patches.first[i] = s.patches.second[i] = 0;
-      if (s.weight[i] <= 0) continue;
-      const Vector3d d(s.dx[i], s.dy[i], s.dz[i]);
-      const GatheredLight in = view.about(d, seen_.group_zone[g]);
-      const double weight = scale * s.weight[i];
-      const double path = s.path[i];
-      const double variance = 4 * (s.variance[i] + cell.variance(d));
-      s.patches.weight[i] = weight * in.weight;
-      s.patches.first[i] = weight * (in.first + path * in.weight);
-      s.patches.second[i] =
-          weight * (in.second + 2 * path * in.first + (path * path + variance) * in.weight);
-    }
+  const auto count = static_cast<std::size_t>(seen_.size());
+  s.distance.resize(count);
+  for (std::size_t i = 0; i < count; ++i) s.distance[i] = s.path[i] - seen_.leg[i];
+  s.extent.assign(seen_.spread.begin(), seen_.spread.end());
+  for (const auto& [patch, fraction] : s.partial) s.extent[patch] *= fraction * fraction;
+  for (auto* sums : {&s.patches.weight, &s.patches.first, &s.patches.second}) {
+    std::fill_n(sums->begin(), count, 0.0);
   }
+  const LobeRays rays{s.dx.data(),     s.dy.data(),     s.dz.data(),     s.distance.data(),
+                      s.path.data(),   s.extent.data(), seen_.lx.data(), seen_.ly.data(),
+                      seen_.lz.data(), seen_.ux.data(), seen_.uy.data(), seen_.uz.data(),
+                      seen_.vx.data(), seen_.vy.data(), seen_.vz.data(), cell.nodes[node].normal};
+  const LobeSums sums{s.patches.weight.data(), s.patches.first.data(), s.patches.second.data()};
+  for (std::size_t g = 0, begin = 0; g < seen_.group_end.size();) {
+    const int zone = seen_.group_zone[g];
+    while (g < seen_.group_end.size() && (!confocal_ || seen_.group_zone[g] == zone)) ++g;
+    const auto end = static_cast<std::size_t>(seen_.group_end[g - 1]);
+    view.gather(rays.from(begin), end - begin, zone, sums.from(begin));
+    begin = end;
+  }
+  scale_gathered(s, count, scene_.hidden.albedo * cell.nodes[node].area, cell.half_u, cell.half_v,
+                 s.patches);
 }
 
 /// Wide lobes: every pair of a lit and a seen patch, weighted with the lobe averaged over both
@@ -1480,21 +1561,22 @@ void FastModel::render(const Placement& placement, const MovingBodies& bodies,
   const std::vector<OccluderFace> own = own_occluders(placement, T);
   const std::vector<OccluderFace>& occluders = own.empty() ? plan_.occluders : own;
   Shadows shadows;
-  std::vector<OccluderFace> faces;
+  std::vector<std::vector<OccluderFace>> faces;  // in the way of each node, the same or its own
   for (const SurfaceCell& cell : divide(hidden.shape, T, placement.size, object_edge_, 1)) {
     if (!faces_relay(cell)) continue;
     const CellNodes nodes(cell, object_midpoint_);
     if (!occluders.empty() || !bodies.empty()) {
       shadows.clear();
+      faces.clear();
       for (std::size_t n = 0; n < nodes.count; ++n) {
         const Vector3d& point = nodes.nodes[n].center;
         if (bodies.empty()) {
           shadows.emplace_back(occluders, point);
           continue;
         }
-        faces = occluders;
-        bodies.faces_seen_from(point, faces);
-        shadows.emplace_back(faces, point);
+        faces.push_back(occluders);
+        bodies.faces_seen_from(point, faces.back());
+        shadows.emplace_back(faces.back(), point);
       }
     }
     switch (plan_.kernel) {
@@ -1502,7 +1584,10 @@ void FastModel::render(const Placement& placement, const MovingBodies& bodies,
         lambertian(nodes, shadows, scratch);
         break;
       case Kernel::retro_single:
-        retro_single(nodes, shadows, occluders, scratch);
+        retro_single(nodes, shadows,
+                     bodies.empty() ? std::span<const std::vector<OccluderFace>>(&occluders, 1)
+                                    : std::span<const std::vector<OccluderFace>>(faces),
+                     scratch);
         break;
       case Kernel::retro_pairs:
         retro_pairs(nodes, shadows, scratch);

@@ -4,7 +4,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <algorithm>
 #include <vector>
 
 #include "blindcorner/forward/forward_model.h"
@@ -12,36 +11,45 @@
 
 namespace blindcorner {
 
-/// Light gathered about one direction: sums over where it came from.
-struct GatheredLight {
-  double weight = 0;  ///< mean radiance over the lobe, W/m^2/sr
-  double first = 0;   ///< times the path from the source to the object, m
-  double second = 0;  ///< times the square of that path, its variance over the lobe included
+/// Seen relay patches as one object point sees them: arrays of one length, not owned.
+struct LobeRays {
+  const double *x, *y, *z;     ///< unit directions from the object to the patches
+  const double* distance;      ///< m, from the object to the patch
+  const double* path;          ///< m, way out: from the object by way of the patch to the detector
+  const double* extent;        ///< share of the squared half edges that is variance of the patch:
+                               ///< 1/3 of a whole patch, 0 of a point
+  const double *lx, *ly, *lz;  ///< gradient of the outer leg at the patch
+  const double *ux, *uy, *uz;  ///< half edges, m
+  const double *vx, *vy, *vz;
+  Eigen::Vector3d normal;  ///< of the object
+
+  LobeRays from(std::size_t first) const;
 };
 
-/// What of a standard normal distribution is left between edges on both sides.
-struct Strip {
-  double low = 1, high = 1;  ///< shares inside of the edges of either side
-  double low_density = 0, high_density = 0;
-  double low_slope = 0, high_slope = 0;  ///< distance times density
+/// Light gathered about directions: sums over where it came from. Adds to what is there.
+struct LobeSums {
+  double* weight;  ///< mean radiance over the lobe, W/m^2/sr
+  double* first;   ///< times the path in and out, m
+  double* second;  ///< times its square, the path's variance over lobe and patch included
 
-  /// An edge at `distance`, positive when the middle of the distribution lies inside.
-  void cut(bool upper, double distance);
-  double share() const { return std::max(low + high - 1, 0.0); }
-  double mean() const;
-  double variance() const;
+  LobeSums from(std::size_t begin) const { return {weight + begin, first + begin, second + begin}; }
 };
 
-/// The lobe is a normal distribution of angles (standard deviation s) about the direction of
-/// departure, so what comes back from direction w is the incident radiance L convolved with it.
-/// L is that of a Lambertian relay under a source of even radiant intensity, on lit polygons: the
-/// field of illumination (or a confocal zone's footprint) cut by the relay surfaces. Each polygon's
-/// share of the lobe is a product of two strips' shares in the directions along the relay's tilt
-/// and across it; edges are great circles, exact for one edge and for two parallel ones. Within
-/// its share, L and the path are taken at two points, one standard deviation of what is left of
-/// the lobe to both sides along the tilt, where they change fast (they are exact to third order).
-/// Occluders hide their own shares of the lobe from the object. Those between source and relay are
-/// not asked.
+/// The lobe is a normal distribution of angles about the direction of departure, so what comes back
+/// from a patch is the incident radiance L convolved with the lobe, and with the patch's own extent
+/// (a normal distribution of the same covariance; it widens what is left between edges, but edges
+/// cut the lobe about the patch's middle: smearing them too made grazing seams worse). L is that of
+/// a Lambertian relay under a source of even radiant intensity, on lit polygons: the field of
+/// illumination (or a confocal zone's footprint) cut by the relay surfaces, less the shadows that
+/// other surfaces cast.
+///
+/// Of a convex region only the moments of the normal distribution inside of it matter: share, mean
+/// and covariance, as coefficients of Hermite polynomials up to the second. Half planes have them
+/// in closed form, strips between opposite edges are sums of two. Intersections multiply the
+/// series, exact for edges at right angles; at other angles the share lacks terms from the third
+/// power of the edges' correlation on (Mehler's formula). Within the region L and the path are
+/// taken at two points, one standard deviation of what is left of the lobe to both sides along the
+/// relay's tilt, where they change fast: exact to third order.
 class LobeField {
  public:
   LobeField(const Scene& scene, const SensorPlacement& placement);
@@ -49,46 +57,72 @@ class LobeField {
   /// Edges as a point sees them, made once for all directions.
   class View {
    public:
-    /// About the unit vector `direction` (object to relay), from what lights zone `zone`.
-    GatheredLight about(const Eigen::Vector3d& direction, int zone) const;
+    /// Light that zone `zone` lights, about each of `count` directions.
+    void gather(const LobeRays& rays, std::size_t count, int zone, const LobeSums& sums) const;
 
    private:
     friend class LobeField;
-    struct Edge {
-      Eigen::Vector3d inward;  ///< unit normal of the plane through the object and the edge
+    /// Opposite edges of a region: unit inward normals of the planes through the object and them.
+    struct Strip {
+      Eigen::Vector3d low, high;
+      bool closed = false;  ///< both sides have an edge
+    };
+    struct Region {
+      std::size_t first = 0, end = 0;  ///< strips
+    };
+    /// Regions that do not overlap and together take light away.
+    struct Body {
+      std::size_t first = 0, end = 0;  ///< regions
     };
     struct Polygon {
-      int zone = -1;  ///< that lights it; -1: all
-      double albedo = 0;
-      Eigen::Vector3d normal, point;
-      std::size_t first = 0, end = 0;  ///< edges
+      int zone = -1;        ///< that lights it; -1: all
+      double radiance = 0;  ///< W/m^2/sr times m^2: over the cube of the distance to the source
+      Eigen::Vector3d normal;
+      double height = 0;  ///< of the plane over the object, along the normal
+      Region region;
+      Body bodies;  ///< range of bodies_
     };
-    Eigen::Vector3d origin_, source_;
-    double sigma_ = 0;
-    double intensity_ = 0;
-    std::vector<Polygon> polygons_;
-    std::vector<Polygon> occluders_;
-    std::vector<Edge> edges_;
+    struct Chunk;
+    bool reaches(const Region& region, const Chunk& chunk) const;
+    void cut(const Region& region, Chunk& chunk) const;
+    void shade(const Polygon& polygon, Chunk& chunk) const;
 
-    void add_edges(const std::vector<Eigen::Vector3d>& corners, Polygon& polygon);
-    bool cut(const Polygon& polygon, const Eigen::Vector3d& direction, const Eigen::Vector3d& along,
-             const Eigen::Vector3d& across, Strip& strip_along, Strip& strip_across) const;
-    double hidden_share(const Eigen::Vector3d& direction, double distance,
-                        const Eigen::Vector3d& along, const Eigen::Vector3d& across) const;
+    Eigen::Vector3d origin_, source_, axis_;
+    double sigma_ = 0;
+    double cone_tangent_ = 0;  ///< of the field's half angle; 0: not a cone
+    std::vector<Polygon> polygons_;
+    std::vector<Strip> strips_;
+    std::vector<Region> regions_;
+    std::vector<Body> bodies_;
+
+    Region add_region(const std::vector<Eigen::Vector3d>& corners,
+                      const std::vector<std::pair<int, int>>& sides);
   };
   /// `origin` is a point of the object, m; `occluders` are what may stand before the relay.
   View seen_from(const Eigen::Vector3d& origin, const std::vector<OccluderFace>& occluders) const;
 
  private:
+  using Corners = std::vector<Eigen::Vector3d>;
+  using Sides = std::vector<std::pair<int, int>>;  ///< indices of opposite edges; -1: none
+  struct Outline {
+    Corners corners;
+    Sides sides;
+  };
   struct LitPolygon {
     int zone = -1;
     double albedo = 0;
     Eigen::Vector3d normal = Eigen::Vector3d::Zero();
-    std::vector<Eigen::Vector3d> corners;
+    Outline outline;
+    std::vector<std::vector<Outline>> shadows;  ///< of each surface that casts one
   };
-  Eigen::Vector3d source_;
+  static Outline outline(Corners corners, const Eigen::Vector3d& normal);
+  void add_lit(const Scene& scene, const std::vector<Eigen::Vector3d>& rays, int zone);
+  void cast_shadows(const Scene& scene);
+
+  Eigen::Vector3d source_, axis_;
   double sigma_ = 0;
   double intensity_ = 0;
+  double cone_tangent_ = 0;
   std::vector<LitPolygon> polygons_;
 };
 

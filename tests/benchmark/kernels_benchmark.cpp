@@ -54,6 +54,9 @@ BENCHMARK_CAPTURE(fast_model, tmf8828_wall_open, "tmf8828_wall", false)
 BENCHMARK_CAPTURE(fast_model, denali_like, "denali_like", true)
     ->Arg(10)
     ->Unit(benchmark::kMicrosecond);
+BENCHMARK_CAPTURE(fast_model, tmf8828_floor, "tmf8828_floor", true)
+    ->Arg(10)
+    ->Unit(benchmark::kMicrosecond);
 BENCHMARK_CAPTURE(fast_model, street_corner, "street_corner", true)
     ->Arg(100)
     ->Unit(benchmark::kMicrosecond);
