@@ -23,7 +23,7 @@ struct LobeRays {
   const double *vx, *vy, *vz;
   Eigen::Vector3d normal;  ///< of the object
 
-  LobeRays from(std::size_t first) const;
+  LobeRays from(std::size_t n) const;  ///< without the first n
 };
 
 /// Light gathered about directions: sums over where it came from. Adds to what is there.
