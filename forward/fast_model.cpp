@@ -656,6 +656,12 @@ class FastModel final : public ForwardModel {
   int path_cells_;
 };
 
+/// Largest standard deviation of a pulse's path, in those of the sensor's own pulse. Sampling keeps
+/// that of a group of patches below the first; a lobe on a grazing relay spreads paths of its own.
+double widest_blur(const TransportPlan& plan) {
+  return plan.kernel == Kernel::retro_single ? 6 : 2;
+}
+
 FastModel::FastModel(const Scene& scene, const SensorPlacement& placement,
                      const FastModelOptions& options)
     : scene_(scene),
@@ -669,7 +675,8 @@ FastModel::FastModel(const Scene& scene, const SensorPlacement& placement,
                                               options.extra_pulse_sigma)),
       extra_variance_(options.extra_pulse_sigma * options.extra_pulse_sigma),
       pulses_(scene.sensor.response, scene.sensor.bin_width,
-              extra_variance_ + 4 * std::pow(pulse_sigma_ / kSpeedOfLight, 2), 1e-4),
+              extra_variance_ + std::pow(widest_blur(plan_) * pulse_sigma_ / kSpeedOfLight, 2),
+              1e-4),
       axis_bins_(unwrapped_bins(scene.sensor)),
       bins_per_metre_(1 / (kSpeedOfLight * scene.sensor.bin_width)),
       cells_per_metre_(1 / (kPathCell * pulse_sigma_)),
