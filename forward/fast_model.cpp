@@ -58,13 +58,16 @@ constexpr double kMostPairs = 4e6;
 /// Width of a path cell in pulse standard deviations: pairs in one cell differ by a spread of
 /// s = 0.4^2 / 6 = 0.03, whose closure error is below 1e-4. Wider cells leave kinks in the pose.
 constexpr double kPathCell = 0.4;
-/// Cells before path zero and after the end of the time axis, for pulses that only just reach it.
-constexpr int kCellMargin = 16;
+/// Cells before path zero and after the end of the time axis, for pulses that only just reach it:
+/// four standard deviations of the widest.
+constexpr int kCellMargin = 64;
 /// Share of the light, in units of the tolerance, below which dim patches are left out together.
 constexpr double kNegligible = 0.03;
 /// What that may change a bin by, in the same unit: the shares are means over the probed
 /// placements, and a pose near the dim patches sees more of them.
 constexpr double kDimBound = 0.3;
+/// Less than this of a lobe's light is none.
+constexpr double kNoShare = 1e-7;
 
 std::string text_of(double value) {
   char text[32];
@@ -224,11 +227,25 @@ void grow(LightSums& cells, Range& range, int begin, int end) {
   range = {std::min(begin, range.begin), std::max(end, range.end)};
 }
 
+/// What lobes about every seen patch gather, as seen from one place on the object.
+struct LobeLight {
+  std::vector<double> radiance;  ///< mean over the lobe, W/m^2/sr
+  std::vector<double> shift;     ///< m, mean path less the way out and once more its inner leg
+  std::vector<double> variance;  ///< m^2, of the path over lobe and patch
+  bool known = false;
+
+  void resize(std::size_t count) {
+    for (auto* v : {&radiance, &shift, &variance}) v->resize(count);
+  }
+};
+
 /// Scratch for one evaluation, one per thread.
 struct Scratch {
   std::vector<double> weight, path, variance, dx, dy, dz, cosine, rows;
   std::vector<std::pair<std::size_t, double>> partial;  ///< patches seen in part, and which share
   std::vector<double> distance, extent;                 ///< of patches, for lobes
+  std::vector<LobeLight> lobes;                         ///< [anchor]
+  LightSums open, shaded;                               ///< of some patches, for shadows in lobes
   std::vector<Sums> cells;     ///< [zone][path cell]; all zero between evaluations
   std::vector<Range> touched;  ///< [zone] path cells that hold light
   LightSums patches;           ///< of one node, every patch by itself
@@ -433,14 +450,35 @@ BLINDCORNER_MULTIVERSION void retro_light_of_patches(const Scratch& s, const Pat
   }
 }
 
-/// From light gathered about each of `n` patches to what comes back: both legs change with a cell's
-/// half edges u and v.
-BLINDCORNER_MULTIVERSION void scale_gathered(const Scratch& s, std::size_t n, double scale,
-                                             const Vector3d& u, const Vector3d& v,
-                                             LightSums& sums) {
+/// From sums to mean radiance, shift of the path and its variance.
+BLINDCORNER_MULTIVERSION void lobe_moments(const Scratch& s, std::size_t n, const LightSums& sums,
+                                           LobeLight& light) {
+  const double *w = sums.weight.data(), *first = sums.first.data(), *second = sums.second.data();
+  const double *path = s.path.data(), *distance = s.distance.data();
+  double* __restrict radiance = light.radiance.data();
+  double* __restrict shift = light.shift.data();
+  double* __restrict variance = light.variance.data();
+  BLINDCORNER_INDEPENDENT
+  for (std::size_t i = 0; i < n; ++i) {
+    const double inverse = w[i] > 0 ? 1 / w[i] : 0.0;
+    const double mean = first[i] * inverse;
+    radiance[i] = w[i];
+    shift[i] = w[i] > 0 ? mean - path[i] - distance[i] : 0.0;
+    variance[i] = std::max(second[i] * inverse - mean * mean, 0.0);
+  }
+}
+
+/// Light that comes back to a node from every patch: sums of weight, path and path squared. Both
+/// legs change with a cell's half edges u and v.
+BLINDCORNER_MULTIVERSION void lobe_light_of_patches(const Scratch& s, std::size_t n,
+                                                    const LobeLight& light, double scale,
+                                                    const Vector3d& u, const Vector3d& v,
+                                                    LightSums& sums) {
   const double ux = u.x(), uy = u.y(), uz = u.z(), vx = v.x(), vy = v.y(), vz = v.z();
-  const double* w = s.weight.data();
+  const double *w = s.weight.data(), *l = s.path.data(), *distance = s.distance.data();
   const double *dx = s.dx.data(), *dy = s.dy.data(), *dz = s.dz.data();
+  const double *radiance = light.radiance.data(), *shift = light.shift.data();
+  const double* variance = light.variance.data();
   double* __restrict weight = sums.weight.data();
   double* __restrict first = sums.first.data();
   double* __restrict second = sums.second.data();
@@ -448,10 +486,11 @@ BLINDCORNER_MULTIVERSION void scale_gathered(const Scratch& s, std::size_t n, do
   for (std::size_t i = 0; i < n; ++i) {
     const double gu = dx[i] * ux + dy[i] * uy + dz[i] * uz;
     const double gv = dx[i] * vx + dy[i] * vy + dz[i] * vz;
-    const double light = scale * w[i];
-    second[i] = light * (second[i] + 4 * (gu * gu + gv * gv) / 3 * weight[i]);
-    first[i] *= light;
-    weight[i] *= light;
+    const double path = l[i] + distance[i] + shift[i];
+    const double back = scale * w[i] * radiance[i];
+    weight[i] = back;
+    first[i] = back * path;
+    second[i] = back * (path * path + variance[i] + 4 * (gu * gu + gv * gv) / 3);
   }
 }
 
@@ -610,10 +649,15 @@ class FastModel final : public ForwardModel {
     });
   }
   void lambertian(const CellNodes& cell, const Shadows& shadows, Scratch& s) const;
-  void retro_single(const CellNodes& cell, const Shadows& shadows,
+  void retro_single(const CellNodes& cell, std::size_t anchor, const Shadows& shadows,
                     std::span<const std::vector<OccluderFace>> occluders, Scratch& s) const;
-  void gather(const CellNodes& cell, std::size_t node, const std::vector<OccluderFace>& occluders,
-              Scratch& s) const;
+  void sample_anchors(double edge);
+  std::vector<CellNode> anchors_of(const std::vector<SurfaceCell>& cells) const;
+  LobeRays lobe_rays(const Vector3d& normal, Scratch& s) const;
+  void for_each_zone(const std::function<void(int, std::size_t, std::size_t)>& visit) const;
+  void gather(const CellNode& anchor, LobeLight& light, Scratch& s) const;
+  void shade_lobes(const CellNode& node, const std::vector<OccluderFace>& occluders,
+                   Scratch& s) const;
   void retro_pairs(const CellNodes& cell, const Shadows& shadows, Scratch& s) const;
   void light_between(const CellNode& node, const PatchArrays& arrays, const ShadowView* shadows,
                      Scratch& s) const;
@@ -640,8 +684,12 @@ class FastModel final : public ForwardModel {
   double extra_variance_;  ///< s^2
   bool bounces_ = false;   ///< light that bounces on within the known scene matters
   double object_edge_ = 1.0;
-  int dim_patches_ = 0;           ///< left out
-  int object_nodes_ = 0;          ///< of the scene's own placement
+  int dim_patches_ = 0;   ///< left out
+  int object_nodes_ = 0;  ///< of the scene's own placement
+  /// [cell] which anchor's lobes stand for its own: cells near each other on one side of the
+  /// object.
+  std::vector<std::size_t> anchor_;
+  std::size_t anchors_ = 0;
   double unresolved_ = 0;         ///< change of a bin where the search for a sampling gave up
   bool object_midpoint_ = false;  ///< cells are so small that their centres will do
   Fidelity fidelity_;
@@ -875,6 +923,12 @@ void FastModel::decide_bounces(double tolerance) {
                 share, tolerance);
   decide(share > kBouncesMatter * tolerance, text, tolerance);
 }
+
+/// Edge of what shares the lobes of its middle, in those for which a midpoint will do: lobes matter
+/// at the edges of the light only.
+constexpr double kAnchorEdge = 2;
+/// Cosine between normals of cells on one side of the object.
+constexpr double kSameSide = 0.9;
 
 /// Limits of sampling in units of those that the closed-form estimates give for the tolerance.
 FastModel::Limits FastModel::limits(double tolerance, double coarseness) const {
@@ -1143,6 +1197,7 @@ void FastModel::sample_relay(const Limits& limits, double tolerance) {
 void FastModel::sample_object(const Limits& limits) {
   const double extent = 2 * bounding_radius(scene_.hidden.shape, Anchor::center);
   const int stride = std::max(1, seen_.size() / 64);
+  double anchor_edge = 0;
   for (object_edge_ = extent; object_edge_ > extent / 64; object_edge_ /= 1.25) {
     double weight = 0;
     double path = 0;
@@ -1166,6 +1221,7 @@ void FastModel::sample_object(const Limits& limits) {
     }
     if (weight <= 0) continue;
     object_midpoint_ = std::sqrt(angle / weight) <= limits.midpoint;
+    anchor_edge = object_edge_ * kAnchorEdge * limits.midpoint / std::sqrt(angle / weight);
     if (std::sqrt(path / weight) <= limits.spread && std::sqrt(angle / weight) <= limits.aspect) {
       break;
     }
@@ -1175,6 +1231,42 @@ void FastModel::sample_object(const Limits& limits) {
   const auto cells =
       divide(scene_.hidden.shape, T, scene_.hidden.placement.size, object_edge_, 1).size();
   object_nodes_ = static_cast<int>(cells) * (object_midpoint_ ? 1 : kNodes);
+  if (lobe_) sample_anchors(anchor_edge);
+}
+
+/// What a lobe gathers about a patch changes slowly with the place on the object that it belongs to
+/// (its footprint's size and shape, not its middle), so the middle of several cells will do for
+/// them: the error is of second order in their extent over the distance.
+void FastModel::sample_anchors(double edge) {
+  const Transform own = Transform::Identity();
+  const auto cells = divide(scene_.hidden.shape, own, 1.0, object_edge_, 1);
+  const auto tiles = divide(scene_.hidden.shape, own, 1.0, std::max(edge, object_edge_), 1);
+  anchor_.clear();
+  anchors_ = tiles.size();
+  for (const SurfaceCell& cell : cells) {
+    const auto far = [&](const SurfaceCell& tile) {
+      const bool turned = tile.normal.dot(cell.normal) < kSameSide;
+      return std::make_pair(turned, (tile.center - cell.center).squaredNorm());
+    };
+    const auto nearest = std::ranges::min_element(tiles, {}, far);
+    anchor_.push_back(static_cast<std::size_t>(nearest - tiles.begin()));
+  }
+}
+
+/// Middles of the cells that share an anchor.
+std::vector<CellNode> FastModel::anchors_of(const std::vector<SurfaceCell>& cells) const {
+  std::vector<CellNode> anchors(anchors_, {Vector3d::Zero(), Vector3d::Zero(), 0.0});
+  for (std::size_t c = 0; c < cells.size(); ++c) {
+    CellNode& anchor = anchors[anchor_[c]];
+    anchor.center += cells[c].area * cells[c].center;
+    anchor.normal += cells[c].area * cells[c].normal;
+    anchor.area += cells[c].area;
+  }
+  for (CellNode& anchor : anchors) {
+    if (anchor.area > 0) anchor.center /= anchor.area;
+    anchor.normal.normalize();
+  }
+  return anchors;
 }
 
 /// Weights, paths and directions between a node and all patches, shadows included.
@@ -1400,28 +1492,34 @@ void FastModel::pair_zone(Scratch& s, std::size_t node, int zone, std::size_t be
   touched = {std::min(touched.begin, used.begin), std::max(touched.end, used.end)};
 }
 
-/// The lobe is small against the lit spot: light comes back from where it fell. `occluders` of each
-/// node, or one list for all. Integrating the
-/// lobe over p leaves the radiance at r, and the fall-off is 1/r^2.
-void FastModel::retro_single(const CellNodes& cell, const Shadows& shadows,
+/// The lobe is small against the lit spot: light comes back from where it fell. Integrating the
+/// lobe over p leaves the radiance at r, and the fall-off is 1/r^2. `occluders` of each node, or
+/// one list for all.
+void FastModel::retro_single(const CellNodes& cell, std::size_t anchor, const Shadows& shadows,
                              std::span<const std::vector<OccluderFace>> occluders,
                              Scratch& s) const {
   const double sigma = std::get<RetroreflectiveMaterial>(scene_.hidden.material).lobe_sigma;
   // Both outer legs are the patch's own; counted from the relay they cancel.
   const double way_in = scene_.sensor.path_origin == PathOrigin::sensor ? 1 : 0;
   const std::size_t groups = seen_.group_end.size();
-  s.patches.resize(static_cast<std::size_t>(seen_.size()));
+  const auto patches = static_cast<std::size_t>(seen_.size());
+  s.patches.resize(patches);
   s.pulses.resize(groups);
   std::fill_n(s.pulses.weight.begin(), groups, 0.0);
   std::fill_n(s.pulses.path.begin(), groups, 0.0);
   std::fill_n(s.pulses.variance.begin(), groups, 0.0);
   for (std::size_t n = 0; n < cell.count; ++n) {
-    light_between(cell.nodes[n], seen_, shadows.empty() ? nullptr : &shadows[n], s);
+    const CellNode& node = cell.nodes[n];
+    light_between(node, seen_, shadows.empty() ? nullptr : &shadows[n], s);
+    const double scale = scene_.hidden.albedo * node.area;
     if (lobe_) {
-      gather(cell, n, occluders[std::min(n, occluders.size() - 1)], s);
+      for (std::size_t i = 0; i < patches; ++i) s.distance[i] = s.path[i] - seen_.leg[i];
+      lobe_light_of_patches(s, patches, s.lobes[anchor], scale, cell.half_u, cell.half_v,
+                            s.patches);
+      const auto& faces = occluders[std::min(n, occluders.size() - 1)];
+      if (!faces.empty()) shade_lobes(node, faces, s);
     } else {
-      retro_light_of_patches(s, seen_, scene_.hidden.albedo * cell.nodes[n].area, cell.half_u,
-                             cell.half_v, sigma, way_in, s.patches);
+      retro_light_of_patches(s, seen_, scale, cell.half_u, cell.half_v, sigma, way_in, s.patches);
     }
     std::size_t i = 0;
     for (std::size_t g = 0; g < groups; ++g) {
@@ -1435,33 +1533,93 @@ void FastModel::retro_single(const CellNodes& cell, const Shadows& shadows,
   add_seen_pulses(s, 1);
 }
 
-/// Light that comes back of every patch, with what the lobe about it gathers: sums of weight, path
-/// and path squared.
-void FastModel::gather(const CellNodes& cell, std::size_t node,
-                       const std::vector<OccluderFace>& occluders, Scratch& s) const {
-  const LobeField::View view = lobe_->seen_from(cell.nodes[node].center, occluders);
-  const auto count = static_cast<std::size_t>(seen_.size());
-  s.distance.resize(count);
-  for (std::size_t i = 0; i < count; ++i) s.distance[i] = s.path[i] - seen_.leg[i];
-  s.extent.assign(seen_.spread.begin(), seen_.spread.end());
-  for (const auto& [patch, fraction] : s.partial) s.extent[patch] *= fraction * fraction;
-  for (auto* sums : {&s.patches.weight, &s.patches.first, &s.patches.second}) {
-    std::fill_n(sums->begin(), count, 0.0);
-  }
-  const LobeRays rays{s.dx.data(),     s.dy.data(),     s.dz.data(),     s.distance.data(),
-                      s.path.data(),   s.extent.data(), seen_.lx.data(), seen_.ly.data(),
-                      seen_.lz.data(), seen_.ux.data(), seen_.uy.data(), seen_.uz.data(),
-                      seen_.vx.data(), seen_.vy.data(), seen_.vz.data(), cell.nodes[node].normal};
-  const LobeSums sums{s.patches.weight.data(), s.patches.first.data(), s.patches.second.data()};
+LobeRays FastModel::lobe_rays(const Vector3d& normal, Scratch& s) const {
+  return {s.dx.data(),     s.dy.data(),     s.dz.data(),     s.distance.data(),
+          s.path.data(),   s.extent.data(), seen_.lx.data(), seen_.ly.data(),
+          seen_.lz.data(), seen_.ux.data(), seen_.uy.data(), seen_.uz.data(),
+          seen_.vx.data(), seen_.vy.data(), seen_.vz.data(), normal};
+}
+
+/// Visits the patches that lobes may be asked about together: zone, first and one past the last.
+void FastModel::for_each_zone(
+    const std::function<void(int, std::size_t, std::size_t)>& visit) const {
   for (std::size_t g = 0, begin = 0; g < seen_.group_end.size();) {
     const int zone = seen_.group_zone[g];
     while (g < seen_.group_end.size() && (!confocal_ || seen_.group_zone[g] == zone)) ++g;
     const auto end = static_cast<std::size_t>(seen_.group_end[g - 1]);
-    view.gather(rays.from(begin), end - begin, zone, sums.from(begin));
+    visit(zone, begin, end);
     begin = end;
   }
-  scale_gathered(s, count, scene_.hidden.albedo * cell.nodes[node].area, cell.half_u, cell.half_v,
-                 s.patches);
+}
+
+/// What lobes about all patches gather, without occluders.
+void FastModel::gather(const CellNode& anchor, LobeLight& light, Scratch& s) const {
+  const auto count = static_cast<std::size_t>(seen_.size());
+  exchange(anchor, seen_, s);
+  s.distance.resize(count);
+  for (std::size_t i = 0; i < count; ++i) s.distance[i] = s.path[i] - seen_.leg[i];
+  s.extent.assign(seen_.spread.begin(), seen_.spread.end());
+  s.patches.resize(count);
+  for (auto* sums : {&s.patches.weight, &s.patches.first, &s.patches.second}) {
+    std::fill_n(sums->begin(), count, 0.0);
+  }
+  const LobeField::View view = lobe_->seen_from(anchor.center, {});
+  const LobeRays rays = lobe_rays(anchor.normal, s);
+  const LobeSums sums{s.patches.weight.data(), s.patches.first.data(), s.patches.second.data()};
+  for_each_zone([&](int zone, std::size_t begin, std::size_t end) {
+    view.gather(rays.from(begin), end - begin, zone, sums.from(begin));
+  });
+  light.resize(count);
+  lobe_moments(s, count, s.patches, light);
+  light.known = true;
+}
+
+/// Takes away what occluders hide of the lobes of one node: the share of the light and its paths'
+/// change, about those patches that shadows come near.
+void FastModel::shade_lobes(const CellNode& node, const std::vector<OccluderFace>& occluders,
+                            Scratch& s) const {
+  s.extent.assign(seen_.spread.begin(), seen_.spread.end());
+  for (const auto& [patch, fraction] : s.partial) s.extent[patch] *= fraction * fraction;
+  const LobeField::View open = lobe_->seen_from(node.center, {});
+  const LobeField::View shaded = lobe_->seen_from(node.center, occluders);
+  const LobeRays rays = lobe_rays(node.normal, s);
+  s.open.resize(LobeField::kChunk);
+  s.shaded.resize(LobeField::kChunk);
+  const auto gathered = [](const LobeField::View& view, const LobeRays& from, std::size_t count,
+                           int zone, LightSums& sums) {
+    for (auto* v : {&sums.weight, &sums.first, &sums.second}) std::fill_n(v->begin(), count, 0.0);
+    view.gather(from, count, zone, {sums.weight.data(), sums.first.data(), sums.second.data()});
+  };
+  for_each_zone([&](int zone, std::size_t first, std::size_t end) {
+    for (std::size_t begin = first; begin < end; begin += LobeField::kChunk) {
+      const std::size_t count = std::min(LobeField::kChunk, end - begin);
+      const LobeRays chunk = rays.from(begin);
+      if (!shaded.shadow_near(chunk, count, zone)) continue;
+      gathered(open, chunk, count, zone, s.open);
+      gathered(shaded, chunk, count, zone, s.shaded);
+      for (std::size_t i = 0; i < count; ++i) {
+        double& weight = s.patches.weight[begin + i];
+        if (weight <= 0) continue;
+        const double share = s.open.weight[i] > 0 ? s.shaded.weight[i] / s.open.weight[i] : 0.0;
+        double& path = s.patches.first[begin + i];
+        double& square = s.patches.second[begin + i];
+        if (share < kNoShare) {
+          weight = path = square = 0;
+          continue;
+        }
+        const double open_mean = s.open.first[i] / s.open.weight[i];
+        const double mean = s.shaded.first[i] / s.shaded.weight[i];
+        const double change = mean - open_mean;
+        const double spread = (s.shaded.second[i] / s.shaded.weight[i] - mean * mean) -
+                              (s.open.second[i] / s.open.weight[i] - open_mean * open_mean);
+        const double before = path / weight;
+        const double variance = std::max(square / weight - before * before + spread, 0.0);
+        weight *= share;
+        path = weight * (before + change);
+        square = weight * (std::pow(before + change, 2) + variance);
+      }
+    }
+  });
 }
 
 /// Wide lobes: every pair of a lit and a seen patch, weighted with the lobe averaged over both
@@ -1569,8 +1727,20 @@ void FastModel::render(const Placement& placement, const MovingBodies& bodies,
   const std::vector<OccluderFace>& occluders = own.empty() ? plan_.occluders : own;
   Shadows shadows;
   std::vector<std::vector<OccluderFace>> faces;  // in the way of each node, the same or its own
-  for (const SurfaceCell& cell : divide(hidden.shape, T, placement.size, object_edge_, 1)) {
+  const std::vector<SurfaceCell> cells = divide(hidden.shape, T, placement.size, object_edge_, 1);
+  std::vector<CellNode> anchors;
+  if (lobe_) {
+    anchors = anchors_of(cells);
+    if (scratch.lobes.size() < anchors_) scratch.lobes.resize(anchors_);
+    for (LobeLight& light : scratch.lobes) light.known = false;
+  }
+  for (std::size_t c = 0; c < cells.size(); ++c) {
+    const SurfaceCell& cell = cells[c];
     if (!faces_relay(cell)) continue;
+    const std::size_t anchor = lobe_ ? anchor_[c] : 0;
+    if (lobe_ && !scratch.lobes[anchor].known) {
+      gather(anchors[anchor], scratch.lobes[anchor], scratch);
+    }
     const CellNodes nodes(cell, object_midpoint_);
     if (!occluders.empty() || !bodies.empty()) {
       shadows.clear();
@@ -1591,7 +1761,7 @@ void FastModel::render(const Placement& placement, const MovingBodies& bodies,
         lambertian(nodes, shadows, scratch);
         break;
       case Kernel::retro_single:
-        retro_single(nodes, shadows,
+        retro_single(nodes, anchor, shadows,
                      bodies.empty() ? std::span<const std::vector<OccluderFace>>(&occluders, 1)
                                     : std::span<const std::vector<OccluderFace>>(faces),
                      scratch);

@@ -20,10 +20,7 @@ using Eigen::Vector3d;
 constexpr double kReach = 6;
 /// Farther than this no relay is, m.
 constexpr double kFarthest = 1e6;
-/// Directions that are looked at together.
-constexpr std::size_t kChunk = 32;
-
-using Lane = std::array<double, kChunk>;
+using Lane = std::array<double, LobeField::kChunk>;
 
 /// Hermite coefficients of what a region leaves of a standard normal distribution z in the plane:
 /// share, mean of z, and mean of z z' - 1, not divided by the share.
@@ -560,6 +557,7 @@ LobeField::View LobeField::seen_from(const Vector3d& origin,
       body.end = view.regions_.size();
       view.bodies_.push_back(body);
     }
+    polygon.occluders = view.bodies_.size();
     std::size_t last = occluders.size();  // face before this one that counted
     for (std::size_t i = 0; i < occluders.size(); ++i) {
       const OccluderFace& face = occluders[i];
@@ -631,6 +629,23 @@ void LobeField::View::shade(const Polygon& polygon, Chunk& chunk) const {
     }
     if (touched) intersect(chunk.count, chunk.body, chunk.light);
   }
+}
+
+bool LobeField::View::shadow_near(const LobeRays& rays, std::size_t count, int zone) const {
+  Chunk chunk;
+  chunk.sigma = sigma_;
+  chunk.rays = rays;
+  chunk.count = count;
+  chunk.bound();
+  return std::ranges::any_of(polygons_, [&](const Polygon& polygon) {
+    if (polygon.zone >= 0 && polygon.zone != zone) return false;
+    for (std::size_t b = polygon.occluders; b < polygon.bodies.end; ++b) {
+      for (std::size_t r = bodies_[b].first; r < bodies_[b].end; ++r) {
+        if (reaches(regions_[r], chunk)) return true;
+      }
+    }
+    return false;
+  });
 }
 
 void LobeField::View::gather(const LobeRays& rays, std::size_t count, int zone,

@@ -52,6 +52,9 @@ struct LobeSums {
 /// relay's tilt, where they change fast: exact to third order.
 class LobeField {
  public:
+  /// Directions that are looked at together.
+  static constexpr std::size_t kChunk = 32;
+
   LobeField(const Scene& scene, const SensorPlacement& placement);
 
   /// Edges as a point sees them, made once for all directions.
@@ -59,6 +62,9 @@ class LobeField {
    public:
     /// Light that zone `zone` lights, about each of `count` directions.
     void gather(const LobeRays& rays, std::size_t count, int zone, const LobeSums& sums) const;
+    /// Whether an occluder hides anything from the lobes about these directions, `count` at most
+    /// kChunk.
+    bool shadow_near(const LobeRays& rays, std::size_t count, int zone) const;
 
    private:
     friend class LobeField;
@@ -80,7 +86,8 @@ class LobeField {
       Eigen::Vector3d normal;
       double height = 0;  ///< of the plane over the object, along the normal
       Region region;
-      Body bodies;  ///< range of bodies_
+      Body bodies;                ///< range of bodies_
+      std::size_t occluders = 0;  ///< first of them that stands between object and relay
     };
     struct Chunk;
     bool reaches(const Region& region, const Chunk& chunk) const;
