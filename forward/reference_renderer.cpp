@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <mutex>
+#include <optional>
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
@@ -81,23 +83,26 @@ class ReferenceRenderer final : public ForwardModel {
         setup_(scene_, placement),
         plan_(make_plan(scene_, setup_.relay_points(), setup_.lit_extent())),
         occluded_(std::any_of(scene_.surfaces.begin(), scene_.surfaces.end(),
-                              [](const Surface& s) { return s.occluder; })),
-        bounces_(scene_, setup_, StaticSampling{}) {
-    const PulseTable pulses(scene_.sensor.response, scene_.sensor.bin_width,
-                            std::pow(scene_.sensor.response.core_sigma(), 2), kPulseTail);
-    first_bounce_ = setup_.direct_return(pulses, 4 * options_.zone_divisions, true);
-    direct_ = first_bounce_;
-    bounces_.add(nullptr, direct_);
-    mix_zones(scene_.sensor, direct_);
-  }
+                              [](const Surface& s) { return s.occluder; })) {}
 
   using ForwardModel::three_bounce;
   void three_bounce(const PoseVector& pose, HistogramCube& out) const override;
-  const HistogramCube& direct_return() const override { return direct_; }
+  const HistogramCube& direct_return() const override { return known_light().direct; }
   HistogramCube static_return(const PoseVector& pose) const override;
   const TransportPlan& plan() const override { return plan_; }
 
  private:
+  /// Light of the known scene alone.
+  struct KnownLight {
+    StaticBounces bounces;
+    HistogramCube first_bounce;
+    HistogramCube direct;  ///< all bounces
+
+    KnownLight(const Scene& scene, const RelaySetup& setup, int divisions);
+  };
+  /// Summed when it is first asked for: it may take longer than many poses.
+  const KnownLight& known_light() const;
+
   using Patches = std::vector<std::vector<WeightedPatch>>;
   /// Lit patches: one list for all zones, or one for each (confocal).
   Patches lit_for(const PlacedObject& object) const;
@@ -114,10 +119,26 @@ class ReferenceRenderer final : public ForwardModel {
   RelaySetup setup_;
   TransportPlan plan_;
   bool occluded_;  ///< some surface blocks light
-  StaticBounces bounces_;
-  HistogramCube first_bounce_;
-  HistogramCube direct_;
+  mutable std::once_flag known_once_;
+  mutable std::optional<KnownLight> known_;
 };
+
+ReferenceRenderer::KnownLight::KnownLight(const Scene& scene, const RelaySetup& setup,
+                                          int divisions)
+    : bounces(scene, setup, StaticSampling{}) {
+  const PulseTable pulses(scene.sensor.response, scene.sensor.bin_width,
+                          std::pow(scene.sensor.response.core_sigma(), 2), kPulseTail);
+  first_bounce = setup.direct_return(pulses, divisions, true);
+  direct = first_bounce;
+  bounces.add(nullptr, direct);
+  mix_zones(scene.sensor, direct);
+}
+
+const ReferenceRenderer::KnownLight& ReferenceRenderer::known_light() const {
+  std::call_once(known_once_,
+                 [this] { known_.emplace(scene_, setup_, 4 * options_.zone_divisions); });
+  return *known_;
+}
 
 /// Light that a patch exchanges with an object, up to a constant.
 double exchanged(const RelayPatch& patch, const Vector3d& object) {
@@ -247,10 +268,11 @@ void ReferenceRenderer::three_bounce(const PoseVector& pose, HistogramCube& out)
 }
 
 HistogramCube ReferenceRenderer::static_return(const PoseVector& pose) const {
-  if (!bounces_.any()) return direct_;
+  const KnownLight& known = known_light();
+  if (!known.bounces.any()) return known.direct;
   const std::unique_ptr<RayScene> bodies = bodies_of(placed_objects(scene_, pose));
-  HistogramCube light = first_bounce_;
-  bounces_.add(bodies.get(), light);
+  HistogramCube light = known.first_bounce;
+  known.bounces.add(bodies.get(), light);
   mix_zones(scene_.sensor, light);
   return light;
 }
