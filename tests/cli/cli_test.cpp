@@ -396,7 +396,7 @@ TEST_F(Cli, InfoTellsOfScenesAndCaptures) {
 /// Captures of the mirrors' scene at known poses, from `render`.
 class CliCalibration : public Cli {
  protected:
-  const std::string scene_ = std::string(SOURCE_DIR) + "/scenes/cheapspad_mirrors.json";
+  const std::string scene_ = "'" SOURCE_DIR "/scenes/cheapspad_mirrors.json'";
 
   void SetUp() override {
     Cli::SetUp();
@@ -476,7 +476,7 @@ TEST_F(CliCalibration, CalibratesFitsAndEvaluates) {
 }
 
 TEST_F(Cli, CalibrationAndEvaluationNameWhatIsWrong) {
-  const std::string scene = std::string(SOURCE_DIR) + "/scenes/cheapspad_mirrors.json";
+  const std::string scene = "'" SOURCE_DIR "/scenes/cheapspad_mirrors.json'";
   ASSERT_EQ(run("render " + scene + " --model fast -o '" + path("c.exr") + "'").exit_code, 0);
   EXPECT_EQ(
       run("calibrate " + scene + " '" + path("c.exr") + "' -o '" + path("x.txt") + "'").exit_code,
