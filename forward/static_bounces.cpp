@@ -103,16 +103,23 @@ std::vector<Leg> StaticBounces::open_legs(const SurfaceCell& cell,
   return legs_to(cell, patches, {&setup_.surface_rays()}, surface, true);
 }
 
+/// Without a ray: whether bodies come near any straight line between a cell and patches.
+bool StaticBounces::may_change(const SurfaceCell& cell, const std::vector<WeightedPatch>& patches,
+                               int surface, const RayScene& bodies) const {
+  return std::any_of(patches.begin(), patches.end(), [&](const WeightedPatch& p) {
+    if (p.patch.surface == surface) return false;
+    const Vector3d way = p.patch.center - cell.center;
+    if (way.dot(cell.normal) <= 0 || way.dot(p.patch.normal) >= 0) return false;
+    return bodies.may_block(cell.center, p.patch.area_center,
+                            p.patch.half_u.norm() + p.patch.half_v.norm());
+  });
+}
+
 StaticBounces::Ways StaticBounces::ways(const SurfaceCell& cell,
                                         const std::vector<WeightedPatch>& patches, int surface,
                                         const RayScene& bodies) const {
   Ways ways{open_legs(cell, patches, surface), {}, {}};
-  const bool may_change = std::any_of(ways.open.begin(), ways.open.end(), [&](const Leg& leg) {
-    const RelayPatch& patch = patches[leg.patch].patch;
-    return bodies.may_block(cell.center, patch.area_center,
-                            patch.half_u.norm() + patch.half_v.norm());
-  });
-  if (!may_change) {
+  if (!may_change(cell, patches, surface, bodies)) {
     ways.shaded = ways.open;
     return ways;
   }
@@ -154,7 +161,9 @@ void StaticBounces::add_three(PairSum& sum) const {
 
 void StaticBounces::change_two(PairSum& sum, int zone, const RayScene& bodies) const {
   for (const WeightedPatch& r : seen_[static_cast<std::size_t>(zone)]) {
-    for (const Leg& p : ways(as_cell(r.patch), lit(zone), r.patch.surface, bodies).change) {
+    const SurfaceCell cell = as_cell(r.patch);
+    if (!may_change(cell, lit(zone), r.patch.surface, bodies)) continue;
+    for (const Leg& p : ways(cell, lit(zone), r.patch.surface, bodies).change) {
       sum.add(zone, p.weight * p.cosine * r.weight, p.length + r.leg);
     }
   }
@@ -163,14 +172,26 @@ void StaticBounces::change_two(PairSum& sum, int zone, const RayScene& bodies) c
 /// With ways in i + di and ways out o + do, the change of i o is di o + (i + di) do.
 void StaticBounces::change_three(PairSum& sum, const RayScene& bodies) const {
   for (const Middle& middle : middle_) {
-    Ways in;
+    const auto find = [&](const std::vector<WeightedPatch>& patches) {
+      return ways(middle.cell, patches, middle.surface, bodies);
+    };
+    const auto may = [&](const std::vector<WeightedPatch>& patches) {
+      return may_change(middle.cell, patches, middle.surface, bodies);
+    };
+    std::optional<Ways> in;  // where it matters
     for (int z = 0; z < scene_.sensor.zone_count(); ++z) {
-      if (z == 0 || lit_.size() > 1) in = ways(middle.cell, lit(z), middle.surface, bodies);
-      if (in.open.empty()) continue;
-      const Ways out =
-          ways(middle.cell, seen_[static_cast<std::size_t>(z)], middle.surface, bodies);
-      sum.add_lambertian(z, middle.scattered, in.change, out.open);
-      sum.add_lambertian(z, middle.scattered, in.shaded, out.change);
+      const std::vector<WeightedPatch>& seen = seen_[static_cast<std::size_t>(z)];
+      if (z == 0 || lit_.size() > 1) {
+        in.reset();
+        if (may(lit(z))) in = find(lit(z));
+      }
+      const bool in_changes = in && !in->change.empty();
+      if (!in_changes && !may(seen)) continue;
+      const Ways out = find(seen);
+      if (in_changes) sum.add_lambertian(z, middle.scattered, in->change, out.open);
+      if (out.change.empty()) continue;
+      if (!in) in = find(lit(z));
+      sum.add_lambertian(z, middle.scattered, in->shaded, out.change);
     }
   }
 }

@@ -49,6 +49,8 @@ class StaticBounces {
   };
   std::vector<Leg> open_legs(const SurfaceCell& cell, const std::vector<WeightedPatch>& patches,
                              int surface) const;
+  bool may_change(const SurfaceCell& cell, const std::vector<WeightedPatch>& patches, int surface,
+                  const RayScene& bodies) const;
   Ways ways(const SurfaceCell& cell, const std::vector<WeightedPatch>& patches, int surface,
             const RayScene& bodies) const;
   void add_two(PairSum& sum, int zone) const;
