@@ -4,6 +4,7 @@
 #include <cmath>
 #include <filesystem>
 #include <limits>
+#include <utility>
 
 #include "blindcorner/forward/shape.h"
 #include "blindcorner/io/atomic_file.h"
@@ -137,7 +138,9 @@ json capture_json(const Scene& scene, const FitResult& result) {
     entry["index"] = result.indices.empty() ? json(nullptr) : json(result.indices.front());
   }
   const PoseMixture& posterior = result.posterior;
-  const auto unless_failed = [failed](json value) { return failed ? json(nullptr) : value; };
+  const auto unless_failed = [failed](json value) {
+    return failed ? json(nullptr) : std::move(value);
+  };
   entry["presence_probability"] = unless_failed(number_or_null(posterior.presence_probability));
   entry["false_alarm_probability"] = unless_failed(
       result.false_alarm_probability ? json(*result.false_alarm_probability) : nullptr);

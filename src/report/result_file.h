@@ -32,7 +32,7 @@ void write_result(const std::string& directory, const Scene& scene,
 nlohmann::json number_or_null(double value);
 
 /// Compact text of any JSON value; bytes that are not UTF-8 (odd file names) are replaced.
-std::string dump_json(const nlohmann::json& json, int indent = -1);
+std::string dump_json(const nlohmann::json& value, int indent = -1);
 
 /// True values of the scene's unknowns as far as `truth` knows them, in their order; NaN where it
 /// does not. Empty when it knows none.

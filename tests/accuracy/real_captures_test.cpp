@@ -288,8 +288,10 @@ TEST_F(RealCaptures, FirstBounceGivesTheWallDistance) {
           static_cast<double>(peak) + 0.5 + 0.5 * (left - right) / (left - 2 * top + right);
       // Zones centred at -13.3, 0, 13.3 by 16.7, 0, -16.7 degrees.
       constexpr double kDegree = std::numbers::pi / 180;
-      const double right_tangent = std::tan((z % 3 - 1) * 13.333 * kDegree);
-      const double down_tangent = std::tan((z / 3 - 1) * 16.667 * kDegree);
+      const int row = z / 3;
+      const int column = z % 3;
+      const double right_tangent = std::tan((column - 1) * 13.333 * kDegree);
+      const double down_tangent = std::tan((row - 1) * 16.667 * kDegree);
       const double cosine =
           1 / std::sqrt(1 + right_tangent * right_tangent + down_tangent * down_tangent);
       const double time =

@@ -78,7 +78,7 @@ class CaptureFileTest : public ::testing::Test {
     ForeignImage image;
     image.metadata = metadata;
     image.write(folder_.file("m.exr"));
-    const std::string message = read_error(folder_.file("m.exr"));
+    std::string message = read_error(folder_.file("m.exr"));
     EXPECT_THAT(message, StartsWith(folder_.file("m.exr")));
     return message;
   }
@@ -236,7 +236,7 @@ TEST_F(CaptureFileTest, UnsuitableImagesAreNamedWithTheReason) {
   const std::string path = folder_.file("f.exr");
   const auto message = [&](const ForeignImage& image) {
     image.write(path);
-    const std::string text = read_error(path);
+    std::string text = read_error(path);
     EXPECT_THAT(text, StartsWith(path + ": "));
     return text;
   };
@@ -295,7 +295,7 @@ TEST_F(CaptureFileTest, WhatCannotBeStoredIsRefusedBeforeAnythingIsWritten) {
   const auto message = [&](auto change) {
     CaptureFile file = make_captures(2, 1, 2, 3);
     change(file);
-    const std::string text = error_of([&] { write_captures(path, file); });
+    std::string text = error_of([&] { write_captures(path, file); });
     EXPECT_THAT(text, StartsWith(path + ": "));
     return text;
   };

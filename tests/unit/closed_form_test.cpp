@@ -154,14 +154,12 @@ TEST_P(ClosedForm, InnerCornerHidesPartOfTheFloor) {
   constexpr int kSteps = 600;
   const double u1 = std::tan(18 * kDegree), v1 = std::tan(15 * kDegree);
   double in = 0;
-  double open = 0;
   for (int i = 0; i < kSteps; ++i) {
     for (int j = 0; j < kSteps; ++j) {
       const double u = u1 * ((2 * i + 1.0) / kSteps - 1);
       const double v = v1 * ((2 * j + 1.0) / kSteps - 1);
       const double weight = 4 * u1 * v1 / (kSteps * kSteps) * std::pow(1 + u * u + v * v, -1.5);
       in += weight * leg(hit(u, v));
-      open += weight;
     }
   }
   const double exact = in * narrow_solid_angle() * leg(hit(0, 0)) * (0.8 / kPi) * 1e-6;
