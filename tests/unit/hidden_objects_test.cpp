@@ -23,7 +23,8 @@ Scene wall_scene() {
   sensor.rows = sensor.columns = 3;
   sensor.zones.clear();
   for (int z = 0; z < 9; ++z) {
-    const double left = -18 + 12 * (z % 3), top = -18 + 12 * (z / 3);
+    const int row = z / 3;
+    const double left = -18 + 12 * (z % 3), top = -18 + 12 * row;
     Zone zone;
     zone.footprint = AngularRectangle{left * kDegree, (left + 12) * kDegree, top * kDegree,
                                       (top + 12) * kDegree};

@@ -130,7 +130,8 @@ TEST_F(CheapSpadFile, ZonesAreSpotsInTheirPhases) {
   EXPECT_DOUBLE_EQ(capture.truth.at("x_m"), 0.1);
   EXPECT_DOUBLE_EQ(capture.truth.at("y_m"), -1.2);
   for (int spot = 0; spot < 4; ++spot) {
-    const double extra = 1000 * (spot / 2) + 100 * (spot % 2);
+    const int row = spot / 2;
+    const double extra = 1000 * row + 100 * (spot % 2);
     EXPECT_DOUBLE_EQ(capture.counts.zone(2 * spot)[2], 50'000) << spot;
     EXPECT_DOUBLE_EQ(capture.counts.zone(2 * spot + 1)[2], 40'000) << spot;
     EXPECT_DOUBLE_EQ(capture.counts.zone(2 * spot)[14], 100 + extra) << spot;

@@ -52,7 +52,7 @@ std::string counting(int count) {
 class ImportTest : public ::testing::Test {
  protected:
   std::string npy(const std::string& bytes) {
-    const std::string path = folder_.file("a.npy");
+    std::string path = folder_.file("a.npy");
     write_text(path, bytes);
     return path;
   }
@@ -71,7 +71,7 @@ class ImportTest : public ::testing::Test {
   /// Message for bytes of a .npy file, which has to begin with the file's name.
   std::string npy_error(const std::string& bytes, const std::string& axes = "bin") {
     const std::string path = npy(bytes);
-    const std::string message = import_error(path, with_axes(axes));
+    std::string message = import_error(path, with_axes(axes));
     EXPECT_THAT(message, StartsWith(path + ": "));
     return message;
   }
@@ -354,7 +354,7 @@ class LogTest : public ImportTest {
     return import_captures({path_}, options, &warnings_);
   }
   std::string log_error(const std::string& text, int side = 3) {
-    const std::string message = error_of([&] { import_log(text, side); });
+    std::string message = error_of([&] { import_log(text, side); });
     EXPECT_THAT(message, StartsWith(path_ + ": "));
     return message;
   }
