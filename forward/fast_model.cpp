@@ -653,11 +653,13 @@ class FastModel final : public ForwardModel {
                     std::span<const std::vector<OccluderFace>> occluders, Scratch& s) const;
   void sample_anchors(double edge);
   std::vector<CellNode> anchors_of(const std::vector<SurfaceCell>& cells) const;
-  LobeRays lobe_rays(const Vector3d& normal, Scratch& s) const;
+  void inner_legs(Scratch& s) const;
+  LobeRays lobe_rays(const Vector3d& normal, const Scratch& s) const;
   void for_each_zone(const std::function<void(int, std::size_t, std::size_t)>& visit) const;
   void gather(const CellNode& anchor, LobeLight& light, Scratch& s) const;
   void shade_lobes(const CellNode& node, const std::vector<OccluderFace>& occluders,
                    Scratch& s) const;
+  static void shade_patch(std::size_t i, std::size_t patch, Scratch& s);
   void retro_pairs(const CellNodes& cell, const Shadows& shadows, Scratch& s) const;
   void light_between(const CellNode& node, const PatchArrays& arrays, const ShadowView* shadows,
                      Scratch& s) const;
@@ -1513,7 +1515,7 @@ void FastModel::retro_single(const CellNodes& cell, std::size_t anchor, const Sh
     light_between(node, seen_, shadows.empty() ? nullptr : &shadows[n], s);
     const double scale = scene_.hidden.albedo * node.area;
     if (lobe_) {
-      for (std::size_t i = 0; i < patches; ++i) s.distance[i] = s.path[i] - seen_.leg[i];
+      inner_legs(s);
       lobe_light_of_patches(s, patches, s.lobes[anchor], scale, cell.half_u, cell.half_v,
                             s.patches);
       const auto& faces = occluders[std::min(n, occluders.size() - 1)];
@@ -1533,7 +1535,7 @@ void FastModel::retro_single(const CellNodes& cell, std::size_t anchor, const Sh
   add_seen_pulses(s, 1);
 }
 
-LobeRays FastModel::lobe_rays(const Vector3d& normal, Scratch& s) const {
+LobeRays FastModel::lobe_rays(const Vector3d& normal, const Scratch& s) const {
   return {s.dx.data(),     s.dy.data(),     s.dz.data(),     s.distance.data(),
           s.path.data(),   s.extent.data(), seen_.lx.data(), seen_.ly.data(),
           seen_.lz.data(), seen_.ux.data(), seen_.uy.data(), seen_.uz.data(),
@@ -1552,22 +1554,34 @@ void FastModel::for_each_zone(
   }
 }
 
+/// Sums of what lobes about `count` patches gather.
+void gather_sums(const LobeField::View& view, const LobeRays& rays, std::size_t count, int zone,
+                 bool shaded, const LobeSums& sums) {
+  for (double* values : {sums.weight, sums.first, sums.second}) std::fill_n(values, count, 0.0);
+  view.gather(rays, count, zone, sums, shaded);
+}
+
+LobeSums lobe_sums(LightSums& sums) {
+  return {sums.weight.data(), sums.first.data(), sums.second.data()};
+}
+
+/// Inner legs of the ways out in `s`.
+void FastModel::inner_legs(Scratch& s) const {
+  s.distance.resize(static_cast<std::size_t>(seen_.size()));
+  for (std::size_t i = 0; i < s.distance.size(); ++i) s.distance[i] = s.path[i] - seen_.leg[i];
+}
+
 /// What lobes about all patches gather, without occluders.
 void FastModel::gather(const CellNode& anchor, LobeLight& light, Scratch& s) const {
   const auto count = static_cast<std::size_t>(seen_.size());
   exchange(anchor, seen_, s);
-  s.distance.resize(count);
-  for (std::size_t i = 0; i < count; ++i) s.distance[i] = s.path[i] - seen_.leg[i];
+  inner_legs(s);
   s.extent.assign(seen_.spread.begin(), seen_.spread.end());
   s.patches.resize(count);
-  for (auto* sums : {&s.patches.weight, &s.patches.first, &s.patches.second}) {
-    std::fill_n(sums->begin(), count, 0.0);
-  }
   const LobeField::View view = lobe_->seen_from(anchor.center, {});
   const LobeRays rays = lobe_rays(anchor.normal, s);
-  const LobeSums sums{s.patches.weight.data(), s.patches.first.data(), s.patches.second.data()};
   for_each_zone([&](int zone, std::size_t begin, std::size_t end) {
-    view.gather(rays.from(begin), end - begin, zone, sums.from(begin));
+    gather_sums(view, rays.from(begin), end - begin, zone, false, lobe_sums(s.patches).from(begin));
   });
   light.resize(count);
   lobe_moments(s, count, s.patches, light);
@@ -1580,46 +1594,43 @@ void FastModel::shade_lobes(const CellNode& node, const std::vector<OccluderFace
                             Scratch& s) const {
   s.extent.assign(seen_.spread.begin(), seen_.spread.end());
   for (const auto& [patch, fraction] : s.partial) s.extent[patch] *= fraction * fraction;
-  const LobeField::View open = lobe_->seen_from(node.center, {});
-  const LobeField::View shaded = lobe_->seen_from(node.center, occluders);
+  const LobeField::View view = lobe_->seen_from(node.center, occluders);
   const LobeRays rays = lobe_rays(node.normal, s);
   s.open.resize(LobeField::kChunk);
   s.shaded.resize(LobeField::kChunk);
-  const auto gathered = [](const LobeField::View& view, const LobeRays& from, std::size_t count,
-                           int zone, LightSums& sums) {
-    for (auto* v : {&sums.weight, &sums.first, &sums.second}) std::fill_n(v->begin(), count, 0.0);
-    view.gather(from, count, zone, {sums.weight.data(), sums.first.data(), sums.second.data()});
-  };
   for_each_zone([&](int zone, std::size_t first, std::size_t end) {
     for (std::size_t begin = first; begin < end; begin += LobeField::kChunk) {
       const std::size_t count = std::min(LobeField::kChunk, end - begin);
       const LobeRays chunk = rays.from(begin);
-      if (!shaded.shadow_near(chunk, count, zone)) continue;
-      gathered(open, chunk, count, zone, s.open);
-      gathered(shaded, chunk, count, zone, s.shaded);
-      for (std::size_t i = 0; i < count; ++i) {
-        double& weight = s.patches.weight[begin + i];
-        if (weight <= 0) continue;
-        const double share = s.open.weight[i] > 0 ? s.shaded.weight[i] / s.open.weight[i] : 0.0;
-        double& path = s.patches.first[begin + i];
-        double& square = s.patches.second[begin + i];
-        if (share < kNoShare) {
-          weight = path = square = 0;
-          continue;
-        }
-        const double open_mean = s.open.first[i] / s.open.weight[i];
-        const double mean = s.shaded.first[i] / s.shaded.weight[i];
-        const double change = mean - open_mean;
-        const double spread = (s.shaded.second[i] / s.shaded.weight[i] - mean * mean) -
-                              (s.open.second[i] / s.open.weight[i] - open_mean * open_mean);
-        const double before = path / weight;
-        const double variance = std::max(square / weight - before * before + spread, 0.0);
-        weight *= share;
-        path = weight * (before + change);
-        square = weight * (std::pow(before + change, 2) + variance);
-      }
+      if (!view.shadow_near(chunk, count, zone)) continue;
+      gather_sums(view, chunk, count, zone, false, lobe_sums(s.open));
+      gather_sums(view, chunk, count, zone, true, lobe_sums(s.shaded));
+      for (std::size_t i = 0; i < count; ++i) shade_patch(i, begin + i, s);
     }
   });
+}
+
+/// The same for one patch: `i` in the chunk's sums, `patch` of all.
+void FastModel::shade_patch(std::size_t i, std::size_t patch, Scratch& s) {
+  double& weight = s.patches.weight[patch];
+  double& path = s.patches.first[patch];
+  double& square = s.patches.second[patch];
+  if (weight <= 0) return;
+  const double share = s.open.weight[i] > 0 ? s.shaded.weight[i] / s.open.weight[i] : 0.0;
+  if (share < kNoShare) {
+    weight = path = square = 0;
+    return;
+  }
+  const double open_mean = s.open.first[i] / s.open.weight[i];
+  const double mean = s.shaded.first[i] / s.shaded.weight[i];
+  const double spread = (s.shaded.second[i] / s.shaded.weight[i] - mean * mean) -
+                        (s.open.second[i] / s.open.weight[i] - open_mean * open_mean);
+  const double before = path / weight;
+  const double after = before + (mean - open_mean);
+  const double variance = std::max(square / weight - before * before + spread, 0.0);
+  weight *= share;
+  path = weight * after;
+  square = weight * (after * after + variance);
 }
 
 /// Wide lobes: every pair of a lit and a seen patch, weighted with the lobe averaged over both

@@ -437,7 +437,7 @@ void LobeField::add_lit(const Scene& scene, const std::vector<Vector3d>& rays, i
       LitPolygon lit;
       lit.zone = zone;
       lit.albedo = surface.albedo;
-      lit.normal = (quad[1] - quad[0]).cross(quad[3] - quad[0]).normalized();
+      lit.normal = face_normal(quad);
       if (closed && lit.normal.dot(source_ - quad[0]) <= 0) continue;
       Corners corners(quad.begin(), quad.end());
       if (!rays.empty()) corners = clip_by_pyramid(corners, source_, rays);
@@ -456,7 +456,7 @@ void LobeField::cast_shadows(const Scene& scene) {
     for (LitPolygon& lit : polygons_) {
       std::vector<Outline> shadow;
       for (const auto& face : faces) {
-        const Vector3d normal = (face[1] - face[0]).cross(face[3] - face[0]).normalized();
+        const Vector3d normal = face_normal(face);
         const double side = normal.dot(source_ - face[0]);
         if (std::abs(side) < 1e-9 || (closed && side < 0)) continue;
         // Of the polygon, what lies beyond the face by more than rounding; its own plane does not.
@@ -562,7 +562,7 @@ LobeField::View LobeField::seen_from(const Vector3d& origin,
     for (std::size_t i = 0; i < occluders.size(); ++i) {
       const OccluderFace& face = occluders[i];
       const auto& c = face.corners;
-      const Vector3d normal = (c[1] - c[0]).cross(c[3] - c[0]).normalized();
+      const Vector3d normal = face_normal(c);
       const double seen = normal.dot(origin - c[0]);
       if (std::abs(seen) < 1e-9 || (face.one_sided && seen < 0)) continue;
       // What lies before the polygon's plane and not behind the object.
@@ -616,9 +616,9 @@ void LobeField::View::cut(const Region& region, Chunk& chunk) const {
   }
 }
 
-/// Takes away what bodies hide of a polygon; chunk.light holds the moments.
-void LobeField::View::shade(const Polygon& polygon, Chunk& chunk) const {
-  for (std::size_t b = polygon.bodies.first; b < polygon.bodies.end; ++b) {
+/// Takes away what the bodies [first, end) hide; chunk.light holds the moments.
+void LobeField::View::shade(std::size_t first, std::size_t end, Chunk& chunk) const {
+  for (std::size_t b = first; b < end; ++b) {
     bool touched = false;
     for (std::size_t r = bodies_[b].first; r < bodies_[b].end; ++r) {
       if (!reaches(regions_[r], chunk)) continue;
@@ -649,7 +649,7 @@ bool LobeField::View::shadow_near(const LobeRays& rays, std::size_t count, int z
 }
 
 void LobeField::View::gather(const LobeRays& rays, std::size_t count, int zone,
-                             const LobeSums& sums) const {
+                             const LobeSums& sums, bool shaded) const {
   Chunk chunk;
   chunk.sigma = sigma_;
   for (std::size_t begin = 0; begin < count; begin += kChunk) {
@@ -670,7 +670,7 @@ void LobeField::View::gather(const LobeRays& rays, std::size_t count, int zone,
         cut_edge(chunk.count, sigma_, chunk.edge, chunk.strip);
         intersect(chunk.count, chunk.strip, chunk.light);
       }
-      shade(polygon, chunk);
+      shade(polygon.bodies.first, shaded ? polygon.bodies.end : polygon.occluders, chunk);
       add_light(chunk.rays, chunk.count, chunk.frame, chunk.light,
                 {polygon.normal, source_ - origin_, polygon.height, polygon.radiance},
                 sums.from(begin));

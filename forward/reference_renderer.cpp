@@ -287,6 +287,16 @@ void ReferenceOptions::validate() const {
   if (!(object_edge > 0)) throw Error("ReferenceOptions.object_edge", "accepted: above 0 m");
 }
 
+ReferenceOptions reference_sampling(double scale) {
+  ReferenceOptions options;
+  const auto times = [&](int n) { return std::max(1, static_cast<int>(std::lround(scale * n))); };
+  options.zone_divisions = times(options.zone_divisions);
+  options.field_divisions = times(options.field_divisions);
+  options.object_divisions = times(options.object_divisions);
+  options.object_edge /= scale;
+  return options;
+}
+
 std::unique_ptr<ForwardModel> make_reference_renderer(const Scene& scene,
                                                       const SensorPlacement& placement,
                                                       const ReferenceOptions& options) {

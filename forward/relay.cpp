@@ -242,7 +242,7 @@ RelayPatch relay_point_patch(const std::vector<Surface>& surfaces, const Vector3
   for (std::size_t i = 0; i < surfaces.size(); ++i) {
     if (!surfaces[i].relay) continue;
     for (const auto& quad : flat_faces(surfaces[i].shape, surfaces[i].T_world_surface, 1.0)) {
-      const Vector3d normal = (quad[1] - quad[0]).cross(quad[3] - quad[0]).normalized();
+      const Vector3d normal = face_normal(quad);
       // Distance to the face itself, not to its plane.
       const Vector3d u = quad[1] - quad[0];
       const Vector3d v = quad[3] - quad[0];

@@ -354,4 +354,8 @@ std::vector<Triangle> triangulate(const Shape& shape, const Transform& T_world_s
   return triangles;
 }
 
+Vector3d face_normal(const std::array<Vector3d, 4>& corners) {
+  return (corners[1] - corners[0]).cross(corners[3] - corners[0]).normalized();
+}
+
 }  // namespace blindcorner

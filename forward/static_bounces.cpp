@@ -28,13 +28,10 @@ bool may_face(const Surface& a, const Surface& b) {
   return fronts(a, b) && fronts(b, a);
 }
 
-/// Whether a cell lies on the front side of some patch of another surface and the other way round.
-bool reached(const SurfaceCell& cell, int surface, const std::vector<WeightedPatch>& patches) {
-  return std::any_of(patches.begin(), patches.end(), [&](const WeightedPatch& p) {
-    if (p.patch.surface == surface) return false;
-    const Vector3d way = p.patch.center - cell.center;
-    return way.dot(cell.normal) > 0 && way.dot(p.patch.normal) < 0;
-  });
+/// Whether a cell and a patch of another surface lie on each other's front side.
+bool face_each_other(const SurfaceCell& cell, int surface, const RelayPatch& patch) {
+  const Vector3d way = patch.center - cell.center;
+  return patch.surface != surface && way.dot(cell.normal) > 0 && way.dot(patch.normal) < 0;
 }
 
 SurfaceCell as_cell(const RelayPatch& patch) {
@@ -85,8 +82,10 @@ StaticBounces::StaticBounces(const Scene& scene, const RelaySetup& setup,
     for (const SurfaceCell& cell : divide(surface.shape, surface.T_world_surface, 1.0, edge, 2)) {
       const int id = static_cast<int>(i);
       const auto by = [&](const auto& lists) {
-        return std::any_of(lists.begin(), lists.end(),
-                           [&](const auto& patches) { return reached(cell, id, patches); });
+        return std::any_of(lists.begin(), lists.end(), [&](const auto& patches) {
+          return std::any_of(patches.begin(), patches.end(),
+                             [&](const auto& p) { return face_each_other(cell, id, p.patch); });
+        });
       };
       if (by(lit_) && by(seen_)) middle_.push_back({id, cell, cell.area * surface.albedo / kPi});
     }
@@ -107,23 +106,21 @@ std::vector<Leg> StaticBounces::open_legs(const SurfaceCell& cell,
 bool StaticBounces::may_change(const SurfaceCell& cell, const std::vector<WeightedPatch>& patches,
                                int surface, const RayScene& bodies) const {
   return std::any_of(patches.begin(), patches.end(), [&](const WeightedPatch& p) {
-    if (p.patch.surface == surface) return false;
-    const Vector3d way = p.patch.center - cell.center;
-    if (way.dot(cell.normal) <= 0 || way.dot(p.patch.normal) >= 0) return false;
-    return bodies.may_block(cell.center, p.patch.area_center,
+    return face_each_other(cell, surface, p.patch) &&
+           bodies.may_block(cell.center, p.patch.area_center,
                             p.patch.half_u.norm() + p.patch.half_v.norm());
   });
 }
 
 StaticBounces::Ways StaticBounces::ways(const SurfaceCell& cell,
                                         const std::vector<WeightedPatch>& patches, int surface,
-                                        const RayScene& bodies) const {
+                                        const RayScene* bodies) const {
   Ways ways{open_legs(cell, patches, surface), {}, {}};
-  if (!may_change(cell, patches, surface, bodies)) {
+  if (bodies == nullptr) {
     ways.shaded = ways.open;
     return ways;
   }
-  ways.shaded = legs_to(cell, patches, {&bodies, &setup_.surface_rays()}, surface, true);
+  ways.shaded = legs_to(cell, patches, {bodies, &setup_.surface_rays()}, surface, true);
   // Both lists are in the patches' order.
   auto left = ways.shaded.begin();
   for (Leg leg : ways.open) {
@@ -163,7 +160,7 @@ void StaticBounces::change_two(PairSum& sum, int zone, const RayScene& bodies) c
   for (const WeightedPatch& r : seen_[static_cast<std::size_t>(zone)]) {
     const SurfaceCell cell = as_cell(r.patch);
     if (!may_change(cell, lit(zone), r.patch.surface, bodies)) continue;
-    for (const Leg& p : ways(cell, lit(zone), r.patch.surface, bodies).change) {
+    for (const Leg& p : ways(cell, lit(zone), r.patch.surface, &bodies).change) {
       sum.add(zone, p.weight * p.cosine * r.weight, p.length + r.leg);
     }
   }
@@ -172,8 +169,8 @@ void StaticBounces::change_two(PairSum& sum, int zone, const RayScene& bodies) c
 /// With ways in i + di and ways out o + do, the change of i o is di o + (i + di) do.
 void StaticBounces::change_three(PairSum& sum, const RayScene& bodies) const {
   for (const Middle& middle : middle_) {
-    const auto find = [&](const std::vector<WeightedPatch>& patches) {
-      return ways(middle.cell, patches, middle.surface, bodies);
+    const auto find = [&](const std::vector<WeightedPatch>& patches, bool changes) {
+      return ways(middle.cell, patches, middle.surface, changes ? &bodies : nullptr);
     };
     const auto may = [&](const std::vector<WeightedPatch>& patches) {
       return may_change(middle.cell, patches, middle.surface, bodies);
@@ -183,14 +180,15 @@ void StaticBounces::change_three(PairSum& sum, const RayScene& bodies) const {
       const std::vector<WeightedPatch>& seen = seen_[static_cast<std::size_t>(z)];
       if (z == 0 || lit_.size() > 1) {
         in.reset();
-        if (may(lit(z))) in = find(lit(z));
+        if (may(lit(z))) in = find(lit(z), true);
       }
       const bool in_changes = in && !in->change.empty();
-      if (!in_changes && !may(seen)) continue;
-      const Ways out = find(seen);
+      const bool out_may = may(seen);
+      if (!in_changes && !out_may) continue;
+      const Ways out = find(seen, out_may);
       if (in_changes) sum.add_lambertian(z, middle.scattered, in->change, out.open);
       if (out.change.empty()) continue;
-      if (!in) in = find(lit(z));
+      if (!in) in = find(lit(z), false);
       sum.add_lambertian(z, middle.scattered, in->shaded, out.change);
     }
   }

@@ -52,7 +52,7 @@ class StaticBounces {
   bool may_change(const SurfaceCell& cell, const std::vector<WeightedPatch>& patches, int surface,
                   const RayScene& bodies) const;
   Ways ways(const SurfaceCell& cell, const std::vector<WeightedPatch>& patches, int surface,
-            const RayScene& bodies) const;
+            const RayScene* bodies) const;
   void add_two(PairSum& sum, int zone) const;
   void add_three(PairSum& sum) const;
   void change_two(PairSum& sum, int zone, const RayScene& bodies) const;

@@ -46,7 +46,7 @@ bool separated(const std::vector<Vector3d>& a, const std::vector<Vector3d>& b, d
 /// plane, or it lies beyond their hull.
 bool cannot_block(const OccluderFace& face, const std::vector<Vector3d>& points, double margin) {
   const auto& c = face.corners;
-  const Vector3d normal = (c[1] - c[0]).cross(c[3] - c[0]).normalized();
+  const Vector3d normal = face_normal(c);
   double low = 1e300;
   double high = -1e300;
   for (const Vector3d& point : points) {

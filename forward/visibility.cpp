@@ -85,7 +85,7 @@ ShadowView::ShadowView(const std::vector<OccluderFace>& faces, const Vector3d& v
   pyramids_.reserve(faces.size());
   for (const OccluderFace& face : faces) {
     const auto& c = face.corners;
-    const Vector3d normal = (c[1] - c[0]).cross(c[3] - c[0]).normalized();
+    const Vector3d normal = face_normal(c);
     const double side = normal.dot(viewpoint - c[0]);
     if (std::abs(side) < 1e-9 || (face.one_sided && side < 0)) continue;
     std::array<HalfSpace, 5> pyramid;

@@ -3,7 +3,6 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <cmath>
 #include <cstdio>
 #include <filesystem>
 
@@ -51,16 +50,6 @@ void add_study_options(CLI::App& command, StudyArguments& arguments, int most_po
 FastModelOptions at_tolerance(double tolerance) {
   FastModelOptions options;
   options.tolerance = tolerance;
-  return options;
-}
-
-ReferenceOptions reference_sampling(double scale) {
-  ReferenceOptions options;
-  const auto times = [&](int n) { return std::max(1, static_cast<int>(std::lround(scale * n))); };
-  options.zone_divisions = times(options.zone_divisions);
-  options.field_divisions = times(options.field_divisions);
-  options.object_divisions = times(options.object_divisions);
-  options.object_edge /= scale;
   return options;
 }
 

@@ -27,8 +27,6 @@ struct StudyArguments {
 void add_study_options(CLI::App& command, StudyArguments& arguments, int most_poses);
 
 FastModelOptions at_tolerance(double tolerance);
-/// The reference renderer's sampling, `scale` times as dense along each axis as by default.
-ReferenceOptions reference_sampling(double scale);
 
 /// Calls `study` with each scene and its own sensor placement. Scenes whose relay points come with
 /// each capture are named on standard output and left out. Throws Error when there is no scene.

@@ -12,7 +12,6 @@
 #include <optional>
 #include <sstream>
 
-#include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
 #include "blindcorner/inverse/evaluation.h"
 #include "blindcorner/io/atomic_file.h"

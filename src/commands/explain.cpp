@@ -15,7 +15,6 @@
 #include "blindcorner/forward/link_budget.h"
 #include "blindcorner/io/capture_file.h"
 #include "blindcorner/io/scene_file.h"
-#include "commands/benchmark.h"
 #include "commands/commands.h"
 #include "cpu_clock.h"
 #include "pose_text.h"

@@ -142,12 +142,7 @@ TEST_P(SingleSum, StaysWithinItsBoundOfPairs) {
 // Sampled at 0.45 of its default the reference is right to 2 % of the peak.
 TEST_P(SingleSum, StaysWithinItsBoundOfTheReference) {
   const auto single = make_fast_model(scene_, sensor_, at_tolerance(0.02));
-  ReferenceOptions options;
-  options.zone_divisions = static_cast<int>(std::lround(0.45 * options.zone_divisions));
-  options.field_divisions = static_cast<int>(std::lround(0.45 * options.field_divisions));
-  options.object_divisions = static_cast<int>(std::lround(0.45 * options.object_divisions));
-  options.object_edge /= 0.45;
-  const auto reference = make_reference_renderer(scene_, sensor_, options);
+  const auto reference = make_reference_renderer(scene_, sensor_, reference_sampling(0.45));
   EXPECT_LE(change(reference->three_bounce(pose_), single->three_bounce(pose_)),
             single->plan().decision(Term::patch_pairs).bound);
 }

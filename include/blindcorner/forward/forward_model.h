@@ -87,6 +87,9 @@ struct ReferenceOptions {
   void validate() const;
 };
 
+/// The reference renderer's sampling, `scale` times as dense along each axis as by default.
+ReferenceOptions reference_sampling(double scale);
+
 /// The sum of `three_bounce`, pair by pair: any material, point-to-point visibility rays, no
 /// moments.
 std::unique_ptr<ForwardModel> make_reference_renderer(const Scene& scene,

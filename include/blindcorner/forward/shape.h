@@ -109,4 +109,7 @@ std::vector<Triangle> triangulate(const Shape& shape, const Transform& T_world_s
 std::vector<std::array<Eigen::Vector3d, 4>> flat_faces(const Shape& shape,
                                                        const Transform& T_world_shape, double size);
 
+/// Unit normal of such a face, towards the side from which its corners run counter-clockwise.
+Eigen::Vector3d face_normal(const std::array<Eigen::Vector3d, 4>& corners);
+
 }  // namespace blindcorner
