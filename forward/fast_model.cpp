@@ -1554,14 +1554,9 @@ void FastModel::for_each_zone(
   }
 }
 
-/// Sums of what lobes about `count` patches gather.
-void gather_sums(const LobeField::View& view, const LobeRays& rays, std::size_t count, int zone,
-                 bool shaded, const LobeSums& sums) {
-  for (double* values : {sums.weight, sums.first, sums.second}) std::fill_n(values, count, 0.0);
-  view.gather(rays, count, zone, sums, shaded);
-}
-
-LobeSums lobe_sums(LightSums& sums) {
+/// The first `count` of sums that are empty.
+LobeSums lobe_sums(LightSums& sums, std::size_t count) {
+  for (auto* v : {&sums.weight, &sums.first, &sums.second}) std::fill_n(v->begin(), count, 0.0);
   return {sums.weight.data(), sums.first.data(), sums.second.data()};
 }
 
@@ -1580,8 +1575,9 @@ void FastModel::gather(const CellNode& anchor, LobeLight& light, Scratch& s) con
   s.patches.resize(count);
   const LobeField::View view = lobe_->seen_from(anchor.center, {});
   const LobeRays rays = lobe_rays(anchor.normal, s);
+  const LobeSums sums = lobe_sums(s.patches, count);
   for_each_zone([&](int zone, std::size_t begin, std::size_t end) {
-    gather_sums(view, rays.from(begin), end - begin, zone, false, lobe_sums(s.patches).from(begin));
+    view.gather(rays.from(begin), end - begin, zone, sums.from(begin));
   });
   light.resize(count);
   lobe_moments(s, count, s.patches, light);
@@ -1601,10 +1597,12 @@ void FastModel::shade_lobes(const CellNode& node, const std::vector<OccluderFace
   for_each_zone([&](int zone, std::size_t first, std::size_t end) {
     for (std::size_t begin = first; begin < end; begin += LobeField::kChunk) {
       const std::size_t count = std::min(LobeField::kChunk, end - begin);
-      const LobeRays chunk = rays.from(begin);
-      if (!view.shadow_near(chunk, count, zone)) continue;
-      gather_sums(view, chunk, count, zone, false, lobe_sums(s.open));
-      gather_sums(view, chunk, count, zone, true, lobe_sums(s.shaded));
+      const double* weight = s.patches.weight.data() + begin;
+      if (std::all_of(weight, weight + count, [](double w) { return w <= 0; })) continue;
+      if (!view.gather_shaded(rays.from(begin), count, zone, lobe_sums(s.open, count),
+                              lobe_sums(s.shaded, count))) {
+        continue;
+      }
       for (std::size_t i = 0; i < count; ++i) shade_patch(i, begin + i, s);
     }
   });
@@ -1800,6 +1798,9 @@ class FastObjects final : public ForwardModel {
       parts_.push_back(std::make_unique<FastModel>(only_object(scene_, i), placement, options));
     }
     plan_ = parts_.front()->plan();
+    for (std::size_t i = 1; i < parts_.size(); ++i) {
+      join(parts_[i]->plan(), hidden_object(scene_, static_cast<int>(i)).name);
+    }
     plan_.decide({Term::self_shadowing, "self-shadowing of the object", true,
                   object_count(scene_) > 1 ? "hidden objects may hide each other"
                                            : "the shape is not convex"});
@@ -1822,9 +1823,34 @@ class FastObjects final : public ForwardModel {
   }
   const HistogramCube& direct_return() const override { return parts_.front()->direct_return(); }
   const TransportPlan& plan() const override { return plan_; }
-  std::optional<Fidelity> fidelity() const override { return parts_.front()->fidelity(); }
+  /// The finest of any object: what suits it suits the others.
+  std::optional<Fidelity> fidelity() const override {
+    Fidelity finest = *parts_.front()->fidelity();
+    for (const auto& part : parts_) {
+      finest.relay = std::min(finest.relay, part->fidelity()->relay);
+      finest.object = std::min(finest.object, part->fidelity()->object);
+    }
+    return finest;
+  }
 
  private:
+  /// What one object needs, the scene needs. No peak of the sum is below that of one object, so
+  /// bounds add.
+  void join(const TransportPlan& other, const std::string& name) {
+    for (const OccluderFace& face : other.occluders) {
+      const bool known = std::ranges::any_of(
+          plan_.occluders, [&](const OccluderFace& f) { return f.corners == face.corners; });
+      if (!known) plan_.occluders.push_back(face);
+    }
+    for (const PlanDecision& decision : other.decisions) {
+      PlanDecision both = plan_.decision(decision.term);
+      if (decision.reason != both.reason) both.reason += "; " + name + ": " + decision.reason;
+      both.used = both.used || decision.used;
+      both.bound += decision.bound;
+      plan_.decide(both);
+    }
+  }
+
   Scene scene_;
   std::vector<std::unique_ptr<FastModel>> parts_;
   TransportPlan plan_;

@@ -483,7 +483,9 @@ struct LobeField::View::Chunk {
   EdgeLanes edge;
   Moments strip, region, light, body;
 
-  void bound() {
+  void take(const LobeRays& some, std::size_t n) {
+    rays = some;
+    count = n;
     middle.setZero();
     for (std::size_t i = 0; i < count; ++i) middle += Vector3d(rays.x[i], rays.y[i], rays.z[i]);
     middle /= static_cast<double>(count);
@@ -616,8 +618,10 @@ void LobeField::View::cut(const Region& region, Chunk& chunk) const {
   }
 }
 
-/// Takes away what the bodies [first, end) hide; chunk.light holds the moments.
-void LobeField::View::shade(std::size_t first, std::size_t end, Chunk& chunk) const {
+/// Takes away what the bodies [first, end) hide; chunk.light holds the moments. Returns whether
+/// that is anything.
+bool LobeField::View::shade(std::size_t first, std::size_t end, Chunk& chunk) const {
+  bool any = false;
   for (std::size_t b = first; b < end; ++b) {
     bool touched = false;
     for (std::size_t r = bodies_[b].first; r < bodies_[b].end; ++r) {
@@ -628,15 +632,12 @@ void LobeField::View::shade(std::size_t first, std::size_t end, Chunk& chunk) co
       subtract(chunk.count, chunk.region, chunk.body);
     }
     if (touched) intersect(chunk.count, chunk.body, chunk.light);
+    any = any || touched;
   }
+  return any;
 }
 
-bool LobeField::View::shadow_near(const LobeRays& rays, std::size_t count, int zone) const {
-  Chunk chunk;
-  chunk.sigma = sigma_;
-  chunk.rays = rays;
-  chunk.count = count;
-  chunk.bound();
+bool LobeField::View::shadow_near(const Chunk& chunk, int zone) const {
   return std::ranges::any_of(polygons_, [&](const Polygon& polygon) {
     if (polygon.zone >= 0 && polygon.zone != zone) return false;
     for (std::size_t b = polygon.occluders; b < polygon.bodies.end; ++b) {
@@ -648,34 +649,77 @@ bool LobeField::View::shadow_near(const LobeRays& rays, std::size_t count, int z
   });
 }
 
+/// Moments of what the polygon's light fills of the lobes, to chunk.light, occluders aside. Returns
+/// whether the lobes reach it at all.
+bool LobeField::View::fill_light(const Polygon& polygon, Chunk& chunk) const {
+  if (!reaches(polygon.region, chunk)) return false;
+  make_frame(chunk.rays, chunk.count, polygon.normal, polygon.normal.unitOrthogonal(),
+             sigma_ * sigma_, chunk.frame);
+  cut(polygon.region, chunk);
+  chunk.light = chunk.region;
+  if (cone_tangent_ > 0) {
+    fill(chunk.strip, chunk.count, 1);
+    cone_edge(chunk.rays, chunk.count, chunk.frame, source_ - origin_, axis_, cone_tangent_,
+              polygon.normal, polygon.height, chunk.edge);
+    cut_edge(chunk.count, sigma_, chunk.edge, chunk.strip);
+    intersect(chunk.count, chunk.strip, chunk.light);
+  }
+  shade(polygon.bodies.first, polygon.occluders, chunk);
+  return true;
+}
+
 void LobeField::View::gather(const LobeRays& rays, std::size_t count, int zone,
-                             const LobeSums& sums, bool shaded) const {
+                             const LobeSums& sums) const {
   Chunk chunk;
   chunk.sigma = sigma_;
   for (std::size_t begin = 0; begin < count; begin += kChunk) {
-    chunk.rays = rays.from(begin);
-    chunk.count = std::min(kChunk, count - begin);
-    chunk.bound();
+    chunk.take(rays.from(begin), std::min(kChunk, count - begin));
     for (const Polygon& polygon : polygons_) {
       if (polygon.zone >= 0 && polygon.zone != zone) continue;
-      if (!reaches(polygon.region, chunk)) continue;
-      make_frame(chunk.rays, chunk.count, polygon.normal, polygon.normal.unitOrthogonal(),
-                 sigma_ * sigma_, chunk.frame);
-      cut(polygon.region, chunk);
-      chunk.light = chunk.region;
-      if (cone_tangent_ > 0) {
-        fill(chunk.strip, chunk.count, 1);
-        cone_edge(chunk.rays, chunk.count, chunk.frame, source_ - origin_, axis_, cone_tangent_,
-                  polygon.normal, polygon.height, chunk.edge);
-        cut_edge(chunk.count, sigma_, chunk.edge, chunk.strip);
-        intersect(chunk.count, chunk.strip, chunk.light);
-      }
-      shade(polygon.bodies.first, shaded ? polygon.bodies.end : polygon.occluders, chunk);
+      if (!fill_light(polygon, chunk)) continue;
+      shade(polygon.occluders, polygon.bodies.end, chunk);
       add_light(chunk.rays, chunk.count, chunk.frame, chunk.light,
                 {polygon.normal, source_ - origin_, polygon.height, polygon.radiance},
                 sums.from(begin));
     }
   }
+}
+
+bool LobeField::View::gather_shaded(const LobeRays& rays, std::size_t count, int zone,
+                                    const LobeSums& open, const LobeSums& shaded) const {
+  Chunk chunk;
+  chunk.sigma = sigma_;
+  chunk.take(rays, count);
+  if (!shadow_near(chunk, zone)) return false;
+  struct alignas(64) Own {
+    Lane weight{}, first{}, second{};
+  };
+  const auto add = [&](const Own& from, const LobeSums& to) {
+    for (std::size_t i = 0; i < count; ++i) {
+      to.weight[i] += from.weight[i];
+      to.first[i] += from.first[i];
+      to.second[i] += from.second[i];
+    }
+  };
+  for (const Polygon& polygon : polygons_) {
+    if (polygon.zone >= 0 && polygon.zone != zone) continue;
+    if (!fill_light(polygon, chunk)) continue;
+    const auto light = [&](Own& own) -> const Own& {
+      add_light(chunk.rays, count, chunk.frame, chunk.light,
+                {polygon.normal, source_ - origin_, polygon.height, polygon.radiance},
+                {own.weight.data(), own.first.data(), own.second.data()});
+      return own;
+    };
+    Own before;
+    add(light(before), open);
+    if (!shade(polygon.occluders, polygon.bodies.end, chunk)) {
+      add(before, shaded);
+      continue;
+    }
+    Own after;
+    add(light(after), shaded);
+  }
+  return true;
 }
 
 }  // namespace blindcorner

@@ -60,13 +60,13 @@ class LobeField {
   /// Edges as a point sees them, made once for all directions.
   class View {
    public:
-    /// Light that zone `zone` lights, about each of `count` directions; with or without what the
-    /// occluders hide of it.
-    void gather(const LobeRays& rays, std::size_t count, int zone, const LobeSums& sums,
-                bool shaded = true) const;
-    /// Whether an occluder hides anything from the lobes about these directions, `count` at most
-    /// kChunk.
-    bool shadow_near(const LobeRays& rays, std::size_t count, int zone) const;
+    /// Light that zone `zone` lights, about each of `count` directions, less what the occluders
+    /// hide of it.
+    void gather(const LobeRays& rays, std::size_t count, int zone, const LobeSums& sums) const;
+    /// The same without and with occluders, `count` at most kChunk; false when no occluder comes
+    /// near the lobes.
+    bool gather_shaded(const LobeRays& rays, std::size_t count, int zone, const LobeSums& open,
+                       const LobeSums& shaded) const;
 
    private:
     friend class LobeField;
@@ -94,7 +94,9 @@ class LobeField {
     struct Chunk;
     bool reaches(const Region& region, const Chunk& chunk) const;
     void cut(const Region& region, Chunk& chunk) const;
-    void shade(std::size_t first, std::size_t end, Chunk& chunk) const;
+    bool shade(std::size_t first, std::size_t end, Chunk& chunk) const;
+    bool fill_light(const Polygon& polygon, Chunk& chunk) const;
+    bool shadow_near(const Chunk& chunk, int zone) const;
 
     Eigen::Vector3d origin_, source_, axis_;
     double sigma_ = 0;

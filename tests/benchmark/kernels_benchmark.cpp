@@ -59,6 +59,7 @@ BENCHMARK_CAPTURE(fast_model, tmf8828_floor, "tmf8828_floor", true)
     ->Unit(benchmark::kMicrosecond);
 BENCHMARK_CAPTURE(fast_model, street_corner, "street_corner", true)
     ->Arg(100)
+    ->Arg(40)
     ->Unit(benchmark::kMicrosecond);
 BENCHMARK_CAPTURE(fast_model, street_corner_open, "street_corner", false)
     ->Arg(100)

@@ -270,6 +270,38 @@ TEST(SeveralObjects, FastModelAgreesWithTheReference) {
   }
 }
 
+// The plan of the scene is what any of its objects needs: here a screen that shades the second
+// only.
+TEST(SeveralObjects, PlanAndSamplingSuitEveryObject) {
+  Scene scene = wall_scene();
+  scene.hidden.name = "first";
+  HiddenObject large = plate({0.2, -0.5, 0.1}, 30, 0.4);
+  scene.further_hidden = {large};
+  scene.unknowns = {{Component::x, 0.1, 0.2, std::nullopt},
+                    {Component::x, 0.15, 0.25, std::nullopt, 1}};
+  Surface screen = scene.surfaces.front();
+  screen.name = "screen";
+  screen.shape = RectangleShape{0.15, 0.15};
+  screen.T_world_surface.translation() = Vector3d(0.45, -0.2, 0.05);
+  screen.relay = false;
+  screen.occluder = true;
+  scene.surfaces.push_back(screen);
+  const SensorPlacement sensor = sensor_placement(scene);
+  const auto both = make_fast_model(scene, sensor, at_tolerance(0.04));
+  const auto first = make_fast_model(only_object(scene, 0), sensor, at_tolerance(0.04));
+  const auto second = make_fast_model(only_object(scene, 1), sensor, at_tolerance(0.04));
+  ASSERT_TRUE(first->plan().occluders.empty());
+  ASSERT_FALSE(second->plan().occluders.empty());
+  EXPECT_EQ(both->plan().occluders.size(), second->plan().occluders.size());
+  EXPECT_TRUE(both->plan().decision(Term::occlusion).used);
+  EXPECT_DOUBLE_EQ(both->plan().decision(Term::dim_patches).bound,
+                   first->plan().decision(Term::dim_patches).bound +
+                       second->plan().decision(Term::dim_patches).bound);
+  EXPECT_EQ(both->fidelity()->relay, std::min(first->fidelity()->relay, second->fidelity()->relay));
+  EXPECT_EQ(both->fidelity()->object,
+            std::min(first->fidelity()->object, second->fidelity()->object));
+}
+
 TEST(SeveralObjects, PosesGoToTheirObjects) {
   Scene scene = wall_scene();
   scene.hidden.name = "front";
