@@ -10,6 +10,7 @@
 #include <numeric>
 
 #include "blindcorner/forward/error.h"
+#include "blindcorner/forward/quantile.h"
 #include "blindcorner/inverse/fit.h"
 #include "calibration_problem.h"
 
@@ -57,13 +58,6 @@ PoseVector true_pose(const Scene& scene, const Capture& capture, std::size_t ind
     pose[i++] = known->second;
   }
   return pose;
-}
-
-double quantile(std::vector<double> values, double share) {
-  if (values.empty()) return 0;
-  const auto k = std::lround(share * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), values.begin() + k, values.end());
-  return values[static_cast<std::size_t>(k)];
 }
 
 /// Whether a zone of the capture holds data: one that does not is observed with next to no exposure

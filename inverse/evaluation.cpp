@@ -8,6 +8,7 @@
 #include <random>
 
 #include "blindcorner/forward/error.h"
+#include "blindcorner/forward/quantile.h"
 
 namespace blindcorner {
 namespace {
@@ -19,18 +20,6 @@ struct Summary {
   int within_one = 0, within_two = 0;  ///< coordinates
   double normalised = 0;
 };
-
-double quantile(std::vector<double>& values, double share) {
-  // Linear interpolation between order statistics.
-  const double at = share * static_cast<double>(values.size() - 1);
-  const auto low = static_cast<std::size_t>(at);
-  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(low), values.end());
-  const double a = values[low];
-  if (low + 1 >= values.size()) return a;
-  const double b =
-      *std::min_element(values.begin() + static_cast<std::ptrdiff_t>(low) + 1, values.end());
-  return a + (at - static_cast<double>(low)) * (b - a);
-}
 
 /// Values of all figures for a choice of summaries.
 std::vector<double> figures_of(const std::vector<const Summary*>& chosen) {

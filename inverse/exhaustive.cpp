@@ -14,6 +14,8 @@ namespace {
 
 /// Accuracy of a grid point's log posterior; what is refined is exact.
 constexpr double kAccuracy = 1e-3;
+/// Optima this much below the best in log posterior do not matter.
+constexpr double kNegligible = 12;
 
 }  // namespace
 
@@ -60,7 +62,7 @@ double ExhaustiveSearch::log_posterior(const Capture& capture, const PoseVector&
 }
 
 ExhaustiveResult ExhaustiveSearch::search(const Capture& capture,
-                                          const std::vector<PoseVector>& starts) const {
+                                          std::vector<PoseVector> starts) const {
   const CompiledScene& compiled = *impl_->compiled;
   const Observation observation = impl_->observe_one(capture);
   const PoseObjective objective(compiled, observation);
@@ -97,10 +99,12 @@ ExhaustiveResult ExhaustiveSearch::search(const Capture& capture,
     });
     if (!close) chosen.push_back(pose);
   }
-  chosen.insert(chosen.end(), starts.begin(), starts.end());
-  std::vector<Refined> optima;
-  for (const PoseVector& start : chosen) optima.push_back(polish(objective, start));
-  optima = merge(compiled, std::move(optima), 12.0);
+  // As the fit does, on the cheap model first; what was asked for goes on as it is.
+  std::vector<Refined> basins;
+  for (const PoseVector& start : chosen) basins.push_back(approach(objective, start));
+  basins = merge(compiled, std::move(basins), 1.5 * kNegligible);
+  for (const Refined& basin : basins) starts.push_back(basin.pose);
+  const std::vector<Refined> optima = find_optima(objective, starts, kNegligible);
 
   ExhaustiveResult result;
   result.log_posterior = optima.front().value.log_posterior;

@@ -317,9 +317,9 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   }
   // The cheap model's own error must not decide which basins are dropped.
   basins = merge(compiled, std::move(basins), 1.5 * options.negligible_log_posterior);
-  std::vector<Refined> optima;
-  for (const Refined& basin : basins) optima.push_back(polish(objective, basin.pose));
-  optima = merge(compiled, std::move(optima), options.negligible_log_posterior);
+  std::vector<PoseVector> places;
+  for (const Refined& basin : basins) places.push_back(basin.pose);
+  std::vector<Refined> optima = find_optima(objective, places, options.negligible_log_posterior);
   if (optima.empty())
     throw Error(captures.front().source, "found no finite likelihood at any pose");
   result.time_ms.refine = stage.lap();
@@ -338,8 +338,8 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   for (int again = 0; again < kMostReturns && !posterior.promising.empty(); ++again) {
     // Sampling came upon places that may be better: refine from there and, if so, think again.
     const double before = optima.front().value.log_posterior;
-    for (const PoseVector& pose : posterior.promising) optima.push_back(polish(objective, pose));
-    optima = merge(compiled, std::move(optima), options.negligible_log_posterior);
+    optima = find_optima(objective, posterior.promising, options.negligible_log_posterior,
+                         std::move(optima));
     if (optima.front().value.log_posterior < before + kWorthAnother) break;
     posterior = think();
   }

@@ -14,11 +14,14 @@ namespace {
 struct Stop {
   int iterations;
   double function_tolerance;
-  bool central;  ///< central differences; forward ones are good enough to find a basin
+  bool central = false;  ///< central differences; forward ones are good enough to find a basin
 };
-constexpr Stop kApproach{12, 1e-5, false};
-constexpr Stop kApproachSpline{40, 1e-6, false};
+constexpr Stop kApproach{12, 1e-5};
+constexpr Stop kApproachSpline{40, 1e-6};
 constexpr Stop kPolish{25, 1e-6, true};
+/// The most that a compass search has gained after least squares was 0.5 in log posterior: optima
+/// farther than this below the best do not become the best by it.
+constexpr double kMostGain = 1.0;
 /// Corrections of the spline by the model, and the gain in log posterior that calls for another.
 constexpr int kMostCorrections = 5;
 constexpr double kWorthCorrecting = 0.01;
@@ -51,9 +54,10 @@ class ResidualCost final : public ceres::CostFunction {
     PoseVector pose = Eigen::Map<const PoseVector>(parameters[0], n);
     compute(pose, residuals);
     if (jacobians == nullptr || jacobians[0] == nullptr) return true;
-    const Scene& scene = objective_.compiled().scene;
     Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> jacobian(
         jacobians[0], num_residuals(), n);
+    const Scene& scene = objective_.compiled().scene;
+    const Eigen::Map<const Eigen::VectorXd> here(residuals, num_residuals());
     Eigen::VectorXd plus(num_residuals());
     Eigen::VectorXd minus(num_residuals());
     for (int i = 0; i < n; ++i) {
@@ -70,8 +74,7 @@ class ResidualCost final : public ceres::CostFunction {
         compute(down, minus.data());
         jacobian.col(i) = (plus - minus) / (up[i] - down[i]);
       } else {
-        jacobian.col(i) =
-            (plus - Eigen::Map<const Eigen::VectorXd>(residuals, num_residuals())) / step;
+        jacobian.col(i) = (plus - here) / step;
       }
     }
     return true;
@@ -206,6 +209,22 @@ bool compass(const PoseObjective& objective, const ModelSet& models, Refined& re
   return result.value.log_posterior > before + kWorthwhile;
 }
 
+/// Past the kinks that shadow edges leave about an optimum of least squares.
+void search_on(const PoseObjective& objective, Refined& optimum) {
+  const CompiledScene& compiled = objective.compiled();
+  const PoseVector before = optimum.pose;
+  if (compass(objective, compiled.models(), optimum)) {
+    Refined again = optimum;
+    minimise(objective, compiled.models(), kPolish, again);
+    again = finish(objective, compiled.models(), std::move(again));
+    if (again.value.log_posterior > optimum.value.log_posterior) optimum = std::move(again);
+  }
+  // The correction belongs to the pose.
+  const bool moved = optimum.pose != before;
+  if (compiled.spline && moved) optimum = finish_corrected(objective, std::move(optimum));
+  optimum.searched = true;
+}
+
 }  // namespace
 
 LightSource light_near(const CompiledScene& compiled, const Refined& refined) {
@@ -231,27 +250,47 @@ Refined approach(const PoseObjective& objective, const PoseVector& start) {
 
 Refined polish(const PoseObjective& objective, const PoseVector& start) {
   const CompiledScene& compiled = objective.compiled();
-  const ModelSet& models = compiled.models();
   Refined result;
   result.pose = start;
-  if (compiled.spline) {
-    result = polish_on_spline(objective, std::move(result));
-  } else {
-    minimise(objective, models, kPolish, result);
-    result = finish(objective, models, std::move(result));
+  if (compiled.spline) return polish_on_spline(objective, std::move(result));
+  minimise(objective, compiled.models(), kPolish, result);
+  return finish(objective, compiled.models(), std::move(result));
+}
+
+std::vector<Refined> merge(const CompiledScene& compiled, std::vector<Refined> optima,
+                           double negligible) {
+  std::stable_sort(optima.begin(), optima.end(), [](const Refined& a, const Refined& b) {
+    return a.value.log_posterior > b.value.log_posterior;
+  });
+  std::vector<Refined> kept;
+  for (Refined& optimum : optima) {
+    if (!std::isfinite(optimum.value.log_posterior)) continue;
+    if (!kept.empty() &&
+        optimum.value.log_posterior < kept.front().value.log_posterior - negligible) {
+      break;
+    }
+    const bool known = std::any_of(kept.begin(), kept.end(), [&](const Refined& other) {
+      const PoseVector d = pose_difference(compiled.scene, other.pose, optimum.pose);
+      return (d.array().abs() < 0.25 * compiled.spacing.array()).all();
+    });
+    if (!known) kept.push_back(std::move(optimum));
   }
-  const bool kinks = !models.front()->plan().occluders.empty();
-  if (!kinks) return result;
-  const PoseVector before = result.pose;
-  if (compass(objective, models, result)) {
-    Refined again = result;
-    minimise(objective, models, kPolish, again);
-    again = finish(objective, models, std::move(again));
-    if (again.value.log_posterior > result.value.log_posterior) result = std::move(again);
+  return kept;
+}
+
+std::vector<Refined> find_optima(const PoseObjective& objective,
+                                 const std::vector<PoseVector>& starts, double negligible,
+                                 std::vector<Refined> optima) {
+  const CompiledScene& compiled = objective.compiled();
+  for (const PoseVector& start : starts) optima.push_back(polish(objective, start));
+  optima = merge(compiled, std::move(optima), negligible);
+  const bool kinks = !compiled.models().front()->plan().occluders.empty();
+  if (!kinks || optima.empty()) return optima;
+  const double least = optima.front().value.log_posterior - kMostGain;
+  for (Refined& optimum : optima) {
+    if (!optimum.searched && optimum.value.log_posterior >= least) search_on(objective, optimum);
   }
-  // The correction belongs to the pose.
-  const bool moved = result.pose != before;
-  return compiled.spline && moved ? finish_corrected(objective, std::move(result)) : result;
+  return merge(compiled, std::move(optima), negligible);
 }
 
 }  // namespace blindcorner

@@ -456,27 +456,6 @@ GoodnessOfFit goodness_of_fit(const PoseObjective& objective, const Refined& opt
   return fit;
 }
 
-std::vector<Refined> merge(const CompiledScene& compiled, std::vector<Refined> optima,
-                           double negligible) {
-  std::stable_sort(optima.begin(), optima.end(), [](const Refined& a, const Refined& b) {
-    return a.value.log_posterior > b.value.log_posterior;
-  });
-  std::vector<Refined> kept;
-  for (Refined& optimum : optima) {
-    if (!std::isfinite(optimum.value.log_posterior)) continue;
-    if (!kept.empty() &&
-        optimum.value.log_posterior < kept.front().value.log_posterior - negligible) {
-      break;
-    }
-    const bool known = std::any_of(kept.begin(), kept.end(), [&](const Refined& other) {
-      const PoseVector d = pose_difference(compiled.scene, other.pose, optimum.pose);
-      return (d.array().abs() < 0.25 * compiled.spacing.array()).all();
-    });
-    if (!known) kept.push_back(std::move(optimum));
-  }
-  return kept;
-}
-
 std::vector<std::size_t> connect(const PoseObjective& objective,
                                  const std::vector<const Refined*>& optima, double inflation) {
   constexpr std::size_t kMostHeads = 6;

@@ -83,8 +83,4 @@ Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& 
 std::vector<std::size_t> connect(const PoseObjective& objective,
                                  const std::vector<const Refined*>& optima, double inflation);
 
-/// Merges refined starts that ended at the same optimum; drops those negligible against the best.
-std::vector<Refined> merge(const CompiledScene& compiled, std::vector<Refined> optima,
-                           double negligible);
-
 }  // namespace blindcorner

@@ -11,6 +11,7 @@
 
 #include "blindcorner/forward/forward_model.h"
 #include "blindcorner/forward/photon_noise.h"
+#include "blindcorner/forward/quantile.h"
 #include "commands/benchmark.h"
 #include "cpu_clock.h"
 #include "formatted.h"

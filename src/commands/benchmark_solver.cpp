@@ -16,8 +16,10 @@
 
 #include "blindcorner/forward/error.h"
 #include "blindcorner/forward/forward_model.h"
+#include "blindcorner/forward/quantile.h"
 #include "blindcorner/inverse/exhaustive.h"
 #include "blindcorner/inverse/fit.h"
+#include "blindcorner/inverse/observation.h"
 #include "blindcorner/io/atomic_file.h"
 #include "blindcorner/io/capture_file.h"
 #include "blindcorner/io/scene_file.h"
@@ -37,7 +39,8 @@ constexpr double kRegion[] = {0, 6.635, 9.210, 11.345, 13.277, 15.086};
 struct SolverArguments {
   std::vector<std::string> scenes;
   std::string output;
-  std::string captures_directory;
+  std::string captures_directory;        ///< to write
+  std::string known_captures_directory;  ///< to read
   int captures = 200;
   double least_photons = 10;
   double most_photons = 1000;
@@ -129,12 +132,6 @@ Trial run_trial(const Scene& scene, const Capture& capture, const PoseVector& tr
   return trial;
 }
 
-double quantile(std::vector<double> values, double q) {
-  if (values.empty()) return std::nan("");
-  std::sort(values.begin(), values.end());
-  return values[static_cast<std::size_t>(std::lround(q * static_cast<double>(values.size() - 1)))];
-}
-
 struct Row {
   std::string scene;
   int captures = 0, failures = 0;
@@ -160,6 +157,9 @@ Row summarise(const std::string& name, const std::vector<Trial>& trials) {
   }
   for (double* share : {&row.reached, &row.right, &row.exhaustive_right}) {
     *share /= static_cast<double>(trials.size());
+  }
+  for (auto* none : {&errors, &times}) {
+    if (none->empty()) none->push_back(std::nan(""));
   }
   row.median_error = quantile(errors, 0.5);
   row.p90_error = quantile(errors, 0.9);
@@ -192,10 +192,64 @@ nlohmann::json to_json(const std::string& scene, const std::vector<Trial>& trial
   return {{"scene", scene}, {"trials", std::move(list)}};
 }
 
-std::vector<Trial> study(const SolverArguments& arguments, const std::string& path) {
-  const Scene scene = read_scene(path);
+std::string captures_path(const std::string& directory, const Scene& scene) {
+  return (std::filesystem::path(directory) / (scene.name + ".exr")).string();
+}
+
+CaptureFile render_captures(const SolverArguments& arguments, const Scene& scene,
+                            const std::vector<PoseVector>& truths,
+                            const std::vector<LightBudget>& budgets) {
   const auto reference =
       make_reference_renderer(scene, sensor_placement(scene), reference_sampling(arguments.truth));
+  CaptureFile captures;
+  captures.bin_width = scene.sensor.bin_width;
+  captures.sensor = scene.sensor.name;
+  captures.captures.resize(truths.size());
+  Progress rendering(scene.name + ": rendering", truths.size());
+  tbb::parallel_for(std::size_t{0}, truths.size(), [&](std::size_t i) {
+    captures.captures[i] = make_capture(scene, *reference, truths[i], budgets[i],
+                                        arguments.seed + 1'000'003 * (i + 1));
+    captures.captures[i].source = scene.name;
+    captures.captures[i].index = static_cast<int>(i);
+    rendering.advance();
+  });
+  rendering.finish();
+  if (!arguments.captures_directory.empty()) {
+    write_captures(captures_path(arguments.captures_directory, scene), captures);
+  }
+  return captures;
+}
+
+/// Captures of an earlier run with the same seed and scene: their truths must be the ones drawn.
+CaptureFile known_captures(const SolverArguments& arguments, const Scene& scene,
+                           const std::vector<PoseVector>& truths) {
+  const std::string path = captures_path(arguments.known_captures_directory, scene);
+  CaptureFile captures = read_captures(path);
+  if (captures.captures.size() < truths.size()) {
+    throw Error(path, "found " + std::to_string(captures.captures.size()) +
+                          " captures, accepted: at least " + std::to_string(truths.size()));
+  }
+  captures.captures.resize(truths.size());
+  const std::vector<std::string> names = unknown_names(scene);
+  for (std::size_t i = 0; i < truths.size(); ++i) {
+    const Capture& capture = captures.captures[i];
+    check_capture(scene, capture);
+    bool same = true;
+    for (std::size_t k = 0; k < names.size(); ++k) {
+      const auto known = capture.truth.find(names[k]);
+      same = same && known != capture.truth.end() &&
+             std::abs(known->second - truths[i][static_cast<Eigen::Index>(k)]) < 1e-5;
+    }
+    if (!same) {
+      throw Error(path, "capture " + std::to_string(i) +
+                            " is not of the pose that this scene and seed give");
+    }
+  }
+  return captures;
+}
+
+std::vector<Trial> study(const SolverArguments& arguments, const std::string& path) {
+  const Scene scene = read_scene(path);
   const auto count = static_cast<std::size_t>(arguments.captures);
   std::vector<PoseVector> truths(count);
   std::vector<LightBudget> budgets(count);
@@ -215,24 +269,9 @@ std::vector<Trial> study(const SolverArguments& arguments, const std::string& pa
     budgets[i].third_bounce_photons = std::exp(log_photons(random));
     budgets[i].amplitude = std::exp(log_amplitude(random));
   }
-  CaptureFile captures;
-  captures.bin_width = scene.sensor.bin_width;
-  captures.sensor = scene.sensor.name;
-  captures.captures.resize(count);
-  Progress rendering(scene.name + ": rendering", count);
-  tbb::parallel_for(std::size_t{0}, count, [&](std::size_t i) {
-    captures.captures[i] = make_capture(scene, *reference, truths[i], budgets[i],
-                                        arguments.seed + 1'000'003 * (i + 1));
-    captures.captures[i].source = scene.name;
-    captures.captures[i].index = static_cast<int>(i);
-    rendering.advance();
-  });
-  rendering.finish();
-  if (!arguments.captures_directory.empty()) {
-    write_captures(
-        (std::filesystem::path(arguments.captures_directory) / (scene.name + ".exr")).string(),
-        captures);
-  }
+  const CaptureFile captures = arguments.known_captures_directory.empty()
+                                   ? render_captures(arguments, scene, truths, budgets)
+                                   : known_captures(arguments, scene, truths);
   const Fitter fitter(scene, arguments.fit);
   fitter.fit(captures.captures.front());  // compiles the scene, so that times are of fits
   const ExhaustiveSearch exhaustive(scene, arguments.exhaustive);
@@ -314,6 +353,9 @@ void add_solver_benchmark(CLI::App& benchmark, int& exit_code) {
   command.add_option("-o,--output", arguments->output, "directory for solver.json, all trials");
   command.add_option("--save-captures", arguments->captures_directory,
                      "directory for the captures, one file a scene");
+  command.add_option("--saved-captures", arguments->known_captures_directory,
+                     "directory of captures that an earlier run with the same --seed saved: fitted "
+                     "instead of new ones");
   command.callback([arguments, &exit_code] {
     arguments->exhaustive.model_tolerance = arguments->fit.model_tolerance;
     arguments->fit.validate();

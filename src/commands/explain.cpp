@@ -13,6 +13,7 @@
 #include "blindcorner/forward/error.h"
 #include "blindcorner/forward/forward_model.h"
 #include "blindcorner/forward/link_budget.h"
+#include "blindcorner/forward/quantile.h"
 #include "blindcorner/io/capture_file.h"
 #include "blindcorner/io/scene_file.h"
 #include "commands/commands.h"

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <filesystem>
 
+#include "blindcorner/forward/quantile.h"
 #include "report/result_file.h"
 
 namespace blindcorner {
@@ -96,13 +97,6 @@ std::string aligned(const std::vector<Row>& rows) {
   return text;
 }
 
-double quantile(const std::vector<double>& sorted, double share) {
-  const double place = share * static_cast<double>(sorted.size() - 1);
-  const auto below = static_cast<std::size_t>(place);
-  const auto above = std::min(below + 1, sorted.size() - 1);
-  return std::lerp(sorted[below], sorted[above], place - static_cast<double>(below));
-}
-
 std::string summary(const Scene& scene, const std::vector<FitResult>& results) {
   std::vector<double> errors, times;
   std::size_t failed = 0;
@@ -118,11 +112,9 @@ std::string summary(const Scene& scene, const std::vector<FitResult>& results) {
   std::string text = std::to_string(results.size()) + (results.size() == 1 ? " fit" : " fits");
   if (failed > 0) text += ", " + std::to_string(failed) + " failed";
   if (!times.empty()) {
-    std::ranges::sort(times);
     text += "; median time " + number(quantile(times, 0.5), 1) + " ms";
   }
   if (!errors.empty()) {
-    std::ranges::sort(errors);
     text += "; distance to truth: median " + number(quantile(errors, 0.5), 4) +
             " m, 90th percentile " + number(quantile(errors, 0.9), 4) + " m";
   }

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <numeric>
 
+#include "blindcorner/forward/quantile.h"
+
 namespace blindcorner {
 namespace {
 
@@ -18,14 +20,6 @@ constexpr double kShapeTolerance = 0.12;
 constexpr double kAmbientTolerance = 8.0;
 /// Counters of the sensor have 24 bits.
 constexpr double kOverflow = 16777216.0 - 65536.0;
-
-double median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + std::ssize(values) / 2;
-  std::nth_element(values.begin(), middle, values.end());
-  if (values.size() % 2 == 1) return *middle;
-  return 0.5 * (*middle + *std::max_element(values.begin(), middle));
-}
 
 /// Mean of the lower three quarters of the bins outside the direct return: the third bounce lights
 /// the upper ones. The last bin is not used (unusable on this sensor).

@@ -540,5 +540,28 @@ TEST_F(Cli, TrackExcludesJoint) {
   expect_refused(run(fit(kScene, write_flat("good.exr")) + " --track --joint"));
 }
 
+TEST_F(Cli, SolverBenchmarkFitsSavedCapturesAgain) {
+  const std::string command =
+      "benchmark solver '" + std::string(SOURCE_DIR) + "/scenes/denali_like.json' --max-poses 200 ";
+  const Outcome first = run(command + "-n 2 --truth 0.5 -o '" + path("first") +
+                            "' --save-captures '" + path("kept") + "'");
+  ASSERT_EQ(first.exit_code, 0) << first.err;
+  const std::string again = command + "--saved-captures '" + path("kept") + "' -n ";
+  ASSERT_EQ(run(again + "2 -o '" + path("again") + "'").exit_code, 0);
+  const auto trials = [&](const std::string& name) {
+    json table = json::parse(text_of(path(name) + "/solver.json"));
+    for (json& trial : table[0]["trials"]) trial.erase("time_ms");
+    return table;
+  };
+  EXPECT_EQ(trials("first"), trials("again"));
+
+  const Outcome other = run(again + "2 --seed 2");
+  EXPECT_NE(other.exit_code, 0);
+  EXPECT_THAT(other.err, AllOf(HasSubstr("denali_like.exr: capture 0"), HasSubstr("seed")));
+  const Outcome more = run(again + "3");
+  EXPECT_NE(more.exit_code, 0);
+  EXPECT_THAT(more.err, HasSubstr("found 2 captures, accepted: at least 3"));
+}
+
 }  // namespace
 }  // namespace blindcorner

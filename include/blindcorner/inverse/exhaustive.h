@@ -38,7 +38,7 @@ class ExhaustiveSearch {
   ExhaustiveSearch(ExhaustiveSearch&&) noexcept;
 
   /// `starts` are refined as well: what another solver found, or the truth. Thread safe.
-  ExhaustiveResult search(const Capture& capture, const std::vector<PoseVector>& starts = {}) const;
+  ExhaustiveResult search(const Capture& capture, std::vector<PoseVector> starts = {}) const;
 
   /// Log posterior of one pose. Thread safe.
   double log_posterior(const Capture& capture, const PoseVector& pose) const;
