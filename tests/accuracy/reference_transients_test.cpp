@@ -111,6 +111,61 @@ TEST_P(ReferenceTransients, AgreeWithinTheTracersNoise) {
   EXPECT_NEAR(scale, 1.0, GetParam().scale_tolerance);
 }
 
+/// The known scene's own light, [zone][bin], with all albedos `share` of what they are.
+std::vector<double> own_light(Scene scene, double share) {
+  for (Surface& surface : scene.surfaces) surface.albedo *= share;
+  return make_reference_renderer(scene, sensor_placement(scene))->direct_return().values;
+}
+
+// What the corner adds to the empty scene beside its own first bounce. Of the two empty scenes the
+// tracer's first bounces, whose errors of up to 1 % a bin stand far above their standard errors,
+// cancel. Light of n bounces goes with the n-th power of the albedos, so three albedos tell n = 1,
+// 2 and 3 apart.
+TEST(StaticReturns, OfTheLightCornerAgreeWithTheTracer) {
+  const std::string light_path = data_file("floor_corner_light");
+  const std::string black_path = data_file("floor_corner_black");
+  if (!std::filesystem::exists(light_path)) GTEST_SKIP() << "no reference transients";
+  const std::string scenes = std::string(SOURCE_DIR) + "/scenes/reference_floor_corner_";
+  const Scene light = read_scene(scenes + "light.json");
+  const std::vector<double> whole = own_light(light, 1);
+  const std::vector<double> half = own_light(light, 0.5);
+  const std::vector<double> quarter = own_light(light, 0.25);
+  const std::vector<double> floor = own_light(read_scene(scenes + "black.json"), 1);
+  std::vector<double> corner(whole.size());  // first bounce
+  std::vector<double> later(whole.size());
+  for (std::size_t i = 0; i < whole.size(); ++i) {
+    const double first = (whole[i] - 12 * half[i] + 32 * quarter[i]) / 3;
+    corner[i] = first - floor[i];
+    later[i] = whole[i] - first;
+  }
+  const NpzFile light_file(light_path), black_file(black_path);
+  const NpyArray mean = light_file.read("empty_mean");
+  const NpyArray error = light_file.read("empty_standard_error");
+  const NpyArray without = black_file.read("empty_mean");
+  const NpyArray without_error = black_file.read("empty_standard_error");
+  const double peak = *std::max_element(later.begin(), later.end());
+  double xx = 0, xy = 0, square = 0, own = 0;
+  int count = 0;
+  for (std::size_t i = 0; i < later.size(); ++i) {
+    const double variance = std::pow(error.values[i], 2) + std::pow(without_error.values[i], 2);
+    if (later[i] < 0.02 * peak || std::abs(corner[i]) > 1e-3 * later[i] || !(variance > 0)) {
+      continue;
+    }
+    const double traced = mean.values[i] - without.values[i];
+    ++count;
+    xx += later[i] * later[i] / variance;
+    xy += later[i] * traced / variance;
+    square += std::pow(traced - later[i], 2);
+    own += later[i] * later[i];
+  }
+  const double scale = xy / xx;
+  const double relative = std::sqrt(square / own);
+  std::printf("later bounces: %d bins, scale %.4f, relative L2 %.4f\n", count, scale, relative);
+  EXPECT_GT(count, 200);
+  EXPECT_NEAR(scale, 1.0, 0.005);
+  EXPECT_LT(relative, 0.015);
+}
+
 INSTANTIATE_TEST_SUITE_P(Mitransient, ReferenceTransients,
                          testing::Values(ReferenceCase{"wall_rectangle", 0.003},
                                          ReferenceCase{"floor_corner_black", 0.01},
