@@ -1494,9 +1494,9 @@ void FastModel::pair_zone(Scratch& s, std::size_t node, int zone, std::size_t be
   touched = {std::min(touched.begin, used.begin), std::max(touched.end, used.end)};
 }
 
-/// The lobe is small against the lit spot: light comes back from where it fell. Integrating the
-/// lobe over p leaves the radiance at r, and the fall-off is 1/r^2. `occluders` of each node, or
-/// one list for all.
+/// The lobe is small against the lit spot: light comes back from about where it fell. Integrating
+/// the lobe over p leaves the radiance about r, and the fall-off is 1/r^2. `occluders` of each
+/// node, or one list for all.
 void FastModel::retro_single(const CellNodes& cell, std::size_t anchor, const Shadows& shadows,
                              std::span<const std::vector<OccluderFace>> occluders,
                              Scratch& s) const {

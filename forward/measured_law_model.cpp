@@ -30,11 +30,7 @@ class MeasuredLawModel final : public ForwardModel {
         pulses_(scene.sensor.response, scene.sensor.bin_width, extra_sigma * extra_sigma),
         blur_(extra_sigma * extra_sigma),
         direct_(scene.sensor.rows, scene.sensor.columns, scene.sensor.bins) {
-    if (!setup_.uses_points()) {
-      throw Error(scene.path.empty() ? scene.name : scene.path,
-                  "hidden.material: found a measured law with zones that have an extent, accepted: "
-                  "zones that are relay points");
-    }
+    if (!setup_.uses_points()) check_relay_visible(scene);  // says why not
     for (int z = 0; z < scene.sensor.zone_count(); ++z) {
       spots_.push_back({});
       if (scene.sensor.zones[static_cast<std::size_t>(z)].dead) continue;

@@ -17,6 +17,7 @@ using Eigen::Vector3d;
 constexpr double kConvexTolerance = 1e-6;
 
 void check(const TriangleMesh& mesh) {
+  if (mesh.vertices.empty()) throw Error("mesh", "found no vertex, accepted: at least three");
   if (mesh.triangles.empty()) throw Error("mesh", "found no triangle, accepted: at least one");
   for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {
     if (mesh.vertices[i].allFinite()) continue;

@@ -258,9 +258,9 @@ RelayPatch relay_point_patch(const std::vector<Surface>& surfaces, const Vector3
     }
   }
   if (!(best <= tolerance)) {
-    throw Error("relay_points_m", "found a point " + std::to_string(best) +
-                                      " m from any relay surface, accepted: at most " +
-                                      std::to_string(tolerance) + " m");
+    throw Error("relay point", "found " + std::to_string(best) +
+                                   " m from any relay surface, accepted: at most " +
+                                   std::to_string(tolerance) + " m");
   }
   patch.center = point;
   patch.area_center = point;

@@ -51,10 +51,19 @@ SensorPlacement sensor_placement(const Scene& scene, const Capture* capture) {
 }
 
 void check_relay_visible(const Scene& scene) {
-  const bool points = std::any_of(
-      scene.sensor.zones.begin(), scene.sensor.zones.end(),
-      [](const Zone& zone) { return std::holds_alternative<Vector3d>(zone.footprint); });
-  if (!points) RelaySetup(scene, sensor_placement(scene)).relay_points();
+  const SensorPlacement placement = sensor_placement(scene);
+  const bool points = !placement.relay_points.empty();
+  const auto law = [](const HiddenObject& object) {
+    return std::holds_alternative<MeasuredLawMaterial>(object.material);
+  };
+  if (!points && (law(scene.hidden) || std::ranges::any_of(scene.further_hidden, law))) {
+    throw Error(scene.path.empty() ? scene.name : scene.path,
+                "hidden.material: found a measured law with zones that have an extent, accepted: "
+                "zones that are relay points");
+  }
+  const auto stated = [](const Vector3d& point) { return point.allFinite(); };
+  if (points && !std::ranges::any_of(placement.relay_points, stated)) return;  // captures say
+  RelaySetup(scene, placement).relay_points();
 }
 
 RelaySetup::RelaySetup(const Scene& scene, const SensorPlacement& placement)
@@ -73,8 +82,9 @@ RelaySetup::RelaySetup(const Scene& scene, const SensorPlacement& placement)
     for (int z = 0; z < scene_.sensor.zone_count(); ++z) {
       const auto i = static_cast<std::size_t>(z);
       if (!scene_.sensor.zones[i].dead && !placement_.relay_points[i].allFinite()) {
-        throw Error("relay_points_m[" + std::to_string(z) + "]",
-                    "found a value that is not finite, accepted: finite metres (or a dead zone)");
+        throw Error(point_field(z),
+                    "found no relay point, accepted: a finite one (from_capture: a capture that "
+                    "has it), or a dead zone");
       }
     }
   }
@@ -106,10 +116,23 @@ std::vector<WeightedPatch> RelaySetup::region(const Vector3d& origin,
   return patches;
 }
 
+std::string RelaySetup::point_field(int zone) const {
+  const auto z = static_cast<std::size_t>(zone);
+  const std::string index = "[" + std::to_string(zone) + "]";
+  const auto* own = std::get_if<Vector3d>(&scene_.sensor.zones[z].footprint);
+  const Vector3d& point = placement_.relay_points[z];
+  if (point.allFinite() && !(own != nullptr && *own == point)) return "relay_points_m" + index;
+  return (scene_.path.empty() ? scene_.name : scene_.path) + ": sensor.zones" + index;
+}
+
 WeightedPatch RelaySetup::point_patch(int zone) const {
   const Vector3d& point = placement_.relay_points[static_cast<std::size_t>(zone)];
   WeightedPatch weighted;
-  weighted.patch = relay_point_patch(scene_.surfaces, point, kRelayPointTolerance);
+  try {
+    weighted.patch = relay_point_patch(scene_.surfaces, point, kRelayPointTolerance);
+  } catch (const Error& error) {
+    throw Error(point_field(zone), error.what());
+  }
   weighted.weight = weighted.patch.albedo / kPi;
   weighted.radiance = weighted.weight;
   weighted.leg = (point - detector_).norm();

@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "blindcorner/forward/forward_model.h"
@@ -66,6 +67,8 @@ class RelaySetup {
   std::vector<WeightedPatch> region(const Eigen::Vector3d& origin, const FieldOfIllumination& field,
                                     const RelaySampling& sampling, bool relay_only) const;
   WeightedPatch point_patch(int zone) const;
+  /// Scene field or capture field that gave the zone's relay point.
+  std::string point_field(int zone) const;
   /// Outer legs of seen patches when path lengths count from the relay: twice the zone's own
   /// distance has been taken off, which leaves minus the distance on the way back.
   void take_off_direct_path(std::vector<WeightedPatch>& seen) const;

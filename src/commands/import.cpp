@@ -71,7 +71,8 @@ void add_array_options(CLI::App& command, ImportOptions& options) {
                   "stands for row and column (numpy)")
       ->delimiter('\0');
   command.add_option("--array", options.array, "array of a .npz that holds the counts");
-  command.add_option("--rows", options.rows, "rows of zones");
+  command.add_option("--rows", options.rows,
+                     "rows of zones; TMF8828 log: 3 (default), 4 or 8, with as many columns");
   command.add_option("--columns", options.columns, "columns of zones");
   command
       .add_option("--sensor-positions", options.sensor_positions,

@@ -75,8 +75,9 @@ Capture render_one(const RenderArguments& arguments, const Scene& scene, const S
     const HistogramCube light =
         arguments.empty ? HistogramCube(scene.sensor.rows, scene.sensor.columns, scene.sensor.bins)
                         : model.three_bounce(pose);
-    // Without noise: S plus static at gain one, in W/m^2 per W/sr, when gains are one.
-    const LinearValues linear{1.0, arguments.noiseless ? 0.0 : scene.linear.fixed_ambient,
+    // Without noise: S plus static, in W/m^2 per W/sr, when gains and amplitude are one.
+    const LinearValues linear{scene.linear.fixed_amplitude,
+                              arguments.noiseless ? 0.0 : scene.linear.fixed_ambient,
                               scene.linear.fixed_direct};
     const HistogramCube known = arguments.empty ? model.direct_return() : model.static_return(pose);
     capture.counts = expected_counts(scene, light, known, linear);
@@ -87,6 +88,7 @@ Capture render_one(const RenderArguments& arguments, const Scene& scene, const S
     }
   } else {
     LightBudget budget;
+    budget.amplitude = scene.linear.fixed_amplitude;
     if (arguments.photons > 0) budget.third_bounce_photons = arguments.photons;
     capture = make_capture(free, model, pose, budget, seed);
   }

@@ -117,8 +117,11 @@ Json JsonReader::parse(const std::string& text, const std::string& file) {
 void JsonReader::fail(const std::string& accepted) const { fail(found(), accepted); }
 
 void JsonReader::fail(const std::string& found, const std::string& accepted) const {
-  throw Error(path_.empty() ? file_ : file_ + ": " + path_,
-              "found " + found + ", accepted: " + accepted);
+  refuse("found " + found + ", accepted: " + accepted);
+}
+
+void JsonReader::refuse(const std::string& problem) const {
+  throw Error(path_.empty() ? file_ : file_ + ": " + path_, problem);
 }
 
 std::string JsonReader::found() const {

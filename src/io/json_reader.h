@@ -52,6 +52,8 @@ class JsonReader {
   [[noreturn]] void fail(const std::string& accepted) const;
   /// Refuses this value with other words for what was found.
   [[noreturn]] void fail(const std::string& found, const std::string& accepted) const;
+  /// Refuses this value for a problem that tells by itself what was found and is accepted.
+  [[noreturn]] void refuse(const std::string& problem) const;
 
   bool present() const { return json_ != nullptr; }
   bool is_null() const { return present() && json_->is_null(); }

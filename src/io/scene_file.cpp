@@ -127,7 +127,7 @@ MeshShape read_mesh(const JsonReader& reader) {
   try {
     shape.mesh = read_obj((beside / file.text()).string(), scale);
   } catch (const Error& error) {
-    file.fail(error.what(), "a Wavefront OBJ file, in metres, that can be read");
+    file.refuse(error.what());
   }
   shape.two_sided = reader.at("two_sided").boolean_or(!shape.mesh->closed);
   return shape;

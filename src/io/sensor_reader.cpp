@@ -280,7 +280,7 @@ ImpulseResponse read_response(const JsonReader& reader) {
 void read_noise(const JsonReader& reader, Sensor& sensor) {
   if (!reader.present()) return;
   if (!reader.is_object()) reader.fail("an object with \"law\"");
-  if (reader.at("law").word({"poisson", "gaussian"}) == "poisson") {
+  if (reader.at("law").word_or("poisson", {"poisson", "gaussian"}) == "poisson") {
     reader.allow_only({"law", "dispersion"});
     sensor.noise = PoissonNoise{};
     sensor.dispersion = reader.at("dispersion").number_or(1, NumberRange::above(0));

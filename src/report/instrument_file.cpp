@@ -60,6 +60,11 @@ Json sensor_patch(const Scene& scene) {
   patch["bin_width_ps"] = picoseconds(sensor.bin_width);
   patch["time_zero_ps"] = per_zone(scene, [](const Zone& z) { return picoseconds(z.time_zero); });
   patch["gain"] = per_zone(scene, [](const Zone& z) { return number(z.gain); });
+  if (sensor.link) {
+    // What the link stood for, now that the gains are known: scenes have one or the other.
+    patch["link"] = nullptr;
+    patch["illumination"]["radiant_intensity_w_per_sr"] = number(sensor.radiant_intensity);
+  }
   if (Json response = response_json(sensor.response.shape()); !response.is_null()) {
     patch["impulse_response"] = std::move(response);
   }
@@ -89,6 +94,7 @@ Json linear_patch(const Scene& scene) {
   } else {
     patch["amplitude"]["value"] = number(linear.fixed_amplitude);
   }
+  if (scene.sensor.link) patch["ambient"]["counts_per_bin"] = number(linear.fixed_ambient);
   if (!linear.ambient_prior.empty()) {
     Json mean = Json::array();
     Json sigma = Json::array();

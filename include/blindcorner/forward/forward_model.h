@@ -64,7 +64,7 @@ class ForwardModel {
   /// (the first bounce is then no part of a capture).
   virtual const HistogramCube& direct_return() const = 0;
 
-  /// The same with the hidden objects standing in the way of the later bounces.
+  /// With the hidden objects in the way of the later bounces: the reference renderer's alone.
   virtual HistogramCube static_return(const PoseVector& /*pose*/) const { return direct_return(); }
 
   virtual const TransportPlan& plan() const = 0;

@@ -13,7 +13,7 @@ namespace blindcorner {
 /// How light is carried by way of the hidden object.
 enum class Kernel {
   lambertian,    ///< light arriving and light leaving are two separate sums
-  retro_single,  ///< the lobe is small against the lit spot: only p = r counts
+  retro_single,  ///< the lobe is small against the lit spot: light about p = r counts
   retro_pairs    ///< the lobe is wide: pairs of lit and seen patches, weighted by the lobe
 };
 

@@ -78,14 +78,14 @@ struct ImportOptions {
 /// TMF8828 log: lines `#Raw,<i2c address>,<index>,<128 bytes>`; index / 10 is the byte's
 /// significance (0 least), index % 10 the channel; channel 0 is the reference and left out. A 3 x 3
 /// capture is one measurement of channels 1 to 9, a 4 x 4 capture two of channels 1 to 8, an 8 x 8
-/// capture eight of them. See import_tmf8828.h for the place of each channel. A damaged line is an
+/// capture eight of them. docs/capture.md has the place of each channel. A damaged line is an
 /// error that names the line; a capture that the log begins or ends within is left out.
 ///
 /// VL53L8CH log: a line `D`, then one line per zone: zone, ambient light, distance, bins; see
-/// import_vl53l8ch.h. Bins are 250 ps wide unless stated otherwise.
+/// docs/capture.md. Bins are 250 ps wide unless stated otherwise.
 ///
 /// CheapSPAD: MATLAB 5 file, needs a build with matio. A zone is a relay spot in one of two phases,
-/// repeats are averaged, bad ones left out; see import_cheapspad.h.
+/// repeats are averaged, bad ones left out; see docs/cheapspad.md.
 ///
 /// ST person tracking: `hists` [zones, bins] and `pt_cloud` [zones, 3] in metres, in a frame with x
 /// along the wall, y up and z away from the wall, which is z = 0. Relay points are turned into the
