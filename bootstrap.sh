@@ -44,7 +44,7 @@ missing_packages() {
 # Installs those arguments that are missing; does not call apt-get when none is.
 install_packages() {
   { command -v dpkg-query && command -v apt-get; } >/dev/null ||
-    die "this needs Debian or Ubuntu (apt-get); elsewhere install what README.md lists and run: cmake --preset release"
+    die "this needs Debian or Ubuntu (apt-get); elsewhere install what its list of packages names and run: cmake --preset release"
   local missing as_root=()
   mapfile -t missing < <(missing_packages "$@")
   ((${#missing[@]})) || return 0
