@@ -540,6 +540,35 @@ TEST_F(Cli, TrackExcludesJoint) {
   expect_refused(run(fit(kScene, write_flat("good.exr")) + " --track --joint"));
 }
 
+// Gains that were calibrated stand in place of the link that stated them.
+TEST_F(Cli, InstrumentFilesSuitScenesWithALink) {
+  json scene = json::parse(text_of(kScene));
+  json& sensor = scene["sensor"];
+  sensor.update({{"rows", 1}, {"columns", 1}, {"fov_deg", {12, 12}}});
+  sensor.erase("gain");
+  if (sensor.contains("illumination")) sensor["illumination"].erase("radiant_intensity_w_per_sr");
+  sensor["link"] = {{"pulse_energy_nj", 0.1}, {"repetition_rate_hz", 1e6},
+                    {"exposure_s", 0.03},     {"wavelength_nm", 940},
+                    {"aperture_mm", 0.5},     {"detection_efficiency", 0.03},
+                    {"filter_width_nm", 20},  {"ambient_illuminance_lux", 100}};
+  scene["linear"]["ambient"].erase("counts_per_bin");
+  std::ofstream(path("scene.json")) << scene;
+  const std::string of = "'" + path("scene.json") + "' ";
+  ASSERT_EQ(run("render " + of + "--empty --model fast -o '" + path("c.exr") + "'").exit_code, 0);
+  const std::string instrument = " '" + path("instrument.json") + "'";
+  const Outcome calibrated = run("calibrate " + of + "'" + path("c.exr") +
+                                 "' --no-object --no-variance-scale -o" + instrument);
+  ASSERT_EQ(calibrated.exit_code, 0) << calibrated.err;
+  const Outcome fitted = run("fit " + of + "'" + path("c.exr") + "'" + kQuick + " --instrument" +
+                             instrument + " -o '" + path("fit") + "'");
+  EXPECT_EQ(fitted.exit_code, 0) << fitted.err;
+  const Scene before = read_scene(path("scene.json"));
+  const Scene after = read_scene(path("scene.json"), path("instrument.json"));
+  EXPECT_FALSE(after.sensor.link.has_value());
+  EXPECT_NEAR(after.sensor.radiant_intensity / before.sensor.radiant_intensity, 1, 1e-5);
+  EXPECT_NEAR(after.linear.fixed_ambient / before.linear.fixed_ambient, 1, 1e-5);
+}
+
 // Scenes that cannot be fitted are refused before any capture is, and nothing is written.
 TEST_F(Cli, FitRefusesScenesWithWrongRelayPoints) {
   const json good =
