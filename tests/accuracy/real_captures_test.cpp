@@ -16,7 +16,6 @@
 #include <vector>
 
 #include "blindcorner/forward/constants.h"
-#include "blindcorner/forward/quantile.h"
 #include "blindcorner/io/capture_file.h"
 #include "blindcorner/io/scene_file.h"
 
@@ -36,6 +35,13 @@ constexpr std::array<Point, 4> kMarks = {{{-0.8, 0.66}, {-1.4, 0.66}, {-1.4, 1.2
 constexpr double kVisit = 0.25;
 
 double distance(const Point& a, const Point& b) { return std::hypot(a.x - b.x, a.z - b.z); }
+
+/// One of the values; of an even number the upper one of the middle two.
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
 
 /// Distance to the outline of the rectangle of floor marks.
 double outline_distance(const Point& p) {
