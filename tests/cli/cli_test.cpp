@@ -615,7 +615,8 @@ TEST_F(Cli, RenderFollowsTheAmplitude) {
                   .exit_code,
               0);
     double sum = 0;
-    for (const double n : read_captures(path("c.exr")).captures.front().counts.values) sum += n;
+    const CaptureFile file = read_captures(path("c.exr"));
+    for (const double n : file.captures.front().counts.values) sum += n;
     return sum;
   };
   EXPECT_NEAR(light(100) / light(1), 100, 1e-3);
