@@ -1554,7 +1554,7 @@ void FastModel::for_each_zone(
   }
 }
 
-/// The first `count` of sums that are empty.
+/// Clears the first `count` sums, to be added to.
 LobeSums lobe_sums(LightSums& sums, std::size_t count) {
   for (auto* v : {&sums.weight, &sums.first, &sums.second}) std::fill_n(v->begin(), count, 0.0);
   return {sums.weight.data(), sums.first.data(), sums.second.data()};

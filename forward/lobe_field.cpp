@@ -704,20 +704,16 @@ bool LobeField::View::gather_shaded(const LobeRays& rays, std::size_t count, int
   for (const Polygon& polygon : polygons_) {
     if (polygon.zone >= 0 && polygon.zone != zone) continue;
     if (!fill_light(polygon, chunk)) continue;
-    const auto light = [&](Own& own) -> const Own& {
-      add_light(chunk.rays, count, chunk.frame, chunk.light,
-                {polygon.normal, source_ - origin_, polygon.height, polygon.radiance},
-                {own.weight.data(), own.first.data(), own.second.data()});
-      return own;
-    };
-    Own before;
-    add(light(before), open);
-    if (!shade(polygon.occluders, polygon.bodies.end, chunk)) {
-      add(before, shaded);
-      continue;
+    const LitPlane plane{polygon.normal, source_ - origin_, polygon.height, polygon.radiance};
+    Own own;
+    add_light(chunk.rays, count, chunk.frame, chunk.light, plane,
+              {own.weight.data(), own.first.data(), own.second.data()});
+    add(own, open);
+    if (shade(polygon.occluders, polygon.bodies.end, chunk)) {
+      add_light(chunk.rays, count, chunk.frame, chunk.light, plane, shaded);
+    } else {
+      add(own, shaded);
     }
-    Own after;
-    add(light(after), shaded);
   }
   return true;
 }

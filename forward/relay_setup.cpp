@@ -57,7 +57,7 @@ void check_relay_visible(const Scene& scene) {
     return std::holds_alternative<MeasuredLawMaterial>(object.material);
   };
   if (!points && (law(scene.hidden) || std::ranges::any_of(scene.further_hidden, law))) {
-    throw Error(scene.path.empty() ? scene.name : scene.path,
+    throw Error(scene_place(scene),
                 "hidden.material: found a measured law with zones that have an extent, accepted: "
                 "zones that are relay points");
   }
@@ -122,7 +122,7 @@ std::string RelaySetup::point_field(int zone) const {
   const auto* own = std::get_if<Vector3d>(&scene_.sensor.zones[z].footprint);
   const Vector3d& point = placement_.relay_points[z];
   if (point.allFinite() && !(own != nullptr && *own == point)) return "relay_points_m" + index;
-  return (scene_.path.empty() ? scene_.name : scene_.path) + ": sensor.zones" + index;
+  return scene_place(scene_) + ": sensor.zones" + index;
 }
 
 WeightedPatch RelaySetup::point_patch(int zone) const {
@@ -303,7 +303,7 @@ std::vector<Vector3d> RelaySetup::relay_points() const {
     add(patches);
   }
   if (!any_lit || !any_seen) {
-    throw Error(scene_.path.empty() ? scene_.name : scene_.path,
+    throw Error(scene_place(scene_),
                 std::string("surfaces: found no relay surface that the sensor ") +
                     (any_seen ? "lights" : "sees") +
                     ", accepted: a relay in view of the sensor, its reflecting side towards it");

@@ -28,6 +28,8 @@ std::vector<Placement> stated_placements(const Scene& scene) {
   return placements;
 }
 
+std::string scene_place(const Scene& scene) { return scene.path.empty() ? scene.name : scene.path; }
+
 Scene only_object(const Scene& scene, int object) {
   Scene alone = scene;
   alone.hidden = hidden_object(scene, object);

@@ -198,7 +198,7 @@ void set_flags(const Scene& scene, const Posterior& posterior, FitResult& result
 }
 
 void validate_scene(const Scene& scene) {
-  const std::string where = scene.path.empty() ? scene.name : scene.path;
+  const std::string where = scene_place(scene);
   if (scene.unknowns.empty()) {
     throw Error(where, "unknowns: found none, accepted: at least one component to fit");
   }

@@ -60,7 +60,7 @@ Capture make_capture(const Scene& scene, const ForwardModel& model, const PoseVe
   Capture capture;
   HistogramCube light = model.three_bounce(pose);
   LinearValues linear;
-  linear.amplitude = budget.amplitude;
+  linear.amplitude = budget.amplitude * scene.linear.fixed_amplitude;
   linear.ambient = scene.linear.fixed_ambient;
   linear.direct = scene.linear.fixed_direct;
   if (budget.third_bounce_photons) {
@@ -70,7 +70,7 @@ Capture make_capture(const Scene& scene, const ForwardModel& model, const PoseVe
       if (zone.dead) continue;
       for (int k = 0; k < light.bins; ++k) counts += zone.gain * light.zone(z)[k];
     }
-    counts *= budget.amplitude;
+    counts *= linear.amplitude;
     if (!(counts > 0)) {
       throw Error("synthetic capture",
                   "the object at this pose sends the sensor no light, "

@@ -22,7 +22,7 @@ struct LightBudget {
   std::optional<double> third_bounce_photons;
   /// Ambient photons for each three-bounce photon within the bins that hold 90 % of that light.
   double background_ratio = 1.0;
-  /// Brightness of the object against its stated albedo.
+  /// Brightness of the object in units of what the scene states (albedo and amplitude).
   double amplitude = 1.0;
 };
 

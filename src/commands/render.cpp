@@ -88,7 +88,6 @@ Capture render_one(const RenderArguments& arguments, const Scene& scene, const S
     }
   } else {
     LightBudget budget;
-    budget.amplitude = scene.linear.fixed_amplitude;
     if (arguments.photons > 0) budget.third_bounce_photons = arguments.photons;
     capture = make_capture(free, model, pose, budget, seed);
   }

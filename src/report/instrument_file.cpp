@@ -127,7 +127,7 @@ Json instrument_json(const Scene& before, const Calibration& calibration) {
   const Scene& scene = calibration.scene;
   Json json;
   json["format"] = kInstrumentFormat;
-  json["scene"] = before.path.empty() ? before.name : before.path;
+  json["scene"] = scene_place(before);
   json["patch"]["sensor"] = sensor_patch(scene);
   if (const auto* law = std::get_if<MeasuredLawMaterial>(&scene.hidden.material)) {
     json["patch"]["hidden"]["material"]["measured_law"] = {

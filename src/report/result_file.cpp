@@ -170,7 +170,7 @@ json result_json(const Scene& scene, const std::vector<FitResult>& results) {
   json captures = json::array();
   for (const FitResult& result : results) captures.push_back(capture_json(scene, result));
   return {{"format", kResultFormat},
-          {"scene", scene.path.empty() ? scene.name : scene.path},
+          {"scene", scene_place(scene)},
           {"unknowns", unknown_names(scene)},
           {"periods", periods(scene)},
           {"captures", std::move(captures)}};

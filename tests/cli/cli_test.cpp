@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
@@ -606,11 +607,12 @@ TEST_F(Cli, RenderNeedsTheRelayPointsOfACapture) {
 
 TEST_F(Cli, RenderFollowsTheAmplitude) {
   json scene = json::parse(text_of(kScene));
-  const auto light = [&](double amplitude) {
+  scene["linear"]["direct"] = {{"mode", "absent"}};
+  scene["linear"]["ambient"] = {{"mode", "fixed"}, {"counts_per_bin", 0}};
+  const auto light = [&](double amplitude, const std::string& noise) {
     scene["linear"]["amplitude"] = {{"mode", "fixed"}, {"value", amplitude}};
-    scene["linear"]["direct"] = {{"mode", "absent"}};
     std::ofstream(path("scene.json")) << scene;
-    EXPECT_EQ(run("render '" + path("scene.json") + "' --noiseless --model fast -o '" +
+    EXPECT_EQ(run("render '" + path("scene.json") + "' " + noise + " --model fast -o '" +
                   path("c.exr") + "'")
                   .exit_code,
               0);
@@ -619,7 +621,9 @@ TEST_F(Cli, RenderFollowsTheAmplitude) {
     for (const double n : file.captures.front().counts.values) sum += n;
     return sum;
   };
-  EXPECT_NEAR(light(100) / light(1), 100, 1e-3);
+  const double expected = light(100, "--noiseless");
+  EXPECT_NEAR(expected / light(1, "--noiseless"), 100, 1e-3);
+  EXPECT_NEAR(light(100, ""), expected, 5 * std::sqrt(expected));
 }
 
 TEST_F(Cli, SolverBenchmarkFitsSavedCapturesAgain) {

@@ -22,8 +22,8 @@ struct SensorPlacement {
 /// Sensor placement of a capture: its own where it carries one, else the scene's.
 SensorPlacement sensor_placement(const Scene& scene, const Capture* capture = nullptr);
 
-/// Throws Error when the sensor lights or sees no relay surface. Scenes whose relay points come
-/// with the captures pass.
+/// Throws Error when the sensor lights or sees no relay surface, a stated relay point is far from
+/// all, or a measured law has zones that are no points. Points that captures bring are not checked.
 void check_relay_visible(const Scene& scene);
 
 /// How coarsely the fast model samples, in units of what closed-form estimates ask for.

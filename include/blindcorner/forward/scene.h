@@ -95,6 +95,9 @@ const HiddenObject& hidden_object(const Scene& scene, int object);
 std::vector<Placement> placements_at(const Scene& scene, const PoseVector& pose);
 std::vector<Placement> stated_placements(const Scene& scene);
 
+/// The scene's file, or its name where it has none: what messages begin with.
+std::string scene_place(const Scene& scene);
+
 /// The scene as one of its hidden objects has it alone: that object and its unknowns only.
 Scene only_object(const Scene& scene, int object);
 
