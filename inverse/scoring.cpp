@@ -13,6 +13,9 @@ namespace {
 /// Poses scored exactly: this many times the wanted starts, but at least `kLeastExact`.
 constexpr int kExactPerStart = 8;
 constexpr int kLeastExact = 64;
+/// Gain in log likelihood over the empty scene below which an object is faint: about a hundred
+/// photons on a background of as many.
+constexpr double kFaint = 100;
 /// Accuracy of a template's log posterior, far below what half a grid step does to it.
 constexpr double kAccuracy = 1e-2;
 /// Starts that are refined even when the grid has fewer local maxima.
@@ -55,6 +58,18 @@ BLINDCORNER_MULTIVERSION float weighted_square(const float* t, const float* w, i
   }
   for (int k = 0; i < count; ++i, ++k) lanes[k] += t[i] * (t[i] * w[i]);
   return std::accumulate(lanes, lanes + kLanes, 0.0F);
+}
+
+/// The poses with the `count` highest scores, best first.
+std::vector<int> best_first(const Eigen::VectorXf& scores, std::size_t count) {
+  std::vector<int> order(static_cast<std::size_t>(scores.size()));
+  std::iota(order.begin(), order.end(), 0);
+  count = std::min(count, order.size());
+  std::partial_sort(
+      order.begin(), order.begin() + static_cast<std::ptrdiff_t>(count), order.end(),
+      [&](int a, int b) { return scores[a] != scores[b] ? scores[a] > scores[b] : a < b; });
+  order.resize(count);
+  return order;
 }
 
 }  // namespace
@@ -178,30 +193,37 @@ Eigen::VectorXf MatchedFilter::largest_scores(const Eigen::MatrixXf& counts) con
 Scored score(const PoseObjective& objective, const LinearSolution& empty, int count,
              double negligible) {
   const CompiledScene& compiled = objective.compiled();
-  const MatchedFilter filter(objective, empty, MatchedFilter::Weights::observed);
   Scored result;
   result.empty = empty.log_likelihood;
-  result.scores = filter.scores();
-  const Eigen::VectorXf& scores = result.scores;
-  std::vector<int> order(static_cast<std::size_t>(scores.size()));
-  std::iota(order.begin(), order.end(), 0);
-  const std::size_t exact = std::min<std::size_t>(
-      order.size(), static_cast<std::size_t>(std::max(kLeastExact, kExactPerStart * count)));
-  std::partial_sort(
-      order.begin(), order.begin() + static_cast<std::ptrdiff_t>(exact), order.end(),
-      [&](int a, int b) { return scores[a] != scores[b] ? scores[a] > scores[b] : a < b; });
   std::vector<Candidate>& scored = result.exact;
-  // The filter's score approximates the gain over the empty scene; when even half as much again
-  // falls short of what a start needs, the rest does too.
+  const auto wanted = static_cast<std::size_t>(std::max(kLeastExact, kExactPerStart * count));
+  std::vector<bool> known(compiled.poses.size());
   double most = 0;
-  for (std::size_t i = 0; i < exact; ++i) {
-    const double needed = 0.75 * most - negligible;
-    if (i >= kLeastExact && 1.5 * static_cast<double>(scores[order[i]]) < needed) break;
-    LinearSolution solution;
-    scored.push_back(
-        {order[i],
-         objective.evaluate_template(order[i], solution, false, kAccuracy).log_posterior});
-    most = std::max(most, scored.back().log_posterior - empty.log_likelihood);
+  // Exact scores of poses that a filter thinks best. Its score approximates the gain over the empty
+  // scene; when even half as much again falls short of what a start needs, the rest does too.
+  const auto evaluate_best = [&](const Eigen::VectorXf& scores, std::size_t end) {
+    const std::vector<int> order = best_first(scores, wanted);
+    for (std::size_t i = 0; i < order.size() && scored.size() < end; ++i) {
+      const int pose = order[i];
+      if (known[static_cast<std::size_t>(pose)]) continue;
+      const double needed = 0.75 * most - negligible;
+      if (i >= kLeastExact / 2 && 1.5 * static_cast<double>(scores[pose]) < needed) break;
+      known[static_cast<std::size_t>(pose)] = true;
+      LinearSolution solution;
+      scored.push_back(
+          {pose, objective.evaluate_template(pose, solution, false, kAccuracy).log_posterior});
+      most = std::max(most, scored.back().log_posterior - empty.log_likelihood);
+    }
+  };
+  // A bright object's photons raise the variance of their bins; where a few photons lie on a faint
+  // background, taking each for a bright object's would rob it of its weight.
+  using Weights = MatchedFilter::Weights;
+  result.scores = MatchedFilter(objective, empty, Weights::observed).scores();
+  evaluate_best(result.scores, wanted / 2);
+  if (most < kFaint) {
+    evaluate_best(MatchedFilter(objective, empty, Weights::expected).scores(), wanted);
+  } else {
+    evaluate_best(result.scores, wanted);
   }
   std::sort(scored.begin(), scored.end(), [](const Candidate& a, const Candidate& b) {
     return a.log_posterior != b.log_posterior ? a.log_posterior > b.log_posterior

@@ -49,14 +49,14 @@ struct Candidate {
 
 /// What exhaustive scoring found.
 struct Scored {
-  Eigen::VectorXf scores;         ///< of the matched filter, [poses]
+  Eigen::VectorXf scores;         ///< of the matched filter with observed weights, [poses]
   double empty = 0;               ///< log posterior without an object
   std::vector<Candidate> exact;   ///< the matched filter's best poses with their log posterior
   std::vector<Candidate> starts;  ///< separated ones among them, worth refining
 };
 
-/// Scores all poses with the matched filter and its best ones exactly, both lists best first. At
-/// most `count` starts, none next to a better one on the grid.
+/// Scores all poses with the matched filter (faint objects with both weights) and its best ones
+/// exactly, both lists best first. At most `count` starts, none next to a better one on the grid.
 Scored score(const PoseObjective& objective, const LinearSolution& empty, int count,
              double negligible);
 
