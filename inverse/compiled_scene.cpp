@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <random>
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/inverse/difference_steps.h"

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "blindcorner/inverse/derivative_study.h"
 
-#include <cmath>
+#include <algorithm>
 #include <limits>
 #include <utility>
 

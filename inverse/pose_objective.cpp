@@ -2,7 +2,6 @@
 #include "pose_objective.h"
 
 #include <algorithm>
-#include <cmath>
 
 namespace blindcorner {
 namespace {

@@ -2,7 +2,6 @@
 #include "synthetic.h"
 
 #include <algorithm>
-#include <cmath>
 #include <functional>
 #include <numeric>
 

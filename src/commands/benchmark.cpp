@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <functional>
 
 #include "blindcorner/forward/error.h"
 #include "blindcorner/io/atomic_file.h"

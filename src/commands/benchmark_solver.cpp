@@ -6,7 +6,6 @@
 #include <CLI/CLI.hpp>
 #include <Eigen/Cholesky>
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /// `blindcorner calibrate SCENE CAPTURES -o instrument.json`.
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <memory>

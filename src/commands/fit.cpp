@@ -7,7 +7,6 @@
 #include <tbb/partitioner.h>
 
 #include <CLI/CLI.hpp>
-#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <memory>

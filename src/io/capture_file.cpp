@@ -11,7 +11,6 @@
 #include <ImfTestFile.h>
 #include <ImfVersion.h>
 
-#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <limits>

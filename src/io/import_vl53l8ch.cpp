@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "import_vl53l8ch.h"
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <optional>

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <nlohmann/json.hpp>
-#include <string>
 
 #include "blindcorner/forward/scene.h"
 #include "blindcorner/inverse/calibration.h"

@@ -2,6 +2,7 @@
 /// Scenes whose light can be written down, for both models.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "test_scenes.h"

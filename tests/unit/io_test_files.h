@@ -12,7 +12,6 @@
 #include <fstream>
 #include <iterator>
 #include <string>
-#include <vector>
 
 #include "blindcorner/forward/error.h"
 #include "blindcorner/io/capture_file.h"

@@ -3,6 +3,7 @@
 /// exposures and ambient light.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numeric>
 

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <limits>
 #include <random>
-#include <string>
 
 #include "blindcorner/io/scene_file.h"
 #include "inverse/compiled_scene.h"

@@ -2,6 +2,7 @@
 /// What the detector does to the light: pile-up, saturation, crosstalk.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 #include <span>

@@ -6,7 +6,6 @@
 #include <memory>
 #include <numeric>
 #include <random>
-#include <string>
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/forward_model.h"

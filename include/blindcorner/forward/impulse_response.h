@@ -2,7 +2,6 @@
 /// Impulse response of laser, detector and timing electronics together.
 #pragma once
 
-#include <string>
 #include <variant>
 #include <vector>
 

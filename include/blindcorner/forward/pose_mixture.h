@@ -4,7 +4,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <string>
 #include <vector>
 
 #include "blindcorner/forward/pose.h"
