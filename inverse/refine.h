@@ -34,12 +34,12 @@ Refined polish(const PoseObjective& objective, const PoseVector& start);
 std::vector<Refined> merge(const CompiledScene& compiled, std::vector<Refined> optima,
                            double negligible);
 
-/// Optima from starts in the right basins, and those that are known already: polished and merged.
-/// Where shadow edges leave kinks on which least squares can stop short, a compass search goes on
-/// from those that may be the best.
+/// Optima from starts in the right basins, and `optima` that are known already: polished and
+/// merged. Where shadow edges leave kinks on which least squares can stop short, a compass search
+/// goes on from those that may be the best.
 std::vector<Refined> find_optima(const PoseObjective& objective,
                                  const std::vector<PoseVector>& starts, double negligible,
-                                 std::vector<Refined> known = {});
+                                 std::vector<Refined> optima = {});
 
 /// The light at and near a refined pose: the corrected spline where there is one, else the model.
 LightSource light_near(const CompiledScene& compiled, const Refined& refined);
