@@ -30,7 +30,7 @@ class MeasuredLawModel final : public ForwardModel {
         pulses_(scene.sensor.response, scene.sensor.bin_width, extra_sigma * extra_sigma),
         blur_(extra_sigma * extra_sigma),
         direct_(scene.sensor.rows, scene.sensor.columns, scene.sensor.bins) {
-    if (!setup_.uses_points()) check_relay_visible(scene);  // says why not
+    if (!setup_.uses_points()) throw measured_law_without_points(scene);
     for (int z = 0; z < scene.sensor.zone_count(); ++z) {
       spots_.push_back({});
       if (scene.sensor.zones[static_cast<std::size_t>(z)].dead) continue;

@@ -50,6 +50,12 @@ SensorPlacement sensor_placement(const Scene& scene, const Capture* capture) {
   return placement;
 }
 
+Error measured_law_without_points(const Scene& scene) {
+  return {scene_place(scene),
+          "hidden.material: found a measured law with zones that have an extent, accepted: zones "
+          "that are relay points"};
+}
+
 void check_relay_visible(const Scene& scene) {
   const SensorPlacement placement = sensor_placement(scene);
   const bool points = !placement.relay_points.empty();
@@ -57,9 +63,7 @@ void check_relay_visible(const Scene& scene) {
     return std::holds_alternative<MeasuredLawMaterial>(object.material);
   };
   if (!points && (law(scene.hidden) || std::ranges::any_of(scene.further_hidden, law))) {
-    throw Error(scene_place(scene),
-                "hidden.material: found a measured law with zones that have an extent, accepted: "
-                "zones that are relay points");
+    throw measured_law_without_points(scene);
   }
   const auto stated = [](const Vector3d& point) { return point.allFinite(); };
   if (points && !std::ranges::any_of(placement.relay_points, stated)) return;  // captures say

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "blindcorner/forward/error.h"
 #include "blindcorner/forward/forward_model.h"
 #include "blindcorner/forward/pulse_table.h"
 #include "blindcorner/forward/relay.h"
@@ -24,6 +25,9 @@ struct WeightedPatch {
   /// return and the retroreflective single sum).
   double radiance = 0.0;
 };
+
+/// What to throw when a measured law meets zones that are no relay points.
+Error measured_law_without_points(const Scene& scene);
 
 /// Geometry of one sensor placement, compiled for sampling.
 class RelaySetup {

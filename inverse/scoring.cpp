@@ -201,8 +201,8 @@ Scored score(const PoseObjective& objective, const LinearSolution& empty, int co
   double most = 0;
   // Exact scores of poses that a filter thinks best. Its score approximates the gain over the empty
   // scene; when even half as much again falls short of what a start needs, the rest does too.
-  const auto evaluate_best = [&](const Eigen::VectorXf& scores, std::size_t end) {
-    const std::vector<int> order = best_first(scores, wanted);
+  const auto evaluate_best = [&](const Eigen::VectorXf& scores, const std::vector<int>& order,
+                                 std::size_t end) {
     for (std::size_t i = 0; i < order.size() && scored.size() < end; ++i) {
       const int pose = order[i];
       if (known[static_cast<std::size_t>(pose)]) continue;
@@ -219,11 +219,13 @@ Scored score(const PoseObjective& objective, const LinearSolution& empty, int co
   // background, taking each for a bright object's would rob it of its weight.
   using Weights = MatchedFilter::Weights;
   result.scores = MatchedFilter(objective, empty, Weights::observed).scores();
-  evaluate_best(result.scores, wanted / 2);
+  const std::vector<int> order = best_first(result.scores, wanted);
+  evaluate_best(result.scores, order, wanted / 2);
   if (most < kFaint) {
-    evaluate_best(MatchedFilter(objective, empty, Weights::expected).scores(), wanted);
+    const Eigen::VectorXf faint = MatchedFilter(objective, empty, Weights::expected).scores();
+    evaluate_best(faint, best_first(faint, wanted), wanted);
   } else {
-    evaluate_best(result.scores, wanted);
+    evaluate_best(result.scores, order, wanted);
   }
   std::sort(scored.begin(), scored.end(), [](const Candidate& a, const Candidate& b) {
     return a.log_posterior != b.log_posterior ? a.log_posterior > b.log_posterior
