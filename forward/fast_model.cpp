@@ -1,17 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-/// The fast model: moments of light instead of pairs of paths.
+/// The fast model: sums over light arriving and light leaving instead of pairs of paths.
 ///
-/// For a Lambertian object cell q, light arriving at q and light leaving q towards a zone are two
-/// independent sums, so their path-length distributions convolve. Each sum is reduced to a few
-/// groups of relay patches, each group to weight, mean path and path variance; a pair of groups is
-/// then one pulse, blurred by the sum of the variances. What is lost are the groups' third and
-/// higher cumulants: with a spread of s = (path std / pulse std)^2 the relative L2 error is about
-/// 0.05 s^2, which sets how far regions are divided.
+/// For a point q of a Lambertian object, light arriving at q and light leaving q towards a zone are
+/// two independent sums, so their path-length distributions convolve. Each is laid on a grid of
+/// paths (path_grid.h); the pairs of all object points of a zone are summed there and become bins
+/// once. Relay and object are sampled by Gauss-Legendre rules: what they integrate is smooth but
+/// for shadows' edges, so that few points do. A rule of n points over a stretch whose path changes
+/// by 2a errs like exp(-2 (n s / a)^2), s the pulse's width, as long as it resolves the inverse
+/// squares too.
 ///
-/// Groups with nearly the same path share one pulse: each adds its moments to the two nearest cells
-/// of a path axis, in proportion to nearness, so the sum stays continuous in the pose and every
-/// moment up to the second is kept. Arriving light is laid on the cells before it is paired, so
-/// that each group of leaving light meets evenly spaced cells.
+/// A retroreflector sends light back to where it came from: groups of relay patches are one pulse
+/// each, of their weight, mean path and path variance. Pulses with nearly the same path share one:
+/// each adds its moments to the two nearest cells of a path axis, in proportion to nearness, so the
+/// sum stays continuous in the pose and every moment up to the second is kept.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -30,6 +31,7 @@
 #include "blindcorner/forward/multiversion.h"
 #include "lobe_field.h"
 #include "measured_law_model.h"
+#include "path_grid.h"
 #include "relay_setup.h"
 #include "static_bounces.h"
 
@@ -46,12 +48,22 @@ constexpr double kClosureError = 0.05;
 constexpr double kQuadratureError = 0.01;
 /// The centre alone: about 0.35 (e / r)^2.
 constexpr double kMidpointError = 0.35;
+/// Gauss-Legendre points a distance d apart in path (standard deviation of even light between
+/// them) for which the error exp(-2 (n s / a)^2) is e: d = kRuleSpread s / sqrt(ln(1 / e)).
+constexpr double kRuleSpread = 0.4;
+/// The same for points seen an angle apart, against inverse squares: kRuleAngle / ln(1 / e).
+constexpr double kRuleAngle = 0.9;
+/// Most points along an edge of a relay cell; larger cells are halved, so that dim ones can do with
+/// fewer points.
+constexpr double kMostRulePoints = 8;
 /// Width of a relay patch in standard deviations of the lobe, as seen from the object.
 constexpr double kLobePatch = 1.5;
 /// Coarseness of sampling that is looked at, and the ratio from one to the next.
 constexpr double kCoarsest = 5.657;
 constexpr double kFinest = 0.45;
 constexpr double kCoarsenessStep = 1.41421356;
+/// The same for rules of points, whose error falls so fast that smaller steps pay.
+constexpr double kRuleStep = 1.18920712;
 /// Most pairs of lit and seen patches, times object nodes, that a wide lobe's model takes for an
 /// evaluation (about 50 ms): the search for a sampling ends there, whatever the tolerance.
 constexpr double kMostPairs = 4e6;
@@ -86,9 +98,11 @@ constexpr double kBouncesMatter = 0.5;
 struct PatchArrays {
   std::vector<double> x, y, z, ax, ay, az, nx, ny, nz, ux, uy, uz, vx, vy, vz, lx, ly, lz;
   std::vector<double> weight, leg, radiance;
+  int count = 0;
   std::vector<double> spread;   ///< variance of the path over a patch per squared half-edge change
   std::vector<int> group_end;   ///< one past the last patch of each group
   std::vector<int> group_zone;  ///< zone that sees (or lights) the group
+  std::vector<int> set_end;     ///< one past the last patch of each set appended
 
   /// Consecutive patches inside a ball, for asking about shadows in bulk.
   struct Block {
@@ -97,32 +111,25 @@ struct PatchArrays {
     double radius;
   };
   std::vector<Block> blocks;
+  Vector3d center_of_all = Vector3d::Zero();  ///< of a ball around all patches
+  double radius_of_all = 0;
+
+  static constexpr int kBlock = 16;
 
   int size() const { return static_cast<int>(x.size()); }
-  void make_blocks();
-  void add(const WeightedPatch& p) {
-    x.push_back(p.patch.center.x());
-    y.push_back(p.patch.center.y());
-    z.push_back(p.patch.center.z());
-    ax.push_back(p.patch.area_center.x());
-    ay.push_back(p.patch.area_center.y());
-    az.push_back(p.patch.area_center.z());
-    nx.push_back(p.patch.normal.x());
-    ny.push_back(p.patch.normal.y());
-    nz.push_back(p.patch.normal.z());
-    spread.push_back(p.patch.node ? 0.0 : 1.0 / 3);
-    ux.push_back(p.patch.half_u.x());
-    uy.push_back(p.patch.half_u.y());
-    uz.push_back(p.patch.half_u.z());
-    vx.push_back(p.patch.half_v.x());
-    vy.push_back(p.patch.half_v.y());
-    vz.push_back(p.patch.half_v.z());
-    lx.push_back(p.leg_direction.x());
-    ly.push_back(p.leg_direction.y());
-    lz.push_back(p.leg_direction.z());
-    weight.push_back(p.weight);
-    leg.push_back(p.leg);
-    radiance.push_back(p.radiance);
+  /// Of the areas that the patches stand for.
+  PatchCoordinates coordinates() const {
+    return {{ax.data(), ay.data(), az.data()},
+            {ux.data(), uy.data(), uz.data()},
+            {vx.data(), vy.data(), vz.data()}};
+  }
+  /// Appends the patches of a zone, or of none (-1), as a set; groups are runs of equal number.
+  void append(const std::vector<WeightedPatch>& patches, int zone);
+  /// After the last patch: blocks, and room to look at whole blocks.
+  void finish();
+  std::pair<std::size_t, std::size_t> set(std::size_t i) const {
+    return {i == 0 ? 0 : static_cast<std::size_t>(set_end[i - 1]),
+            static_cast<std::size_t>(set_end[i])};
   }
   Vector3d center(int i) const { return at(x, y, z, i); }
   Vector3d area_center(int i) const { return at(ax, ay, az, i); }
@@ -132,6 +139,26 @@ struct PatchArrays {
   Vector3d leg_direction(int i) const { return at(lx, ly, lz, i); }
 
  private:
+  void add(const WeightedPatch& p) {
+    const RelayPatch& patch = p.patch;
+    const auto put = [](const Vector3d& v, std::vector<double>& a, std::vector<double>& b,
+                        std::vector<double>& c) {
+      a.push_back(v.x());
+      b.push_back(v.y());
+      c.push_back(v.z());
+    };
+    put(patch.center, x, y, z);
+    put(patch.area_center, ax, ay, az);
+    put(patch.normal, nx, ny, nz);
+    put(patch.half_u, ux, uy, uz);
+    put(patch.half_v, vx, vy, vz);
+    put(p.leg_direction, lx, ly, lz);
+    spread.push_back(patch.node ? 0.0 : 1.0 / 3);
+    weight.push_back(p.weight);
+    leg.push_back(p.leg);
+    radiance.push_back(p.radiance);
+    ++count;
+  }
   static Vector3d at(const std::vector<double>& a, const std::vector<double>& b,
                      const std::vector<double>& c, int i) {
     const auto k = static_cast<std::size_t>(i);
@@ -139,8 +166,9 @@ struct PatchArrays {
   }
 };
 
-void PatchArrays::make_blocks() {
-  constexpr int kBlock = 16;
+void PatchArrays::finish() {
+  const auto whole = static_cast<std::size_t>((size() + kBlock - 1) / kBlock * kBlock);
+  for (auto* v : {&ax, &ay, &az, &ux, &uy, &uz, &vx, &vy, &vz}) v->resize(whole, 0.0);
   for (int begin = 0; begin < size(); begin += kBlock) {
     Block block{begin, std::min(begin + kBlock, size()), Vector3d::Zero(), 0.0};
     for (int i = block.begin; i < block.end; ++i) block.center += center(i);
@@ -150,34 +178,33 @@ void PatchArrays::make_blocks() {
           block.radius, (center(i) - block.center).norm() + half_u(i).norm() + half_v(i).norm());
     }
     blocks.push_back(block);
+    center_of_all += block.center;
+  }
+  if (!blocks.empty()) center_of_all /= static_cast<double>(blocks.size());
+  for (const Block& b : blocks) {
+    radius_of_all = std::max(radius_of_all, (b.center - center_of_all).norm() + b.radius);
   }
 }
 
-/// Appends patches; groups are runs of equal group number, all of one zone, or single patches.
-void append(PatchArrays& arrays, const std::vector<WeightedPatch>& patches, int zone, bool alone) {
+void PatchArrays::append(const std::vector<WeightedPatch>& patches, int zone) {
   for (std::size_t i = 0; i < patches.size(); ++i) {
-    arrays.add(patches[i]);
-    if (alone || i + 1 == patches.size() || patches[i + 1].patch.group != patches[i].patch.group) {
-      arrays.group_end.push_back(arrays.size());
-      arrays.group_zone.push_back(zone);
+    add(patches[i]);
+    if (i + 1 == patches.size() || patches[i + 1].patch.group != patches[i].patch.group) {
+      group_end.push_back(size());
+      group_zone.push_back(zone);
     }
   }
+  set_end.push_back(size());
 }
 
-/// Light between one object point and groups of patches, as sums over each group [node][group]. The
-/// moments of a pair of groups are bilinear in these, whatever the groups' own spreads are.
+/// Light of patches by themselves, as sums.
 struct LightSums {
-  std::vector<double> weight;   ///< sum w
-  std::vector<double> first;    ///< sum w p, p the path
-  std::vector<double> second;   ///< sum w (p^2 + variance of p over patch and cell)
-  std::vector<double> along_u;  ///< sum w dp/du, the change of path along the cell's half edges
-  std::vector<double> along_v;
+  std::vector<double> weight;  ///< sum w
+  std::vector<double> first;   ///< sum w p, p the path
+  std::vector<double> second;  ///< sum w (p^2 + variance of p over patch and cell)
 
-  std::array<std::vector<double>*, 5> all() {
-    return {&weight, &first, &second, &along_u, &along_v};
-  }
   void resize(std::size_t count) {
-    for (auto* v : all()) {
+    for (auto* v : {&weight, &first, &second}) {
       if (v->size() < count) v->resize(count);
     }
   }
@@ -210,23 +237,6 @@ struct Range {
   int begin = std::numeric_limits<int>::max(), end = 0;
 };
 
-/// Widens a range of cells to hold [begin, end), clearing the cells that are new.
-void grow(LightSums& cells, Range& range, int begin, int end) {
-  const auto clear = [&](int from, int to) {
-    for (auto* v : cells.all()) {
-      if (from < to) std::fill(v->begin() + from, v->begin() + to, 0.0);
-    }
-  };
-  if (range.begin >= range.end) {
-    clear(begin, end);
-    range = {begin, end};
-    return;
-  }
-  clear(begin, range.begin);
-  clear(range.end, end);
-  range = {std::min(begin, range.begin), std::max(end, range.end)};
-}
-
 /// What lobes about every seen patch gather, as seen from one place on the object.
 struct LobeLight {
   std::vector<double> radiance;  ///< mean over the lobe, W/m^2/sr
@@ -246,12 +256,12 @@ struct Scratch {
   std::vector<double> distance, extent;                 ///< of patches, for lobes
   std::vector<LobeLight> lobes;                         ///< [anchor]
   LightSums open, shaded;                               ///< of some patches, for shadows in lobes
-  std::vector<Sums> cells;     ///< [zone][path cell]; all zero between evaluations
-  std::vector<Range> touched;  ///< [zone] path cells that hold light
-  LightSums patches;           ///< of one node, every patch by itself
-  LightSums in, out;           ///< [node][group]
-  LightSums arriving;          ///< at one node, on path cells without margin
-  LightSums paired;            ///< of one zone, on path cells: weight, first and second only
+  std::vector<Sums> cells;      ///< [zone][path cell]; all zero between evaluations
+  std::vector<Range> touched;   ///< [zone] path cells that hold light
+  LightSums patches;            ///< of one node, every patch by itself
+  PathLight arriving, leaving;  ///< of one object point
+  PathGrid::Splines splines;
+  std::vector<PathLight> pairs;  ///< [zone]; dark between evaluations
   std::vector<Sums> sums;
   Pulses pulses;
 
@@ -260,6 +270,7 @@ struct Scratch {
     if (touched.size() < count) touched.resize(count);
     const std::size_t size = count * static_cast<std::size_t>(path_cells);
     if (cells.size() < size) cells.resize(size);
+    if (pairs.size() < count) pairs.resize(count);
   }
   void resize(int n) {
     const auto count = static_cast<std::size_t>(n);
@@ -269,18 +280,11 @@ struct Scratch {
   }
 };
 
-/// Point of an object cell.
-struct CellNode {
-  Vector3d center;
-  Vector3d normal;
-  double area;
-};
-
 constexpr int kNodes = 4;
 
 /// A cell as 2 x 2 Gauss-Legendre nodes, or as its centre with a path variance from its edges.
 struct CellNodes {
-  std::array<CellNode, kNodes> nodes;
+  std::array<SurfacePoint, kNodes> nodes;
   std::size_t count = kNodes;
   Vector3d half_u = Vector3d::Zero();  ///< zero when the nodes' own spread stands for the cell's
   Vector3d half_v = Vector3d::Zero();
@@ -305,9 +309,32 @@ struct CellNodes {
   }
 };
 
+/// Weights, with both cosines and 1/r^2, and paths between an object point and every patch.
+BLINDCORNER_MULTIVERSION void exchange_paths(const SurfacePoint& cell, const PatchArrays& a,
+                                             Scratch& s) {
+  const int n = a.size();
+  s.resize(n);
+  const double qx = cell.center.x(), qy = cell.center.y(), qz = cell.center.z();
+  const double mx = cell.normal.x(), my = cell.normal.y(), mz = cell.normal.z();
+  const double *px = a.x.data(), *py = a.y.data(), *pz = a.z.data();
+  const double *nx = a.nx.data(), *ny = a.ny.data(), *nz = a.nz.data();
+  const double *weight = a.weight.data(), *leg = a.leg.data();
+  double* __restrict w = s.weight.data();
+  double* __restrict l = s.path.data();
+  BLINDCORNER_INDEPENDENT
+  for (int i = 0; i < n; ++i) {
+    const double x = px[i] - qx, y = py[i] - qy, z = pz[i] - qz;
+    const double r2 = x * x + y * y + z * z;
+    const double at_cell = std::max(x * mx + y * my + z * mz, 0.0);
+    const double at_relay = std::max(-(x * nx[i] + y * ny[i] + z * nz[i]), 0.0);
+    w[i] = weight[i] * (at_cell * at_relay) / (r2 * r2);
+    l[i] = leg[i] + std::sqrt(r2);
+  }
+}
+
 /// Exchange between an object point and every patch: weights with both cosines and 1/r^2, paths,
 /// path variances over the patch, unit directions from the cell.
-BLINDCORNER_MULTIVERSION void exchange(const CellNode& cell, const PatchArrays& a, Scratch& s) {
+BLINDCORNER_MULTIVERSION void exchange(const SurfacePoint& cell, const PatchArrays& a, Scratch& s) {
   const int n = a.size();
   s.resize(n);
   const double qx = cell.center.x(), qy = cell.center.y(), qz = cell.center.z();
@@ -347,50 +374,6 @@ BLINDCORNER_MULTIVERSION void exchange(const CellNode& cell, const PatchArrays& 
     oy[i] = dy;
     oz[i] = dz;
     oc[i] = cell_cosine;
-  }
-}
-
-/// Sums of every patch by itself, for a cell whose half edges are u and v.
-BLINDCORNER_MULTIVERSION void light_of_patches(const Scratch& s, int n, const Vector3d& u,
-                                               const Vector3d& v, LightSums& out) {
-  const double ux = u.x(), uy = u.y(), uz = u.z(), vx = v.x(), vy = v.y(), vz = v.z();
-  const double *w = s.weight.data(), *l = s.path.data(), *var = s.variance.data();
-  const double *dx = s.dx.data(), *dy = s.dy.data(), *dz = s.dz.data();
-  double* __restrict o0 = out.weight.data();
-  double* __restrict o1 = out.first.data();
-  double* __restrict o2 = out.second.data();
-  double* __restrict o3 = out.along_u.data();
-  double* __restrict o4 = out.along_v.data();
-  BLINDCORNER_INDEPENDENT
-  for (int i = 0; i < n; ++i) {
-    const double gu = dx[i] * ux + dy[i] * uy + dz[i] * uz;
-    const double gv = dx[i] * vx + dy[i] * vy + dz[i] * vz;
-    o0[i] = w[i];
-    o1[i] = w[i] * l[i];
-    o2[i] = w[i] * (l[i] * l[i] + var[i] + (gu * gu + gv * gv) / 3);
-    o3[i] = w[i] * gu;
-    o4[i] = w[i] * gv;
-  }
-}
-
-/// Pairs light on the path cells [begin, end) of `in` with one group of light leaving: weight b0,
-/// moments b1 and b2 about a cell's path, b3 and b4 along the object cell's half edges. Cells are
-/// evenly spaced, so the pairs of one group fall on consecutive cells too, and their moments about
-/// those are bilinear: no division and no scattering. `out` starts at the first pair's cell.
-BLINDCORNER_MULTIVERSION void add_pairs(const LightSums& in, std::size_t begin, std::size_t end,
-                                        const std::array<double, 5>& b, double* __restrict weight,
-                                        double* __restrict first, double* __restrict second) {
-  const double b0 = b[0], b1 = b[1], b2 = b[2], b3 = b[3], b4 = b[4];
-  const double* a0 = in.weight.data() + begin;
-  const double* a1 = in.first.data() + begin;
-  const double* a2 = in.second.data() + begin;
-  const double* a3 = in.along_u.data() + begin;
-  const double* a4 = in.along_v.data() + begin;
-  BLINDCORNER_INDEPENDENT
-  for (std::size_t i = 0; i < end - begin; ++i) {
-    weight[i] += a0[i] * b0;
-    first[i] += a1[i] * b0 + a0[i] * b1;
-    second[i] += a2[i] * b0 + 2 * a1[i] * b1 + a0[i] * b2 + a3[i] * b3 + a4[i] * b4;
   }
 }
 
@@ -616,17 +599,18 @@ class FastModel final : public ForwardModel {
   const TransportPlan& plan() const override { return plan_; }
   std::optional<Fidelity> fidelity() const override { return fidelity_; }
   std::optional<ModelSize> size() const override {
-    return ModelSize{lit_.size(), static_cast<int>(lit_.group_end.size()), seen_.size(),
-                     static_cast<int>(seen_.group_end.size()), object_nodes_};
+    return ModelSize{lit_.size(), seen_.size(), object_nodes_};
   }
 
  private:
   using Shadows = std::vector<ShadowView>;  // one per node; empty without occluders
 
   struct Limits {
-    double spread;    ///< m, path spread that one Gaussian may stand for
-    double aspect;    ///< edge against distance of a cell with Gauss nodes
-    double midpoint;  ///< the same where the centre alone will do
+    double spread;       ///< m, path spread that one Gaussian may stand for
+    double aspect;       ///< edge against distance of a cell with Gauss nodes
+    double midpoint;     ///< the same where the centre alone will do
+    double rule_spread;  ///< m, standard deviation of the path between two points of a rule
+    double rule_angle;   ///< distance of two points of a rule against how far away they are
   };
   Limits limits(double tolerance, double coarseness) const;
   void choose_fidelity(const FastModelOptions& options);
@@ -642,37 +626,41 @@ class FastModel final : public ForwardModel {
   std::pair<int, int> reachable_bins() const;
   void sample_relay(const Limits& limits, double tolerance);
   void sample_object(const Limits& limits);
-  /// Whether any seen patch may lie on the cell's front side.
-  bool faces_relay(const SurfaceCell& cell) const {
+  /// Whether any seen patch may lie on the front side of an object point.
+  bool faces_relay(const Vector3d& center, const Vector3d& normal) const {
     return std::any_of(seen_.blocks.begin(), seen_.blocks.end(), [&](const auto& block) {
-      return cell.normal.dot(block.center - cell.center) > -block.radius;
+      return normal.dot(block.center - center) > -block.radius;
     });
   }
-  void lambertian(const CellNodes& cell, const Shadows& shadows, Scratch& s) const;
+  void lambertian(const SurfacePoint& point, const ShadowView* shadows, Scratch& s) const;
+  void all_pairs(double scale, Scratch& s) const;
   void retro_single(const CellNodes& cell, std::size_t anchor, const Shadows& shadows,
                     std::span<const std::vector<OccluderFace>> occluders, Scratch& s) const;
   void sample_anchors(double edge);
-  std::vector<CellNode> anchors_of(const std::vector<SurfaceCell>& cells) const;
+  std::vector<SurfacePoint> anchors_of(const std::vector<SurfaceCell>& cells) const;
   void inner_legs(Scratch& s) const;
   LobeRays lobe_rays(const Vector3d& normal, const Scratch& s) const;
   void for_each_zone(const std::function<void(int, std::size_t, std::size_t)>& visit) const;
-  void gather(const CellNode& anchor, LobeLight& light, Scratch& s) const;
-  void shade_lobes(const CellNode& node, const std::vector<OccluderFace>& occluders,
+  void gather(const SurfacePoint& anchor, LobeLight& light, Scratch& s) const;
+  void shade_lobes(const SurfacePoint& node, const std::vector<OccluderFace>& occluders,
                    Scratch& s) const;
   static void shade_patch(std::size_t i, std::size_t patch, Scratch& s);
   void retro_pairs(const CellNodes& cell, const Shadows& shadows, Scratch& s) const;
-  void light_between(const CellNode& node, const PatchArrays& arrays, const ShadowView* shadows,
+  void light_between(const SurfacePoint& node, const PatchArrays& arrays, const ShadowView* shadows,
                      Scratch& s) const;
-  void shade(const CellNode& node, const PatchArrays& arrays, const ShadowView& shadows, int patch,
-             Scratch& s) const;
-  static void sum_groups(const PatchArrays& arrays, const LightSums& patches, std::size_t node,
-                         LightSums& groups);
-  Range lay_on_cells(Scratch& s, std::size_t node, std::size_t begin, std::size_t end) const;
-  void pair_zone(Scratch& s, std::size_t node, int zone, std::size_t begin, std::size_t end,
-                 Range arriving, double scale) const;
+  void shade_patches(const SurfacePoint& node, const PatchArrays& arrays, const ShadowView* shadows,
+                     Scratch& s) const;
+  void shade(const SurfacePoint& node, const PatchArrays& arrays, const ShadowView& shadows,
+             int patch, Scratch& s) const;
   void add_pulses(Scratch& s, int zone, std::size_t begin, std::size_t end) const;
   void add_seen_pulses(Scratch& s, std::size_t per_group) const;
   void flush(Scratch& s) const;
+  void render_points(const Placement& placement, const Transform& T,
+                     const std::vector<OccluderFace>& occluders, const MovingBodies& bodies,
+                     Scratch& s) const;
+  void render_cells(const Placement& placement, const Transform& T,
+                    const std::vector<OccluderFace>& occluders, const MovingBodies& bodies,
+                    Scratch& s) const;
   std::vector<OccluderFace> own_occluders(const Placement& placement, const Transform& T) const;
 
   Scene scene_;
@@ -696,10 +684,13 @@ class FastModel final : public ForwardModel {
   bool object_midpoint_ = false;  ///< cells are so small that their centres will do
   Fidelity fidelity_;
   PulseTable pulses_;
+  std::optional<PathGrid> grid_;      ///< of a Lambertian object
+  std::vector<SurfacePoint> points_;  ///< of a Lambertian object, in its own coordinates
   mutable std::once_flag direct_once_;
   mutable HistogramCube direct_;
-  PatchArrays lit_;   ///< of the flash field, or of all zones one after the other (confocal)
-  PatchArrays seen_;  ///< of all zones, one after the other
+  PatchArrays lit_;    ///< of the flash field, or of all zones one after the other (confocal)
+  PatchArrays seen_;   ///< of all zones, one after the other
+  PatchArrays relay_;  ///< what is lit, then what is seen
   int axis_bins_;
   double bins_per_metre_;
   double cells_per_metre_;
@@ -735,6 +726,16 @@ FastModel::FastModel(const Scene& scene, const SensorPlacement& placement,
   if (plan_.kernel == Kernel::retro_single && !setup_.uses_points()) {
     lobe_.emplace(scene_, placement);
   }
+  if (plan_.kernel == Kernel::lambertian) {
+    // Counted from the relay, legs are short by the way from it.
+    double way_back = 0;
+    if (scene.sensor.path_origin == PathOrigin::relay) {
+      for (const Vector3d& p : setup_.relay_points()) {
+        way_back = std::max(way_back, (p - setup_.origin()).norm());
+      }
+    }
+    grid_.emplace(scene.sensor, extra_variance_, axis_bins_, way_back, options.tolerance);
+  }
   choose_fidelity(options);
   complete_plan(options.tolerance);
   decide_bounces(options.tolerance);
@@ -752,9 +753,8 @@ void FastModel::complete_plan(double tolerance) {
   plan_.decide(dim);
   if (plan_.kernel == Kernel::lambertian) {
     PlanDecision pairs = plan_.decision(Term::patch_pairs);
-    pairs.reason +=
-        "; patches of like path are taken by groups: " + std::to_string(lit_.group_end.size()) +
-        " lit, " + std::to_string(seen_.group_end.size()) + " seen";
+    pairs.reason += ", which are convolved on a grid of paths with a step of " +
+                    text_of(1e3 * grid_->step()) + " mm";
     pairs.bound = tolerance;
     plan_.decide(pairs);
   } else {
@@ -941,6 +941,9 @@ FastModel::Limits FastModel::limits(double tolerance, double coarseness) const {
       coarseness * pulse_sigma_ * std::pow(tolerance / kClosureError, 0.25) / std::sqrt(kAxes);
   l.aspect = coarseness * std::pow(tolerance / kQuadratureError / kAxes, 0.25);
   l.midpoint = coarseness * std::sqrt(tolerance / kMidpointError);
+  const double digits = std::log(1 / tolerance);
+  l.rule_spread = coarseness * kRuleSpread * pulse_sigma_ / std::sqrt(digits);
+  l.rule_angle = coarseness * kRuleAngle / digits;
   if (plan_.kernel == Kernel::retro_pairs) {
     // A patch stands for a Gaussian within the lobe: it must not be wide against it.
     const double sigma = std::get<RetroreflectiveMaterial>(scene_.hidden.material).lobe_sigma;
@@ -1002,9 +1005,9 @@ double FastModel::coarsest(const std::vector<PoseVector>& poses, double toleranc
     std::vector<HistogramCube> cubes;
   };
   std::vector<Candidate> candidates;
-  std::size_t next = 0;
-  double before = std::numeric_limits<double>::infinity();
-  for (double c = kCoarsest; c > kFinest; c /= kCoarsenessStep) {
+  const bool rules = plan_.kernel == Kernel::lambertian;
+  std::vector<double> changes;  // [candidate] to at least twice as many cells
+  for (double c = kCoarsest; c > kFinest; c /= rules ? kRuleStep : kCoarsenessStep) {
     const int cells = sample(c);
     if (!candidates.empty() && too_many_pairs()) break;
     if (!candidates.empty() && candidates.back().cells == cells) continue;
@@ -1013,18 +1016,20 @@ double FastModel::coarsest(const std::vector<PoseVector>& poses, double toleranc
     for (std::size_t i = 0; i < poses.size(); ++i) {
       three_bounce(poses[i], candidates.back().cubes[i]);
     }
-    for (; next + 1 < candidates.size() && fine.cells >= 2 * candidates[next].cells; ++next) {
-      const double change = largest_change(candidates[next].cubes, fine.cubes);
-      const bool stagnates = change < kStagnates && change > 0.8 * before;
-      if (change < tolerance) return candidates[next].coarseness;
-      if (stagnates) {
+    while (changes.size() + 1 < candidates.size()) {
+      const Candidate& coarse = candidates[changes.size()];
+      if (fine.cells < 2 * coarse.cells) break;
+      const double change = largest_change(coarse.cubes, fine.cubes);
+      if (change < tolerance) return coarse.coarseness;
+      const double before = changes.empty() ? 1 / kStagnates : changes.back();
+      changes.push_back(change);
+      if (!rules && change < kStagnates && change > 0.8 * before) {
         unresolved_ += change;
-        return candidates[next].coarseness;
+        return coarse.coarseness;
       }
-      before = change;
     }
   }
-  if (std::isfinite(before)) unresolved_ += before;
+  if (!changes.empty()) unresolved_ += changes.back();
   return candidates.back().coarseness;
 }
 
@@ -1114,40 +1119,54 @@ class Brightness {
 void FastModel::sample_relay(const Limits& limits, double tolerance) {
   lit_ = {};
   seen_ = {};
+  relay_ = {};
   std::vector<Vector3d> objects;
   for (const Placement& p : probe_placements(scene_)) {
     objects.push_back(object_to_world(scene_.hidden.shape, scene_.hidden.anchor, p).translation());
   }
   const Vector3d origin = setup_.origin();
   const bool single = plan_.kernel == Kernel::retro_single;
-  RelaySampling sampling;
-  sampling.gauss = [&](const RelayPatch& patch) {
-    const double edge = 2 * std::max(patch.half_u.norm(), patch.half_v.norm());
-    return std::any_of(objects.begin(), objects.end(), [&](const Vector3d& q) {
-      return edge > limits.midpoint * (patch.center - q).norm();
-    });
+  const bool rules = plan_.kernel == Kernel::lambertian;
+  // How far a patch is beyond the limits along half_u and half_v.
+  const auto excess = [&](const RelayPatch& patch, const Brightness& brightness) {
+    const double below = std::max(brightness.share_below(brightness.density(patch)), 1e-6);
+    const double relaxed = std::max(1.0, std::pow(0.5 / below, 0.15));
+    double path_u = 0, path_v = 0, angle_u = 0, angle_v = 0;
+    for (const Vector3d& q : objects) {
+      const Vector3d way = patch.center - q;
+      const Vector3d g =
+          (single ? 2 : 1) * (way.normalized() + (patch.center - origin).normalized());
+      path_u += std::pow(g.dot(patch.half_u), 2) / 3;
+      path_v += std::pow(g.dot(patch.half_v), 2) / 3;
+      angle_u += 4 * patch.half_u.squaredNorm() / way.squaredNorm();
+      angle_v += 4 * patch.half_v.squaredNorm() / way.squaredNorm();
+    }
+    const auto count = static_cast<double>(objects.size());
+    const double spread = rules ? limits.rule_spread : limits.spread;
+    const double angle = rules ? limits.rule_angle : limits.aspect;
+    return std::array{
+        std::max(std::sqrt(path_u / count) / spread, std::sqrt(angle_u / count) / angle) / relaxed,
+        std::max(std::sqrt(path_v / count) / spread, std::sqrt(angle_v / count) / angle) / relaxed};
   };
-  const auto splitter = [&](const Brightness& brightness) {
-    return [&](const RelayPatch& patch) {
-      const double below = std::max(brightness.share_below(brightness.density(patch)), 1e-6);
-      const double relaxed = std::max(1.0, std::pow(0.5 / below, 0.15));
-      double path_u = 0, path_v = 0, angle_u = 0, angle_v = 0;
-      for (const Vector3d& q : objects) {
-        const Vector3d way = patch.center - q;
-        const Vector3d g =
-            (single ? 2 : 1) * (way.normalized() + (patch.center - origin).normalized());
-        path_u += std::pow(g.dot(patch.half_u), 2) / 3;
-        path_v += std::pow(g.dot(patch.half_v), 2) / 3;
-        angle_u += 4 * patch.half_u.squaredNorm() / way.squaredNorm();
-        angle_v += 4 * patch.half_v.squaredNorm() / way.squaredNorm();
-      }
-      const auto count = static_cast<double>(objects.size());
-      const double u = std::max(std::sqrt(path_u / count) / limits.spread,
-                                std::sqrt(angle_u / count) / limits.aspect);
-      const double v = std::max(std::sqrt(path_v / count) / limits.spread,
-                                std::sqrt(angle_v / count) / limits.aspect);
-      if (std::max(u, v) <= relaxed) return 0;
+  RelaySampling sampling;
+  const auto sample_by = [&](const Brightness& brightness) {
+    sampling.split = [&](const RelayPatch& patch) {
+      const double most = rules && patch.whole ? kMostRulePoints : 1.0;
+      const auto [u, v] = excess(patch, brightness);
+      if (std::max(u, v) <= most) return 0;
       return u >= v ? 1 : 2;
+    };
+    sampling.nodes = [&](const RelayPatch& patch) -> std::array<int, 2> {
+      if (rules) {
+        const auto [u, v] = excess(patch, brightness);
+        return {std::max(static_cast<int>(std::ceil(u)), 1),
+                std::max(static_cast<int>(std::ceil(v)), 1)};
+      }
+      const double edge = 2 * std::max(patch.half_u.norm(), patch.half_v.norm());
+      const bool wide = std::any_of(objects.begin(), objects.end(), [&](const Vector3d& q) {
+        return edge > limits.midpoint * (patch.center - q).norm();
+      });
+      return wide ? std::array{2, 2} : std::array{1, 1};
     };
   };
   // Dim parts that, with all that is up to twice as bright, hold less than this share are left out.
@@ -1161,9 +1180,6 @@ void FastModel::sample_relay(const Limits& limits, double tolerance) {
     }));
     return patches;
   };
-  // Pairs of patches instead of pairs of groups.
-  const bool alone =
-      plan_.kernel == Kernel::lambertian && overrides_.switched_on(Term::patch_pairs);
   RelaySampling coarse;
   coarse.divisions = 5;
   coarse.edge_depth = 2;
@@ -1176,22 +1192,33 @@ void FastModel::sample_relay(const Limits& limits, double tolerance) {
     for (const WeightedPatch& p : setup_.seen(z, coarse)) seen.learn(p.patch);
   }
   seen.finish();
-  sampling.split = splitter(seen);
+  sample_by(seen);
+  std::vector<std::vector<WeightedPatch>> lit_sets, seen_sets;
   for (int z = 0; z < zones; ++z) {
-    if (dead(z)) continue;
-    append(seen_, prune(setup_.seen(z, sampling), seen), z, alone);
-    if (confocal_ && !single) append(lit_, setup_.lit_by_zone(z, sampling), z, alone);
+    seen_sets.emplace_back();
+    if (confocal_ && !single) lit_sets.emplace_back();
+    if (!dead(z)) seen_sets.back() = prune(setup_.seen(z, sampling), seen);
+    if (!dead(z) && confocal_ && !single) lit_sets.back() = setup_.lit_by_zone(z, sampling);
   }
   if (!confocal_ && !single) {
     Brightness lit(objects, false);
     coarse.divisions = 12;
     for (const WeightedPatch& p : setup_.lit(coarse)) lit.learn(p.patch);
     lit.finish();
-    sampling.split = splitter(lit);
-    append(lit_, prune(setup_.lit(sampling), lit), -1, alone);
+    sample_by(lit);
+    lit_sets.push_back(prune(setup_.lit(sampling), lit));
   }
-  lit_.make_blocks();
-  seen_.make_blocks();
+  const auto fill = [](PatchArrays& arrays, const std::vector<std::vector<WeightedPatch>>& sets,
+                       bool by_zone) {
+    for (std::size_t i = 0; i < sets.size(); ++i) {
+      arrays.append(sets[i], by_zone ? static_cast<int>(i) : -1);
+    }
+  };
+  fill(lit_, lit_sets, confocal_);
+  fill(seen_, seen_sets, true);
+  fill(relay_, lit_sets, confocal_);
+  fill(relay_, seen_sets, true);
+  for (PatchArrays* arrays : {&lit_, &seen_, &relay_}) arrays->finish();
 }
 
 /// Divides the object until its cells meet both limits, cells weighted with the light that they
@@ -1224,9 +1251,16 @@ void FastModel::sample_object(const Limits& limits) {
     if (weight <= 0) continue;
     object_midpoint_ = std::sqrt(angle / weight) <= limits.midpoint;
     anchor_edge = object_edge_ * kAnchorEdge * limits.midpoint / std::sqrt(angle / weight);
-    if (std::sqrt(path / weight) <= limits.spread && std::sqrt(angle / weight) <= limits.aspect) {
+    const bool rules = plan_.kernel == Kernel::lambertian;
+    if (std::sqrt(path / weight) <= (rules ? limits.rule_spread : limits.spread) &&
+        std::sqrt(angle / weight) <= (rules ? limits.rule_angle : limits.aspect)) {
       break;
     }
+  }
+  if (plan_.kernel == Kernel::lambertian) {
+    points_ = quadrature(scene_.hidden.shape, object_edge_);
+    object_nodes_ = static_cast<int>(points_.size());
+    return;
   }
   const Transform T =
       object_to_world(scene_.hidden.shape, scene_.hidden.anchor, scene_.hidden.placement);
@@ -1256,15 +1290,15 @@ void FastModel::sample_anchors(double edge) {
 }
 
 /// Middles of the cells that share an anchor.
-std::vector<CellNode> FastModel::anchors_of(const std::vector<SurfaceCell>& cells) const {
-  std::vector<CellNode> anchors(anchors_, {Vector3d::Zero(), Vector3d::Zero(), 0.0});
+std::vector<SurfacePoint> FastModel::anchors_of(const std::vector<SurfaceCell>& cells) const {
+  std::vector<SurfacePoint> anchors(anchors_, {Vector3d::Zero(), Vector3d::Zero(), 0.0});
   for (std::size_t c = 0; c < cells.size(); ++c) {
-    CellNode& anchor = anchors[anchor_[c]];
+    SurfacePoint& anchor = anchors[anchor_[c]];
     anchor.center += cells[c].area * cells[c].center;
     anchor.normal += cells[c].area * cells[c].normal;
     anchor.area += cells[c].area;
   }
-  for (CellNode& anchor : anchors) {
+  for (SurfacePoint& anchor : anchors) {
     if (anchor.area > 0) anchor.center /= anchor.area;
     anchor.normal.normalize();
   }
@@ -1272,9 +1306,15 @@ std::vector<CellNode> FastModel::anchors_of(const std::vector<SurfaceCell>& cell
 }
 
 /// Weights, paths and directions between a node and all patches, shadows included.
-void FastModel::light_between(const CellNode& node, const PatchArrays& arrays,
+void FastModel::light_between(const SurfacePoint& node, const PatchArrays& arrays,
                               const ShadowView* shadows, Scratch& s) const {
   exchange(node, arrays, s);
+  shade_patches(node, arrays, shadows, s);
+}
+
+/// Takes shadows away from weights, paths and, where there are any, directions.
+void FastModel::shade_patches(const SurfacePoint& node, const PatchArrays& arrays,
+                              const ShadowView* shadows, Scratch& s) const {
   s.partial.clear();
   if (shadows == nullptr) return;
   for (const PatchArrays::Block& block : arrays.blocks) {
@@ -1284,13 +1324,19 @@ void FastModel::light_between(const CellNode& node, const PatchArrays& arrays,
       std::fill(s.weight.begin() + block.begin, s.weight.begin() + block.end, 0.0);
       continue;
     }
-    for (int i = block.begin; i < block.end; ++i) shade(node, arrays, *shadows, i, s);
+    std::array<ShadowView::Sight, PatchArrays::kBlock> sights;
+    shadows->sights(arrays.coordinates(), block.begin, block.end, sights.data());
+    for (int i = block.begin; i < block.end; ++i) {
+      const ShadowView::Sight own = sights[static_cast<std::size_t>(i - block.begin)];
+      if (own == ShadowView::Sight::hidden) s.weight[static_cast<std::size_t>(i)] = 0;
+      if (own == ShadowView::Sight::mixed) shade(node, arrays, *shadows, i, s);
+    }
   }
 }
 
 /// Takes the shadowed part of one patch away.
-void FastModel::shade(const CellNode& node, const PatchArrays& arrays, const ShadowView& shadows,
-                      int patch, Scratch& s) const {
+void FastModel::shade(const SurfacePoint& node, const PatchArrays& arrays,
+                      const ShadowView& shadows, int patch, Scratch& s) const {
   const auto k = static_cast<std::size_t>(patch);
   if (s.weight[k] <= 0) return;
   const VisiblePart part =
@@ -1316,31 +1362,6 @@ void FastModel::shade(const CellNode& node, const PatchArrays& arrays, const Sha
   s.cosine[k] = cell_cosine;
 }
 
-void FastModel::sum_groups(const PatchArrays& arrays, const LightSums& patches, std::size_t node,
-                           LightSums& groups) {
-  const std::size_t count = arrays.group_end.size();
-  const auto sum = [&](const std::vector<double>& from, std::vector<double>& to) {
-    double* out = to.data() + node * count;
-    if (count == static_cast<std::size_t>(arrays.size())) {
-      std::copy_n(from.begin(), count, out);
-      return;
-    }
-    std::size_t i = 0;
-    for (std::size_t g = 0; g < count; ++g) {
-      double total = 0;
-      for (const auto end = static_cast<std::size_t>(arrays.group_end[g]); i < end; ++i) {
-        total += from[i];
-      }
-      out[g] = total;
-    }
-  };
-  sum(patches.weight, groups.weight);
-  sum(patches.first, groups.first);
-  sum(patches.second, groups.second);
-  sum(patches.along_u, groups.along_u);
-  sum(patches.along_v, groups.along_v);
-}
-
 /// Pulses [begin, end) go to the cells of a zone.
 void FastModel::add_pulses(Scratch& s, int zone, std::size_t begin, std::size_t end) const {
   add_to_cells(s.pulses, begin, end, cells_per_metre_, path_cells_,
@@ -1363,6 +1384,12 @@ void FastModel::add_seen_pulses(Scratch& s, std::size_t per_group) const {
 /// One pulse for each path cell that holds light; leaves the cells empty.
 void FastModel::flush(Scratch& s) const {
   for (int z = 0; z < scene_.sensor.zone_count(); ++z) {
+    if (grid_) {
+      PathLight& pairs = s.pairs[static_cast<std::size_t>(z)];
+      grid_->add_to_row(z, pairs, s.rows.data() + static_cast<std::ptrdiff_t>(z) * axis_bins_);
+      pairs.clear();
+      continue;
+    }
     const double start =
         scene_.sensor.zones[static_cast<std::size_t>(z)].time_zero / scene_.sensor.bin_width;
     Sums* cells = s.cells.data() + static_cast<std::ptrdiff_t>(z) * path_cells_;
@@ -1382,116 +1409,45 @@ void FastModel::flush(Scratch& s) const {
   }
 }
 
-/// Light arriving and light leaving, sums per node and group, paired node by node.
-void FastModel::lambertian(const CellNodes& cell, const Shadows& shadows, Scratch& s) const {
-  const std::size_t in_groups = lit_.group_end.size();
-  const std::size_t out_groups = seen_.group_end.size();
-  s.in.resize(cell.count * in_groups);
-  s.out.resize(cell.count * out_groups);
-  s.patches.resize(static_cast<std::size_t>(std::max(lit_.size(), seen_.size())));
-  for (std::size_t n = 0; n < cell.count; ++n) {
-    const ShadowView* view = shadows.empty() ? nullptr : &shadows[n];
-    light_between(cell.nodes[n], lit_, view, s);
-    light_of_patches(s, lit_.size(), cell.half_u, cell.half_v, s.patches);
-    sum_groups(lit_, s.patches, n, s.in);
-    light_between(cell.nodes[n], seen_, view, s);
-    light_of_patches(s, seen_.size(), cell.half_u, cell.half_v, s.patches);
-    sum_groups(seen_, s.patches, n, s.out);
+/// Light arriving at an object point, convolved with the light that leaves it to each zone.
+void FastModel::lambertian(const SurfacePoint& point, const ShadowView* shadows, Scratch& s) const {
+  const double scale = scene_.hidden.albedo / kPi * point.area;
+  exchange_paths(point, relay_, s);
+  shade_patches(point, relay_, shadows, s);
+  if (overrides_.switched_on(Term::patch_pairs)) return all_pairs(scale, s);
+  grid_->find_splines(s.path.data(), s.weight.data(), relay_.size(), s.splines);
+  const std::size_t lit_sets = lit_.set_end.size();
+  const std::size_t zones = seen_.set_end.size();
+  const auto lay = [&](std::size_t set, PathLight& light) {
+    const auto [begin, end] = relay_.set(set);
+    grid_->lay(s.splines, begin, end, light);
+  };
+  if (!confocal_) lay(0, s.arriving);
+  for (std::size_t z = 0; z < zones; ++z) {
+    if (confocal_) lay(z, s.arriving);
+    if (s.arriving.dark()) continue;
+    lay(lit_sets + z, s.leaving);
+    grid_->pair(s.arriving, s.leaving, scale, s.pairs[z]);
   }
-  const double scale = scene_.hidden.albedo / kPi * cell.nodes[0].area;  // nodes share the area
-  for (std::size_t n = 0; n < cell.count; ++n) {
-    Range arriving;
-    if (!confocal_) arriving = lay_on_cells(s, n, 0, in_groups);
-    for (std::size_t begin = 0; begin < out_groups;) {
-      const int zone = seen_.group_zone[begin];
-      std::size_t end = begin;
-      while (end < out_groups && seen_.group_zone[end] == zone) ++end;
-      if (confocal_) {  // groups come zone by zone
-        const auto range = std::equal_range(lit_.group_zone.begin(), lit_.group_zone.end(), zone);
-        arriving =
-            lay_on_cells(s, n, static_cast<std::size_t>(range.first - lit_.group_zone.begin()),
-                         static_cast<std::size_t>(range.second - lit_.group_zone.begin()));
+}
+
+/// The same without the grid: one pulse for each pair.
+void FastModel::all_pairs(double scale, Scratch& s) const {
+  const std::size_t lit_sets = lit_.set_end.size();
+  for (std::size_t z = 0; z < seen_.set_end.size(); ++z) {
+    const double start = scene_.sensor.zones[z].time_zero / scene_.sensor.bin_width;
+    double* row = s.rows.data() + static_cast<std::ptrdiff_t>(z) * axis_bins_;
+    const auto [in_begin, in_end] = relay_.set(confocal_ ? z : 0);
+    const auto [out_begin, out_end] = relay_.set(lit_sets + z);
+    for (std::size_t r = out_begin; r < out_end; ++r) {
+      for (std::size_t p = in_begin; p < in_end; ++p) {
+        const double light = scale * s.weight[p] * s.weight[r];
+        if (light <= 0) continue;
+        pulses_.add(row, axis_bins_, start + (s.path[p] + s.path[r]) * bins_per_metre_,
+                    extra_variance_, light);
       }
-      pair_zone(s, n, zone, begin, end, arriving, scale);
-      begin = end;
     }
   }
-}
-
-/// Groups [begin, end) of the light arriving at a node go to the two nearest path cells each, in
-/// proportion to nearness, with moments about the cell's own path. Returns the cells used.
-Range FastModel::lay_on_cells(Scratch& s, std::size_t node, std::size_t begin,
-                              std::size_t end) const {
-  const std::size_t groups = lit_.group_end.size();
-  const double step = 1 / cells_per_metre_;
-  Range used;
-  LightSums& cells = s.arriving;
-  cells.resize(static_cast<std::size_t>(path_cells_) + 1);
-  for (std::size_t g = node * groups + begin; g < node * groups + end; ++g) {
-    const double weight = s.in.weight[g];
-    if (!(weight > 0)) continue;
-    const double position = s.in.first[g] / weight * cells_per_metre_;
-    if (!(position >= 0 && position < path_cells_ - 1)) continue;
-    const auto at = static_cast<int>(position);
-    grow(cells, used, at, at + 2);
-    for (const int side : {0, 1}) {
-      const double share = side == 0 ? 1 - (position - at) : position - at;
-      const double path = (at + side) * step;
-      const auto c = static_cast<std::size_t>(at + side);
-      cells.weight[c] += share * weight;
-      cells.first[c] += share * (s.in.first[g] - path * weight);
-      cells.second[c] += share * (s.in.second[g] - 2 * path * s.in.first[g] + path * path * weight);
-      cells.along_u[c] += share * s.in.along_u[g];
-      cells.along_v[c] += share * s.in.along_v[g];
-    }
-  }
-  return used;
-}
-
-/// Light arriving at a node, on path cells, with the groups [begin, end) leaving to one zone.
-void FastModel::pair_zone(Scratch& s, std::size_t node, int zone, std::size_t begin,
-                          std::size_t end, Range arriving, double scale) const {
-  if (arriving.begin >= arriving.end) return;
-  const std::size_t groups = seen_.group_end.size();
-  const double step = 1 / cells_per_metre_;
-  const int count = arriving.end - arriving.begin;
-  s.paired.resize(static_cast<std::size_t>(path_cells_));
-  Range used;
-  for (std::size_t g = node * groups + begin; g < node * groups + end; ++g) {
-    const double weight = scale * s.out.weight[g];
-    if (!(weight > 0)) continue;
-    const double first = scale * s.out.first[g];
-    const double second = scale * s.out.second[g];
-    const double position = first / weight * cells_per_metre_;
-    const double whole = std::floor(position);
-    if (!(std::abs(whole) < path_cells_)) continue;
-    for (const int side : {0, 1}) {
-      const double share = side == 0 ? 1 - (position - whole) : position - whole;
-      const double path = (whole + side) * step;
-      const int to = arriving.begin + static_cast<int>(whole) + side + kCellMargin;
-      const int from = std::max(0, -to);
-      const int until = std::min(count, path_cells_ - to);
-      if (from >= until) continue;
-      grow(s.paired, used, to + from, to + until);
-      add_pairs(
-          s.arriving, static_cast<std::size_t>(arriving.begin + from),
-          static_cast<std::size_t>(arriving.begin + until),
-          {share * weight, share * (first - path * weight),
-           share * (second - 2 * path * first + path * path * weight),
-           share * scale * 2 / 3 * s.out.along_u[g], share * scale * 2 / 3 * s.out.along_v[g]},
-          s.paired.weight.data() + to + from, s.paired.first.data() + to + from,
-          s.paired.second.data() + to + from);
-    }
-  }
-  if (used.begin >= used.end) return;
-  Sums* cells = s.cells.data() + static_cast<std::ptrdiff_t>(zone) * path_cells_;
-  for (auto c = static_cast<std::size_t>(used.begin); c < static_cast<std::size_t>(used.end); ++c) {
-    cells[c].weight += s.paired.weight[c];
-    cells[c].first += s.paired.first[c];
-    cells[c].second += s.paired.second[c];
-  }
-  Range& touched = s.touched[static_cast<std::size_t>(zone)];
-  touched = {std::min(touched.begin, used.begin), std::max(touched.end, used.end)};
 }
 
 /// The lobe is small against the lit spot: light comes back from about where it fell. Integrating
@@ -1511,7 +1467,7 @@ void FastModel::retro_single(const CellNodes& cell, std::size_t anchor, const Sh
   std::fill_n(s.pulses.path.begin(), groups, 0.0);
   std::fill_n(s.pulses.variance.begin(), groups, 0.0);
   for (std::size_t n = 0; n < cell.count; ++n) {
-    const CellNode& node = cell.nodes[n];
+    const SurfacePoint& node = cell.nodes[n];
     light_between(node, seen_, shadows.empty() ? nullptr : &shadows[n], s);
     const double scale = scene_.hidden.albedo * node.area;
     if (lobe_) {
@@ -1567,7 +1523,7 @@ void FastModel::inner_legs(Scratch& s) const {
 }
 
 /// What lobes about all patches gather, without occluders.
-void FastModel::gather(const CellNode& anchor, LobeLight& light, Scratch& s) const {
+void FastModel::gather(const SurfacePoint& anchor, LobeLight& light, Scratch& s) const {
   const auto count = static_cast<std::size_t>(seen_.size());
   exchange(anchor, seen_, s);
   inner_legs(s);
@@ -1586,7 +1542,7 @@ void FastModel::gather(const CellNode& anchor, LobeLight& light, Scratch& s) con
 
 /// Takes away what occluders hide of the lobes of one node: the share of the light and its paths'
 /// change, about those patches that shadows come near.
-void FastModel::shade_lobes(const CellNode& node, const std::vector<OccluderFace>& occluders,
+void FastModel::shade_lobes(const SurfacePoint& node, const std::vector<OccluderFace>& occluders,
                             Scratch& s) const {
   s.extent.assign(seen_.spread.begin(), seen_.spread.end());
   for (const auto& [patch, fraction] : s.partial) s.extent[patch] *= fraction * fraction;
@@ -1641,7 +1597,7 @@ void FastModel::retro_pairs(const CellNodes& cell, const Shadows& shadows, Scrat
     Vector3d direction, u, v;  // unit; angular half extents
     std::size_t group;
   };
-  const auto ends = [&](const CellNode& node, const PatchArrays& a, const ShadowView* view) {
+  const auto ends = [&](const SurfacePoint& node, const PatchArrays& a, const ShadowView* view) {
     light_between(node, a, view, s);
     std::vector<End> list;
     std::size_t group = 0;
@@ -1717,6 +1673,74 @@ std::vector<OccluderFace> FastModel::own_occluders(const Placement& placement,
   return faces;
 }
 
+/// Object points one by one.
+void FastModel::render_points(const Placement& placement, const Transform& T,
+                              const std::vector<OccluderFace>& occluders,
+                              const MovingBodies& bodies, Scratch& s) const {
+  std::vector<OccluderFace> faces;
+  for (const SurfacePoint& own : points_) {
+    const SurfacePoint point{T * Vector3d(placement.size * own.center), T.linear() * own.normal,
+                             placement.size * placement.size * own.area};
+    if (!faces_relay(point.center, point.normal)) continue;
+    if (occluders.empty() && bodies.empty()) {
+      lambertian(point, nullptr, s);
+      continue;
+    }
+    faces = occluders;
+    bodies.faces_seen_from(point.center, faces);
+    ShadowView shadows(faces, point.center);
+    shadows.leave_out_clear_of(relay_.center_of_all, relay_.radius_of_all);
+    lambertian(point, shadows.empty() ? nullptr : &shadows, s);
+  }
+}
+
+/// Object cells one by one, each with its nodes.
+void FastModel::render_cells(const Placement& placement, const Transform& T,
+                             const std::vector<OccluderFace>& occluders, const MovingBodies& bodies,
+                             Scratch& s) const {
+  Shadows shadows;
+  std::vector<std::vector<OccluderFace>> faces;  // in the way of each node, the same or its own
+  const std::vector<SurfaceCell> cells =
+      divide(scene_.hidden.shape, T, placement.size, object_edge_, 1);
+  std::vector<SurfacePoint> anchors;
+  if (lobe_) {
+    anchors = anchors_of(cells);
+    if (s.lobes.size() < anchors_) s.lobes.resize(anchors_);
+    for (LobeLight& light : s.lobes) light.known = false;
+  }
+  for (std::size_t c = 0; c < cells.size(); ++c) {
+    const SurfaceCell& cell = cells[c];
+    if (!faces_relay(cell.center, cell.normal)) continue;
+    const std::size_t anchor = lobe_ ? anchor_[c] : 0;
+    if (lobe_ && !s.lobes[anchor].known) {
+      gather(anchors[anchor], s.lobes[anchor], s);
+    }
+    const CellNodes nodes(cell, object_midpoint_);
+    if (!occluders.empty() || !bodies.empty()) {
+      shadows.clear();
+      faces.clear();
+      for (std::size_t n = 0; n < nodes.count; ++n) {
+        const Vector3d& point = nodes.nodes[n].center;
+        if (bodies.empty()) {
+          shadows.emplace_back(occluders, point);
+          continue;
+        }
+        faces.push_back(occluders);
+        bodies.faces_seen_from(point, faces.back());
+        shadows.emplace_back(faces.back(), point);
+      }
+    }
+    if (plan_.kernel == Kernel::retro_pairs) {
+      retro_pairs(nodes, shadows, s);
+      continue;
+    }
+    retro_single(nodes, anchor, shadows,
+                 bodies.empty() ? std::span<const std::vector<OccluderFace>>(&occluders, 1)
+                                : std::span<const std::vector<OccluderFace>>(faces),
+                 s);
+  }
+}
+
 void FastModel::render(const Placement& placement, const MovingBodies& bodies,
                        HistogramCube& out) const {
   const Sensor& sensor = scene_.sensor;
@@ -1734,51 +1758,10 @@ void FastModel::render(const Placement& placement, const MovingBodies& bodies,
   const Transform T = object_to_world(hidden.shape, hidden.anchor, placement);
   const std::vector<OccluderFace> own = own_occluders(placement, T);
   const std::vector<OccluderFace>& occluders = own.empty() ? plan_.occluders : own;
-  Shadows shadows;
-  std::vector<std::vector<OccluderFace>> faces;  // in the way of each node, the same or its own
-  const std::vector<SurfaceCell> cells = divide(hidden.shape, T, placement.size, object_edge_, 1);
-  std::vector<CellNode> anchors;
-  if (lobe_) {
-    anchors = anchors_of(cells);
-    if (scratch.lobes.size() < anchors_) scratch.lobes.resize(anchors_);
-    for (LobeLight& light : scratch.lobes) light.known = false;
-  }
-  for (std::size_t c = 0; c < cells.size(); ++c) {
-    const SurfaceCell& cell = cells[c];
-    if (!faces_relay(cell)) continue;
-    const std::size_t anchor = lobe_ ? anchor_[c] : 0;
-    if (lobe_ && !scratch.lobes[anchor].known) {
-      gather(anchors[anchor], scratch.lobes[anchor], scratch);
-    }
-    const CellNodes nodes(cell, object_midpoint_);
-    if (!occluders.empty() || !bodies.empty()) {
-      shadows.clear();
-      faces.clear();
-      for (std::size_t n = 0; n < nodes.count; ++n) {
-        const Vector3d& point = nodes.nodes[n].center;
-        if (bodies.empty()) {
-          shadows.emplace_back(occluders, point);
-          continue;
-        }
-        faces.push_back(occluders);
-        bodies.faces_seen_from(point, faces.back());
-        shadows.emplace_back(faces.back(), point);
-      }
-    }
-    switch (plan_.kernel) {
-      case Kernel::lambertian:
-        lambertian(nodes, shadows, scratch);
-        break;
-      case Kernel::retro_single:
-        retro_single(nodes, anchor, shadows,
-                     bodies.empty() ? std::span<const std::vector<OccluderFace>>(&occluders, 1)
-                                    : std::span<const std::vector<OccluderFace>>(faces),
-                     scratch);
-        break;
-      case Kernel::retro_pairs:
-        retro_pairs(nodes, shadows, scratch);
-        break;
-    }
+  if (plan_.kernel == Kernel::lambertian) {
+    render_points(placement, T, occluders, bodies, scratch);
+  } else {
+    render_cells(placement, T, occluders, bodies, scratch);
   }
   flush(scratch);
   for (int z = 0; z < zones; ++z) {
@@ -1794,8 +1777,10 @@ class FastObjects final : public ForwardModel {
  public:
   FastObjects(const Scene& scene, const SensorPlacement& placement, const FastModelOptions& options)
       : scene_(scene) {
+    FastModelOptions share = options;  // errors add up in a bin
+    share.tolerance /= object_count(scene_);
     for (int i = 0; i < object_count(scene_); ++i) {
-      parts_.push_back(std::make_unique<FastModel>(only_object(scene_, i), placement, options));
+      parts_.push_back(std::make_unique<FastModel>(only_object(scene_, i), placement, share));
     }
     plan_ = parts_.front()->plan();
     for (std::size_t i = 1; i < parts_.size(); ++i) {

@@ -177,7 +177,7 @@ std::vector<WeightedPatch> ReferenceRenderer::split_by_path(
 ReferenceRenderer::Patches ReferenceRenderer::seen_for(const PlacedObject& object) const {
   RelaySampling sampling;
   sampling.divisions = options_.zone_divisions;
-  sampling.gauss = [](const RelayPatch&) { return true; };
+  sampling.nodes = [](const RelayPatch&) { return std::array{2, 2}; };
   Patches seen(scene_.sensor.zones.size());
   for (std::size_t z = 0; z < seen.size(); ++z) {
     if (scene_.sensor.zones[z].dead) continue;
@@ -201,7 +201,7 @@ ReferenceRenderer::Patches ReferenceRenderer::lit_for(const PlacedObject& object
       return std::max(u, v) <= most ? 0 : (u > v ? 1 : 2);
     };
   } else {
-    sampling.gauss = [](const RelayPatch&) { return true; };
+    sampling.nodes = [](const RelayPatch&) { return std::array{2, 2}; };
   }
   const Vector3d center = object.T_world_object.translation();
   const bool split = !sampling.split;

@@ -8,6 +8,7 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
+#include "gauss_legendre.h"
 
 namespace blindcorner {
 namespace {
@@ -66,6 +67,7 @@ class Sampler {
       return;
     }
     if (patch.surface < 0) return;
+    patch.whole = trace == Trace::whole;
     const int split =
         splits < sampling_.split_depth && sampling_.split ? sampling_.split(patch) : 0;
     if (split != 0) {
@@ -73,8 +75,10 @@ class Sampler {
       return;
     }
     patch.group = group_++;
-    if (sampling_.gauss && trace == Trace::whole && sampling_.gauss(patch)) {
-      add_nodes(cell, patch);
+    const auto [nu, nv] =
+        sampling_.nodes && patch.whole ? sampling_.nodes(patch) : std::array{1, 1};
+    if (nu * nv > 1) {
+      add_nodes(cell, patch, gauss_legendre(nu), gauss_legendre(nv));
     } else {
       patches.push_back(patch);
     }
@@ -85,32 +89,38 @@ class Sampler {
  private:
   enum class Trace { nothing, mixed, whole };
 
-  /// Four nodes with the solid angle shared by its density.
-  void add_nodes(const Cell& cell, const RelayPatch& whole) {
-    static const double kNode = 1 / std::sqrt(3.0);
+  /// Nodes with the solid angle shared by its density.
+  void add_nodes(const Cell& cell, const RelayPatch& whole, const std::vector<QuadraturePoint>& us,
+                 const std::vector<QuadraturePoint>& vs) {
     const double uc = 0.5 * (cell.u0 + cell.u1), hu = 0.5 * (cell.u1 - cell.u0);
     const double vc = 0.5 * (cell.v0 + cell.v1), hv = 0.5 * (cell.v1 - cell.v0);
-    std::array<RelayPatch, 4> nodes;
+    const std::size_t first = patches.size();
     double total = 0;
-    for (std::size_t i = 0; i < 4; ++i) {
-      const double u = uc + ((i & 1) != 0 ? kNode : -kNode) * hu;
-      const double v = vc + ((i & 2) != 0 ? kNode : -kNode) * hv;
-      const Vector3d d = world(cell, u, v);
-      RelayPatch& node = nodes[i];
-      node = whole;
-      node.node = true;
-      node.distance = (whole.center - origin_).dot(whole.normal) / d.dot(whole.normal);
-      node.center = origin_ + node.distance * d;
-      node.half_u = 0.5 * whole.half_u;
-      node.area_center = whole.center + ((i & 1) != 0 ? 0.5 : -0.5) * whole.half_u +
-                         ((i & 2) != 0 ? 0.5 : -0.5) * whole.half_v;
-      node.half_v = 0.5 * whole.half_v;
-      node.solid_angle = cell.density(u, v);
-      total += node.solid_angle;
+    for (const QuadraturePoint& pv : vs) {
+      for (const QuadraturePoint& pu : us) {
+        const double u = uc + pu.position * hu;
+        const double v = vc + pv.position * hv;
+        RelayPatch node = whole;
+        node.node = true;
+        node.center = meet(cell, u, v, whole);
+        node.distance = (node.center - origin_).norm();
+        // Its part of the cell, as a parallelogram through the middles of the part's edges.
+        const double um = uc + 0.5 * (pu.begin + pu.end) * hu;
+        const double vm = vc + 0.5 * (pv.begin + pv.end) * hv;
+        const Vector3d left = meet(cell, uc + pu.begin * hu, vm, whole);
+        const Vector3d right = meet(cell, uc + pu.end * hu, vm, whole);
+        const Vector3d low = meet(cell, um, vc + pv.begin * hv, whole);
+        const Vector3d high = meet(cell, um, vc + pv.end * hv, whole);
+        node.half_u = 0.5 * (right - left);
+        node.half_v = 0.5 * (high - low);
+        node.area_center = 0.25 * (left + right + low + high);
+        node.solid_angle = pu.weight * pv.weight * cell.density(u, v);
+        total += node.solid_angle;
+        patches.push_back(node);
+      }
     }
-    for (RelayPatch& node : nodes) {
-      node.solid_angle *= whole.solid_angle / total;
-      patches.push_back(node);
+    for (std::size_t i = first; i < patches.size(); ++i) {
+      patches[i].solid_angle *= whole.solid_angle / total;
     }
   }
 
@@ -146,14 +156,7 @@ class Sampler {
                        ? surfaces_[static_cast<std::size_t>(hit->surface)].albedo
                        : 0.0;
     patch.solid_angle = cell.solid_angle();
-    const auto on_plane = [&](double u, double v) {
-      const Vector3d d = world(cell, u, v);
-      const double rate = d.dot(hit->normal);
-      const double reach = (hit->point - origin_).dot(hit->normal);
-      // A corner ray that misses the tangent plane keeps the centre's distance.
-      const double t = reach * rate > 1e-6 * reach * reach ? reach / rate : hit->distance;
-      return Vector3d(origin_ + std::min(t, 4 * hit->distance) * d);
-    };
+    const auto on_plane = [&](double u, double v) { return meet(cell, u, v, patch); };
     patch.half_u = 0.5 * (on_plane(cell.u1, vc) - on_plane(cell.u0, vc));
     patch.half_v = 0.5 * (on_plane(uc, cell.v1) - on_plane(uc, cell.v0));
     return same == 4 ? Trace::whole : Trace::mixed;
@@ -166,6 +169,16 @@ class Sampler {
     const auto* mesh =
         std::get_if<MeshShape>(&surfaces_[static_cast<std::size_t>(hit.surface)].shape);
     return mesh != nullptr && mesh->two_sided;
+  }
+
+  /// Where a direction of the cell meets the patch's plane, at most four times as far off as the
+  /// patch; one that misses the plane keeps the patch's distance.
+  Vector3d meet(const Cell& cell, double u, double v, const RelayPatch& patch) const {
+    const Vector3d d = world(cell, u, v);
+    const double rate = d.dot(patch.normal);
+    const double reach = (patch.center - origin_).dot(patch.normal);
+    const double t = reach * rate > 1e-6 * reach * reach ? reach / rate : patch.distance;
+    return origin_ + std::min(t, 4 * patch.distance) * d;
   }
 
   Vector3d world(const Cell& cell, double u, double v) const {

@@ -245,7 +245,7 @@ HistogramCube RelaySetup::direct_return(const PulseTable& pulses, int divisions,
   RelaySampling sampling;
   sampling.divisions = divisions;
   sampling.edge_depth = 8;  // the direct return is bright: borders must not show
-  if (gauss) sampling.gauss = [](const RelayPatch&) { return true; };
+  if (gauss) sampling.nodes = [](const RelayPatch&) { return std::array{2, 2}; };
   // A cell's paths must lie well within the pulse, or a grazing floor becomes a comb.
   const double most = kDirectSpread * kSpeedOfLight *
                       std::hypot(sensor.response.core_sigma(), sensor.bin_width / std::sqrt(12.0));

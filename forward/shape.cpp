@@ -6,6 +6,7 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
+#include "gauss_legendre.h"
 #include "overloaded.h"
 
 namespace blindcorner {
@@ -305,6 +306,114 @@ std::vector<SurfaceCell> divide(const Shape& shape, const Transform& T_world_sha
     cell.area *= size * size;
   }
   return cells;
+}
+
+namespace {
+
+const std::vector<QuadraturePoint>& rule_along(double length, double spacing) {
+  return gauss_legendre(divisions(length, spacing, 1));
+}
+
+/// Points of the parallelogram center +- half_u +- half_v; normal = u x v.
+void add_flat_points(const Vector3d& center, const Vector3d& half_u, const Vector3d& half_v,
+                     double spacing, std::vector<SurfacePoint>& points) {
+  const Vector3d cross = half_u.cross(half_v);
+  for (const QuadraturePoint& v : rule_along(2 * half_v.norm(), spacing)) {
+    for (const QuadraturePoint& u : rule_along(2 * half_u.norm(), spacing)) {
+      points.push_back({center + u.position * half_u + v.position * half_v, cross.normalized(),
+                        u.weight * v.weight * cross.norm()});
+    }
+  }
+}
+
+int steps_around(double radius, double spacing) { return divisions(2 * kPi * radius, spacing, 8); }
+
+/// Equal heights of a sphere have equal areas.
+void add_sphere_points(double radius, double spacing, std::vector<SurfacePoint>& points) {
+  const int around = steps_around(radius, spacing);
+  for (const QuadraturePoint& z : gauss_legendre(divisions(kPi * radius, spacing, 4))) {
+    const double s = std::sqrt(1 - z.position * z.position);
+    for (int a = 0; a < around; ++a) {
+      const double phi = 2 * kPi * (a + 0.5) / around;
+      const Vector3d normal(s * std::cos(phi), s * std::sin(phi), z.position);
+      points.push_back({radius * normal, normal, z.weight * 2 * kPi * radius * radius / around});
+    }
+  }
+}
+
+void add_cylinder_points(const CylinderShape& shape, double spacing,
+                         std::vector<SurfacePoint>& points) {
+  const double r = shape.radius;
+  const double half = shape.height / 2;
+  const int around = steps_around(r, spacing);
+  for (int a = 0; a < around; ++a) {
+    const double phi = 2 * kPi * (a + 0.5) / around;
+    const Vector3d normal(std::cos(phi), std::sin(phi), 0);
+    for (const QuadraturePoint& z : rule_along(shape.height, spacing)) {
+      points.push_back({r * normal + Vector3d(0, 0, half * z.position), normal,
+                        2 * kPi * r / around * half * z.weight});
+    }
+  }
+  // Caps: equal squares of the radius have equal areas.
+  for (const double side : {1.0, -1.0}) {
+    for (const QuadraturePoint& square : rule_along(r, spacing)) {
+      const double radius = r * std::sqrt(0.5 * (1 + square.position));
+      const int sectors = steps_around(radius, spacing);
+      for (int a = 0; a < sectors; ++a) {
+        const double phi = 2 * kPi * (a + 0.5) / sectors;
+        points.push_back({Vector3d(radius * std::cos(phi), radius * std::sin(phi), side * half),
+                          Vector3d(0, 0, side), kPi * r * r * 0.5 * square.weight / sectors});
+      }
+    }
+  }
+}
+
+/// Middles of the lines from a triangle's centre to its corners: exact for degree 2.
+void add_mesh_points(const MeshShape& shape, double spacing, std::vector<SurfacePoint>& points) {
+  for (const auto& corners : shape.mesh->triangles) {
+    const Triangle t = world_triangle(*shape.mesh, corners, Transform::Identity(), 1.0);
+    const double longest =
+        std::max({(t[1] - t[0]).norm(), (t[2] - t[1]).norm(), (t[0] - t[2]).norm()});
+    // Three points to a part of this edge.
+    const int n = divisions(longest, std::sqrt(3.0) * spacing, 1);
+    const Vector3d e = (t[1] - t[0]) / n;
+    const Vector3d f = (t[2] - t[0]) / n;
+    const Vector3d cross = e.cross(f);
+    const auto add = [&](const Vector3d& a, const Vector3d& b, const Vector3d& c) {
+      for (const Vector3d& p : {a, b, c}) {
+        const Vector3d point = 0.5 * p + (a + b + c) / 6;
+        points.push_back({point, cross.normalized(), cross.norm() / 6});
+        if (shape.two_sided) points.push_back({point, -cross.normalized(), cross.norm() / 6});
+      }
+    };
+    for (int i = 0; i < n; ++i) {
+      for (int j = 0; i + j < n; ++j) {
+        const Vector3d a = t[0] + i * e + j * f;
+        add(a, a + e, a + f);
+        if (i + j + 1 < n) add(a + e, a + e + f, a + f);
+      }
+    }
+  }
+}
+
+}  // namespace
+
+std::vector<SurfacePoint> quadrature(const Shape& shape, double spacing) {
+  std::vector<SurfacePoint> points;
+  std::visit(overloaded{[&](const RectangleShape& s) {
+                          add_flat_points(Vector3d::Zero(), Vector3d(0, s.width / 2, 0),
+                                          Vector3d(0, 0, s.height / 2), spacing, points);
+                        },
+                        [&](const BoxShape& s) {
+                          for (const auto& [center, u, v] : box_faces(s.size)) {
+                            add_flat_points(center, u, v, spacing, points);
+                          }
+                        },
+                        [&](const SphereShape& s) { add_sphere_points(s.radius, spacing, points); },
+                        [&](const CylinderShape& s) { add_cylinder_points(s, spacing, points); },
+                        [&](const MeshShape& s) { add_mesh_points(s, spacing, points); }},
+             shape);
+  return points;
 }
 
 std::vector<std::array<Vector3d, 4>> flat_faces(const Shape& shape, const Transform& T_world_shape,

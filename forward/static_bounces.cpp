@@ -59,7 +59,7 @@ StaticBounces::StaticBounces(const Scene& scene, const RelaySetup& setup,
 
   RelaySampling relay;
   relay.edge_depth = 3;
-  relay.gauss = [](const RelayPatch&) { return true; };
+  relay.nodes = [](const RelayPatch&) { return std::array{2, 2}; };
   const bool confocal = sensor.illumination == Illumination::confocal;
   relay.divisions = sampling.field_divisions;
   if (!confocal) lit_.push_back(setup.lit(relay, false));

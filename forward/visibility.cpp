@@ -5,6 +5,8 @@
 #include <cmath>
 #include <utility>
 
+#include "blindcorner/forward/multiversion.h"
+
 namespace blindcorner {
 namespace {
 
@@ -17,6 +19,16 @@ struct Polygon {
   std::array<double, kMax> a;
   std::array<double, kMax> b;
   int size = 0;
+
+  Polygon() = default;
+  Polygon(const Polygon& other) { *this = other; }
+  /// Copies the corners that are there.
+  Polygon& operator=(const Polygon& other) {
+    size = other.size;
+    std::copy_n(other.a.begin(), size, a.begin());
+    std::copy_n(other.b.begin(), size, b.begin());
+    return *this;
+  }
 
   void add(double x, double y) {
     if (size < kMax) {
@@ -101,6 +113,14 @@ ShadowView::ShadowView(const std::vector<OccluderFace>& faces, const Vector3d& v
   }
 }
 
+void ShadowView::leave_out_clear_of(const Vector3d& center, double radius) {
+  std::erase_if(pyramids_, [&](const auto& pyramid) {
+    return std::ranges::any_of(pyramid, [&](const HalfSpace& side) {
+      return side.normal.dot(center) + side.offset <= -radius;
+    });
+  });
+}
+
 ShadowView::Sight ShadowView::sight(const Vector3d& center, double radius) const {
   bool clear = true;
   for (const auto& pyramid : pyramids_) {
@@ -115,6 +135,68 @@ ShadowView::Sight ShadowView::sight(const Vector3d& center, double radius) const
   return clear ? Sight::clear : Sight::mixed;
 }
 
+namespace {
+
+constexpr int kChunk = ShadowView::kChunk;
+
+/// Of a patch's corners, the least and the largest distance inside of a half space, each the least
+/// over the half spaces of a pyramid; keeps the largest of all pyramids.
+struct Depths {
+  std::array<double, kChunk> nearest, farthest;
+};
+
+/// `planes`: normal and offset of five half spaces.
+BLINDCORNER_MULTIVERSION void add_depths(const PatchCoordinates& p, int begin,
+                                         const std::array<std::array<double, 4>, 5>& planes,
+                                         Depths& depths) {
+  double nearest[kChunk], farthest[kChunk];
+  for (int i = 0; i < kChunk; ++i) nearest[i] = farthest[i] = 1e300;
+  const double *x = p.center[0] + begin, *y = p.center[1] + begin, *z = p.center[2] + begin;
+  const double *ux = p.half_u[0] + begin, *uy = p.half_u[1] + begin, *uz = p.half_u[2] + begin;
+  const double *vx = p.half_v[0] + begin, *vy = p.half_v[1] + begin, *vz = p.half_v[2] + begin;
+  for (const auto& plane : planes) {
+    const double a = plane[0], b = plane[1], c = plane[2], d = plane[3];
+    BLINDCORNER_INDEPENDENT
+    for (int i = 0; i < kChunk; ++i) {
+      const double depth = a * x[i] + b * y[i] + c * z[i] + d;
+      const double reach =
+          std::abs(a * ux[i] + b * uy[i] + c * uz[i]) + std::abs(a * vx[i] + b * vy[i] + c * vz[i]);
+      nearest[i] = std::min(nearest[i], depth - reach);
+      farthest[i] = std::min(farthest[i], depth + reach);
+    }
+  }
+  for (int i = 0; i < kChunk; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    depths.nearest[k] = std::max(depths.nearest[k], nearest[i]);
+    depths.farthest[k] = std::max(depths.farthest[k], farthest[i]);
+  }
+}
+
+}  // namespace
+
+void ShadowView::sights(const PatchCoordinates& patches, int begin, int end, Sight* out) const {
+  for (; begin < end; begin += kChunk, out += kChunk) {
+    const int count = std::min(kChunk, end - begin);
+    Depths depths;
+    depths.nearest.fill(-1);
+    depths.farthest.fill(-1);
+    for (const auto& pyramid : pyramids_) {
+      std::array<std::array<double, 4>, 5> planes;
+      for (std::size_t i = 0; i < 5; ++i) {
+        const Vector3d& n = pyramid[i].normal;
+        planes[i] = {n.x(), n.y(), n.z(), pyramid[i].offset};
+      }
+      add_depths(patches, begin, planes, depths);
+    }
+    for (int i = 0; i < count; ++i) {
+      const auto k = static_cast<std::size_t>(i);
+      out[i] = depths.nearest[k] >= 0   ? Sight::hidden
+               : depths.farthest[k] > 0 ? Sight::mixed
+                                        : Sight::clear;
+    }
+  }
+}
+
 VisiblePart ShadowView::see(const Vector3d& center, const Vector3d& half_u,
                             const Vector3d& half_v) const {
   thread_local std::vector<Polygon> pieces;  // visible pieces
@@ -122,21 +204,21 @@ VisiblePart ShadowView::see(const Vector3d& center, const Vector3d& half_u,
   pieces.clear();
   bool whole = true;
   for (const auto& pyramid : pyramids_) {
-    std::array<Line, 5> lines;
+    std::array<Line, 5> lines;  // those that cut the patch
+    std::size_t cuts = 0;
     bool clear = false;
-    bool hidden = true;
-    for (std::size_t i = 0; i < 5; ++i) {
-      lines[i] = {pyramid[i].normal.dot(center) + pyramid[i].offset, pyramid[i].normal.dot(half_u),
-                  pyramid[i].normal.dot(half_v)};
-      const double reach = std::abs(lines[i].ka) + std::abs(lines[i].kb);
-      if (lines[i].k0 + reach <= 0) {
+    for (const HalfSpace& side : pyramid) {
+      const Line line{side.normal.dot(center) + side.offset, side.normal.dot(half_u),
+                      side.normal.dot(half_v)};
+      const double reach = std::abs(line.ka) + std::abs(line.kb);
+      if (line.k0 + reach <= 0) {
         clear = true;
         break;
       }
-      if (lines[i].k0 - reach < 0) hidden = false;
+      if (line.k0 - reach < 0) lines[cuts++] = line;
     }
     if (clear) continue;
-    if (hidden) return {0.0, Vector3d::Zero()};
+    if (cuts == 0) return {0.0, Vector3d::Zero()};
     if (whole) {
       Polygon square;
       square.add(-1, -1);
@@ -150,11 +232,10 @@ VisiblePart ShadowView::see(const Vector3d& center, const Vector3d& half_u,
     for (Polygon& piece : pieces) {
       Polygon inside;
       Polygon outside;
-      for (const Line& line : lines) {
-        split(piece, line, inside, outside);
+      for (std::size_t i = 0; i < cuts && piece.size >= 3; ++i) {
+        split(piece, lines[i], inside, outside);
         if (outside.size >= 3) left.push_back(outside);
         piece = inside;
-        if (piece.size < 3) break;
       }
     }
     std::swap(pieces, left);

@@ -268,9 +268,8 @@ int run_explain(const ExplainArguments& arguments) {
   }
   std::printf("\n");
   if (const auto size = model->size()) {
-    std::printf("  relay: %d lit patches in %d groups, %d seen ones in %d; object: %d points\n",
-                size->lit_patches, size->lit_groups, size->seen_patches, size->seen_groups,
-                size->object_points);
+    std::printf("  relay: %d lit points, %d seen ones; object: %d points\n", size->lit_points,
+                size->seen_points, size->object_points);
   }
 
   const std::vector<ZoneBudget> zones = link_budget(scene, *model, pose);

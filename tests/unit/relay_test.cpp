@@ -78,7 +78,7 @@ TEST(RelayTest, PatchesOfAFullFieldAddUpToItsSolidAngle) {
       for (const int divisions : {1, 2, 7, 20}) {
         RelaySampling sampling;
         sampling.divisions = divisions;
-        if (gauss) sampling.gauss = [](const RelayPatch&) { return true; };
+        if (gauss) sampling.nodes = [](const RelayPatch&) { return std::array{2, 2}; };
         EXPECT_NEAR(total(sample(surfaces, region, sampling)), solid_angle(region),
                     1e-9 * solid_angle(region))
             << divisions;
@@ -129,7 +129,7 @@ TEST(RelayTest, FieldThatCrossesAnEdgeKeepsThePartOnTheSurface) {
     for (const int divisions : {3, 10}) {
       RelaySampling sampling;
       sampling.divisions = divisions;
-      if (gauss) sampling.gauss = [](const RelayPatch&) { return true; };
+      if (gauss) sampling.nodes = [](const RelayPatch&) { return std::array{2, 2}; };
       const double cell = 2 * y / divisions / 16;
       const double strip = 2 * y * cell / 2;  // sr, at most
       EXPECT_NEAR(total(sample(surfaces, rectangle(-20, 20, -20, 20), sampling)), exact, strip);
@@ -164,7 +164,7 @@ TEST(RelayTest, GaussNodesIntegrateSmoothWeights) {
   const auto irradiance = [&](int divisions, bool gauss) {
     RelaySampling sampling;
     sampling.divisions = divisions;
-    if (gauss) sampling.gauss = [](const RelayPatch&) { return true; };
+    if (gauss) sampling.nodes = [](const RelayPatch&) { return std::array{2, 2}; };
     double sum = 0;
     const Vector3d object(0.3, 0.6, 0.1);
     for (const RelayPatch& p : sample(surfaces, rectangle(-20, 20, -20, 20), sampling)) {
@@ -184,7 +184,7 @@ TEST(RelayTest, GaussNodesOfACellShareAGroup) {
   const std::vector<Surface> surfaces = {wall({1, 0, 0}, {-1, 0, 0}, 10, 10)};
   RelaySampling sampling;
   sampling.divisions = 3;
-  sampling.gauss = [](const RelayPatch&) { return true; };
+  sampling.nodes = [](const RelayPatch&) { return std::array{2, 2}; };
   std::map<int, int> count;
   for (const RelayPatch& patch : sample(surfaces, rectangle(-20, 20, -20, 20), sampling)) {
     EXPECT_TRUE(patch.node);

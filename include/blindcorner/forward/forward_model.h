@@ -34,9 +34,9 @@ struct Fidelity {
 
 /// Size of a model's sums.
 struct ModelSize {
-  int lit_patches = 0, lit_groups = 0;    ///< of the relay, as the source sees it
-  int seen_patches = 0, seen_groups = 0;  ///< of all zones
-  int object_points = 0;                  ///< at the scene's own placement
+  int lit_points = 0;     ///< of the relay, as the source sees it
+  int seen_points = 0;    ///< of all zones
+  int object_points = 0;  ///< at the scene's own placement
 };
 
 /// Expected light of a scene. Thread safe: all methods are const and keep no state.

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <functional>
 #include <vector>
 
@@ -21,10 +22,11 @@ struct RelayPatch {
   double distance = 0.0;     ///< m, from where it is seen
   double albedo = 0.0;
   int surface = -1;
-  int group = 0;  ///< patches that one pulse may stand for
+  int group = 0;      ///< patches that one pulse may stand for
+  bool whole = true;  ///< false: its corners see something else
   /// Centre of the area that the patch stands for; a Gauss node lies a little outside of it.
   Eigen::Vector3d area_center;
-  bool node = false;  ///< Gauss node: its half edges span a quarter of the cell, its spread is none
+  bool node = false;  ///< Gauss node: its half edges span its part of the cell, its spread is none
 };
 
 /// Which edge of a patch has to be halved: 0 none, 1 half_u, 2 half_v.
@@ -35,9 +37,10 @@ struct RelaySampling {
   int edge_depth = 4;    ///< quarterings where a cell straddles the border of surfaces
   int split_depth = 12;  ///< most halvings demanded by `split`
   Split split;           ///< divides cells further; may be empty
-  /// Whether a cell is represented by 2 x 2 Gauss-Legendre nodes of one group instead of its
-  /// centre: exact for cubic weights, and the nodes' spread is the cell's. Empty: never.
-  std::function<bool(const RelayPatch&)> gauss;
+  /// Gauss-Legendre points along half_u and half_v that represent a cell, which are of one group:
+  /// exact for weights of degree 2 n - 1 along n points, and the points' spread is the cell's.
+  /// {1, 1} is the centre, with the cell's spread. Empty: always the centre.
+  std::function<std::array<int, 2>(const RelayPatch&)> nodes;
 };
 
 /// Casts the region's directions from `origin` and returns the patches that they hit, whole solid

@@ -96,6 +96,19 @@ Transform object_to_world(const Shape& shape, Anchor anchor, const Placement& pl
 std::vector<SurfaceCell> divide(const Shape& shape, const Transform& T_world_shape, double size,
                                 double max_edge, int min_divisions = 1);
 
+/// Point of a surface (m) and the area that it stands for (m^2).
+struct SurfacePoint {
+  Eigen::Vector3d center;
+  Eigen::Vector3d normal;  ///< unit, outward
+  double area = 0.0;
+};
+
+/// Quadrature points of the shape in its own coordinates, no farther apart than about `spacing`
+/// metres: Gauss-Legendre rules over flat faces, heights and radii, even steps around a circle,
+/// three points (degree 2) for each part of a triangle. Smooth functions of the surface are
+/// integrated with an error that falls exponentially in 1 / spacing (mesh: with its third power).
+std::vector<SurfacePoint> quadrature(const Shape& shape, double spacing);
+
 using Triangle = std::array<Eigen::Vector3d, 3>;
 
 /// Triangles of the placed shape for ray tracing, counter-clockwise seen from outside. Curved

@@ -1,0 +1,317 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "path_grid.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "blindcorner/forward/constants.h"
+#include "blindcorner/forward/multiversion.h"
+
+namespace blindcorner {
+namespace {
+
+/// Cells beyond each end of a leg, for the splines and for two convolved.
+constexpr int kMargin = 8;
+/// Cells that the inverse of the spline's samples reaches: 0.27^16 = 1e-9.
+constexpr int kSharpening = 16;
+/// Share of the pulse's energy that may be cut off at either end, and of the peak below which taps
+/// are left out.
+constexpr double kOutside = 1e-5;
+/// Share of the tolerance that the grid may take.
+constexpr double kShare = 0.1;
+/// Coarsest and finest step in standard deviations of the pulse.
+constexpr double kCoarsest = 1.0;
+constexpr double kFinest = 0.1;
+/// Most cells to the bin.
+constexpr int kMostPhases = 64;
+constexpr double kRefinement = 0.8;
+/// Zeros around light that is convolved, so that four cells can be taken at once.
+constexpr int kBlock = 4;
+
+std::array<double, 4> spline_weights(double u) {
+  const double t = 1 - u;
+  return {t * t * t / 6, (4 + u * u * (3 * u - 6)) / 6, (4 + t * t * (3 * t - 6)) / 6,
+          u * u * u / 6};
+}
+
+/// Coefficients [-kSharpening, kSharpening] of the inverse of (1/6, 4/6, 1/6), applied twice.
+std::vector<double> sharpening() {
+  const double pole = std::sqrt(3.0) - 2;
+  const auto once = [&](int n) {
+    return -6 * pole / (1 - pole * pole) * std::pow(pole, std::abs(n));
+  };
+  std::vector<double> twice;
+  for (int n = -kSharpening; n <= kSharpening; ++n) {
+    double sum = 0;
+    for (int k = -40; k <= 40; ++k) sum += once(k) * once(n - k);
+    twice.push_back(sum);
+  }
+  return twice;
+}
+
+BLINDCORNER_MULTIVERSION void place_legs(const double* paths, const double* weights, int count,
+                                         double cells_per_metre, int margin, int cells,
+                                         PathGrid::Splines& splines) {
+  int* __restrict cell = splines.cell.data();
+  double* __restrict w0 = splines.weight[0].data();
+  double* __restrict w1 = splines.weight[1].data();
+  double* __restrict w2 = splines.weight[2].data();
+  double* __restrict w3 = splines.weight[3].data();
+  const double last = cells - 4;
+  BLINDCORNER_INDEPENDENT
+  for (int i = 0; i < count; ++i) {
+    const double position = paths[i] * cells_per_metre + margin;
+    const bool inside = position >= 1 && position < last;
+    const double at = inside ? position : 1.0;
+    const double whole = std::floor(at);
+    const double u = at - whole;
+    const double t = 1 - u;
+    const double weight = inside ? weights[i] / 6 : 0.0;
+    cell[i] = static_cast<int>(whole) - 1;
+    w0[i] = weight * (t * t * t);
+    w1[i] = weight * (4 + u * u * (3 * u - 6));
+    w2[i] = weight * (4 + t * t * (3 * t - 6));
+    w3[i] = weight * (u * u * u);
+  }
+}
+
+/// out[i + j] += b[j] a[i]; `a` has kBlock zeros on either side, `b` as many after its end.
+BLINDCORNER_MULTIVERSION void convolve(const double* a, int a_count, const double* b, int b_count,
+                                       double scale, double* __restrict out) {
+  for (int j = 0; j < b_count; j += kBlock) {
+    const double b0 = scale * b[j], b1 = scale * b[j + 1], b2 = scale * b[j + 2],
+                 b3 = scale * b[j + 3];
+    double* __restrict to = out + j;
+    const int end = a_count + kBlock - 1;
+    BLINDCORNER_INDEPENDENT
+    for (int i = 0; i < end; ++i) {
+      to[i] += (b0 * a[i] + b1 * a[i - 1]) + (b2 * a[i - 2] + b3 * a[i - 3]);
+    }
+  }
+}
+
+/// Taps of a cell, ready to be added.
+struct Tap {
+  const double* taps;
+  int start, count;  ///< bins, from that of the cell
+};
+
+/// Cells from `cell` on, `phases` to the bin or one to `stride` bins.
+BLINDCORNER_MULTIVERSION void add_cells(const double* cells, int count, const Tap* taps, int phase,
+                                        int phases, int stride, int bin, int bins,
+                                        double* __restrict row) {
+  for (int c = 0; c < count; ++c) {
+    const Tap& tap = taps[phase];
+    const double weight = cells[c];
+    const int start = bin + tap.start;
+    const int begin = std::max(0, -start);
+    const int end = std::min(tap.count, bins - start);
+    const double* from = tap.taps;
+    double* __restrict to = row + start;
+    BLINDCORNER_INDEPENDENT
+    for (int k = begin; k < end; ++k) to[k] += weight * from[k];
+    if (++phase == phases) {
+      phase = 0;
+      bin += stride;
+    }
+  }
+}
+
+}  // namespace
+
+void PathLight::clear() {
+  if (begin < end) std::fill(cells.begin() + begin, cells.begin() + end, 0.0);
+  begin = std::numeric_limits<int>::max();
+  end = 0;
+}
+
+PathGrid::PathGrid(const Sensor& sensor, double extra_variance, int axis_bins, double way_back,
+                   double tolerance)
+    : axis_bins_(axis_bins) {
+  const double bin = sensor.bin_width;
+  const double sigma = std::hypot(sensor.response.core_sigma(), std::sqrt(extra_variance));
+  // Cells of whole bins, or whole cells to the bin, so that few kinds of cells lie alike.
+  const auto whole = [](double cell) {
+    return cell >= 1 ? std::floor(cell) : 1 / std::ceil(1 / cell - 1e-9);
+  };
+  double bins_per_cell = whole(kCoarsest * sigma / bin);
+  while (bins_per_cell * bin > kFinest * sigma && bins_per_cell * kMostPhases > 1.5 &&
+         error_between_cells(sensor.response, bin, extra_variance, bins_per_cell) >
+             kShare * tolerance) {
+    bins_per_cell = whole(kRefinement * bins_per_cell);
+  }
+  phases_ = bins_per_cell >= 1 ? 1 : static_cast<int>(std::lround(1 / bins_per_cell));
+  bins_per_cell_ = std::max(1, static_cast<int>(std::lround(bins_per_cell)));
+  step_ = bins_per_cell * bin * kSpeedOfLight;
+  cells_per_metre_ = 1 / step_;
+  margin_ = kMargin + static_cast<int>(std::ceil(way_back * cells_per_metre_));
+  const int axis_cells = static_cast<int>(std::ceil(axis_bins / bins_per_cell));
+  leg_cells_ = axis_cells + 2 * margin_;
+
+  std::vector<double> offsets;
+  for (const Zone& zone : sensor.zones) {
+    const double start = std::floor(zone.time_zero / bin);
+    const double offset = zone.time_zero / bin - start;
+    start_.push_back(static_cast<int>(start));
+    const auto known = std::ranges::find(offsets, offset);
+    kind_.push_back(static_cast<int>(known - offsets.begin()));
+    if (known != offsets.end()) continue;
+    offsets.push_back(offset);
+    filters_.push_back(filters(sensor.response, bin, extra_variance, bins_per_cell, offset));
+  }
+}
+
+std::vector<PathGrid::Filter> PathGrid::filters(const ImpulseResponse& response, double bin_width,
+                                                double extra_variance, double bins_per_cell,
+                                                double offset) {
+  static const std::vector<double> kSharp = sharpening();
+  const int phases = bins_per_cell >= 1 ? 1 : static_cast<int>(std::lround(1 / bins_per_cell));
+  const int stride = std::max(1, static_cast<int>(std::lround(bins_per_cell)));
+  const auto [early, late] = response.support(kOutside, extra_variance);
+  const int reach = static_cast<int>(std::ceil(kSharpening * bins_per_cell)) + 2;
+  const int first = static_cast<int>(std::floor(early / bin_width)) - reach;
+  const int last = static_cast<int>(std::ceil(late / bin_width)) + reach;
+  // The response's integral up to the k-th of `phases` parts of bins, from bin `first - reach`.
+  const int origin = first - reach;
+  std::vector<double> integral;
+  for (int k = 0; k <= (last + reach + 1 - origin) * phases; ++k) {
+    integral.push_back(response.cumulative(
+        (origin + static_cast<double>(k) / phases - offset) * bin_width, extra_variance));
+  }
+  std::vector<Filter> made;
+  for (int phase = 0; phase < phases; ++phase) {
+    Filter filter{first, {}};
+    double most = 0;
+    for (int b = first; b < last; ++b) {
+      double sum = 0;
+      for (int n = -kSharpening; n <= kSharpening; ++n) {
+        // A pulse at `phase` parts of a bin, less n cells.
+        const int edge = (b - origin) * phases - phase + n * (phases > 1 ? 1 : stride);
+        const auto low =
+            static_cast<std::size_t>(std::clamp(edge, 0, static_cast<int>(integral.size()) - 1));
+        const auto high = static_cast<std::size_t>(
+            std::clamp(edge + phases, 0, static_cast<int>(integral.size()) - 1));
+        sum += kSharp[static_cast<std::size_t>(n + kSharpening)] * (integral[high] - integral[low]);
+      }
+      filter.taps.push_back(sum);
+      most = std::max(most, std::abs(sum));
+    }
+    const auto matters = [&](double tap) { return std::abs(tap) > kOutside * most; };
+    const auto front = std::ranges::find_if(filter.taps, matters);
+    filter.first += static_cast<int>(front - filter.taps.begin());
+    filter.taps.erase(filter.taps.begin(), front);
+    while (!filter.taps.empty() && !matters(filter.taps.back())) filter.taps.pop_back();
+    made.push_back(std::move(filter));
+  }
+  return made;
+}
+
+/// Largest error of a bin, relative to the largest bin, of a pulse whose two legs end between
+/// cells.
+double PathGrid::error_between_cells(const ImpulseResponse& response, double bin_width,
+                                     double extra_variance, double bins_per_cell) {
+  const auto filters = PathGrid::filters(response, bin_width, extra_variance, bins_per_cell, 0);
+  const int phases = static_cast<int>(filters.size());
+  const auto [early, late] = response.support(kOutside, extra_variance);
+  const int first = static_cast<int>(std::floor(early / bin_width)) - 2;
+  const int count = static_cast<int>(std::ceil(late / bin_width)) + 12 - first;
+  double largest = 0, peak = 0;
+  for (const double u : {0.0, 0.25, 0.5}) {
+    for (const double v : {0.0, 0.25, 0.5}) {
+      std::vector<double> row(static_cast<std::size_t>(count), 0.0);
+      const auto wu = spline_weights(u), wv = spline_weights(v);
+      for (int i = 0; i < 4; ++i) {
+        for (int j = 0; j < 4; ++j) {
+          const int cell = i + j - 2;  // both splines begin one cell before
+          const int whole = bins_per_cell >= 1
+                                ? cell * static_cast<int>(std::lround(bins_per_cell))
+                                : static_cast<int>(std::floor(static_cast<double>(cell) / phases));
+          const int phase = bins_per_cell >= 1 ? 0 : cell - whole * phases;
+          const Filter& filter = filters[static_cast<std::size_t>(phase)];
+          for (std::size_t k = 0; k < filter.taps.size(); ++k) {
+            const int b = whole + filter.first + static_cast<int>(k) - first;
+            if (b < 0 || b >= count) continue;
+            row[static_cast<std::size_t>(b)] +=
+                wu[static_cast<std::size_t>(i)] * wv[static_cast<std::size_t>(j)] * filter.taps[k];
+          }
+        }
+      }
+      const double position = (u + v) * bins_per_cell;
+      for (int b = 0; b < count; ++b) {
+        const double exact =
+            response.cumulative((first + b + 1 - position) * bin_width, extra_variance) -
+            response.cumulative((first + b - position) * bin_width, extra_variance);
+        peak = std::max(peak, exact);
+        largest = std::max(largest, std::abs(row[static_cast<std::size_t>(b)] - exact));
+      }
+    }
+  }
+  return largest / peak;
+}
+
+void PathGrid::find_splines(const double* paths, const double* weights, int count,
+                            Splines& splines) const {
+  const auto n = static_cast<std::size_t>(count);
+  if (splines.cell.size() < n) {
+    splines.cell.resize(n);
+    for (auto& w : splines.weight) w.resize(n);
+  }
+  place_legs(paths, weights, count, cells_per_metre_, margin_, leg_cells_, splines);
+}
+
+void PathGrid::lay(const Splines& splines, std::size_t begin, std::size_t end,
+                   PathLight& light) const {
+  light.clear();
+  const auto size = static_cast<std::size_t>(leg_cells_ + 2 * kBlock);
+  if (light.cells.size() < size) light.cells.resize(size, 0.0);
+  double* cells = light.cells.data() + kBlock;
+  const double *w0 = splines.weight[0].data(), *w1 = splines.weight[1].data();
+  const double *w2 = splines.weight[2].data(), *w3 = splines.weight[3].data();
+  int lowest = leg_cells_, highest = -1;
+  for (std::size_t i = begin; i < end; ++i) {
+    if (w1[i] <= 0) continue;
+    const int c = splines.cell[i];
+    lowest = std::min(lowest, c);
+    highest = std::max(highest, c);
+    cells[c] += w0[i];
+    cells[c + 1] += w1[i];
+    cells[c + 2] += w2[i];
+    cells[c + 3] += w3[i];
+  }
+  if (highest < lowest) return;
+  light.begin = lowest + kBlock;
+  light.end = highest + 4 + kBlock;
+}
+
+void PathGrid::pair(const PathLight& in, const PathLight& out, double scale,
+                    PathLight& pairs) const {
+  if (in.dark() || out.dark()) return;
+  const auto size = static_cast<std::size_t>(2 * (leg_cells_ + kBlock));
+  if (pairs.cells.size() < size) pairs.cells.resize(size, 0.0);
+  // Cells of legs count from kBlock, and each leg's path zero lies at margin_.
+  const int first = in.begin + out.begin - 2 * kBlock - margin_;
+  const int a_count = in.end - in.begin;
+  const int b_count = out.end - out.begin;
+  convolve(in.cells.data() + in.begin, a_count, out.cells.data() + out.begin, b_count, scale,
+           pairs.cells.data() + first);
+  pairs.begin = std::min(pairs.begin, first);
+  pairs.end = std::max(pairs.end, first + a_count + b_count - 1);
+}
+
+void PathGrid::add_to_row(int zone, const PathLight& pairs, double* row) const {
+  if (pairs.dark()) return;
+  const auto z = static_cast<std::size_t>(zone);
+  std::array<Tap, kMostPhases> taps;
+  for (std::size_t p = 0; p < static_cast<std::size_t>(phases_); ++p) {
+    const Filter& filter = filters_[static_cast<std::size_t>(kind_[z])][p];
+    taps[p] = {filter.taps.data(), filter.first, static_cast<int>(filter.taps.size())};
+  }
+  const int cell = pairs.begin - margin_;
+  const int whole = static_cast<int>(std::floor(static_cast<double>(cell) / phases_));
+  add_cells(pairs.cells.data() + pairs.begin, pairs.end - pairs.begin, taps.data(),
+            cell - whole * phases_, phases_, bins_per_cell_, start_[z] + whole * bins_per_cell_,
+            axis_bins_, row);
+}
+
+}  // namespace blindcorner

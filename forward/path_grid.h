@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Paths of light on an even grid: what makes pairing what arrives with what leaves a convolution.
+///
+/// A leg of path x is laid on the grid as cubic B-splines about x, four cells each. Two legs of
+/// paths x and y, convolved, are then a tensor product of B-splines in x and y, and the histogram
+/// of a pulse at x + y is a smooth function of both that such splines interpolate: its
+/// coefficients are the pulses at the grid's paths sharpened twice by the inverse of the spline's
+/// own samples (1/6, 4/6, 1/6) (Unser 1999). No pulse is moved or blurred one by one, and the sum
+/// is twice continuously differentiable in every path. The grid is as coarse as the tolerance
+/// allows, which is measured between its cells when it is made.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <limits>
+#include <vector>
+
+#include "blindcorner/forward/sensor.h"
+
+namespace blindcorner {
+
+/// Light on the grid. Cells outside of [begin, end) are zero or not there.
+struct PathLight {
+  std::vector<double> cells;
+  int begin = std::numeric_limits<int>::max();
+  int end = 0;
+
+  bool dark() const { return begin >= end; }
+  /// Zero all cells that may not be.
+  void clear();
+};
+
+class PathGrid {
+ public:
+  /// `extra_variance` (s^2) widens the sensor's pulse; `axis_bins` is the length of the time axis;
+  /// legs may be as short as -`way_back` (m). `tolerance` is the largest error of a bin relative to
+  /// the pulse's peak.
+  PathGrid(const Sensor& sensor, double extra_variance, int axis_bins, double way_back,
+           double tolerance);
+
+  /// Where legs lie: the first of four cells, and the weights on them.
+  struct Splines {
+    std::vector<int> cell;
+    std::array<std::vector<double>, 4> weight;
+  };
+  /// Of legs of paths (m) and weights; those beyond the time axis have no weight.
+  void find_splines(const double* paths, const double* weights, int count, Splines& splines) const;
+  /// Replaces `light` by the legs [begin, end).
+  void lay(const Splines& splines, std::size_t begin, std::size_t end, PathLight& light) const;
+
+  /// Adds `scale` times all pairs of legs to `pairs`.
+  void pair(const PathLight& in, const PathLight& out, double scale, PathLight& pairs) const;
+
+  /// Adds the histogram of the pairs to a zone's row [axis_bins].
+  void add_to_row(int zone, const PathLight& pairs, double* row) const;
+
+  double step() const { return step_; }  ///< m
+
+ private:
+  /// Coefficients of all cells whose pulses lie alike within the bins.
+  struct Filter {
+    int first;  ///< bin of the first tap for a cell at bin 0
+    std::vector<double> taps;
+  };
+  /// Filters of one cell each of `phases` to the bin, or of a cell of several bins.
+  static std::vector<Filter> filters(const ImpulseResponse& response, double bin_width,
+                                     double extra_variance, double bins_per_cell, double offset);
+  static double error_between_cells(const ImpulseResponse& response, double bin_width,
+                                    double extra_variance, double bins_per_cell);
+
+  int axis_bins_;
+  double step_ = 0;  ///< m
+  double cells_per_metre_ = 0;
+  int phases_ = 1;         ///< cells to the bin
+  int bins_per_cell_ = 1;  ///< where phases_ is one
+  int margin_ = 0;         ///< cells of a leg before path zero
+  int leg_cells_ = 0;
+  std::vector<std::vector<Filter>> filters_;  ///< [kind of zone][phase]
+  std::vector<int> kind_;                     ///< [zone], by where in a bin its time zero lies
+  std::vector<int> start_;                    ///< [zone] whole bins of its time zero
+};
+
+}  // namespace blindcorner
