@@ -50,9 +50,12 @@ constexpr double kQuadratureError = 0.01;
 constexpr double kMidpointError = 0.35;
 /// Gauss-Legendre points a distance d apart in path (standard deviation of even light between
 /// them) for which the error exp(-2 (n s / a)^2) is e: d = kRuleSpread s / sqrt(ln(1 / e)).
-constexpr double kRuleSpread = 0.4;
-/// The same for points seen an angle apart, against inverse squares: kRuleAngle / ln(1 / e).
-constexpr double kRuleAngle = 0.9;
+constexpr double kRuleSpread = 0.75;
+/// The same for points seen an angle apart, against inverse squares: an angle over ln(1 / e). The
+/// relay's error is as large for the directions along which no path changes, and there a point more
+/// costs little; the object is small.
+constexpr double kRelayRuleAngle = 0.5;
+constexpr double kObjectRuleAngle = 1.8;
 /// Most points along an edge of a relay cell; larger cells are halved, so that dim ones can do with
 /// fewer points.
 constexpr double kMostRulePoints = 8;
@@ -64,6 +67,7 @@ constexpr double kFinest = 0.45;
 constexpr double kCoarsenessStep = 1.41421356;
 /// The same for rules of points, whose error falls so fast that smaller steps pay.
 constexpr double kRuleStep = 1.18920712;
+constexpr double kRuleFinest = 0.3;
 /// Most pairs of lit and seen patches, times object nodes, that a wide lobe's model takes for an
 /// evaluation (about 50 ms): the search for a sampling ends there, whatever the tolerance.
 constexpr double kMostPairs = 4e6;
@@ -610,13 +614,18 @@ class FastModel final : public ForwardModel {
     double aspect;       ///< edge against distance of a cell with Gauss nodes
     double midpoint;     ///< the same where the centre alone will do
     double rule_spread;  ///< m, standard deviation of the path between two points of a rule
-    double rule_angle;   ///< distance of two points of a rule against how far away they are
+    double relay_angle;  ///< distance of two points of a rule against how far away they are
+    double object_angle;
   };
   Limits limits(double tolerance, double coarseness) const;
   void choose_fidelity(const FastModelOptions& options);
   bool too_many_pairs() const;
   void decide_bounces(double tolerance);
-  double coarsest(const std::vector<PoseVector>& poses, double tolerance,
+  struct Choice {
+    double coarseness;
+    double change;  ///< of a bin by going on to twice as many cells, as a share of the peak
+  };
+  Choice coarsest(const std::vector<PoseVector>& poses, double tolerance,
                   const std::function<int(double)>& sample);
   std::vector<PoseVector> probe_poses() const;
   static double largest_change(const std::vector<HistogramCube>& coarse,
@@ -943,7 +952,8 @@ FastModel::Limits FastModel::limits(double tolerance, double coarseness) const {
   l.midpoint = coarseness * std::sqrt(tolerance / kMidpointError);
   const double digits = std::log(1 / tolerance);
   l.rule_spread = coarseness * kRuleSpread * pulse_sigma_ / std::sqrt(digits);
-  l.rule_angle = coarseness * kRuleAngle / digits;
+  l.relay_angle = coarseness * kRelayRuleAngle / digits;
+  l.object_angle = coarseness * kObjectRuleAngle / digits;
   if (plan_.kernel == Kernel::retro_pairs) {
     // A patch stands for a Gaussian within the lobe: it must not be wide against it.
     const double sigma = std::get<RetroreflectiveMaterial>(scene_.hidden.material).lobe_sigma;
@@ -955,7 +965,8 @@ FastModel::Limits FastModel::limits(double tolerance, double coarseness) const {
 /// The cheapest sampling that meets the tolerance: limits become stricter until going on to at
 /// least twice as many cells would change no bin of any probed pose by more than the tolerance (of
 /// the pose's peak). The error falls with the fourth power of a cell's edges, so the change is at
-/// least three quarters of the coarser one's error. Object and relay share the tolerance.
+/// least three quarters of the coarser one's error. The object takes half of the tolerance at most,
+/// the relay what that leaves.
 void FastModel::choose_fidelity(const FastModelOptions& options) {
   const auto sample_both = [&](double relay, double object) {
     sample_relay(limits(options.tolerance, relay), options.tolerance);
@@ -981,9 +992,11 @@ void FastModel::choose_fidelity(const FastModelOptions& options) {
     fidelity_.relay *= kCoarsenessStep;
     sample_both(fidelity_.relay, kCoarsest);
   }
-  fidelity_.object = coarsest(poses, 0.5 * options.tolerance, object);
+  const Choice chosen = coarsest(poses, 0.5 * options.tolerance, object);
+  fidelity_.object = chosen.coarseness;
   object(fidelity_.object);
-  fidelity_.relay = coarsest(poses, 0.5 * options.tolerance, relay);
+  const double left = options.tolerance - std::min(chosen.change, 0.5 * options.tolerance);
+  fidelity_.relay = coarsest(poses, left, relay).coarseness;
   relay(fidelity_.relay);
 }
 
@@ -994,8 +1007,8 @@ bool FastModel::too_many_pairs() const {
 }
 
 /// `sample` takes a coarseness and returns how many cells it made.
-double FastModel::coarsest(const std::vector<PoseVector>& poses, double tolerance,
-                           const std::function<int(double)>& sample) {
+FastModel::Choice FastModel::coarsest(const std::vector<PoseVector>& poses, double tolerance,
+                                      const std::function<int(double)>& sample) {
   // Borders of surfaces and shadows converge slowly: below this, finer cells that gain next to
   // nothing are not worth their time.
   constexpr double kStagnates = 0.05;
@@ -1007,7 +1020,8 @@ double FastModel::coarsest(const std::vector<PoseVector>& poses, double toleranc
   std::vector<Candidate> candidates;
   const bool rules = plan_.kernel == Kernel::lambertian;
   std::vector<double> changes;  // [candidate] to at least twice as many cells
-  for (double c = kCoarsest; c > kFinest; c /= rules ? kRuleStep : kCoarsenessStep) {
+  const double step = rules ? kRuleStep : kCoarsenessStep;
+  for (double c = kCoarsest; c > (rules ? kRuleFinest : kFinest); c /= step) {
     const int cells = sample(c);
     if (!candidates.empty() && too_many_pairs()) break;
     if (!candidates.empty() && candidates.back().cells == cells) continue;
@@ -1020,17 +1034,17 @@ double FastModel::coarsest(const std::vector<PoseVector>& poses, double toleranc
       const Candidate& coarse = candidates[changes.size()];
       if (fine.cells < 2 * coarse.cells) break;
       const double change = largest_change(coarse.cubes, fine.cubes);
-      if (change < tolerance) return coarse.coarseness;
+      if (change < tolerance) return {coarse.coarseness, change};
       const double before = changes.empty() ? 1 / kStagnates : changes.back();
       changes.push_back(change);
       if (!rules && change < kStagnates && change > 0.8 * before) {
         unresolved_ += change;
-        return coarse.coarseness;
+        return {coarse.coarseness, change};
       }
     }
   }
   if (!changes.empty()) unresolved_ += changes.back();
-  return candidates.back().coarseness;
+  return {candidates.back().coarseness, tolerance};
 }
 
 /// Poses at which errors are estimated: a low-discrepancy sequence in the search region.
@@ -1143,7 +1157,7 @@ void FastModel::sample_relay(const Limits& limits, double tolerance) {
     }
     const auto count = static_cast<double>(objects.size());
     const double spread = rules ? limits.rule_spread : limits.spread;
-    const double angle = rules ? limits.rule_angle : limits.aspect;
+    const double angle = rules ? limits.relay_angle : limits.aspect;
     return std::array{
         std::max(std::sqrt(path_u / count) / spread, std::sqrt(angle_u / count) / angle) / relaxed,
         std::max(std::sqrt(path_v / count) / spread, std::sqrt(angle_v / count) / angle) / relaxed};
@@ -1253,7 +1267,7 @@ void FastModel::sample_object(const Limits& limits) {
     anchor_edge = object_edge_ * kAnchorEdge * limits.midpoint / std::sqrt(angle / weight);
     const bool rules = plan_.kernel == Kernel::lambertian;
     if (std::sqrt(path / weight) <= (rules ? limits.rule_spread : limits.spread) &&
-        std::sqrt(angle / weight) <= (rules ? limits.rule_angle : limits.aspect)) {
+        std::sqrt(angle / weight) <= (rules ? limits.object_angle : limits.aspect)) {
       break;
     }
   }
@@ -1348,13 +1362,15 @@ void FastModel::shade(const SurfacePoint& node, const PatchArrays& arrays,
   }
   s.partial.emplace_back(k, part.fraction);
   // The visible part's own centre.
-  const Vector3d way = arrays.center(patch) + part.shift - node.center;
+  const Vector3d shift =
+      part.shift + (1 - part.fraction) * (arrays.area_center(patch) - arrays.center(patch));
+  const Vector3d way = arrays.center(patch) + shift - node.center;
   const double r = way.norm();
   const Vector3d direction = way / r;
   const double cell_cosine = std::max(direction.dot(node.normal), 0.0);
   const double relay_cosine = std::max(-direction.dot(arrays.normal(patch)), 0.0);
   s.weight[k] = part.fraction * arrays.weight[k] * cell_cosine * relay_cosine / (r * r);
-  s.path[k] = arrays.leg[k] + arrays.leg_direction(patch).dot(part.shift) + r;
+  s.path[k] = arrays.leg[k] + arrays.leg_direction(patch).dot(shift) + r;
   s.variance[k] *= part.fraction * part.fraction;
   s.dx[k] = direction.x();
   s.dy[k] = direction.y();

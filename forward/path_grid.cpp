@@ -76,6 +76,45 @@ BLINDCORNER_MULTIVERSION void place_legs(const double* paths, const double* weig
   }
 }
 
+/// Copies of the cells that legs are added to in turn: legs of like path would else wait for each
+/// other.
+constexpr std::size_t kLanes = 4;
+
+/// Adds the legs [begin, end) to the lanes, each `stride` cells after the last, and finds the first
+/// and last cell that one begins at.
+void add_legs(const PathGrid::Splines& splines, std::size_t begin, std::size_t end, double* lanes,
+              std::size_t stride, int& lowest, int& highest) {
+  const int* cell = splines.cell.data();
+  const double *w0 = splines.weight[0].data(), *w1 = splines.weight[1].data();
+  const double *w2 = splines.weight[2].data(), *w3 = splines.weight[3].data();
+  int least = lowest, most = highest;
+  for (std::size_t i = begin; i < end; ++i) {
+    if (w1[i] <= 0) continue;
+    const int c = cell[i];
+    least = std::min(least, c);
+    most = std::max(most, c);
+    double* to = lanes + (i % kLanes) * stride + c;
+    const double a = to[0] + w0[i], b = to[1] + w1[i], d = to[2] + w2[i], e = to[3] + w3[i];
+    to[0] = a;
+    to[1] = b;
+    to[2] = d;
+    to[3] = e;
+  }
+  lowest = least;
+  highest = most;
+}
+
+/// Adds up the lanes and clears them.
+BLINDCORNER_MULTIVERSION void join_lanes(double* lanes, std::size_t stride, int begin, int end,
+                                         double* __restrict cells) {
+  double *l0 = lanes, *l1 = lanes + stride, *l2 = lanes + 2 * stride, *l3 = lanes + 3 * stride;
+  BLINDCORNER_INDEPENDENT
+  for (int i = begin; i < end; ++i) {
+    cells[i] = (l0[i] + l1[i]) + (l2[i] + l3[i]);
+    l0[i] = l1[i] = l2[i] = l3[i] = 0;
+  }
+}
+
 /// out[i + j] += b[j] a[i]; `a` has kBlock zeros on either side, `b` as many after its end.
 BLINDCORNER_MULTIVERSION void convolve(const double* a, int a_count, const double* b, int b_count,
                                        double scale, double* __restrict out) {
@@ -265,21 +304,13 @@ void PathGrid::lay(const Splines& splines, std::size_t begin, std::size_t end,
   light.clear();
   const auto size = static_cast<std::size_t>(leg_cells_ + 2 * kBlock);
   if (light.cells.size() < size) light.cells.resize(size, 0.0);
-  double* cells = light.cells.data() + kBlock;
-  const double *w0 = splines.weight[0].data(), *w1 = splines.weight[1].data();
-  const double *w2 = splines.weight[2].data(), *w3 = splines.weight[3].data();
   int lowest = leg_cells_, highest = -1;
-  for (std::size_t i = begin; i < end; ++i) {
-    if (w1[i] <= 0) continue;
-    const int c = splines.cell[i];
-    lowest = std::min(lowest, c);
-    highest = std::max(highest, c);
-    cells[c] += w0[i];
-    cells[c + 1] += w1[i];
-    cells[c + 2] += w2[i];
-    cells[c + 3] += w3[i];
-  }
+  // Zero between calls.
+  thread_local std::vector<double> lanes;
+  if (lanes.size() < kLanes * size) lanes.resize(kLanes * size, 0.0);
+  add_legs(splines, begin, end, lanes.data(), size, lowest, highest);
   if (highest < lowest) return;
+  join_lanes(lanes.data(), size, lowest, highest + 4, light.cells.data() + kBlock);
   light.begin = lowest + kBlock;
   light.end = highest + 4 + kBlock;
 }

@@ -70,6 +70,25 @@ TEST_P(EveryShape, CellAreasAddUpToTheSurface) {
   }
 }
 
+TEST_P(EveryShape, QuadratureAddsUpToTheSurfaceAndIntegratesQuadratics) {
+  const Vector3d a(0.3, -1, 0.7);
+  double first = 0;
+  for (const double spacing : {0.05, 0.03, 0.01}) {
+    double area = 0, square = 0;
+    for (const SurfacePoint& p : quadrature(shape(), spacing)) {
+      area += p.area;
+      square += p.area * std::pow(a.dot(p.center), 2);
+      EXPECT_NEAR(p.normal.norm(), 1, 1e-12);
+      if (shape_case().closed) {
+        EXPECT_GT(p.normal.dot(p.center), 0);
+      }
+    }
+    EXPECT_NEAR(area, shape_case().area, 1e-12 * shape_case().area);
+    if (first == 0) first = square;
+    EXPECT_NEAR(square, first, 1e-11 * first) << "spacing " << spacing;
+  }
+}
+
 TEST_P(EveryShape, CellsAreSmallParallelogramsWithOutwardNormals) {
   const Transform T = world(some_placement());
   constexpr double kEdge = 0.05;
@@ -246,6 +265,26 @@ INSTANTIATE_TEST_SUITE_P(Shape, EveryShape, testing::Range(std::size_t{0}, shape
                          [](const auto& tested) {
                            return shape_name(shape_cases()[tested.param].shape);
                          });
+
+// A function with a pole one half edge in front of the plate: the error falls by a constant factor
+// with each point, where midpoints would gain a factor of four for twice as many.
+TEST(ShapeTest, QuadratureOfARectangleConvergesExponentially) {
+  const auto light = [](int points) {
+    double sum = 0;
+    for (const SurfacePoint& p : quadrature(RectangleShape{2, 2}, 2.0 / points)) {
+      sum += p.area / (p.center - Vector3d(1, 0, 0)).squaredNorm();
+    }
+    return sum;
+  };
+  const double exact = light(40);
+  double before = std::abs(light(2) / exact - 1);
+  for (const int points : {4, 6, 8, 10, 12}) {
+    const double error = std::abs(light(points) / exact - 1);
+    EXPECT_LT(error, 0.2 * before) << points;
+    before = error;
+  }
+  EXPECT_LT(before, 1e-6);
+}
 
 // Yaw 0 points the rectangle's normal and the box's first edge along +x, counter-clockwise.
 TEST(ShapeTest, YawTurnsCounterClockwiseFromX) {

@@ -4,8 +4,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <random>
+#include <vector>
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/ray_scene.h"
@@ -251,6 +253,69 @@ TEST(TransportPlanTest, EveryDecisionCarriesItsReason) {
   EXPECT_EQ(make_plan(scene, relay, 2.0).kernel, Kernel::retro_single);
   scene.hidden.material = RetroreflectiveMaterial{20 * kDegree};
   EXPECT_EQ(make_plan(scene, relay, 2.0).kernel, Kernel::retro_pairs);
+}
+
+// What is said of many patches at once must agree with the clipping of each.
+TEST(VisibilityTest, SightsOfManyPatchesAreThoseOfEach) {
+  std::mt19937_64 random(3);
+  std::uniform_real_distribution<double> at(-1, 1);
+  constexpr int kPatches = 40;
+  constexpr auto kRoom = static_cast<std::size_t>(3 * ShadowView::kChunk);
+  std::array<std::array<std::vector<double>, 3>, 3> arrays;
+  for (auto& vectors : arrays) {
+    for (auto& a : vectors) a.assign(kRoom, 0.0);
+  }
+  int hidden = 0, mixed = 0, clear = 0;
+  for (int trial = 0; trial < 50; ++trial) {
+    std::vector<Patch> patches;
+    for (std::size_t i = 0; i < kPatches; ++i) {
+      const Patch patch{{0, at(random), at(random)},
+                        {0, 0.1 * at(random), 0.1 * at(random)},
+                        {0, 0.1 * at(random), 0.1 * at(random)}};
+      patches.push_back(patch);
+      for (Eigen::Index k = 0; k < 3; ++k) {
+        const auto c = static_cast<std::size_t>(k);
+        arrays[0][c][i] = patch.center[k];
+        arrays[1][c][i] = patch.half_u[k];
+        arrays[2][c][i] = patch.half_v[k];
+      }
+    }
+    const auto pointers = [&](std::size_t a) {
+      return std::array<const double*, 3>{arrays[a][0].data(), arrays[a][1].data(),
+                                          arrays[a][2].data()};
+    };
+    const std::vector<Surface> surfaces = {
+        occluder(RectangleShape{1.2, 0.8}, {1, at(random), at(random)}),
+        occluder(BoxShape{{0.2, 0.5, 0.5}}, {0.8, at(random), at(random)})};
+    const ShadowView view(occluder_faces(surfaces), {2, at(random), at(random)});
+    std::array<ShadowView::Sight, kPatches> sights;
+    view.sights({pointers(0), pointers(1), pointers(2)}, 0, kPatches, sights.data());
+    for (std::size_t i = 0; i < kPatches; ++i) {
+      const double fraction =
+          view.see(patches[i].center, patches[i].half_u, patches[i].half_v).fraction;
+      if (sights[i] == ShadowView::Sight::hidden) {
+        EXPECT_LT(fraction, 1e-12);
+        ++hidden;
+      } else if (sights[i] == ShadowView::Sight::clear) {
+        EXPECT_EQ(fraction, 1);
+        ++clear;
+      } else {
+        ++mixed;
+      }
+    }
+  }
+  EXPECT_GT(hidden, 100);
+  EXPECT_GT(clear, 100);
+  EXPECT_GT(mixed, 100);
+}
+
+TEST(VisibilityTest, FacesClearOfABallAreForgotten) {
+  const std::vector<Surface> surfaces = {occluder(RectangleShape{0.5, 0.5}, {1, 0, 0})};
+  ShadowView view(occluder_faces(surfaces), {2, 0, 0});
+  view.leave_out_clear_of({0, 0.9, 0}, 0.5);  // the shadow reaches to y = 0.5
+  EXPECT_FALSE(view.empty());
+  view.leave_out_clear_of({0, 1.1, 0}, 0.5);
+  EXPECT_TRUE(view.empty());
 }
 
 }  // namespace
