@@ -118,7 +118,7 @@ struct PatchArrays {
   Vector3d center_of_all = Vector3d::Zero();  ///< of a ball around all patches
   double radius_of_all = 0;
 
-  static constexpr int kBlock = 16;
+  static constexpr int kBlock = ShadowView::kChunk;
 
   int size() const { return static_cast<int>(x.size()); }
   /// Of the areas that the patches stand for.
@@ -1130,6 +1130,8 @@ class Brightness {
 /// probed placements: a bound for the typical pose, not for the one that touches the relay. Parts
 /// below which a share C of the light comes may be (0.5 / C)^0.15 coarser: their closure error
 /// grows with the fourth power, and the sum of share times error stays within a factor of two.
+/// Where rules of points do, cells are divided as little as borders of surfaces and dim parts ask
+/// for, and have as many points along each edge as they exceed the limits.
 void FastModel::sample_relay(const Limits& limits, double tolerance) {
   lit_ = {};
   seen_ = {};
@@ -1230,8 +1232,10 @@ void FastModel::sample_relay(const Limits& limits, double tolerance) {
   };
   fill(lit_, lit_sets, confocal_);
   fill(seen_, seen_sets, true);
-  fill(relay_, lit_sets, confocal_);
-  fill(relay_, seen_sets, true);
+  if (rules) {
+    fill(relay_, lit_sets, confocal_);
+    fill(relay_, seen_sets, true);
+  }
   for (PatchArrays* arrays : {&lit_, &seen_, &relay_}) arrays->finish();
 }
 
@@ -1402,8 +1406,11 @@ void FastModel::flush(Scratch& s) const {
   for (int z = 0; z < scene_.sensor.zone_count(); ++z) {
     if (grid_) {
       PathLight& pairs = s.pairs[static_cast<std::size_t>(z)];
-      grid_->add_to_row(z, pairs, s.rows.data() + static_cast<std::ptrdiff_t>(z) * axis_bins_);
+      double* row = s.rows.data() + static_cast<std::ptrdiff_t>(z) * axis_bins_;
+      grid_->add_to_row(z, pairs, row);
       pairs.clear();
+      // Splines swing about zero where a pulse ends; light does not.
+      std::for_each(row, row + axis_bins_, [](double& light) { light = std::max(light, 0.0); });
       continue;
     }
     const double start =

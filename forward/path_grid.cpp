@@ -174,8 +174,8 @@ PathGrid::PathGrid(const Sensor& sensor, double extra_variance, int axis_bins, d
   const auto whole = [](double cell) {
     return cell >= 1 ? std::floor(cell) : 1 / std::ceil(1 / cell - 1e-9);
   };
-  double bins_per_cell = whole(kCoarsest * sigma / bin);
-  while (bins_per_cell * bin > kFinest * sigma && bins_per_cell * kMostPhases > 1.5 &&
+  double bins_per_cell = whole(std::max(kCoarsest * sigma / bin, 1.0 / kMostPhases));
+  while (bins_per_cell * bin > kFinest * sigma && bins_per_cell * kRefinement * kMostPhases >= 1 &&
          error_between_cells(sensor.response, bin, extra_variance, bins_per_cell) >
              kShare * tolerance) {
     bins_per_cell = whole(kRefinement * bins_per_cell);

@@ -111,8 +111,8 @@ struct FastModelOptions {
   void validate() const;
 };
 
-/// Moments instead of pairs: weight, mean path and path variance of groups of patches, and one
-/// Gaussian-blurred pulse for each pair of groups. Smooth in the pose.
+/// Sums over light arriving and light leaving instead of pairs: of a Lambertian object, convolved
+/// on a grid of paths; of a narrow lobe, one sum over the relay. Smooth in the pose.
 std::unique_ptr<ForwardModel> make_fast_model(const Scene& scene, const SensorPlacement& placement,
                                               const FastModelOptions& options = {});
 

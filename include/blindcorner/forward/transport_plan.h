@@ -21,9 +21,9 @@ enum class Kernel {
 enum class Term {
   occlusion,       ///< shadows of known bodies between relay and object
   self_shadowing,  ///< shadows of the object on itself
-  patch_pairs,     ///< every pair of a lit and a seen patch by itself, not by groups or as one sum
-  dim_patches,     ///< relay patches that exchange next to no light with the search region
-  whole_axis,      ///< the time axis outside what light from the search region can reach
+  patch_pairs,  ///< every pair of a lit and a seen patch by itself, not as a convolution or one sum
+  dim_patches,  ///< relay patches that exchange next to no light with the search region
+  whole_axis,   ///< the time axis outside what light from the search region can reach
   object_in_view,  ///< the object before the sensor: seen directly, or blocking its view
   direct_return,   ///< light of the known surfaces
   known_bounces,   ///< two and three bounces within the known scene
