@@ -1356,7 +1356,11 @@ void FastModel::shade_patches(const SurfacePoint& node, const PatchArrays& array
 void FastModel::shade(const SurfacePoint& node, const PatchArrays& arrays,
                       const ShadowView& shadows, int patch, Scratch& s) const {
   const auto k = static_cast<std::size_t>(patch);
-  if (s.weight[k] <= 0) return;
+  // What lies behind the object's surface is dark; a visible part may lie in front of it where the
+  // patch's own point does not.
+  const double reach = std::abs(node.normal.dot(arrays.half_u(patch))) +
+                       std::abs(node.normal.dot(arrays.half_v(patch)));
+  if (node.normal.dot(arrays.area_center(patch) - node.center) <= -reach) return;
   const VisiblePart part =
       shadows.see(arrays.area_center(patch), arrays.half_u(patch), arrays.half_v(patch));
   if (part.fraction >= 1) return;

@@ -79,11 +79,13 @@ BLINDCORNER_MULTIVERSION void place_legs(const double* paths, const double* weig
 /// Copies of the cells that legs are added to in turn: legs of like path would else wait for each
 /// other.
 constexpr std::size_t kLanes = 4;
+/// Fewer legs are not worth the lanes.
+constexpr std::size_t kWorthLanes = 16;
 
-/// Adds the legs [begin, end) to the lanes, each `stride` cells after the last, and finds the first
-/// and last cell that one begins at.
-void add_legs(const PathGrid::Splines& splines, std::size_t begin, std::size_t end, double* lanes,
-              std::size_t stride, int& lowest, int& highest) {
+/// Adds the legs [begin, end) to `lanes` copies of the cells, each `stride` cells after the last,
+/// and finds the first and last cell that one begins at.
+void add_legs(const PathGrid::Splines& splines, std::size_t begin, std::size_t end, double* cells,
+              std::size_t lanes, std::size_t stride, int& lowest, int& highest) {
   const int* cell = splines.cell.data();
   const double *w0 = splines.weight[0].data(), *w1 = splines.weight[1].data();
   const double *w2 = splines.weight[2].data(), *w3 = splines.weight[3].data();
@@ -93,7 +95,7 @@ void add_legs(const PathGrid::Splines& splines, std::size_t begin, std::size_t e
     const int c = cell[i];
     least = std::min(least, c);
     most = std::max(most, c);
-    double* to = lanes + (i % kLanes) * stride + c;
+    double* to = cells + (i & (lanes - 1)) * stride + c;
     const double a = to[0] + w0[i], b = to[1] + w1[i], d = to[2] + w2[i], e = to[3] + w3[i];
     to[0] = a;
     to[1] = b;
@@ -115,7 +117,7 @@ BLINDCORNER_MULTIVERSION void join_lanes(double* lanes, std::size_t stride, int 
   }
 }
 
-/// out[i + j] += b[j] a[i]; `a` has kBlock zeros on either side, `b` as many after its end.
+/// out[i + j] += scale b[j] a[i]; both have kBlock zeros on either side.
 BLINDCORNER_MULTIVERSION void convolve(const double* a, int a_count, const double* b, int b_count,
                                        double scale, double* __restrict out) {
   for (int j = 0; j < b_count; j += kBlock) {
@@ -305,12 +307,17 @@ void PathGrid::lay(const Splines& splines, std::size_t begin, std::size_t end,
   const auto size = static_cast<std::size_t>(leg_cells_ + 2 * kBlock);
   if (light.cells.size() < size) light.cells.resize(size, 0.0);
   int lowest = leg_cells_, highest = -1;
-  // Zero between calls.
-  thread_local std::vector<double> lanes;
-  if (lanes.size() < kLanes * size) lanes.resize(kLanes * size, 0.0);
-  add_legs(splines, begin, end, lanes.data(), size, lowest, highest);
-  if (highest < lowest) return;
-  join_lanes(lanes.data(), size, lowest, highest + 4, light.cells.data() + kBlock);
+  double* cells = light.cells.data() + kBlock;
+  if (end - begin < kWorthLanes) {
+    add_legs(splines, begin, end, cells, 1, size, lowest, highest);
+    if (highest < lowest) return;
+  } else {
+    thread_local std::vector<double> lanes;  // zero between calls
+    if (lanes.size() < kLanes * size) lanes.resize(kLanes * size, 0.0);
+    add_legs(splines, begin, end, lanes.data(), kLanes, size, lowest, highest);
+    if (highest < lowest) return;
+    join_lanes(lanes.data(), size, lowest, highest + 4, cells);
+  }
   light.begin = lowest + kBlock;
   light.end = highest + 4 + kBlock;
 }
@@ -324,8 +331,15 @@ void PathGrid::pair(const PathLight& in, const PathLight& out, double scale,
   const int first = in.begin + out.begin - 2 * kBlock - margin_;
   const int a_count = in.end - in.begin;
   const int b_count = out.end - out.begin;
-  convolve(in.cells.data() + in.begin, a_count, out.cells.data() + out.begin, b_count, scale,
-           pairs.cells.data() + first);
+  // The longer one runs along the vector registers.
+  const double* a = in.cells.data() + in.begin;
+  const double* b = out.cells.data() + out.begin;
+  double* to = pairs.cells.data() + first;
+  if (a_count >= b_count) {
+    convolve(a, a_count, b, b_count, scale, to);
+  } else {
+    convolve(b, b_count, a, a_count, scale, to);
+  }
   pairs.begin = std::min(pairs.begin, first);
   pairs.end = std::max(pairs.end, first + a_count + b_count - 1);
 }

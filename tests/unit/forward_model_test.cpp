@@ -15,6 +15,7 @@
 #include "../../src/io/npz.h"
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
+#include "blindcorner/io/scene_file.h"
 
 namespace blindcorner {
 namespace {
@@ -823,6 +824,29 @@ TEST(FastModelTest, ToleranceBuysAccuracy) {
 
 // The extra pulse is a convolution with a Gaussian: an instrument whose own Gaussian pulse has the
 // sum of the variances sees the same.
+// A face of the box turns away while the corner's shadow crosses patches of the floor that lie half
+// behind it: their visible part is in front of the face where their own points are not.
+TEST(FastModelTest, LightDoesNotJumpWhereShadowsMeetTheHorizon) {
+  const Scene scene =
+      read_scene(std::string(SOURCE_DIR) + "/scenes/reference_floor_corner_light.json");
+  FastModelOptions options;
+  options.tolerance = 0.04;
+  const auto model = make_fast_model(scene, sensor_placement(scene), options);
+  PoseVector pose(3);
+  pose << 0.4105, 0.9404, 1.42;
+  constexpr double kStep = 2e-4;
+  HistogramCube before = model->three_bounce(pose);
+  double change_before = 1;
+  for (int i = 0; i < 60; ++i) {
+    pose[2] += kStep;
+    const HistogramCube light = model->three_bounce(pose);
+    const double change = difference(before, light);
+    EXPECT_LT(change, 3 * change_before) << "yaw " << pose[2];
+    before = light;
+    change_before = change;
+  }
+}
+
 TEST(FastModelTest, ExtraPulseIsAConvolution) {
   Scene scene = table_top();
   scene.sensor.response = ImpulseResponse(GaussianResponse{100e-12});
