@@ -102,13 +102,12 @@ constexpr double kBouncesMatter = 0.5;
 struct PatchArrays {
   std::vector<double> x, y, z, ax, ay, az, nx, ny, nz, ux, uy, uz, vx, vy, vz, lx, ly, lz;
   std::vector<double> weight, leg, radiance;
-  int count = 0;
   std::vector<double> spread;   ///< variance of the path over a patch per squared half-edge change
   std::vector<int> group_end;   ///< one past the last patch of each group
   std::vector<int> group_zone;  ///< zone that sees (or lights) the group
   std::vector<int> set_end;     ///< one past the last patch of each set appended
 
-  /// Consecutive patches inside a ball, for asking about shadows in bulk.
+  /// Consecutive patches whose areas lie inside a ball, for asking about shadows in bulk.
   struct Block {
     int begin, end;
     Vector3d center;
@@ -161,7 +160,6 @@ struct PatchArrays {
     weight.push_back(p.weight);
     leg.push_back(p.leg);
     radiance.push_back(p.radiance);
-    ++count;
   }
   static Vector3d at(const std::vector<double>& a, const std::vector<double>& b,
                      const std::vector<double>& c, int i) {
@@ -175,11 +173,11 @@ void PatchArrays::finish() {
   for (auto* v : {&ax, &ay, &az, &ux, &uy, &uz, &vx, &vy, &vz}) v->resize(whole, 0.0);
   for (int begin = 0; begin < size(); begin += kBlock) {
     Block block{begin, std::min(begin + kBlock, size()), Vector3d::Zero(), 0.0};
-    for (int i = block.begin; i < block.end; ++i) block.center += center(i);
+    for (int i = block.begin; i < block.end; ++i) block.center += area_center(i);
     block.center /= block.end - block.begin;
     for (int i = block.begin; i < block.end; ++i) {
-      block.radius = std::max(
-          block.radius, (center(i) - block.center).norm() + half_u(i).norm() + half_v(i).norm());
+      block.radius = std::max(block.radius, (area_center(i) - block.center).norm() +
+                                                half_u(i).norm() + half_v(i).norm());
     }
     blocks.push_back(block);
     center_of_all += block.center;
