@@ -608,12 +608,12 @@ class FastModel final : public ForwardModel {
   using Shadows = std::vector<ShadowView>;  // one per node; empty without occluders
 
   struct Limits {
-    double spread;       ///< m, path spread that one Gaussian may stand for
-    double aspect;       ///< edge against distance of a cell with Gauss nodes
-    double midpoint;     ///< the same where the centre alone will do
-    double rule_spread;  ///< m, standard deviation of the path between two points of a rule
-    double relay_angle;  ///< distance of two points of a rule against how far away they are
-    double object_angle;
+    double spread;        ///< m, path spread that one Gaussian may stand for
+    double aspect;        ///< edge against distance of a cell with Gauss nodes
+    double midpoint;      ///< the same where the centre alone will do
+    double rule_spread;   ///< m, standard deviation of the path between two points of a rule
+    double relay_angle;   ///< distance of two points of a rule against how far away they are
+    double object_angle;  ///< the same of the object
   };
   Limits limits(double tolerance, double coarseness) const;
   void choose_fidelity(const FastModelOptions& options);
@@ -704,10 +704,19 @@ class FastModel final : public ForwardModel {
   int path_cells_;
 };
 
-/// Largest standard deviation of a pulse's path, in those of the sensor's own pulse. Sampling keeps
-/// that of a group of patches below the first; a lobe on a grazing relay spreads paths of its own.
+/// Largest standard deviation of a pulse's path, in those of the sensor's own pulse. Points of a
+/// rule have none, sampling keeps that of a group of patches below two; a lobe on a grazing relay
+/// spreads paths of its own.
 double widest_blur(const TransportPlan& plan) {
-  return plan.kernel == Kernel::retro_single ? 6 : 2;
+  switch (plan.kernel) {
+    case Kernel::lambertian:
+      return 0;
+    case Kernel::retro_single:
+      return 6;
+    case Kernel::retro_pairs:
+      break;
+  }
+  return 2;
 }
 
 FastModel::FastModel(const Scene& scene, const SensorPlacement& placement,
@@ -1033,7 +1042,8 @@ FastModel::Choice FastModel::coarsest(const std::vector<PoseVector>& poses, doub
       if (fine.cells < 2 * coarse.cells) break;
       const double change = largest_change(coarse.cubes, fine.cubes);
       if (change < tolerance) return {coarse.coarseness, change};
-      const double before = changes.empty() ? 1 / kStagnates : changes.back();
+      const double before =
+          changes.empty() ? std::numeric_limits<double>::infinity() : changes.back();
       changes.push_back(change);
       if (!rules && change < kStagnates && change > 0.8 * before) {
         unresolved_ += change;
@@ -1409,6 +1419,7 @@ void FastModel::flush(Scratch& s) const {
     if (grid_) {
       PathLight& pairs = s.pairs[static_cast<std::size_t>(z)];
       double* row = s.rows.data() + static_cast<std::ptrdiff_t>(z) * axis_bins_;
+      if (overrides_.switched_on(Term::whole_axis)) pairs.take_all();
       grid_->add_to_row(z, pairs, row);
       pairs.clear();
       // Splines swing about zero where a pulse ends; light does not.

@@ -2,6 +2,7 @@
 #include "gauss_legendre.h"
 
 #include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <mutex>

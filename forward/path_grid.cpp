@@ -29,12 +29,6 @@ constexpr double kRefinement = 0.8;
 /// Zeros around light that is convolved, so that four cells can be taken at once.
 constexpr int kBlock = 4;
 
-std::array<double, 4> spline_weights(double u) {
-  const double t = 1 - u;
-  return {t * t * t / 6, (4 + u * u * (3 * u - 6)) / 6, (4 + t * t * (3 * t - 6)) / 6,
-          u * u * u / 6};
-}
-
 /// Coefficients [-kSharpening, kSharpening] of the inverse of (1/6, 4/6, 1/6), applied twice.
 std::vector<double> sharpening() {
   const double pole = std::sqrt(3.0) - 2;
@@ -169,27 +163,18 @@ void PathLight::clear() {
 
 PathGrid::PathGrid(const Sensor& sensor, double extra_variance, int axis_bins, double way_back,
                    double tolerance)
-    : axis_bins_(axis_bins) {
-  const double bin = sensor.bin_width;
-  const double sigma = std::hypot(sensor.response.core_sigma(), std::sqrt(extra_variance));
-  // Cells of whole bins, or whole cells to the bin, so that few kinds of cells lie alike.
-  const auto whole = [](double cell) {
-    return cell >= 1 ? std::floor(cell) : 1 / std::ceil(1 / cell - 1e-9);
-  };
-  double bins_per_cell = whole(std::max(kCoarsest * sigma / bin, 1.0 / kMostPhases));
-  while (bins_per_cell * bin > kFinest * sigma && bins_per_cell * kRefinement * kMostPhases >= 1 &&
-         error_between_cells(sensor.response, bin, extra_variance, bins_per_cell) >
-             kShare * tolerance) {
-    bins_per_cell = whole(kRefinement * bins_per_cell);
-  }
-  phases_ = bins_per_cell >= 1 ? 1 : static_cast<int>(std::lround(1 / bins_per_cell));
-  bins_per_cell_ = std::max(1, static_cast<int>(std::lround(bins_per_cell)));
-  step_ = bins_per_cell * bin * kSpeedOfLight;
-  cells_per_metre_ = 1 / step_;
-  margin_ = kMargin + static_cast<int>(std::ceil(way_back * cells_per_metre_));
-  const int axis_cells = static_cast<int>(std::ceil(axis_bins / bins_per_cell));
-  leg_cells_ = axis_cells + 2 * margin_;
+    : PathGrid(sensor, extra_variance, axis_bins, way_back,
+               coarsest_cell(sensor, extra_variance, tolerance)) {}
 
+PathGrid::PathGrid(const Sensor& sensor, double extra_variance, int axis_bins, double way_back,
+                   CellWidth width)
+    : axis_bins_(axis_bins),
+      cells_per_metre_(1 / (width.bins * sensor.bin_width * kSpeedOfLight)),
+      phases_(width.bins >= 1 ? 1 : static_cast<int>(std::lround(1 / width.bins))),
+      bins_per_cell_(std::max(1, static_cast<int>(std::lround(width.bins)))),
+      margin_(kMargin + static_cast<int>(std::ceil(way_back * cells_per_metre_))),
+      leg_cells_(static_cast<int>(std::ceil(axis_bins / width.bins)) + 2 * margin_) {
+  const double bin = sensor.bin_width;
   std::vector<double> offsets;
   for (const Zone& zone : sensor.zones) {
     const double start = std::floor(zone.time_zero / bin);
@@ -199,41 +184,52 @@ PathGrid::PathGrid(const Sensor& sensor, double extra_variance, int axis_bins, d
     kind_.push_back(static_cast<int>(known - offsets.begin()));
     if (known != offsets.end()) continue;
     offsets.push_back(offset);
-    filters_.push_back(filters(sensor.response, bin, extra_variance, bins_per_cell, offset));
+    filters_.push_back(filters(sensor.response, bin, extra_variance, offset));
   }
 }
 
+/// Cells of whole bins, or whole cells to the bin, so that few kinds of cells lie alike.
+PathGrid::CellWidth PathGrid::coarsest_cell(const Sensor& sensor, double extra_variance,
+                                            double tolerance) {
+  const double bin = sensor.bin_width;
+  const double sigma = std::hypot(sensor.response.core_sigma(), std::sqrt(extra_variance));
+  const auto whole = [](double bins) {
+    return CellWidth{bins >= 1 ? std::floor(bins) : 1 / std::ceil(1 / bins - 1e-9)};
+  };
+  CellWidth width = whole(std::max(kCoarsest * sigma / bin, 1.0 / kMostPhases));
+  while (width.bins * bin > kFinest * sigma && width.bins * kRefinement * kMostPhases >= 1 &&
+         error_between_cells(sensor, extra_variance, width) > kShare * tolerance) {
+    width = whole(kRefinement * width.bins);
+  }
+  return width;
+}
+
 std::vector<PathGrid::Filter> PathGrid::filters(const ImpulseResponse& response, double bin_width,
-                                                double extra_variance, double bins_per_cell,
-                                                double offset) {
+                                                double extra_variance, double offset) const {
   static const std::vector<double> kSharp = sharpening();
-  const int phases = bins_per_cell >= 1 ? 1 : static_cast<int>(std::lround(1 / bins_per_cell));
-  const int stride = std::max(1, static_cast<int>(std::lround(bins_per_cell)));
   const auto [early, late] = response.support(kOutside, extra_variance);
-  const int reach = static_cast<int>(std::ceil(kSharpening * bins_per_cell)) + 2;
+  const int reach = (kSharpening * bins_per_cell_ + phases_ - 1) / phases_ + 2;
   const int first = static_cast<int>(std::floor(early / bin_width)) - reach;
   const int last = static_cast<int>(std::ceil(late / bin_width)) + reach;
-  // The response's integral up to the k-th of `phases` parts of bins, from bin `first - reach`.
+  // The response's integral up to the k-th of `phases_` parts of bins, from bin `origin`.
   const int origin = first - reach;
   std::vector<double> integral;
-  for (int k = 0; k <= (last + reach + 1 - origin) * phases; ++k) {
+  for (int k = 0; k <= (last + reach + 1 - origin) * phases_; ++k) {
     integral.push_back(response.cumulative(
-        (origin + static_cast<double>(k) / phases - offset) * bin_width, extra_variance));
+        (origin + static_cast<double>(k) / phases_ - offset) * bin_width, extra_variance));
   }
   std::vector<Filter> made;
-  for (int phase = 0; phase < phases; ++phase) {
+  for (int phase = 0; phase < phases_; ++phase) {
     Filter filter{first, {}};
     double most = 0;
     for (int b = first; b < last; ++b) {
       double sum = 0;
       for (int n = -kSharpening; n <= kSharpening; ++n) {
         // A pulse at `phase` parts of a bin, less n cells.
-        const int edge = (b - origin) * phases - phase + n * (phases > 1 ? 1 : stride);
         const auto low =
-            static_cast<std::size_t>(std::clamp(edge, 0, static_cast<int>(integral.size()) - 1));
-        const auto high = static_cast<std::size_t>(
-            std::clamp(edge + phases, 0, static_cast<int>(integral.size()) - 1));
-        sum += kSharp[static_cast<std::size_t>(n + kSharpening)] * (integral[high] - integral[low]);
+            static_cast<std::size_t>((b - origin) * phases_ - phase + n * bins_per_cell_);
+        sum += kSharp[static_cast<std::size_t>(n + kSharpening)] *
+               (integral[low + static_cast<std::size_t>(phases_)] - integral[low]);
       }
       filter.taps.push_back(sum);
       most = std::max(most, std::abs(sum));
@@ -250,39 +246,36 @@ std::vector<PathGrid::Filter> PathGrid::filters(const ImpulseResponse& response,
 
 /// Largest error of a bin, relative to the largest bin, of a pulse whose two legs end between
 /// cells.
-double PathGrid::error_between_cells(const ImpulseResponse& response, double bin_width,
-                                     double extra_variance, double bins_per_cell) {
-  const auto filters = PathGrid::filters(response, bin_width, extra_variance, bins_per_cell, 0);
-  const int phases = static_cast<int>(filters.size());
-  const auto [early, late] = response.support(kOutside, extra_variance);
-  const int first = static_cast<int>(std::floor(early / bin_width)) - 2;
-  const int count = static_cast<int>(std::ceil(late / bin_width)) + 12 - first;
+double PathGrid::error_between_cells(const Sensor& sensor, double extra_variance, CellWidth width) {
+  const double bin = sensor.bin_width;
+  const auto [early, late] = sensor.response.support(kOutside, extra_variance);
+  // One zone, whose axis holds the whole pulse.
+  Sensor one = sensor;
+  one.zones.assign(1, Zone{});
+  const int before = 2 - static_cast<int>(std::floor(early / bin));
+  const int bins = before + static_cast<int>(std::ceil(late / bin)) + 12;
+  one.zones[0].time_zero = before * bin;
+  const PathGrid grid(one, extra_variance, bins, 0, width);
+  const auto leg = [&](double cells) {
+    const double path = cells * grid.step();
+    const double weight = 1;
+    Splines splines;
+    grid.find_splines(&path, &weight, 1, splines);
+    PathLight light;
+    grid.lay(splines, 0, 1, light);
+    return light;
+  };
   double largest = 0, peak = 0;
   for (const double u : {0.0, 0.25, 0.5}) {
     for (const double v : {0.0, 0.25, 0.5}) {
-      std::vector<double> row(static_cast<std::size_t>(count), 0.0);
-      const auto wu = spline_weights(u), wv = spline_weights(v);
-      for (int i = 0; i < 4; ++i) {
-        for (int j = 0; j < 4; ++j) {
-          const int cell = i + j - 2;  // both splines begin one cell before
-          const int whole = bins_per_cell >= 1
-                                ? cell * static_cast<int>(std::lround(bins_per_cell))
-                                : static_cast<int>(std::floor(static_cast<double>(cell) / phases));
-          const int phase = bins_per_cell >= 1 ? 0 : cell - whole * phases;
-          const Filter& filter = filters[static_cast<std::size_t>(phase)];
-          for (std::size_t k = 0; k < filter.taps.size(); ++k) {
-            const int b = whole + filter.first + static_cast<int>(k) - first;
-            if (b < 0 || b >= count) continue;
-            row[static_cast<std::size_t>(b)] +=
-                wu[static_cast<std::size_t>(i)] * wv[static_cast<std::size_t>(j)] * filter.taps[k];
-          }
-        }
-      }
-      const double position = (u + v) * bins_per_cell;
-      for (int b = 0; b < count; ++b) {
-        const double exact =
-            response.cumulative((first + b + 1 - position) * bin_width, extra_variance) -
-            response.cumulative((first + b - position) * bin_width, extra_variance);
+      PathLight pairs;
+      grid.pair(leg(u), leg(v), 1, pairs);
+      std::vector<double> row(static_cast<std::size_t>(bins), 0.0);
+      grid.add_to_row(0, pairs, row.data());
+      const double position = before + (u + v) * width.bins;
+      for (int b = 0; b < bins; ++b) {
+        const double exact = sensor.response.cumulative((b + 1 - position) * bin, extra_variance) -
+                             sensor.response.cumulative((b - position) * bin, extra_variance);
         peak = std::max(peak, exact);
         largest = std::max(largest, std::abs(row[static_cast<std::size_t>(b)] - exact));
       }
@@ -327,8 +320,8 @@ void PathGrid::pair(const PathLight& in, const PathLight& out, double scale,
   if (in.dark() || out.dark()) return;
   const auto size = static_cast<std::size_t>(2 * (leg_cells_ + kBlock));
   if (pairs.cells.size() < size) pairs.cells.resize(size, 0.0);
-  // Cells of legs count from kBlock, and each leg's path zero lies at margin_.
-  const int first = in.begin + out.begin - 2 * kBlock - margin_;
+  // Cells of legs count from kBlock, and path zero lies at margin_ of each: at twice that of pairs.
+  const int first = in.begin + out.begin - 2 * kBlock;
   const int a_count = in.end - in.begin;
   const int b_count = out.end - out.begin;
   // The longer one runs along the vector registers.
@@ -352,7 +345,7 @@ void PathGrid::add_to_row(int zone, const PathLight& pairs, double* row) const {
     const Filter& filter = filters_[static_cast<std::size_t>(kind_[z])][p];
     taps[p] = {filter.taps.data(), filter.first, static_cast<int>(filter.taps.size())};
   }
-  const int cell = pairs.begin - margin_;
+  const int cell = pairs.begin - 2 * margin_;
   const int whole = static_cast<int>(std::floor(static_cast<double>(cell) / phases_));
   add_cells(pairs.cells.data() + pairs.begin, pairs.end - pairs.begin, taps.data(),
             cell - whole * phases_, phases_, bins_per_cell_, start_[z] + whole * bins_per_cell_,

@@ -28,6 +28,11 @@ struct PathLight {
   bool dark() const { return begin >= end; }
   /// Zero all cells that may not be.
   void clear();
+  /// Counts all cells as lit, dark ones too.
+  void take_all() {
+    begin = 0;
+    end = static_cast<int>(cells.size());
+  }
 };
 
 class PathGrid {
@@ -54,7 +59,7 @@ class PathGrid {
   /// Adds the histogram of the pairs to a zone's row [axis_bins].
   void add_to_row(int zone, const PathLight& pairs, double* row) const;
 
-  double step() const { return step_; }  ///< m
+  double step() const { return 1 / cells_per_metre_; }  ///< m
 
  private:
   /// Coefficients of all cells whose pulses lie alike within the bins.
@@ -62,19 +67,23 @@ class PathGrid {
     int first;  ///< bin of the first tap for a cell at bin 0
     std::vector<double> taps;
   };
-  /// Filters of one cell each of `phases` to the bin, or of a cell of several bins.
-  static std::vector<Filter> filters(const ImpulseResponse& response, double bin_width,
-                                     double extra_variance, double bins_per_cell, double offset);
-  static double error_between_cells(const ImpulseResponse& response, double bin_width,
-                                    double extra_variance, double bins_per_cell);
+  /// With cells of this many bins: a whole number, or one over a whole number.
+  struct CellWidth {
+    double bins;
+  };
+  PathGrid(const Sensor& sensor, double extra_variance, int axis_bins, double way_back,
+           CellWidth width);
+  static CellWidth coarsest_cell(const Sensor& sensor, double extra_variance, double tolerance);
+  static double error_between_cells(const Sensor& sensor, double extra_variance, CellWidth width);
+  std::vector<Filter> filters(const ImpulseResponse& response, double bin_width,
+                              double extra_variance, double offset) const;
 
   int axis_bins_;
-  double step_ = 0;  ///< m
-  double cells_per_metre_ = 0;
-  int phases_ = 1;         ///< cells to the bin
-  int bins_per_cell_ = 1;  ///< where phases_ is one
-  int margin_ = 0;         ///< cells of a leg before path zero
-  int leg_cells_ = 0;
+  double cells_per_metre_;
+  int phases_;         ///< cells to the bin
+  int bins_per_cell_;  ///< where phases_ is one
+  int margin_;         ///< cells of a leg before path zero
+  int leg_cells_;
   std::vector<std::vector<Filter>> filters_;  ///< [kind of zone][phase]
   std::vector<int> kind_;                     ///< [zone], by where in a bin its time zero lies
   std::vector<int> start_;                    ///< [zone] whole bins of its time zero

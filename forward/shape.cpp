@@ -144,7 +144,24 @@ SurfaceCell triangle_cell(const Vector3d& a, const Vector3d& b, const Vector3d& 
   return cell;
 }
 
-/// Each triangle in n^2 equal ones like itself.
+/// Visits the corners of the parts of a triangle, n^2 equal ones like itself, as many as keep its
+/// longest edge's parts within `most`.
+template <typename Visit>
+void visit_parts(const Triangle& t, double most, const Visit& visit) {
+  const double longest =
+      std::max({(t[1] - t[0]).norm(), (t[2] - t[1]).norm(), (t[0] - t[2]).norm()});
+  const int n = divisions(longest, most, 1);
+  const Vector3d e = (t[1] - t[0]) / n;
+  const Vector3d f = (t[2] - t[0]) / n;
+  for (int i = 0; i < n; ++i) {
+    for (int j = 0; i + j < n; ++j) {
+      const Vector3d a = t[0] + i * e + j * f;
+      visit(a, a + e, a + f);
+      if (i + j + 1 < n) visit(a + e, a + e + f, a + f);
+    }
+  }
+}
+
 void divide_mesh(const MeshShape& shape, double max_edge, int min_divisions,
                  std::vector<SurfaceCell>& cells) {
   const TriangleMesh& mesh = *shape.mesh;
@@ -152,24 +169,12 @@ void divide_mesh(const MeshShape& shape, double max_edge, int min_divisions,
   const double most = std::min(max_edge, 2 * mesh.radius / min_divisions);
   for (const auto& corners : mesh.triangles) {
     const Triangle t = world_triangle(mesh, corners, Transform::Identity(), 1.0);
-    const double longest =
-        std::max({(t[1] - t[0]).norm(), (t[2] - t[1]).norm(), (t[0] - t[2]).norm()});
-    const int n = divisions(longest, most, 1);
-    const Vector3d e = (t[1] - t[0]) / n;
-    const Vector3d f = (t[2] - t[0]) / n;
-    const auto add = [&](const Vector3d& a, const Vector3d& b, const Vector3d& c) {
+    visit_parts(t, most, [&](const Vector3d& a, const Vector3d& b, const Vector3d& c) {
       cells.push_back(triangle_cell(a, b, c));
       if (!shape.two_sided) return;
       cells.push_back(cells.back());
       cells.back().normal = -cells.back().normal;
-    };
-    for (int i = 0; i < n; ++i) {
-      for (int j = 0; i + j < n; ++j) {
-        const Vector3d a = t[0] + i * e + j * f;
-        add(a, a + e, a + f);
-        if (i + j + 1 < n) add(a + e, a + e + f, a + f);
-      }
-    }
+    });
   }
 }
 
@@ -372,27 +377,16 @@ void add_cylinder_points(const CylinderShape& shape, double spacing,
 void add_mesh_points(const MeshShape& shape, double spacing, std::vector<SurfacePoint>& points) {
   for (const auto& corners : shape.mesh->triangles) {
     const Triangle t = world_triangle(*shape.mesh, corners, Transform::Identity(), 1.0);
-    const double longest =
-        std::max({(t[1] - t[0]).norm(), (t[2] - t[1]).norm(), (t[0] - t[2]).norm()});
     // Three points to a part of this edge.
-    const int n = divisions(longest, std::sqrt(3.0) * spacing, 1);
-    const Vector3d e = (t[1] - t[0]) / n;
-    const Vector3d f = (t[2] - t[0]) / n;
-    const Vector3d cross = e.cross(f);
-    const auto add = [&](const Vector3d& a, const Vector3d& b, const Vector3d& c) {
+    const double edge = std::sqrt(3.0) * spacing;
+    visit_parts(t, edge, [&](const Vector3d& a, const Vector3d& b, const Vector3d& c) {
+      const Vector3d cross = (b - a).cross(c - a);
       for (const Vector3d& p : {a, b, c}) {
         const Vector3d point = 0.5 * p + (a + b + c) / 6;
         points.push_back({point, cross.normalized(), cross.norm() / 6});
         if (shape.two_sided) points.push_back({point, -cross.normalized(), cross.norm() / 6});
       }
-    };
-    for (int i = 0; i < n; ++i) {
-      for (int j = 0; i + j < n; ++j) {
-        const Vector3d a = t[0] + i * e + j * f;
-        add(a, a + e, a + f);
-        if (i + j + 1 < n) add(a + e, a + e + f, a + f);
-      }
-    }
+    });
   }
 }
 

@@ -128,7 +128,8 @@ void print_plan(const ExplainArguments& arguments, const Scene& scene,
     if (can_be_switched(decision)) {
       FastModelOptions base = options;
       // Pairs of patches as small as a narrow lobe take minutes: their time is measured coarsely.
-      const bool coarse = decision.term == Term::patch_pairs && !decision.used;
+      const bool coarse = decision.term == Term::patch_pairs && !decision.used &&
+                          plan.kernel == Kernel::retro_single;
       if (coarse) {
         base.tolerance = std::max(options.tolerance, kPairsTolerance);
         base.fidelity = kPairsFidelity;
@@ -154,7 +155,7 @@ void print_plan(const ExplainArguments& arguments, const Scene& scene,
       "  bound: most that leaving out may change a bin, as a share of the pose's peak (pile-up: "
       "of\n"
       "  the bin itself); measured: largest change at %zu poses when the term is switched against\n"
-      "  the plan (pairs of patches that are left out: error of the plan against the reference\n"
+      "  the plan (pairs of a lobe that are left out: error of the plan against the reference\n"
       "  renderer, the sampling's included); time: what an evaluation costs or saves by it, or\n"
       "  within what the two cannot be told apart.\n",
       plain.light.size());

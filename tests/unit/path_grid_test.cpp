@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 #include <string>
@@ -179,6 +180,14 @@ TEST(PathGridTest, LegsMayBeNegative) {
   const PathGrid grid(s, 0.0, kBins, 0.7, 0.01);
   const std::vector<Leg> in{{1.2, 1.0}}, out{{-0.69, 1.0}};
   EXPECT_LT(worst(by_grid(grid, 0, in, out), exact(s, 0.0, 0, in, out)), 2e-3);
+}
+
+TEST(PathGridTest, BothLegsMayBeNegative) {
+  Sensor s = sensor_of(cases()[1]);
+  s.zones[0].time_zero = 2 * 0.7 / kSpeedOfLight + 8 * s.bin_width;
+  const PathGrid grid(s, 0.0, kBins, 0.7, 0.01);
+  const std::vector<Leg> legs{{-0.69, 1.0}};
+  EXPECT_LT(worst(by_grid(grid, 0, legs, legs), exact(s, 0.0, 0, legs, legs)), 2e-3);
 }
 
 TEST(PathGridTest, LightBeyondTheAxisIsLeftOutAndLightAtItsEndIsCut) {
