@@ -618,6 +618,7 @@ class FastModel final : public ForwardModel {
   Limits limits(double tolerance, double coarseness) const;
   void choose_fidelity(const FastModelOptions& options);
   bool too_many_pairs() const;
+  bool arrives_at_once(double tolerance) const;
   void decide_bounces(double tolerance);
   struct Choice {
     double coarseness;
@@ -640,6 +641,7 @@ class FastModel final : public ForwardModel {
     });
   }
   void lambertian(const SurfacePoint& point, const ShadowView* shadows, Scratch& s) const;
+  void pair_with_one(double scale, Scratch& s) const;
   void all_pairs(double scale, Scratch& s) const;
   void retro_single(const CellNodes& cell, std::size_t anchor, const Shadows& shadows,
                     std::span<const std::vector<OccluderFace>> occluders, Scratch& s) const;
@@ -692,6 +694,7 @@ class FastModel final : public ForwardModel {
   Fidelity fidelity_;
   PulseTable pulses_;
   std::optional<PathGrid> grid_;      ///< of a Lambertian object
+  bool one_arrival_ = false;          ///< all light of a lit set reaches a point of it at once
   std::vector<SurfacePoint> points_;  ///< of a Lambertian object, in its own coordinates
   mutable std::once_flag direct_once_;
   mutable HistogramCube direct_;
@@ -750,7 +753,9 @@ FastModel::FastModel(const Scene& scene, const SensorPlacement& placement,
         way_back = std::max(way_back, (p - setup_.origin()).norm());
       }
     }
-    grid_.emplace(scene.sensor, extra_variance_, axis_bins_, way_back, options.tolerance);
+    one_arrival_ = arrives_at_once(options.tolerance);
+    grid_.emplace(scene.sensor, one_arrival_ ? PathGrid::Paths::whole : PathGrid::Paths::legs,
+                  extra_variance_, axis_bins_, way_back, options.tolerance);
   }
   choose_fidelity(options);
   complete_plan(options.tolerance);
@@ -769,8 +774,8 @@ void FastModel::complete_plan(double tolerance) {
   plan_.decide(dim);
   if (plan_.kernel == Kernel::lambertian) {
     PlanDecision pairs = plan_.decision(Term::patch_pairs);
-    pairs.reason += ", which are convolved on a grid of paths with a step of " +
-                    text_of(1e3 * grid_->step()) + " mm";
+    pairs.reason += one_arrival_ ? ", one of which arrives at once" : ", which are convolved";
+    pairs.reason += " on a grid of paths with a step of " + text_of(1e3 * grid_->step()) + " mm";
     pairs.bound = tolerance;
     plan_.decide(pairs);
   } else {
@@ -1011,6 +1016,46 @@ void FastModel::choose_fidelity(const FastModelOptions& options) {
 bool FastModel::too_many_pairs() const {
   return plan_.kernel == Kernel::retro_pairs &&
          1.0 * lit_.size() * seen_.size() * object_nodes_ > kMostPairs;
+}
+
+/// Whether paths of light that arrives differ by so little that their mean will do: without their
+/// variance a pulse's peak errs by half of it over the pulse's own. Of every lit set and probed
+/// placement.
+bool FastModel::arrives_at_once(double tolerance) const {
+  const double pulse = std::pow(kSpeedOfLight * scene_.sensor.response.core_sigma(), 2);
+  RelaySampling coarse;
+  coarse.divisions = 4;
+  coarse.edge_depth = 2;
+  std::vector<std::vector<WeightedPatch>> sets;
+  if (confocal_) {
+    for (int z = 0; z < scene_.sensor.zone_count(); ++z) {
+      if (scene_.sensor.zones[static_cast<std::size_t>(z)].dead) continue;
+      sets.push_back(setup_.lit_by_zone(z, coarse));
+    }
+  } else {
+    sets.push_back(setup_.lit(coarse));
+  }
+  for (const Placement& p : probe_placements(scene_)) {
+    const Vector3d q = object_to_world(scene_.hidden.shape, scene_.hidden.anchor, p).translation();
+    for (const std::vector<WeightedPatch>& set : sets) {
+      double weight = 0, first = 0, second = 0;
+      for (const WeightedPatch& patch : set) {
+        const Vector3d way = patch.patch.center - q;
+        const double path = patch.leg + way.norm();
+        const Vector3d gradient = patch.leg_direction + way.normalized();
+        const double variance = (std::pow(gradient.dot(patch.patch.half_u), 2) +
+                                 std::pow(gradient.dot(patch.patch.half_v), 2)) /
+                                3;
+        weight += patch.weight;
+        first += patch.weight * path;
+        second += patch.weight * (path * path + variance);
+      }
+      if (weight <= 0) continue;
+      const double variance = second / weight - std::pow(first / weight, 2);
+      if (0.5 * variance > PathGrid::kShare * tolerance * pulse) return false;
+    }
+  }
+  return true;
 }
 
 /// `sample` takes a coarseness and returns how many cells it made.
@@ -1451,6 +1496,7 @@ void FastModel::lambertian(const SurfacePoint& point, const ShadowView* shadows,
   exchange_paths(point, relay_, s);
   shade_patches(point, relay_, shadows, s);
   if (overrides_.switched_on(Term::patch_pairs)) return all_pairs(scale, s);
+  if (one_arrival_) return pair_with_one(scale, s);
   grid_->find_splines(s.path.data(), s.weight.data(), relay_.size(), s.splines);
   const std::size_t lit_sets = lit_.set_end.size();
   const std::size_t zones = seen_.set_end.size();
@@ -1464,6 +1510,34 @@ void FastModel::lambertian(const SurfacePoint& point, const ShadowView* shadows,
     if (s.arriving.dark()) continue;
     lay(lit_sets + z, s.leaving);
     grid_->pair(s.arriving, s.leaving, scale, s.pairs[z]);
+  }
+}
+
+/// The same where what arrives has one path: whole paths, without a convolution.
+void FastModel::pair_with_one(double scale, Scratch& s) const {
+  const std::size_t lit_sets = lit_.set_end.size();
+  const std::size_t zones = seen_.set_end.size();
+  const auto first = static_cast<std::size_t>(lit_.size());
+  for (std::size_t set = 0; set < lit_sets; ++set) {
+    double weight = 0, path = 0;
+    const auto [in_begin, in_end] = relay_.set(set);
+    for (std::size_t p = in_begin; p < in_end; ++p) {
+      weight += s.weight[p];
+      path += s.weight[p] * s.path[p];
+    }
+    if (weight > 0) path /= weight;
+    // A flash lights all zones, a confocal set its own.
+    const std::size_t begin = relay_.set(lit_sets + (confocal_ ? set : 0)).first;
+    const std::size_t end = relay_.set(lit_sets + (confocal_ ? set : zones - 1)).second;
+    for (std::size_t r = begin; r < end; ++r) {
+      s.weight[r] *= scale * weight;
+      s.path[r] += path;
+    }
+  }
+  grid_->find_splines(s.path.data() + first, s.weight.data() + first, seen_.size(), s.splines);
+  for (std::size_t z = 0; z < zones; ++z) {
+    const auto [begin, end] = relay_.set(lit_sets + z);
+    grid_->add(s.splines, begin - first, end - first, s.pairs[z]);
   }
 }
 

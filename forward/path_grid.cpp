@@ -18,8 +18,6 @@ constexpr int kSharpening = 16;
 /// Share of the pulse's energy that may be cut off at either end, and of the peak below which taps
 /// are left out.
 constexpr double kOutside = 1e-5;
-/// Share of the tolerance that the grid may take.
-constexpr double kShare = 0.1;
 /// Coarsest and finest step in standard deviations of the pulse.
 constexpr double kCoarsest = 1.0;
 constexpr double kFinest = 0.1;
@@ -29,24 +27,29 @@ constexpr double kRefinement = 0.8;
 /// Zeros around light that is convolved, so that four cells can be taken at once.
 constexpr int kBlock = 4;
 
-/// Coefficients [-kSharpening, kSharpening] of the inverse of (1/6, 4/6, 1/6), applied twice.
-std::vector<double> sharpening() {
+/// Coefficients [-kSharpening, kSharpening] of the inverse of (1/6, 4/6, 1/6), applied for each
+/// variable of the spline: once for a whole path, twice for two legs.
+std::vector<double> sharpening(PathGrid::Paths paths) {
   const double pole = std::sqrt(3.0) - 2;
   const auto once = [&](int n) {
     return -6 * pole / (1 - pole * pole) * std::pow(pole, std::abs(n));
   };
-  std::vector<double> twice;
+  std::vector<double> coefficients;
   for (int n = -kSharpening; n <= kSharpening; ++n) {
+    if (paths == PathGrid::Paths::whole) {
+      coefficients.push_back(once(n));
+      continue;
+    }
     double sum = 0;
     for (int k = -40; k <= 40; ++k) sum += once(k) * once(n - k);
-    twice.push_back(sum);
+    coefficients.push_back(sum);
   }
-  return twice;
+  return coefficients;
 }
 
-BLINDCORNER_MULTIVERSION void place_legs(const double* paths, const double* weights, int count,
-                                         double cells_per_metre, int margin, int cells,
-                                         PathGrid::Splines& splines) {
+BLINDCORNER_MULTIVERSION void place(const double* paths, const double* weights, int count,
+                                    double cells_per_metre, int margin, int cells,
+                                    PathGrid::Splines& splines) {
   int* __restrict cell = splines.cell.data();
   double* __restrict w0 = splines.weight[0].data();
   double* __restrict w1 = splines.weight[1].data();
@@ -161,19 +164,21 @@ void PathLight::clear() {
   end = 0;
 }
 
-PathGrid::PathGrid(const Sensor& sensor, double extra_variance, int axis_bins, double way_back,
-                   double tolerance)
-    : PathGrid(sensor, extra_variance, axis_bins, way_back,
-               coarsest_cell(sensor, extra_variance, tolerance)) {}
+PathGrid::PathGrid(const Sensor& sensor, Paths paths, double extra_variance, int axis_bins,
+                   double way_back, double tolerance)
+    : PathGrid(sensor, paths, extra_variance, axis_bins, way_back,
+               coarsest_cell(sensor, paths, extra_variance, tolerance)) {}
 
-PathGrid::PathGrid(const Sensor& sensor, double extra_variance, int axis_bins, double way_back,
-                   CellWidth width)
-    : axis_bins_(axis_bins),
+PathGrid::PathGrid(const Sensor& sensor, Paths paths, double extra_variance, int axis_bins,
+                   double way_back, CellWidth width)
+    : paths_(paths),
+      axis_bins_(axis_bins),
       cells_per_metre_(1 / (width.bins * sensor.bin_width * kSpeedOfLight)),
       phases_(width.bins >= 1 ? 1 : static_cast<int>(std::lround(1 / width.bins))),
       bins_per_cell_(std::max(1, static_cast<int>(std::lround(width.bins)))),
       margin_(kMargin + static_cast<int>(std::ceil(way_back * cells_per_metre_))),
-      leg_cells_(static_cast<int>(std::ceil(axis_bins / width.bins)) + 2 * margin_) {
+      leg_cells_(static_cast<int>(std::ceil(axis_bins / width.bins)) + 2 * margin_),
+      pair_cells_(static_cast<std::size_t>(2 * (leg_cells_ + kBlock))) {
   const double bin = sensor.bin_width;
   std::vector<double> offsets;
   for (const Zone& zone : sensor.zones) {
@@ -189,8 +194,8 @@ PathGrid::PathGrid(const Sensor& sensor, double extra_variance, int axis_bins, d
 }
 
 /// Cells of whole bins, or whole cells to the bin, so that few kinds of cells lie alike.
-PathGrid::CellWidth PathGrid::coarsest_cell(const Sensor& sensor, double extra_variance,
-                                            double tolerance) {
+PathGrid::CellWidth PathGrid::coarsest_cell(const Sensor& sensor, Paths paths,
+                                            double extra_variance, double tolerance) {
   const double bin = sensor.bin_width;
   const double sigma = std::hypot(sensor.response.core_sigma(), std::sqrt(extra_variance));
   const auto whole = [](double bins) {
@@ -198,7 +203,7 @@ PathGrid::CellWidth PathGrid::coarsest_cell(const Sensor& sensor, double extra_v
   };
   CellWidth width = whole(std::max(kCoarsest * sigma / bin, 1.0 / kMostPhases));
   while (width.bins * bin > kFinest * sigma && width.bins * kRefinement * kMostPhases >= 1 &&
-         error_between_cells(sensor, extra_variance, width) > kShare * tolerance) {
+         error_between_cells(sensor, paths, extra_variance, width) > kShare * tolerance) {
     width = whole(kRefinement * width.bins);
   }
   return width;
@@ -206,7 +211,7 @@ PathGrid::CellWidth PathGrid::coarsest_cell(const Sensor& sensor, double extra_v
 
 std::vector<PathGrid::Filter> PathGrid::filters(const ImpulseResponse& response, double bin_width,
                                                 double extra_variance, double offset) const {
-  static const std::vector<double> kSharp = sharpening();
+  const std::vector<double> sharp = sharpening(paths_);
   const auto [early, late] = response.support(kOutside, extra_variance);
   const int reach = (kSharpening * bins_per_cell_ + phases_ - 1) / phases_ + 2;
   const int first = static_cast<int>(std::floor(early / bin_width)) - reach;
@@ -228,7 +233,7 @@ std::vector<PathGrid::Filter> PathGrid::filters(const ImpulseResponse& response,
         // A pulse at `phase` parts of a bin, less n cells.
         const auto low =
             static_cast<std::size_t>((b - origin) * phases_ - phase + n * bins_per_cell_);
-        sum += kSharp[static_cast<std::size_t>(n + kSharpening)] *
+        sum += sharp[static_cast<std::size_t>(n + kSharpening)] *
                (integral[low + static_cast<std::size_t>(phases_)] - integral[low]);
       }
       filter.taps.push_back(sum);
@@ -244,9 +249,10 @@ std::vector<PathGrid::Filter> PathGrid::filters(const ImpulseResponse& response,
   return made;
 }
 
-/// Largest error of a bin, relative to the largest bin, of a pulse whose two legs end between
-/// cells.
-double PathGrid::error_between_cells(const Sensor& sensor, double extra_variance, CellWidth width) {
+/// Largest error of a bin, relative to the largest bin, of a pulse whose path, or whose two legs,
+/// end between cells.
+double PathGrid::error_between_cells(const Sensor& sensor, Paths paths, double extra_variance,
+                                     CellWidth width) {
   const double bin = sensor.bin_width;
   const auto [early, late] = sensor.response.support(kOutside, extra_variance);
   // One zone, whose axis holds the whole pulse.
@@ -255,21 +261,28 @@ double PathGrid::error_between_cells(const Sensor& sensor, double extra_variance
   const int before = 2 - static_cast<int>(std::floor(early / bin));
   const int bins = before + static_cast<int>(std::ceil(late / bin)) + 12;
   one.zones[0].time_zero = before * bin;
-  const PathGrid grid(one, extra_variance, bins, 0, width);
-  const auto leg = [&](double cells) {
+  const PathGrid grid(one, paths, extra_variance, bins, 0, width);
+  const auto spline = [&](double cells) {
     const double path = cells * grid.step();
     const double weight = 1;
     Splines splines;
     grid.find_splines(&path, &weight, 1, splines);
+    return splines;
+  };
+  const auto leg = [&](double cells) {
     PathLight light;
-    grid.lay(splines, 0, 1, light);
+    grid.lay(spline(cells), 0, 1, light);
     return light;
   };
   double largest = 0, peak = 0;
   for (const double u : {0.0, 0.25, 0.5}) {
     for (const double v : {0.0, 0.25, 0.5}) {
       PathLight pairs;
-      grid.pair(leg(u), leg(v), 1, pairs);
+      if (paths == Paths::whole) {
+        grid.add(spline(u + v), 0, 1, pairs);
+      } else {
+        grid.pair(leg(u), leg(v), 1, pairs);
+      }
       std::vector<double> row(static_cast<std::size_t>(bins), 0.0);
       grid.add_to_row(0, pairs, row.data());
       const double position = before + (u + v) * width.bins;
@@ -291,7 +304,9 @@ void PathGrid::find_splines(const double* paths, const double* weights, int coun
     splines.cell.resize(n);
     for (auto& w : splines.weight) w.resize(n);
   }
-  place_legs(paths, weights, count, cells_per_metre_, margin_, leg_cells_, splines);
+  // Whole paths lie on the grid of pairs, whose path zero is twice as far in.
+  const int legs = paths_ == Paths::whole ? 2 : 1;
+  place(paths, weights, count, cells_per_metre_, legs * margin_, legs * leg_cells_, splines);
 }
 
 void PathGrid::lay(const Splines& splines, std::size_t begin, std::size_t end,
@@ -318,8 +333,7 @@ void PathGrid::lay(const Splines& splines, std::size_t begin, std::size_t end,
 void PathGrid::pair(const PathLight& in, const PathLight& out, double scale,
                     PathLight& pairs) const {
   if (in.dark() || out.dark()) return;
-  const auto size = static_cast<std::size_t>(2 * (leg_cells_ + kBlock));
-  if (pairs.cells.size() < size) pairs.cells.resize(size, 0.0);
+  if (pairs.cells.size() < pair_cells_) pairs.cells.resize(pair_cells_, 0.0);
   // Cells of legs count from kBlock, and path zero lies at margin_ of each: at twice that of pairs.
   const int first = in.begin + out.begin - 2 * kBlock;
   const int a_count = in.end - in.begin;
@@ -335,6 +349,16 @@ void PathGrid::pair(const PathLight& in, const PathLight& out, double scale,
   }
   pairs.begin = std::min(pairs.begin, first);
   pairs.end = std::max(pairs.end, first + a_count + b_count - 1);
+}
+
+void PathGrid::add(const Splines& splines, std::size_t begin, std::size_t end,
+                   PathLight& pairs) const {
+  if (pairs.cells.size() < pair_cells_) pairs.cells.resize(pair_cells_, 0.0);
+  int lowest = static_cast<int>(pair_cells_), highest = -1;
+  add_legs(splines, begin, end, pairs.cells.data(), 1, 0, lowest, highest);
+  if (highest < lowest) return;
+  pairs.begin = std::min(pairs.begin, lowest);
+  pairs.end = std::max(pairs.end, highest + 4);
 }
 
 void PathGrid::add_to_row(int zone, const PathLight& pairs, double* row) const {

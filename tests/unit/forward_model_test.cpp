@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "blindcorner/forward/forward_model.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -681,6 +682,22 @@ std::vector<Variant> variants() {
          partition(s);
        }},
       {"cone", [](Scene& s) { s.sensor.field = AngularCone{0.45}; }},
+      {"lit_point", [](Scene& s) { s.sensor.field = AngularCone{0.1 * kDegree}; }},
+      {"lit_point_plate",
+       [](Scene& s) {
+         s.sensor.field = AngularCone{0.1 * kDegree};
+         s.surfaces.push_back(
+             blocker(RectangleShape{0.06, 0.2}, {0.53, 0.25, 0.05}, axes_along({0, -1, 0})));
+       }},
+      {"lit_points_confocal",
+       [](Scene& s) {
+         s.sensor.illumination = Illumination::confocal;
+         for (Zone& zone : s.sensor.zones) {
+           auto& r = std::get<AngularRectangle>(zone.footprint);
+           r = {0.5 * (r.left + r.right) - 1e-3, 0.5 * (r.left + r.right) + 1e-3,
+                0.5 * (r.top + r.bottom) - 1e-3, 0.5 * (r.top + r.bottom) + 1e-3};
+         }
+       }},
       {"light_offset", [](Scene& s) { s.sensor.light_offset = Vector3d(0.0, 0.03, -0.02); }},
       {"tilted_sensor",
        [](Scene& s) {
@@ -822,8 +839,6 @@ TEST(FastModelTest, ToleranceBuysAccuracy) {
   }
 }
 
-// The extra pulse is a convolution with a Gaussian: an instrument whose own Gaussian pulse has the
-// sum of the variances sees the same.
 // A face of the box turns away while the corner's shadow crosses patches of the floor that lie half
 // behind it: their visible part is in front of the face where their own points are not.
 TEST(FastModelTest, LightDoesNotJumpWhereShadowsMeetTheHorizon) {
@@ -847,6 +862,25 @@ TEST(FastModelTest, LightDoesNotJumpWhereShadowsMeetTheHorizon) {
   }
 }
 
+// A spot of light that reaches the object at one time takes no convolution, down to the tolerance
+// at which its size shows.
+TEST(FastModelTest, SmallSpotsArriveAtOnce) {
+  const auto reason = [](double half_angle_deg, double tolerance) {
+    Scene scene = table_top();
+    scene.sensor.field = AngularCone{half_angle_deg * kDegree};
+    FastModelOptions options;
+    options.tolerance = tolerance;
+    const auto model = make_fast_model(scene, sensor_placement(scene), options);
+    return model->plan().decision(Term::patch_pairs).reason;
+  };
+  EXPECT_THAT(reason(0.1, 0.01), testing::HasSubstr("arrives at once"));
+  EXPECT_THAT(reason(2, 0.01), testing::HasSubstr("convolved"));
+  EXPECT_THAT(reason(0.5, 0.1), testing::HasSubstr("arrives at once"));
+  EXPECT_THAT(reason(0.5, 0.001), testing::HasSubstr("convolved"));
+}
+
+// The extra pulse is a convolution with a Gaussian: an instrument whose own Gaussian pulse has the
+// sum of the variances sees the same.
 TEST(FastModelTest, ExtraPulseIsAConvolution) {
   Scene scene = table_top();
   scene.sensor.response = ImpulseResponse(GaussianResponse{100e-12});

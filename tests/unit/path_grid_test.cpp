@@ -7,12 +7,15 @@
 #include <cmath>
 #include <random>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "blindcorner/forward/constants.h"
 
 namespace blindcorner {
 namespace {
+
+using Paths = PathGrid::Paths;
 
 constexpr int kBins = 96;
 
@@ -50,20 +53,31 @@ struct Leg {
 /// Light of all pairs of legs, by the grid.
 std::vector<double> by_grid(const PathGrid& grid, int zone, const std::vector<Leg>& in,
                             const std::vector<Leg>& out) {
-  const auto lay = [&](const std::vector<Leg>& legs) {
+  const auto splines = [&](const std::vector<Leg>& legs) {
     std::vector<double> paths, weights;
     for (const Leg& leg : legs) {
       paths.push_back(leg.path);
       weights.push_back(leg.weight);
     }
-    PathGrid::Splines splines;
-    grid.find_splines(paths.data(), weights.data(), static_cast<int>(legs.size()), splines);
+    PathGrid::Splines found;
+    grid.find_splines(paths.data(), weights.data(), static_cast<int>(legs.size()), found);
+    return found;
+  };
+  const auto lay = [&](const std::vector<Leg>& legs) {
     PathLight light;
-    grid.lay(splines, 0, legs.size(), light);
+    grid.lay(splines(legs), 0, legs.size(), light);
     return light;
   };
   PathLight pairs;
-  grid.pair(lay(in), lay(out), 1.0, pairs);
+  if (grid.paths() == Paths::whole) {
+    for (const Leg& a : in) {
+      std::vector<Leg> whole = out;
+      for (Leg& leg : whole) leg = {a.path + leg.path, a.weight * leg.weight};
+      grid.add(splines(whole), 0, whole.size(), pairs);
+    }
+  } else {
+    grid.pair(lay(in), lay(out), 1.0, pairs);
+  }
   std::vector<double> row(kBins, 0.0);
   grid.add_to_row(zone, pairs, row.data());
   return row;
@@ -108,9 +122,10 @@ std::vector<Leg> legs(const Sensor& sensor, int count, unsigned seed) {
   return list;
 }
 
-class PathGridCase : public testing::TestWithParam<std::size_t> {
+class PathGridCase : public testing::TestWithParam<std::tuple<std::size_t, Paths>> {
  protected:
-  Sensor sensor() const { return sensor_of(cases()[GetParam()]); }
+  Sensor sensor() const { return sensor_of(cases()[std::get<0>(GetParam())]); }
+  static Paths paths() { return std::get<1>(GetParam()); }
 };
 
 // A single pulse is the worst case: errors between cells do not average out. The grid takes a tenth
@@ -118,7 +133,7 @@ class PathGridCase : public testing::TestWithParam<std::size_t> {
 TEST_P(PathGridCase, OnePulseIsRightToItsShareOfTheTolerance) {
   const Sensor s = sensor();
   for (const double tolerance : {0.1, 0.01, 0.001}) {
-    const PathGrid grid(s, 0.0, kBins, 0.0, tolerance);
+    const PathGrid grid(s, paths(), 0.0, kBins, 0.0, tolerance);
     for (unsigned seed = 0; seed < 40; ++seed) {
       const auto in = legs(s, 1, seed), out = legs(s, 1, 1000 + seed);
       for (const int zone : {0, 1}) {
@@ -132,7 +147,7 @@ TEST_P(PathGridCase, OnePulseIsRightToItsShareOfTheTolerance) {
 
 TEST_P(PathGridCase, AllPairsAreThere) {
   const Sensor s = sensor();
-  const PathGrid grid(s, 0.0, kBins, 0.0, 0.01);
+  const PathGrid grid(s, paths(), 0.0, kBins, 0.0, 0.01);
   const auto in = legs(s, 37, 5), out = legs(s, 11, 6);
   EXPECT_LT(worst(by_grid(grid, 0, in, out), exact(s, 0.0, 0, in, out)), 1e-3);
 }
@@ -140,7 +155,7 @@ TEST_P(PathGridCase, AllPairsAreThere) {
 TEST_P(PathGridCase, ExtraPulseWidensIt) {
   const Sensor s = sensor();
   const double variance = std::pow(2 * s.response.core_sigma(), 2);
-  const PathGrid grid(s, variance, kBins, 0.0, 0.01);
+  const PathGrid grid(s, paths(), variance, kBins, 0.0, 0.01);
   const auto in = legs(s, 3, 7), out = legs(s, 3, 8);
   EXPECT_LT(worst(by_grid(grid, 0, in, out), exact(s, variance, 0, in, out)), 2e-3);
 }
@@ -148,7 +163,7 @@ TEST_P(PathGridCase, ExtraPulseWidensIt) {
 // The fit differentiates numerically: the first derivative must not jump from cell to cell.
 TEST_P(PathGridCase, DerivativeDoesNotDependOnTheStep) {
   const Sensor s = sensor();
-  const PathGrid grid(s, 0.0, kBins, 0.0, 0.01);
+  const PathGrid grid(s, paths(), 0.0, kBins, 0.0, 0.01);
   const auto out = legs(s, 4, 9);
   std::vector<Leg> in = legs(s, 1, 10);
   const double start = in[0].path;
@@ -171,44 +186,56 @@ TEST_P(PathGridCase, DerivativeDoesNotDependOnTheStep) {
   EXPECT_LT(error, 2e-3 * peak);
 }
 
-INSTANTIATE_TEST_SUITE_P(Responses, PathGridCase, testing::Range(std::size_t{0}, cases().size()),
-                         [](const auto& tested) { return cases()[tested.param].name; });
+INSTANTIATE_TEST_SUITE_P(Responses, PathGridCase,
+                         testing::Combine(testing::Range(std::size_t{0}, cases().size()),
+                                          testing::Values(Paths::legs, Paths::whole)),
+                         [](const auto& tested) {
+                           const bool legs = std::get<1>(tested.param) == Paths::legs;
+                           return cases()[std::get<0>(tested.param)].name +
+                                  (legs ? "_legs" : "_whole");
+                         });
 
 // Counted from the relay, the way out is short by the distance that the sensor measures.
 TEST(PathGridTest, LegsMayBeNegative) {
   const Sensor s = sensor_of(cases()[1]);
-  const PathGrid grid(s, 0.0, kBins, 0.7, 0.01);
-  const std::vector<Leg> in{{1.2, 1.0}}, out{{-0.69, 1.0}};
-  EXPECT_LT(worst(by_grid(grid, 0, in, out), exact(s, 0.0, 0, in, out)), 2e-3);
+  for (const Paths paths : {Paths::legs, Paths::whole}) {
+    const PathGrid grid(s, paths, 0.0, kBins, 0.7, 0.01);
+    const std::vector<Leg> in{{1.2, 1.0}}, out{{-0.69, 1.0}};
+    EXPECT_LT(worst(by_grid(grid, 0, in, out), exact(s, 0.0, 0, in, out)), 2e-3);
+  }
 }
 
 TEST(PathGridTest, BothLegsMayBeNegative) {
   Sensor s = sensor_of(cases()[1]);
   s.zones[0].time_zero = 2 * 0.7 / kSpeedOfLight + 8 * s.bin_width;
-  const PathGrid grid(s, 0.0, kBins, 0.7, 0.01);
-  const std::vector<Leg> legs{{-0.69, 1.0}};
-  EXPECT_LT(worst(by_grid(grid, 0, legs, legs), exact(s, 0.0, 0, legs, legs)), 2e-3);
+  for (const Paths paths : {Paths::legs, Paths::whole}) {
+    const PathGrid grid(s, paths, 0.0, kBins, 0.7, 0.01);
+    const std::vector<Leg> legs{{-0.69, 1.0}};
+    EXPECT_LT(worst(by_grid(grid, 0, legs, legs), exact(s, 0.0, 0, legs, legs)), 2e-3);
+  }
 }
 
 TEST(PathGridTest, LightBeyondTheAxisIsLeftOutAndLightAtItsEndIsCut) {
   const Sensor s = sensor_of(cases()[1]);
-  const PathGrid grid(s, 0.0, kBins, 0.0, 0.01);
   const double axis = kBins * s.bin_width * kSpeedOfLight;
-  for (const double value : by_grid(grid, 0, {{0.6 * axis, 1}}, {{0.6 * axis, 1}})) {
-    EXPECT_EQ(value, 0);
+  for (const Paths paths : {Paths::legs, Paths::whole}) {
+    const PathGrid grid(s, paths, 0.0, kBins, 0.0, 0.01);
+    for (const double value : by_grid(grid, 0, {{0.6 * axis, 1}}, {{0.6 * axis, 1}})) {
+      EXPECT_EQ(value, 0);
+    }
+    for (const double value : by_grid(grid, 0, {{50 * axis, 1}}, {{0.1, 1}})) EXPECT_EQ(value, 0);
+    // The peak in the middle of the last bin.
+    const double end = (kBins - 0.5 - 3.37) * s.bin_width * kSpeedOfLight;
+    const std::vector<Leg> in{{0.5 * end, 1}}, out{{0.5 * end, 1}};
+    EXPECT_LT(worst(by_grid(grid, 0, in, out), exact(s, 0.0, 0, in, out)), 2e-3);
   }
-  for (const double value : by_grid(grid, 0, {{50 * axis, 1}}, {{0.1, 1}})) EXPECT_EQ(value, 0);
-  // The peak in the middle of the last bin.
-  const double end = (kBins - 0.5 - 3.37) * s.bin_width * kSpeedOfLight;
-  const std::vector<Leg> in{{0.5 * end, 1}}, out{{0.5 * end, 1}};
-  EXPECT_LT(worst(by_grid(grid, 0, in, out), exact(s, 0.0, 0, in, out)), 2e-3);
 }
 
 TEST(PathGridTest, FinerTolerancesTakeFinerGrids) {
   const Sensor s = sensor_of(cases()[1]);
   double before = 1e9;
   for (const double tolerance : {0.3, 0.01, 1e-4}) {
-    const double step = PathGrid(s, 0.0, kBins, 0.0, tolerance).step();
+    const double step = PathGrid(s, Paths::legs, 0.0, kBins, 0.0, tolerance).step();
     EXPECT_LT(step, before);
     before = step;
   }
