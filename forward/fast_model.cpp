@@ -253,7 +253,9 @@ struct LobeLight {
 
 /// Scratch for one evaluation, one per thread.
 struct Scratch {
-  std::vector<double> weight, path, variance, dx, dy, dz, cosine, rows;
+  std::vector<double> weight, path, variance, dx, dy, dz, cosine;
+  std::vector<double> unfolded;  ///< rows of a time axis that wraps
+  double* rows = nullptr;        ///< [zone][bin of the whole time axis], being rendered
   std::vector<std::pair<std::size_t, double>> partial;  ///< patches seen in part, and which share
   std::vector<double> distance, extent;                 ///< of patches, for lobes
   std::vector<LobeLight> lobes;                         ///< [anchor]
@@ -1463,18 +1465,15 @@ void FastModel::flush(Scratch& s) const {
   for (int z = 0; z < scene_.sensor.zone_count(); ++z) {
     if (grid_) {
       PathLight& pairs = s.pairs[static_cast<std::size_t>(z)];
-      double* row = s.rows.data() + static_cast<std::ptrdiff_t>(z) * axis_bins_;
       if (overrides_.switched_on(Term::whole_axis)) pairs.take_all();
-      grid_->add_to_row(z, pairs, row);
+      grid_->add_to_row(z, pairs, s.rows + static_cast<std::ptrdiff_t>(z) * axis_bins_);
       pairs.clear();
-      // Splines swing about zero where a pulse ends; light does not.
-      std::for_each(row, row + axis_bins_, [](double& light) { light = std::max(light, 0.0); });
       continue;
     }
     const double start =
         scene_.sensor.zones[static_cast<std::size_t>(z)].time_zero / scene_.sensor.bin_width;
     Sums* cells = s.cells.data() + static_cast<std::ptrdiff_t>(z) * path_cells_;
-    double* row = s.rows.data() + static_cast<std::ptrdiff_t>(z) * axis_bins_;
+    double* row = s.rows + static_cast<std::ptrdiff_t>(z) * axis_bins_;
     Range& touched = s.touched[static_cast<std::size_t>(z)];
     if (overrides_.switched_on(Term::whole_axis)) touched = {0, path_cells_};
     for (int c = touched.begin; c < touched.end; ++c) {
@@ -1546,7 +1545,7 @@ void FastModel::all_pairs(double scale, Scratch& s) const {
   const std::size_t lit_sets = lit_.set_end.size();
   for (std::size_t z = 0; z < seen_.set_end.size(); ++z) {
     const double start = scene_.sensor.zones[z].time_zero / scene_.sensor.bin_width;
-    double* row = s.rows.data() + static_cast<std::ptrdiff_t>(z) * axis_bins_;
+    double* row = s.rows + static_cast<std::ptrdiff_t>(z) * axis_bins_;
     const auto [in_begin, in_end] = relay_.set(confocal_ ? z : 0);
     const auto [out_begin, out_end] = relay_.set(lit_sets + z);
     for (std::size_t r = out_begin; r < out_end; ++r) {
@@ -1861,7 +1860,12 @@ void FastModel::render(const Placement& placement, const MovingBodies& bodies,
   }
   thread_local Scratch scratch;
   const int zones = sensor.zone_count();
-  scratch.rows.assign(static_cast<std::size_t>(zones) * static_cast<std::size_t>(axis_bins_), 0.0);
+  const bool wraps = axis_bins_ != sensor.bins;
+  if (wraps) {
+    const auto axis = static_cast<std::size_t>(axis_bins_);
+    scratch.unfolded.assign(static_cast<std::size_t>(zones) * axis, 0.0);
+  }
+  scratch.rows = wraps ? scratch.unfolded.data() : out.values.data();
   scratch.prepare(zones, path_cells_);
 
   const HiddenObject& hidden = scene_.hidden;
@@ -1874,8 +1878,8 @@ void FastModel::render(const Placement& placement, const MovingBodies& bodies,
     render_cells(placement, T, occluders, bodies, scratch);
   }
   flush(scratch);
-  for (int z = 0; z < zones; ++z) {
-    fold(sensor, z, scratch.rows.data() + static_cast<std::ptrdiff_t>(z) * axis_bins_, axis_bins_,
+  for (int z = 0; wraps && z < zones; ++z) {
+    fold(sensor, z, scratch.rows + static_cast<std::ptrdiff_t>(z) * axis_bins_, axis_bins_,
          out.zone(z));
   }
   mix_zones(sensor, out);

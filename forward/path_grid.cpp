@@ -364,16 +364,26 @@ void PathGrid::add(const Splines& splines, std::size_t begin, std::size_t end,
 void PathGrid::add_to_row(int zone, const PathLight& pairs, double* row) const {
   if (pairs.dark()) return;
   const auto z = static_cast<std::size_t>(zone);
-  std::array<Tap, kMostPhases> taps;
+  std::array<Tap, kMostPhases> taps{};
+  int earliest = axis_bins_, latest = -axis_bins_;
   for (std::size_t p = 0; p < static_cast<std::size_t>(phases_); ++p) {
     const Filter& filter = filters_[static_cast<std::size_t>(kind_[z])][p];
     taps[p] = {filter.taps.data(), filter.first, static_cast<int>(filter.taps.size())};
+    earliest = std::min(earliest, taps[p].start);
+    latest = std::max(latest, taps[p].start + taps[p].count);
   }
   const int cell = pairs.begin - 2 * margin_;
+  const int count = pairs.end - pairs.begin;
   const int whole = static_cast<int>(std::floor(static_cast<double>(cell) / phases_));
-  add_cells(pairs.cells.data() + pairs.begin, pairs.end - pairs.begin, taps.data(),
-            cell - whole * phases_, phases_, bins_per_cell_, start_[z] + whole * bins_per_cell_,
-            axis_bins_, row);
+  const int phase = cell - whole * phases_;
+  const int bin = start_[z] + whole * bins_per_cell_;
+  add_cells(pairs.cells.data() + pairs.begin, count, taps.data(), phase, phases_, bins_per_cell_,
+            bin, axis_bins_, row);
+  // Splines swing about zero where a pulse ends; light does not.
+  const int begin = std::max(bin + earliest, 0);
+  const int end =
+      std::min(bin + (phase + count - 1) / phases_ * bins_per_cell_ + latest, axis_bins_);
+  for (int b = begin; b < end; ++b) row[b] = std::max(row[b], 0.0);
 }
 
 }  // namespace blindcorner

@@ -66,7 +66,7 @@ class PathGrid {
   /// Adds the whole paths [begin, end) to `pairs`.
   void add(const Splines& splines, std::size_t begin, std::size_t end, PathLight& pairs) const;
 
-  /// Adds the histogram of the pairs to a zone's row [axis_bins].
+  /// Adds the histogram of the pairs to a zone's row [axis_bins], none of which is then below zero.
   void add_to_row(int zone, const PathLight& pairs, double* row) const;
 
   Paths paths() const { return paths_; }
