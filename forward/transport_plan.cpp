@@ -256,6 +256,11 @@ TransportPlan make_plan(const Scene& scene, const std::vector<Vector3d>& relay_p
          "the sensor records one photon a cycle; captures in which more than 1 % of the light "
          "is hidden are corrected"});
   }
+  if (scene.sensor.saturation > 0) {
+    plan.decide(
+        {Term::saturation, "bins that fill up", true,
+         "the sensor states how much a bin holds; a fit leaves out bins that captures fill up"});
+  }
   return plan;
 }
 

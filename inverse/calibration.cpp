@@ -113,6 +113,34 @@ void drop_outliers(const CalibrationProblem& problem, const Evaluations& evaluat
   }
 }
 
+/// Zones that never count anything, where others do, carry no information. Returns a line that says
+/// so; empty: there are none.
+std::string find_dead_zones(const std::vector<Capture>& captures, Sensor& sensor) {
+  std::vector<int> dark;
+  int live = 0;
+  for (int z = 0; z < sensor.zone_count(); ++z) {
+    Zone& zone = sensor.zones[static_cast<std::size_t>(z)];
+    if (zone.dead) continue;
+    const bool counts = std::ranges::any_of(captures, [&](const Capture& capture) {
+      const double* row = capture.counts.zone(z);
+      return std::any_of(row + zone.first_valid_bin, row + sensor.valid_end(z),
+                         [](double value) { return value != 0; });
+    });
+    if (counts) {
+      ++live;
+    } else {
+      dark.push_back(z);
+    }
+  }
+  if (dark.empty() || live == 0) return {};
+  std::string line = "dead zones, without a count in any capture:";
+  for (const int z : dark) {
+    sensor.zones[static_cast<std::size_t>(z)].dead = true;
+    line += " " + std::to_string(z);
+  }
+  return line;
+}
+
 /// Brightness that the captures have in common, as a start for the gain.
 double typical_log_amplitude(const Evaluations& evaluations) {
   std::vector<double> logs;
@@ -435,13 +463,18 @@ std::vector<CalibratedParameter> estimates(const CalibrationProblem& problem,
 }
 
 /// Which captures were used, and why the others were not.
-void tell_captures(const CalibrationProblem& problem, const Evaluations& evaluations,
-                   const std::vector<double>& keep, Calibration& result) {
+void tell_captures(const Scene& scene, const CalibrationProblem& problem,
+                   const Evaluations& evaluations, const std::vector<double>& keep,
+                   Calibration& result) {
   for (std::size_t c = 0; c < keep.size(); ++c) {
     const double bins = degrees_of_freedom(problem.observation(c));
     if (keep[c] > 0) {
       ++result.used;
       result.expected_deviance += bins;
+      continue;
+    }
+    if (saturates(scene.sensor, problem.capture(c))) {
+      result.left_out.push_back({static_cast<int>(c), "saturates in bins where others do not"});
       continue;
     }
     char text[96];
@@ -486,7 +519,7 @@ void CalibrationOptions::validate() const {
 }
 
 /// The method, top to bottom.
-Calibration calibrate(const Scene& scene, std::span<const Capture> captures,
+Calibration calibrate(const Scene& stated, std::span<const Capture> captures,
                       const CalibrationOptions& options, bool no_object,
                       const std::function<void(double)>& advance) {
   options.validate();
@@ -494,15 +527,28 @@ Calibration calibrate(const Scene& scene, std::span<const Capture> captures,
     if (advance) advance(share);
   };
   Calibration result;
-  result.scene = scene;
   std::vector<Capture> list(captures.begin(), captures.end());
+  std::vector<const Capture*> all;
+  for (const Capture& capture : list) all.push_back(&capture);
+  if (list.empty()) throw Error("calibrate", "found no captures, accepted: at least one");
+  Scene scene = stated;
+  const std::string saturated = leave_out_saturated_bins(scene.sensor, all);
+  if (!saturated.empty()) result.notes.push_back(saturated);
+  // Captures that saturate all the same are no reason to stop.
+  Scene unlimited = scene;
+  unlimited.sensor.saturation = 0;
+  std::vector<double> usable;
   std::vector<std::optional<PoseVector>> poses;
   for (std::size_t c = 0; c < list.size(); ++c) {
-    check_capture(scene, list[c]);
+    check_capture(unlimited, list[c]);
+    usable.push_back(saturates(scene.sensor, list[c]) ? 0.0 : 1.0);
     poses.emplace_back();
     if (!no_object) poses.back() = true_pose(scene, list[c], c);
   }
-  if (list.empty()) throw Error("calibrate", "found no captures, accepted: at least one");
+  if (const std::string dead = find_dead_zones(list, scene.sensor); !dead.empty()) {
+    result.notes.push_back(dead);
+  }
+  result.scene = scene;
 
   // Which spot is which.
   const RelaySpots spots = relay_spots(scene);
@@ -525,7 +571,7 @@ Calibration calibrate(const Scene& scene, std::span<const Capture> captures,
   if (gain >= 0 && !no_object) {
     u[gain] = typical_log_amplitude(problem.evaluate(result.scene, true));
   }
-  std::vector<double> keep(list.size(), 1.0);
+  std::vector<double> keep = usable;
   Evaluations evaluations = problem.evaluate(problem.scene_at(u));
   const Eigen::VectorXd start = u;
 
@@ -538,6 +584,7 @@ Calibration calibrate(const Scene& scene, std::span<const Capture> captures,
     const Scene now = problem.scene_at(u);
     evaluations = problem.evaluate(now);
     drop_outliers(problem, evaluations, options.outlier_sigmas, keep);
+    for (std::size_t c = 0; c < keep.size(); ++c) keep[c] *= usable[c];
     Scene base = problem.base();
     if (options.ambient) learn_ambient(problem, problem.evaluate(now, false, true), keep, base);
     if (options.noise) learn_noise(problem, evaluations, keep, base);
@@ -562,7 +609,7 @@ Calibration calibrate(const Scene& scene, std::span<const Capture> captures,
   report(0.7);
 
   result.parameters = estimates(problem, u, covariance);
-  tell_captures(problem, evaluations, keep, result);
+  tell_captures(scene, problem, evaluations, keep, result);
   result.scene = problem.scene_at(u);
   const Evaluations before = problem.evaluate(problem.scene_at(start));
   result.deviance_before = total_deviance(before, keep);

@@ -54,7 +54,77 @@ Unpiled without_pile_up(const Sensor& sensor, const Capture& capture) {
   return {std::move(corrected), sum / count};
 }
 
+/// Share of captures that may saturate a bin before it is left out of all.
+constexpr double kRarelySaturated = 0.05;
+
+/// Longest run of bins that are not `full` in [first, end); the later one of two.
+BinWindow longest_run(const std::vector<bool>& full, int first, int end) {
+  BinWindow longest, run{first, first};
+  for (int k = first; k < end; ++k) {
+    if (full[static_cast<std::size_t>(k)]) {
+      run = {k + 1, k + 1};
+    } else {
+      run.end = k + 1;
+      if (run.end - run.first >= longest.end - longest.first) longest = run;
+    }
+  }
+  return longest;
+}
+
 }  // namespace
+
+std::string leave_out_saturated_bins(Sensor& sensor, std::span<const Capture* const> captures) {
+  if (sensor.saturation <= 0) return {};
+  std::vector<const HistogramCube*> cubes;
+  for (const Capture* capture : captures) {
+    const HistogramCube& counts = capture->counts;
+    const bool suits = counts.rows == sensor.rows && counts.columns == sensor.columns &&
+                       counts.bins == sensor.bins;
+    if (suits) cubes.push_back(&counts);
+  }
+  int zones = 0, dead = 0, bins = 0;
+  for (int z = 0; z < sensor.zone_count(); ++z) {
+    Zone& zone = sensor.zones[static_cast<std::size_t>(z)];
+    if (zone.dead) continue;
+    const int first = zone.first_valid_bin;
+    const int end = sensor.valid_end(z);
+    std::vector<bool> full(static_cast<std::size_t>(sensor.bins));
+    for (int k = first; k < end; ++k) {
+      const auto count = std::ranges::count_if(
+          cubes, [&](const HistogramCube* counts) { return sensor.saturates(counts->zone(z)[k]); });
+      full[static_cast<std::size_t>(k)] =
+          static_cast<double>(count) > kRarelySaturated * static_cast<double>(cubes.size());
+    }
+    const BinWindow kept = longest_run(full, first, end);
+    const int lost = end - first - (kept.end - kept.first);
+    if (lost == 0) continue;
+    ++zones;
+    bins += lost;
+    zone.dead = kept.first == kept.end;
+    dead += zone.dead ? 1 : 0;
+    if (zone.dead) continue;
+    zone.first_valid_bin = kept.first;
+    zone.last_valid_bin = kept.end - 1;
+  }
+  if (zones == 0) return {};
+  std::string line = "saturation: left out " + std::to_string(bins) + " bins of " +
+                     std::to_string(zones) + " zones, at and beside those that captures fill up";
+  if (dead > 0) line += "; nothing is left of " + std::to_string(dead) + " zones";
+  return line;
+}
+
+bool saturates(const Sensor& sensor, const Capture& capture) {
+  for (int z = 0; z < sensor.zone_count(); ++z) {
+    const Zone& zone = sensor.zones[static_cast<std::size_t>(z)];
+    if (zone.dead) continue;
+    const double* counts = capture.counts.zone(z);
+    if (std::any_of(counts + zone.first_valid_bin, counts + sensor.valid_end(z),
+                    [&](double value) { return sensor.saturates(value); })) {
+      return true;
+    }
+  }
+  return false;
+}
 
 double Observation::total_count() const {
   double total = 0;
@@ -96,10 +166,13 @@ void check_capture(const Scene& scene, const Capture& capture) {
     if (zone.dead) continue;
     for (int k = zone.first_valid_bin; k < sensor.valid_end(z); ++k) {
       const double value = counts.zone(z)[k];
-      if (std::isfinite(value) && (value >= 0 || !poisson)) continue;
+      if (std::isfinite(value) && (value >= 0 || !poisson) && !sensor.saturates(value)) continue;
+      std::string accepted = poisson ? "finite counts >= 0 (Poisson law)" : "finite values";
+      if (sensor.saturation > 0) {
+        accepted += " below the saturation of " + std::to_string(sensor.saturation);
+      }
       throw Error(where, "counts[zone " + std::to_string(z) + "][bin " + std::to_string(k) +
-                             "]: found " + std::to_string(value) + ", accepted: " +
-                             (poisson ? "finite counts >= 0 (Poisson law)" : "finite values"));
+                             "]: found " + std::to_string(value) + ", accepted: " + accepted);
     }
   }
 }

@@ -7,6 +7,7 @@
 #include <filesystem>
 
 #include "blindcorner/forward/error.h"
+#include "blindcorner/inverse/observation.h"
 #include "blindcorner/io/capture_file.h"
 
 namespace blindcorner {
@@ -84,6 +85,15 @@ void require_readable(const std::vector<CaptureInput>& inputs) {
   const std::string reason =
       first.error.starts_with(first.source) ? first.error : first.source + ": " + first.error;
   throw Error("no capture is readable: " + reason);
+}
+
+void leave_out_saturated_bins(Sensor& sensor, const std::vector<CaptureInput>& inputs) {
+  std::vector<const Capture*> captures;
+  for (const CaptureInput& input : inputs) {
+    if (input.capture) captures.push_back(&*input.capture);
+  }
+  const std::string said = leave_out_saturated_bins(sensor, captures);
+  if (!said.empty()) std::fprintf(stderr, "blindcorner: %s\n", said.c_str());
 }
 
 }  // namespace blindcorner

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "blindcorner/forward/capture.h"
+#include "blindcorner/forward/sensor.h"
 
 namespace blindcorner {
 
@@ -29,5 +30,8 @@ std::vector<CaptureInput> read_capture_inputs(const std::vector<std::string>& pa
 
 /// Throws Error with the first reason when no input has a capture.
 void require_readable(const std::vector<CaptureInput>& inputs);
+
+/// Leaves out bins that the captures fill up, and says so on the standard error stream.
+void leave_out_saturated_bins(Sensor& sensor, const std::vector<CaptureInput>& inputs);
 
 }  // namespace blindcorner

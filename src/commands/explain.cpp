@@ -103,7 +103,7 @@ double error_against_reference(const Scene& scene, const SensorPlacement& sensor
 
 bool can_be_switched(const PlanDecision& decision) {
   return decision.term != Term::object_in_view && decision.term != Term::direct_return &&
-         decision.term != Term::pile_up;
+         decision.term != Term::pile_up && decision.term != Term::saturation;
 }
 
 std::string share_text(double share) {

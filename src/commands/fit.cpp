@@ -176,14 +176,15 @@ int run_fit(const FitArguments& arguments) {
     threads.emplace(tbb::global_control::max_allowed_parallelism,
                     static_cast<std::size_t>(arguments.threads));
   }
-  const Scene scene = read_scene(arguments.scene, arguments.instrument);
-  const Fitter fitter(scene, arguments.options);
+  Scene scene = read_scene(arguments.scene, arguments.instrument);
   // Captures state the nominal width of a bin, which a calibration may have corrected.
   const double nominal = arguments.instrument.empty()
                              ? scene.sensor.bin_width
                              : read_scene(arguments.scene).sensor.bin_width;
   std::vector<CaptureInput> inputs = read_capture_inputs(arguments.captures, nominal);
   require_readable(inputs);
+  leave_out_saturated_bins(scene.sensor, inputs);
+  const Fitter fitter(scene, arguments.options);
   make_directory(arguments.output);
 
   const std::vector<FitResult> results =

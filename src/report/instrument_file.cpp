@@ -60,6 +60,13 @@ Json sensor_patch(const Scene& scene) {
   patch["bin_width_ps"] = picoseconds(sensor.bin_width);
   patch["time_zero_ps"] = per_zone(scene, [](const Zone& z) { return picoseconds(z.time_zero); });
   patch["gain"] = per_zone(scene, [](const Zone& z) { return number(z.gain); });
+  patch["valid_bins"] = Json::array();
+  patch["dead_zones"] = Json::array();
+  for (int z = 0; z < sensor.zone_count(); ++z) {
+    const Zone& zone = sensor.zones[static_cast<std::size_t>(z)];
+    patch["valid_bins"].push_back({zone.first_valid_bin, sensor.valid_end(z) - 1});
+    if (zone.dead) patch["dead_zones"].push_back(z);
+  }
   if (sensor.link) {
     // What the link stood for, now that the gains are known: scenes have one or the other.
     patch["link"] = nullptr;

@@ -64,6 +64,18 @@ BENCHMARK_CAPTURE(fast_model, street_corner, "street_corner", true)
 BENCHMARK_CAPTURE(fast_model, street_corner_open, "street_corner", false)
     ->Arg(100)
     ->Unit(benchmark::kMicrosecond);
+/// Histogram cubes of both cores together.
+BENCHMARK_CAPTURE(fast_model, street_corner_two_cores, "street_corner", true)
+    ->Arg(100)
+    ->Arg(40)
+    ->Threads(2)
+    ->UseRealTime()
+    ->Unit(benchmark::kMicrosecond);
+BENCHMARK_CAPTURE(fast_model, street_corner_open_two_cores, "street_corner", false)
+    ->Arg(100)
+    ->Threads(2)
+    ->UseRealTime()
+    ->Unit(benchmark::kMicrosecond);
 
 /// One cube of the reference renderer, sampled as coarsely as tests ever do.
 void reference_renderer(benchmark::State& state) {

@@ -596,6 +596,33 @@ TEST_F(Cli, FitRefusesScenesWithWrongRelayPoints) {
   EXPECT_THAT(refused(wide), AllOf(HasSubstr("scene.json: hidden.material"), HasSubstr("points")));
 }
 
+// The first bounce fills bins of every zone. What comes after them shows the object all the same;
+// taken for counts, they would leave nothing of it.
+TEST_F(Cli, FitLeavesOutBinsThatTheFirstBounceFillsUp) {
+  json scene = json::parse(text_of(kScene));
+  std::ofstream(path("free.json")) << scene;
+  scene["sensor"]["saturation"] = 65535;
+  std::ofstream(path("full.json")) << scene;
+  ASSERT_EQ(
+      run("render '" + path("full.json") + "' --seed 3 --model fast -o '" + path("c.exr") + "'")
+          .exit_code,
+      0);
+  const auto fitted = [&](const std::string& name) {
+    const Outcome outcome = run("fit '" + path(name) + "' '" + path("c.exr") + "' -o '" +
+                                path("out") + "' --empty-captures 0 --no-page");
+    EXPECT_EQ(outcome.exit_code, 0);
+    const json result = json::parse(text_of(path("out/result.json")));
+    return std::pair(outcome.err, result);
+  };
+  const auto [said, result] = fitted("full.json");
+  EXPECT_THAT(said, HasSubstr("saturation: left out"));
+  const auto flags = [](const json& r) { return r["captures"][0]["flags"].dump(); };
+  EXPECT_THAT(flags(result), Not(HasSubstr("model_misfit")));
+  const auto [silent, taken] = fitted("free.json");
+  EXPECT_EQ(silent, "");
+  EXPECT_THAT(flags(taken), HasSubstr("model_misfit"));
+}
+
 TEST_F(Cli, RenderNeedsTheRelayPointsOfACapture) {
   const Outcome outcome = run("render '" + std::string(SOURCE_DIR) +
                               "/scenes/st_person_tracking.json' -o '" + path("c.exr") + "'");

@@ -2,8 +2,10 @@
 /// Calibration finds again what synthetic captures were made with.
 #include "blindcorner/inverse/calibration.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 
@@ -127,6 +129,27 @@ TEST(Calibration, DisturbedCapturesDoNotMoveIt) {
   EXPECT_EQ(c.left_out.size(), 10u);
   for (const LeftOutCapture& out : c.left_out) EXPECT_GE(out.index, 60);
   expect_found(c, "measured_law.cosine_exponent", 6);
+  expect_found(c, "bin_width_ps", d.instrument.sensor.bin_width * 1e12);
+}
+
+// A zone that counts nothing, bins that are always full, and one capture that is full elsewhere.
+TEST(Calibration, LeavesOutDeadZonesAndFullBins) {
+  Differing d;
+  d.scene.sensor.saturation = 1e5;
+  std::vector<Capture> captures = captures_of(d.instrument, 60, 100, 1);
+  for (Capture& capture : captures) {
+    std::fill_n(capture.counts.zone(5), capture.counts.bins, 0.0);
+    capture.counts.zone(2)[d.scene.sensor.zones[2].first_valid_bin] = 1e5;
+  }
+  captures[7].counts.zone(1)[18] = 1e5;
+  const Calibration c = calibrate(d.scene, captures, quick());
+  EXPECT_TRUE(c.scene.sensor.zones[5].dead);
+  EXPECT_EQ(c.scene.sensor.zones[2].first_valid_bin, d.scene.sensor.zones[2].first_valid_bin + 1);
+  EXPECT_THAT(c.notes, testing::Contains(testing::HasSubstr("dead zones")));
+  EXPECT_THAT(c.notes, testing::Contains(testing::HasSubstr("left out 1 bins of 1 zones")));
+  ASSERT_EQ(c.left_out.size(), 1u);
+  EXPECT_EQ(c.left_out[0].index, 7);
+  EXPECT_THAT(c.left_out[0].reason, testing::HasSubstr("saturates"));
   expect_found(c, "bin_width_ps", d.instrument.sensor.bin_width * 1e12);
 }
 

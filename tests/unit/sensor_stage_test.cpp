@@ -1,13 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 /// What the detector does to the light: pile-up, saturation, crosstalk.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
 #include <random>
 #include <span>
+#include <string>
 #include <vector>
 
+#include "blindcorner/forward/error.h"
 #include "blindcorner/forward/photon_noise.h"
 #include "blindcorner/inverse/observation.h"
 #include "test_scenes.h"
@@ -141,6 +144,40 @@ TEST(Saturation, CutsWhatABinCanHold) {
   const HistogramCube counts = draw_counts(scene, expected, 1, 3);
   EXPECT_EQ(counts.values[0], 1000.0);
   EXPECT_LT(counts.values[1], 100.0);
+}
+
+// 200 captures of three zones: bins that are full in all of them, in 12, in 1, and everywhere.
+TEST(Saturation, BinsThatCapturesFillUpAreNotValid) {
+  Sensor sensor = one_row_scene(10).sensor;
+  sensor.columns = 3;
+  sensor.zones.assign(3, sensor.zones[0]);
+  sensor.saturation = 1000;
+  std::vector<Capture> captures(200);
+  std::vector<const Capture*> pointers;
+  for (std::size_t c = 0; c < captures.size(); ++c) {
+    HistogramCube& counts = captures[c].counts = HistogramCube(1, 3, 10);
+    std::ranges::fill(counts.values, 10.0);
+    counts.zone(0)[2] = counts.zone(0)[3] = 1000;
+    if (c < 12) counts.zone(1)[7] = 1000;
+    if (c == 14) counts.zone(1)[5] = 1000;
+    for (int k = 0; k < 10; ++k) counts.zone(2)[k] = 1000;
+    pointers.push_back(&captures[c]);
+  }
+  const std::string said = leave_out_saturated_bins(sensor, pointers);
+  EXPECT_THAT(said, testing::HasSubstr("17 bins of 3 zones"));
+  EXPECT_THAT(said, testing::HasSubstr("nothing is left of 1 zones"));
+  EXPECT_EQ(sensor.zones[0].first_valid_bin, 4);
+  EXPECT_EQ(sensor.valid_end(0), 10);
+  EXPECT_EQ(sensor.zones[1].first_valid_bin, 0);
+  EXPECT_EQ(sensor.valid_end(1), 7);
+  EXPECT_TRUE(sensor.zones[2].dead);
+  EXPECT_EQ(leave_out_saturated_bins(sensor, pointers), "") << "nothing more is left out";
+  Scene scene;
+  scene.sensor = sensor;
+  EXPECT_FALSE(saturates(sensor, captures[0]));
+  EXPECT_NO_THROW(check_capture(scene, captures[0]));
+  EXPECT_TRUE(saturates(sensor, captures[14]));
+  EXPECT_THROW(check_capture(scene, captures[14]), Error);
 }
 
 /// Two zones side by side on a wall.

@@ -93,6 +93,10 @@ struct Sensor {
     const int own = zones[static_cast<std::size_t>(zone)].wrap_bins;
     return own < 0 ? wrap_bins : own;
   }
+  /// Whether a bin that holds this many counts is full.
+  bool saturates(double counts) const {
+    return saturation > 0 && counts >= saturation * (1 - 1e-6);  // captures may hold floats
+  }
   /// One past the last valid bin of a zone.
   int valid_end(int zone) const {
     const int last = zones[static_cast<std::size_t>(zone)].last_valid_bin;

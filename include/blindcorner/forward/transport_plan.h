@@ -28,7 +28,8 @@ enum class Term {
   direct_return,   ///< light of the known surfaces
   known_bounces,   ///< two and three bounces within the known scene
   crosstalk,       ///< light of one zone that another records
-  pile_up          ///< detections lost behind earlier ones of the same pulse
+  pile_up,         ///< detections lost behind earlier ones of the same pulse
+  saturation       ///< bins that can hold no more
 };
 
 /// One decision and why it was taken.

@@ -93,7 +93,7 @@ struct Calibration {
 /// outliers, noise law, ambient light and brightness from what is left. Captures need the true
 /// value of every unknown of the scene; with `no_object` they show none, and only the direct return
 /// and the background speak. `advance` is called with the share done, 0 to 1. Throws Error.
-Calibration calibrate(const Scene& scene, std::span<const Capture> captures,
+Calibration calibrate(const Scene& stated, std::span<const Capture> captures,
                       const CalibrationOptions& options = {}, bool no_object = false,
                       const std::function<void(double)>& advance = {});
 

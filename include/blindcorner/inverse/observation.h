@@ -3,6 +3,7 @@
 #pragma once
 
 #include <span>
+#include <string>
 #include <vector>
 
 #include "blindcorner/forward/capture.h"
@@ -46,8 +47,18 @@ struct Observation {
   const BinLikelihood& law(const ObservedZone& zone) const { return likelihood[zone.law]; }
 };
 
+/// A bin that captures fill up to the sensor's `saturation` tells no more than that there was much
+/// light. Takes bins that more than one in twenty of the captures fill from the zones' valid
+/// bins: of what is left each zone keeps the longest run, the later one of two; without any it is
+/// dead. Captures of another shape are passed over. Returns one line that says what was left out;
+/// empty: nothing.
+std::string leave_out_saturated_bins(Sensor& sensor, std::span<const Capture* const> captures);
+
+/// Whether a valid bin of the capture is full; of a capture that suits the sensor.
+bool saturates(const Sensor& sensor, const Capture& capture);
+
 /// Throws Error when a capture does not suit the scene: zones, bins, NaN or infinite values,
-/// negative counts under a Poisson law.
+/// negative counts under a Poisson law, valid bins that saturate.
 void check_capture(const Scene& scene, const Capture& capture);
 
 /// Cuts captures to their windows. `windows` is [captures][zones]; an empty window drops the zone.
