@@ -17,7 +17,8 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// A law falls without end near the relay's plane and at its spot; beyond these it stays constant.
+/// A law falls without end at right angles to its axis and at its spot; beyond these it stays
+/// constant.
 constexpr double kLeastCosine = 0.02;
 constexpr double kLeastDistance = 0.05;  // m
 
@@ -35,7 +36,9 @@ class MeasuredLawModel final : public ForwardModel {
       spots_.push_back({});
       if (scene.sensor.zones[static_cast<std::size_t>(z)].dead) continue;
       const WeightedPatch seen = setup_.seen(z, {}).front();
-      spots_.back() = {seen.patch.center, seen.patch.normal,
+      const auto [across, up] = surface_axes(seen.patch.normal);
+      const Vector3d axis = seen.patch.normal + law_.axis_across * across + law_.axis_up * up;
+      spots_.back() = {seen.patch.center, axis.normalized(),
                        scene.sensor.path_origin == PathOrigin::sensor ? seen.leg : 0.0};
     }
     plan_ = make_plan(scene, setup_.relay_points(), 0.0);
@@ -60,7 +63,7 @@ class MeasuredLawModel final : public ForwardModel {
       const Spot& spot = spots_[static_cast<std::size_t>(z)];
       const Vector3d way = q - spot.point;
       const double distance = std::max(way.norm(), kLeastDistance);
-      const double cosine = std::max(way.dot(spot.normal) / distance, kLeastCosine);
+      const double cosine = std::max(way.dot(spot.axis) / distance, kLeastCosine);
       const double light = scene_.hidden.albedo * std::pow(cosine, law_.cosine_exponent) *
                            std::pow(distance, -law_.distance_exponent);
       std::fill(row.begin(), row.end(), 0.0);
@@ -77,8 +80,8 @@ class MeasuredLawModel final : public ForwardModel {
  private:
   struct Spot {
     Vector3d point = Vector3d::Zero();
-    Vector3d normal = Vector3d::UnitX();
-    double leg = 0;  ///< m, sensor to spot
+    Vector3d axis = Vector3d::UnitX();  ///< of the law
+    double leg = 0;                     ///< m, sensor to spot
   };
 
   Placement placement_of(const PoseVector& pose) const {

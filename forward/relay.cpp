@@ -199,6 +199,13 @@ Vector3d direction_from_tangents(double right, double down) {
   return Vector3d(1, -right, -down).normalized();
 }
 
+std::pair<Vector3d, Vector3d> surface_axes(const Vector3d& normal) {
+  Vector3d u = Vector3d::UnitZ().cross(normal);
+  if (u.norm() < 1e-6) u = Vector3d::UnitX();
+  u.normalize();
+  return {u, normal.cross(u)};
+}
+
 double solid_angle(const FieldOfIllumination& region) {
   if (const auto* r = std::get_if<AngularRectangle>(&region)) {
     return Cell{std::tan(r->left), std::tan(r->right), std::tan(r->top), std::tan(r->bottom), false}

@@ -508,7 +508,8 @@ void CalibrationOptions::validate() const {
                                     {zone_gain_log, "zone_gain_log"},
                                     {spot_m, "spot_m"},
                                     {cosine_exponent, "cosine_exponent"},
-                                    {distance_exponent, "distance_exponent"}}) {
+                                    {distance_exponent, "distance_exponent"},
+                                    {law_axis, "law_axis"}}) {
     require(value >= 0 && std::isfinite(value), name, "at least 0");
   }
   require(outlier_sigmas > 0, "outlier_sigmas", "above 0");

@@ -10,6 +10,7 @@
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
 #include "blindcorner/forward/forward_model.h"
+#include "blindcorner/forward/relay.h"
 
 namespace blindcorner {
 namespace {
@@ -29,11 +30,7 @@ std::pair<Vector3d, Vector3d> along_surface(const Scene& scene, const Vector3d& 
       normal = n;
     }
   }
-  // Horizontal where that is possible, then what completes the frame.
-  Vector3d u = Vector3d::UnitZ().cross(normal);
-  if (u.norm() < 1e-6) u = Vector3d::UnitX();
-  u.normalize();
-  return {u, normal.cross(u)};
+  return surface_axes(normal);
 }
 
 void scale_pulse(Scene& scene, double box, double sigma) {
@@ -101,18 +98,20 @@ void add_law(const Scene& scene, const CalibrationOptions& options,
              std::vector<InstrumentParameter>& list) {
   const auto* law = std::get_if<MeasuredLawMaterial>(&scene.hidden.material);
   if (law == nullptr) return;
-  const auto add = [&](const char* name, double MeasuredLawMaterial::*exponent, double sigma) {
+  const auto add = [&](const char* name, double MeasuredLawMaterial::*field, double sigma) {
     InstrumentParameter p;
     p.name = std::string("measured_law.") + name;
-    p.prior = law->*exponent;
+    p.prior = law->*field;
     p.sigma = sigma;
-    p.apply = [exponent](Scene& s, double u) {
-      std::get<MeasuredLawMaterial>(s.hidden.material).*exponent += u;
+    p.apply = [field](Scene& s, double u) {
+      std::get<MeasuredLawMaterial>(s.hidden.material).*field += u;
     };
     list.push_back(p);
   };
   add("cosine_exponent", &MeasuredLawMaterial::cosine_exponent, options.cosine_exponent);
   add("distance_exponent", &MeasuredLawMaterial::distance_exponent, options.distance_exponent);
+  add("axis_across", &MeasuredLawMaterial::axis_across, options.law_axis);
+  add("axis_up", &MeasuredLawMaterial::axis_up, options.law_axis);
 }
 
 }  // namespace

@@ -110,6 +110,10 @@ void add_calibrate_command(CLI::App& app, int& exit_code) {
   command.add_option("--spot-sigma", options.spot_m, "prior of the relay spots, m")
       ->capture_default_str();
   command
+      .add_option("--law-axis-sigma", options.law_axis,
+                  "of a measured law's axis against the relay's normal, tangent")
+      ->capture_default_str();
+  command
       .add_option("--outlier-sigmas", options.outlier_sigmas,
                   "captures whose deviance is this far off are left out")
       ->capture_default_str();

@@ -238,10 +238,13 @@ Material read_material(const JsonReader& reader) {
   }
   if (reader.exactly_one_of({"retroreflective", "measured_law"}) == "measured_law") {
     const JsonReader law = reader.at("measured_law");
-    law.allow_only({"cosine_exponent", "distance_exponent"});
+    law.allow_only({"cosine_exponent", "distance_exponent", "axis_across", "axis_up"});
     const NumberRange exponent = NumberRange::between(0, 50);
+    const NumberRange tangent = NumberRange::between(-1, 1);
     return MeasuredLawMaterial{.cosine_exponent = law.at("cosine_exponent").number(exponent),
-                               .distance_exponent = law.at("distance_exponent").number(exponent)};
+                               .distance_exponent = law.at("distance_exponent").number(exponent),
+                               .axis_across = law.at("axis_across").number_or(0, tangent),
+                               .axis_up = law.at("axis_up").number_or(0, tangent)};
   }
   reader.allow_only({"retroreflective"});
   const JsonReader lobe = reader.at("retroreflective");

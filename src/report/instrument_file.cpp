@@ -139,7 +139,9 @@ Json instrument_json(const Scene& before, const Calibration& calibration) {
   if (const auto* law = std::get_if<MeasuredLawMaterial>(&scene.hidden.material)) {
     json["patch"]["hidden"]["material"]["measured_law"] = {
         {"cosine_exponent", number(law->cosine_exponent)},
-        {"distance_exponent", number(law->distance_exponent)}};
+        {"distance_exponent", number(law->distance_exponent)},
+        {"axis_across", number(law->axis_across)},
+        {"axis_up", number(law->axis_up)}};
   }
   json["patch"]["linear"] = linear_patch(scene);
   json["patch"]["outlier_probability"] = number(scene.outlier_probability);

@@ -48,6 +48,23 @@ TEST(MeasuredLaw, FallsAsItSaysAndArrivesWhenItShould) {
   EXPECT_EQ(reference.values, light.values);
 }
 
+// The wall's normal is -y, so the axes along it are x and z.
+TEST(MeasuredLaw, AxisMayLeanAgainstTheNormal) {
+  Scene scene = mirrors();
+  auto& law = std::get<MeasuredLawMaterial>(scene.hidden.material);
+  law.axis_across = 0.1;
+  law.axis_up = -0.05;
+  const Eigen::Vector3d q(0.1, -1.1, 1.2);
+  const HistogramCube light = make_fast_model(scene, sensor_placement(scene))->three_bounce(q);
+  const Eigen::Vector3d axis = Eigen::Vector3d(0.1, -1, -0.05).normalized();
+  for (int z = 0; z < 8; ++z) {
+    const auto& zone = scene.sensor.zones[static_cast<std::size_t>(z)];
+    const Eigen::Vector3d way = q - std::get<Eigen::Vector3d>(zone.footprint);
+    const double d = way.norm();
+    EXPECT_NEAR(total(light, z) / (std::pow(way.dot(axis) / d, 7) * std::pow(d, -2.1)), 1, 1e-3);
+  }
+}
+
 TEST(MeasuredLaw, NeedsRelayPoints) {
   Scene scene = mirrors();
   for (Zone& zone : scene.sensor.zones) zone.footprint = AngularRectangle{-0.1, 0.1, -0.1, 0.1};

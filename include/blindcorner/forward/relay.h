@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <functional>
+#include <utility>
 #include <vector>
 
 #include "blindcorner/forward/ray_scene.h"
@@ -54,6 +55,10 @@ std::vector<RelayPatch> sample_region(const RayScene& rays, const std::vector<Su
 
 /// Unit vector (sensor frame) for tangent coordinates right and down.
 Eigen::Vector3d direction_from_tangents(double right, double down);
+
+/// Two unit directions u and v along a surface with this normal: u horizontal (x where any would
+/// be), v = normal x u, which is up on a wall.
+std::pair<Eigen::Vector3d, Eigen::Vector3d> surface_axes(const Eigen::Vector3d& normal);
 
 /// Solid angle in sr of a rectangle of directions.
 double solid_angle(const FieldOfIllumination& region);

@@ -31,11 +31,14 @@ struct RetroreflectiveMaterial {
 };
 /// A small object that sends light back to the relay spot it came from, with a brightness that was
 /// measured instead of derived: cos^n / (d / 1 m)^m, d the distance from the spot to the object's
-/// position and cos the cosine at the relay. For zones that are spots on a relay (confocal, or a
-/// retroreflector under any light), and for a single object; its shape is for drawing only.
+/// position and cos the cosine to the law's axis, which is the relay's normal unless the object
+/// faces a little aside. For zones that are spots on a relay (confocal, or a retroreflector under
+/// any light), and for a single object; its shape is for drawing only.
 struct MeasuredLawMaterial {
   double cosine_exponent = 2.0;    ///< n
   double distance_exponent = 4.0;  ///< m
+  /// Tangents of the axis against the relay's normal, along its surface_axes (relay.h).
+  double axis_across = 0.0, axis_up = 0.0;
 };
 using Material = std::variant<LambertianMaterial, RetroreflectiveMaterial, MeasuredLawMaterial>;
 

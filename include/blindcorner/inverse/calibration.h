@@ -23,8 +23,9 @@ struct CalibrationOptions {
   double spot_m = 0.03;        ///< m, relay spots along either axis of their surface
   double cosine_exponent = 1.5;
   double distance_exponent = 0.5;
-  bool noise = true;    ///< estimate the noise law from the residuals
-  bool ambient = true;  ///< estimate the prior of each zone's ambient light
+  double law_axis = 0.15;  ///< tangent of the measured law's axis against the relay's normal
+  bool noise = true;       ///< estimate the noise law from the residuals
+  bool ambient = true;     ///< estimate the prior of each zone's ambient light
   /// Try all assignments of relay spots to zones, when there are at most five spots.
   bool permutations = true;
   /// A capture whose deviance is this many standard deviations too large is left out.
