@@ -24,7 +24,8 @@ double EmptyScores::exceedance(double score) const {
 double FalseAlarmCalibration::probability(const PoseObjective& objective,
                                           const LinearSolution& empty, int captures,
                                           std::uint64_t seed) {
-  const MatchedFilter filter(objective, empty, MatchedFilter::Weights::expected);
+  const MatchedFilter filter(objective, empty, MatchedFilter::Weights::expected,
+                             MatchedFilter::Priors::ignored);
   const double score = static_cast<double>(filter.scores().maxCoeff());
   const Observation& observation = objective.solver().observation();
 
@@ -52,7 +53,8 @@ EmptyScores FalseAlarmCalibration::simulate(const PoseObjective& objective, Line
   std::fill(typical.ambient.begin(), typical.ambient.end(), fixed ? unknowns.fixed_ambient : level);
   std::fill(typical.direct.begin(), typical.direct.end(),
             unknowns.direct == LinearMode::fixed ? unknowns.fixed_direct : 1.0);
-  const MatchedFilter filter(objective, typical, MatchedFilter::Weights::expected);
+  const MatchedFilter filter(objective, typical, MatchedFilter::Weights::expected,
+                             MatchedFilter::Priors::ignored);
 
   std::mt19937_64 random(seed);
   Eigen::MatrixXf counts(objective.rows(), captures);

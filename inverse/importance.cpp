@@ -36,7 +36,7 @@ class GridProposal {
  public:
   GridProposal(const CompiledScene& compiled, const Scored& scored, double inflation)
       : compiled_(compiled), density_(compiled.poses.size()), cumulative_(compiled.poses.size()) {
-    // The filter's scores, brought to the level of the exact ones that are known.
+    // The filter's promises, brought to the level of the exact values that are known.
     Eigen::VectorXd gain = scored.scores.cast<double>();
     std::vector<double> shifts;
     for (const Candidate& c : scored.exact) {

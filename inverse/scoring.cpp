@@ -3,8 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
+#include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/multiversion.h"
 
 namespace blindcorner {
@@ -74,9 +76,40 @@ std::vector<int> best_first(const Eigen::VectorXf& scores, std::size_t count) {
 
 }  // namespace
 
+// max over u of p e^u - n e^2u / 2 - (u - mu)^2 / 2 s^2, by Newton's method from both sides: there
+// may be a maximum at what the data say and one at what the prior says.
+Eigen::VectorXf gain_under_prior(const GainOfAmplitude& gains, const AmplitudePrior& prior) {
+  constexpr int kSteps = 3;
+  using Array = Eigen::ArrayXf;
+  const Array p = gains.projection.array();
+  const Array n = gains.norm.array().max(1e-30F);
+  const auto mu = static_cast<float>(std::log(prior.median));
+  const auto precision = static_cast<float>(std::pow(prior.sigma_log, -2));
+  const auto climb = [&](Array u) -> Array {
+    for (int k = 0; k < kSteps; ++k) {
+      const Array a = u.exp();
+      const Array curvature = (a * (2 * n * a - p)).max(0) + precision;
+      u += ((a * (p - n * a) - precision * (u - mu)) / curvature).max(-1).min(1);
+    }
+    const Array a = u.exp();
+    return a * (p - 0.5F * n * a) - 0.5F * precision * (u - mu).square();
+  };
+  // With the quadratic term alone the maximum is at mu - W(2 s^2 n e^2mu) / 2, with a negative
+  // linear one alone at mu - W(-s^2 p e^mu), W being Lambert's function.
+  const auto lambert = [](const Array& x) -> Array {
+    const Array w = x.log1p();
+    return w * (1 - w.log1p() / (2 + w));
+  };
+  const auto median = static_cast<float>(prior.median);
+  const Array dark = mu - (0.5F * lambert(n * (2 * median * median / precision)))
+                              .max(lambert((-p).max(0) * (median / precision)));
+  const Array peak = (p / n).max(1e-30F).log();
+  return climb(dark.max(peak.min(mu))).max(climb(dark.max(peak)));
+}
+
 MatchedFilter::MatchedFilter(const PoseObjective& objective, const LinearSolution& empty,
-                             Weights weights)
-    : objective_(objective) {
+                             Weights weights, Priors priors)
+    : objective_(objective), priors_(priors) {
   const Observation& observation = objective.solver().observation();
   ShapeBuffer buffer;
   objective.empty_shapes(buffer);
@@ -84,6 +117,7 @@ MatchedFilter::MatchedFilter(const PoseObjective& objective, const LinearSolutio
   counts_.resize(objective.rows());
   weight_.resize(objective.rows());
   basis_ = Eigen::MatrixXf::Zero(objective.rows(), 2);
+  pull_ = Eigen::MatrixXf::Zero(static_cast<Eigen::Index>(observation.zones.size()), 2);
   const LinearUnknowns& unknowns = objective.solver().unknowns();
   std::vector<double> mean;
   int row = 0;
@@ -107,30 +141,49 @@ MatchedFilter::MatchedFilter(const PoseObjective& objective, const LinearSolutio
       counts_[row + k] = static_cast<float>(zone.counts[i]);
       weight_[row + k] = static_cast<float>(1 / std::max(law.variance(level), 1e-12));
     }
-    // Nuisance directions: the ambient light (its bins outside the window count as well), then the
-    // direct return, orthogonal in the weighted inner product.
+    // Nuisance directions: the ambient light (its prior and its bins outside the window count as
+    // well), then the direct return, orthogonal in the weighted inner product.
     const auto w = weight_.segment(row, bins);
+    const auto zone_index = static_cast<Eigen::Index>(z);
+    double beyond = 0;  // information about the ambient light from elsewhere, and its slope there
+    double slope = 0;
     if (unknowns.ambient == LinearMode::per_zone) {
-      const double outside =
-          zone.outside_bins / std::max(law.variance(std::max(empty.ambient[z], 1e-12)), 1e-12);
-      const auto norm = static_cast<float>(static_cast<double>(w.sum()) + outside);
+      const double c = empty.ambient[z];
+      const double weight = 1 / std::max(law.variance(std::max(c, 1e-12)), 1e-12);
+      beyond = zone.outside_bins * weight;
+      if (priors == Priors::used) {
+        slope = (zone.outside_count - zone.outside_bins * c) * weight;
+        if (!unknowns.ambient_prior.empty()) {
+          const NormalPrior& prior = unknowns.ambient_prior[static_cast<std::size_t>(zone.zone)];
+          const double precision = std::pow(prior.sigma, -2);
+          beyond += precision;
+          slope += (prior.mean - c) * precision;
+        }
+      }
+      const auto norm = static_cast<float>(static_cast<double>(w.sum()) + beyond);
       basis_.block(row, 0, bins, 1).setConstant(1 / std::sqrt(norm));
+      pull_(zone_index, 0) = static_cast<float>(slope) / std::sqrt(norm);
     }
     if (unknowns.direct == LinearMode::per_zone && buffer.shapes[z].direct != nullptr) {
       Eigen::VectorXf t(bins);
       for (int k = 0; k < bins; ++k) t[k] = static_cast<float>(buffer.shapes[z].direct[k]);
       const Eigen::VectorXf e = basis_.block(row, 0, bins, 1);
       const float before = (t.array() * t.array() * w.array()).sum();
-      t -= e * (t.array() * e.array() * w.array()).sum();
+      const float along = (t.array() * e.array() * w.array()).sum();
+      t -= e * along;
       const float norm = (t.array() * t.array() * w.array()).sum();
-      if (norm > 1e-6F * before) basis_.block(row, 1, bins, 1) = t / std::sqrt(norm);
+      if (norm > 1e-6F * before) {
+        basis_.block(row, 1, bins, 1) = t / std::sqrt(norm);
+        pull_(zone_index, 1) = -along * pull_(zone_index, 0) / std::sqrt(norm);
+      }
     }
     row += bins;
   }
   zone_begin_.push_back(row);
 }
 
-Eigen::MatrixXf MatchedFilter::scores_of(const Eigen::MatrixXf& counts) const {
+Eigen::MatrixXf MatchedFilter::scores_of(const Eigen::MatrixXf& counts,
+                                         GainOfAmplitude* gains) const {
   const Eigen::MatrixXf& templates = objective_.compiled().templates;
   const Eigen::Index sets = counts.cols();
   const bool shared = objective_.solver().unknowns().amplitude != LinearMode::per_zone;
@@ -143,7 +196,8 @@ Eigen::MatrixXf MatchedFilter::scores_of(const Eigen::MatrixXf& counts) const {
     const int begin = zone_begin_[z];
     const int bins = zone_begin_[z + 1] - begin;
     auto r = residual.middleCols(begin, bins);
-    const Eigen::MatrixXf along = r * weighted_basis.middleRows(begin, bins);
+    Eigen::MatrixXf along = r * weighted_basis.middleRows(begin, bins);
+    along.rowwise() += pull_.row(static_cast<Eigen::Index>(z));
     r -= along * basis_.middleRows(begin, bins).transpose();
   }
   residual = residual * weight_.asDiagonal();
@@ -155,6 +209,10 @@ Eigen::MatrixXf MatchedFilter::scores_of(const Eigen::MatrixXf& counts) const {
   Eigen::VectorXf along(sets);
   Eigen::VectorXf projection(sets);
   Eigen::VectorXf total(sets);
+  if (gains != nullptr) {
+    gains->projection.resize(templates.cols());
+    gains->norm.resize(templates.cols());
+  }
   for (Eigen::Index pose = 0; pose < templates.cols(); ++pose) {
     projection.setZero();
     total.setZero();
@@ -180,11 +238,27 @@ Eigen::MatrixXf MatchedFilter::scores_of(const Eigen::MatrixXf& counts) const {
     }
     if (shared) total = projection.unaryExpr([&](float p) { return gain(p, norm); });
     scores.row(pose) = total;
+    if (gains != nullptr) {
+      gains->projection[pose] = projection[0];
+      gains->norm[pose] = norm;
+    }
   }
   return scores;
 }
 
-Eigen::VectorXf MatchedFilter::scores() const { return scores_of(counts_).col(0); }
+Eigen::VectorXf MatchedFilter::scores() const {
+  const LinearUnknowns& unknowns = objective_.solver().unknowns();
+  if (priors_ == Priors::ignored || unknowns.amplitude == LinearMode::per_zone) {
+    return scores_of(counts_).col(0);
+  }
+  GainOfAmplitude gains;
+  scores_of(counts_, &gains);
+  if (unknowns.amplitude == LinearMode::fixed) {
+    const auto a = static_cast<float>(unknowns.fixed_amplitude);
+    return a * (gains.projection - 0.5F * a * gains.norm);
+  }
+  return gain_under_prior(gains, unknowns.amplitude_prior);
+}
 
 Eigen::VectorXf MatchedFilter::largest_scores(const Eigen::MatrixXf& counts) const {
   return scores_of(counts).colwise().maxCoeff().transpose();
@@ -193,12 +267,32 @@ Eigen::VectorXf MatchedFilter::largest_scores(const Eigen::MatrixXf& counts) con
 Scored score(const PoseObjective& objective, const LinearSolution& empty, int count,
              double negligible) {
   const CompiledScene& compiled = objective.compiled();
+  const LinearUnknowns& unknowns = objective.solver().unknowns();
   Scored result;
-  result.empty = empty.log_likelihood;
+  result.empty = empty.log_likelihood + empty.log_prior;
+  if (unknowns.amplitude != LinearMode::fixed) {
+    const double amplitudes =
+        unknowns.amplitude == LinearMode::shared ? 1.0 : static_cast<double>(empty.ambient.size());
+    result.empty -= amplitudes * std::log(unknowns.amplitude_prior.sigma_log * std::sqrt(2 * kPi));
+  }
+  Eigen::VectorXf prior(static_cast<Eigen::Index>(compiled.poses.size()));
+  for (Eigen::Index i = 0; i < prior.size(); ++i) {
+    const PoseVector& pose = compiled.poses[static_cast<std::size_t>(i)];
+    prior[i] = static_cast<float>(log_pose_prior(compiled.scene, pose));
+  }
+  const auto scores_with = [&](MatchedFilter::Weights weights) -> Eigen::VectorXf {
+    return MatchedFilter(objective, empty, weights, MatchedFilter::Priors::used).scores() + prior;
+  };
   std::vector<Candidate>& scored = result.exact;
+  const auto gain_of = [&](const Candidate& c) {
+    return c.log_posterior - result.empty - static_cast<double>(prior[c.index]);
+  };
   const auto wanted = static_cast<std::size_t>(std::max(kLeastExact, kExactPerStart * count));
   std::vector<bool> known(compiled.poses.size());
-  double most = 0;
+  double best = -std::numeric_limits<double>::infinity();
+  double gain = 0;  // of the best, over the empty scene
+  // A template half a step off keeps at least 0.8 of its gain over the empty scene.
+  const auto cut = [&] { return best - negligible - 0.25 * gain; };
   // Exact scores of poses that a filter thinks best. Its score approximates the gain over the empty
   // scene; when even half as much again falls short of what a start needs, the rest does too.
   const auto evaluate_best = [&](const Eigen::VectorXf& scores, const std::vector<int>& order,
@@ -206,23 +300,27 @@ Scored score(const PoseObjective& objective, const LinearSolution& empty, int co
     for (std::size_t i = 0; i < order.size() && scored.size() < end; ++i) {
       const int pose = order[i];
       if (known[static_cast<std::size_t>(pose)]) continue;
-      const double needed = 0.75 * most - negligible;
-      if (i >= kLeastExact / 2 && 1.5 * static_cast<double>(scores[pose]) < needed) break;
+      const auto score = static_cast<double>(scores[pose]);
+      const double doubt = 0.5 * std::abs(score - static_cast<double>(prior[pose]));
+      if (i >= kLeastExact / 2 && result.empty + score + doubt < cut()) break;
       known[static_cast<std::size_t>(pose)] = true;
       LinearSolution solution;
       scored.push_back(
           {pose, objective.evaluate_template(pose, solution, false, kAccuracy).log_posterior});
-      most = std::max(most, scored.back().log_posterior - empty.log_likelihood);
+      if (scored.back().log_posterior > best) {
+        best = scored.back().log_posterior;
+        gain = std::max(gain_of(scored.back()), 0.0);
+      }
     }
   };
   // A bright object's photons raise the variance of their bins; where a few photons lie on a faint
   // background, taking each for a bright object's would rob it of its weight.
   using Weights = MatchedFilter::Weights;
-  result.scores = MatchedFilter(objective, empty, Weights::observed).scores();
+  result.scores = scores_with(Weights::observed);
   const std::vector<int> order = best_first(result.scores, wanted);
   evaluate_best(result.scores, order, wanted / 2);
-  if (most < kFaint) {
-    const Eigen::VectorXf faint = MatchedFilter(objective, empty, Weights::expected).scores();
+  if (gain < kFaint) {
+    const Eigen::VectorXf faint = scores_with(Weights::expected);
     evaluate_best(faint, best_first(faint, wanted), wanted);
   } else {
     evaluate_best(result.scores, order, wanted);
@@ -231,10 +329,6 @@ Scored score(const PoseObjective& objective, const LinearSolution& empty, int co
     return a.log_posterior != b.log_posterior ? a.log_posterior > b.log_posterior
                                               : a.index < b.index;
   });
-  // A template half a step off keeps at least 0.8 of its gain over the empty scene.
-  const double best = scored.front().log_posterior;
-  const double gain = std::max(best - empty.log_likelihood, 0.0);
-  const double cut = best - negligible - 0.25 * gain;
   const auto near = [&](const Candidate& a, const Candidate& b) {
     const PoseVector d =
         pose_difference(compiled.scene, compiled.poses[static_cast<std::size_t>(a.index)],
@@ -246,7 +340,7 @@ Scored score(const PoseObjective& objective, const LinearSolution& empty, int co
   std::vector<Candidate>& chosen = result.starts;
   std::vector<Candidate> slopes;
   for (std::size_t i = 0; i < scored.size(); ++i) {
-    if (scored[i].log_posterior < cut) break;
+    if (scored[i].log_posterior < cut()) break;
     const auto better = scored.begin() + static_cast<std::ptrdiff_t>(i);
     if (std::none_of(scored.begin(), better, [&](const auto& c) { return near(c, scored[i]); })) {
       if (static_cast<int>(chosen.size()) < count) chosen.push_back(scored[i]);
