@@ -142,7 +142,7 @@ std::vector<ZoneBudget> link_budget(const Scene& scene, const ForwardModel& mode
     for (const auto& [object, counts] : bins) {
       if (signal >= kGateShare * budget.three_bounce) break;
       signal += object;
-      variance += count_variance(sensor, counts);
+      variance += count_variance(sensor, z, counts);
       ++budget.gate_bins;
     }
     budget.signal_to_noise = variance > 0 ? signal / std::sqrt(variance) : 0.0;

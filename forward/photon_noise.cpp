@@ -72,8 +72,9 @@ HistogramCube expected_counts(const Scene& scene, const HistogramCube& three_bou
   return counts;
 }
 
-double count_variance(const Sensor& sensor, double counts) {
-  if (const auto* gaussian = std::get_if<GaussianNoise>(&sensor.noise)) {
+double count_variance(const Sensor& sensor, int zone, double counts) {
+  const NoiseLaw law = sensor.noise_of(zone);
+  if (const auto* gaussian = std::get_if<GaussianNoise>(&law)) {
     return gaussian->variance_floor + gaussian->variance_per_count * std::max(counts, 0.0);
   }
   return sensor.dispersion * counts;
@@ -85,12 +86,13 @@ HistogramCube draw_counts(const Scene& scene, const HistogramCube& expected, dou
   HistogramCube counts = expected;
   if (const auto* gaussian = std::get_if<GaussianNoise>(&scene.sensor.noise)) {
     std::normal_distribution<double> normal;
-    for (std::size_t i = 0; i < counts.values.size(); ++i) {
-      const auto zone = i / static_cast<std::size_t>(counts.bins);
-      if (scene.sensor.zones[zone].dead) continue;
-      double& value = counts.values[i];
-      value += std::sqrt(count_variance(scene.sensor, value) / exposures) * normal(random);
-      if (gaussian->censored_at_zero) value = std::max(value, 0.0);
+    for (int z = 0; z < counts.zones(); ++z) {
+      if (scene.sensor.zones[static_cast<std::size_t>(z)].dead) continue;
+      for (int k = 0; k < counts.bins; ++k) {
+        double& value = counts.zone(z)[k];
+        value += std::sqrt(count_variance(scene.sensor, z, value) / exposures) * normal(random);
+        if (gaussian->censored_at_zero) value = std::max(value, 0.0);
+      }
     }
     saturate(scene.sensor, counts);
     return counts;

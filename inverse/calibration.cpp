@@ -198,13 +198,15 @@ void learn_ambient(const CalibrationProblem& problem, const Evaluations& flat,
   scene.linear.ambient_prior = std::move(priors);
 }
 
-/// Noise law from squared residuals: variance = floor + per_count * mean, trimmed at three standard
-/// deviations; a dispersion for the Poisson law.
-void learn_noise(const CalibrationProblem& problem, const Evaluations& evaluations,
-                 const std::vector<double>& keep, Scene& scene) {
-  struct Square {
-    double mean, square;
-  };
+/// A squared residual of one exposure.
+struct Square {
+  std::size_t zone;
+  double mean, square;
+};
+
+std::vector<Square> squared_residuals(const CalibrationProblem& problem,
+                                      const Evaluations& evaluations,
+                                      const std::vector<double>& keep, const Scene& scene) {
   std::vector<Square> squares;
   for (std::size_t c = 0; c < evaluations.size(); ++c) {
     if (keep[c] <= 0) continue;
@@ -213,6 +215,7 @@ void learn_noise(const CalibrationProblem& problem, const Evaluations& evaluatio
       const ObservedZone& zone = observation.zones[i];
       const double exposures = problem.capture(c).exposures_of(zone.zone);
       if (exposures <= 0) continue;
+      const auto index = static_cast<std::size_t>(zone.zone);
       // What the fitted ambient light took away.
       double lost = 0;
       if (scene.linear.ambient == LinearMode::per_zone) {
@@ -220,68 +223,120 @@ void learn_noise(const CalibrationProblem& problem, const Evaluations& evaluatio
             observation.law(zone).variance(std::max(evaluations[c].linear.ambient[i], 1e-12)) /
             zone.bins();
         const auto& priors = scene.linear.ambient_prior;
-        const double prior =
-            priors.empty() ? 1e300 : std::pow(priors[static_cast<std::size_t>(zone.zone)].sigma, 2);
+        const double prior = priors.empty() ? 1e300 : std::pow(priors[index].sigma, 2);
         lost = prior / (prior + own);
       }
       const double correction = zone.bins() / std::max(zone.bins() - lost, 0.5);
       for (std::size_t k = 0; k < zone.counts.size(); ++k) {
         const double r = zone.counts[k] - evaluations[c].mean[i][k];
         squares.push_back(
-            {std::max(evaluations[c].mean[i][k], 0.0), r * r * exposures * correction});
+            {index, std::max(evaluations[c].mean[i][k], 0.0), r * r * exposures * correction});
       }
     }
   }
-  if (squares.size() < kLeastSquares) return;
-  if (std::holds_alternative<PoissonNoise>(scene.sensor.noise)) {
-    double dispersion = scene.sensor.dispersion;
-    for (int i = 0; i < 20; ++i) {
-      double numerator = 0, denominator = 0;
-      for (const Square& s : squares) {
-        if (s.square > kTrim * dispersion * std::max(s.mean, 1e-9)) continue;
-        numerator += s.square / kTrimmedMean;
-        denominator += s.mean;
-      }
-      if (denominator > 0 && numerator > 0) dispersion = numerator / denominator;
-    }
-    scene.sensor.dispersion = dispersion;
-    return;
-  }
-  GaussianNoise& noise = std::get<GaussianNoise>(scene.sensor.noise);
-  // Start from what holds half of the squares, so that a poor guess does not trim everything.
-  std::vector<double> ratio;
-  for (const Square& s : squares) {
-    ratio.push_back(s.square / (noise.variance_floor + noise.variance_per_count * s.mean));
-  }
-  const double scale = quantile(std::move(ratio), 0.5) / kMedianSquare;
-  double floor = noise.variance_floor * scale;
-  double slope = noise.variance_per_count * scale;
-  for (int i = 0; i < 30; ++i) {
-    Eigen::Matrix2d h = Eigen::Matrix2d::Zero();
-    Eigen::Vector2d g = Eigen::Vector2d::Zero();
+  return squares;
+}
+
+double trimmed_dispersion(const std::vector<Square>& squares, double dispersion) {
+  for (int i = 0; i < 20; ++i) {
+    double numerator = 0, denominator = 0;
     for (const Square& s : squares) {
-      const double v = floor + slope * s.mean;
+      if (s.square > kTrim * dispersion * std::max(s.mean, 1e-9)) continue;
+      numerator += s.square / kTrimmedMean;
+      denominator += s.mean;
+    }
+    if (denominator > 0 && numerator > 0) dispersion = numerator / denominator;
+  }
+  return dispersion;
+}
+
+/// Floor of each group and the slope that they share, [groups + 1], by reweighted least squares;
+/// none is negative. `group` is [zones].
+Eigen::VectorXd trimmed_law(const std::vector<Square>& squares, const std::vector<int>& group,
+                            Eigen::VectorXd law) {
+  const Eigen::Index groups = law.size() - 1;
+  for (int i = 0; i < 30; ++i) {
+    Eigen::MatrixXd h = Eigen::MatrixXd::Zero(groups + 1, groups + 1);
+    Eigen::VectorXd g = Eigen::VectorXd::Zero(groups + 1);
+    for (const Square& s : squares) {
+      const Eigen::Index own = group[s.zone];
+      const double v = law[own] + law[groups] * s.mean;
       if (s.square > kTrim * v) continue;
       const double weight = 1 / (v * v);
-      const Eigen::Vector2d x(1, s.mean);
-      h += weight * x * x.transpose();
-      g += weight * x * s.square / kTrimmedMean;
+      h(own, own) += weight;
+      h(own, groups) += weight * s.mean;
+      h(groups, groups) += weight * s.mean * s.mean;
+      g[own] += weight * s.square / kTrimmedMean;
+      g[groups] += weight * s.mean * s.square / kTrimmedMean;
     }
-    const Eigen::Vector2d solved = h.ldlt().solve(g);
-    const double least = 1e-3 * (floor + slope * (h(0, 1) / h(0, 0)));
-    floor = solved[0];
-    slope = solved[1];
-    if (!(floor > least)) {
-      floor = least;
-      slope = (g[1] - floor * h(0, 1)) / h(1, 1);
+    // The slope by elimination of the floors, then the floors, and once more the slope where a
+    // floor had to be raised.
+    const auto floors = [&](double slope) {
+      for (Eigen::Index k = 0; k < groups; ++k) {
+        if (h(k, k) <= 0) continue;
+        const double level = g[k] / h(k, k);
+        law[k] = std::max(level - slope * h(k, groups) / h(k, k), 1e-3 * level);
+      }
+    };
+    double numerator = g[groups];
+    double denominator = h(groups, groups);
+    for (Eigen::Index k = 0; k < groups; ++k) {
+      if (h(k, k) <= 0) continue;
+      numerator -= g[k] * h(k, groups) / h(k, k);
+      denominator -= h(k, groups) * h(k, groups) / h(k, k);
     }
-    if (!(slope > 0)) {
-      slope = 0;
-      floor = g[0] / h(0, 0);
-    }
+    floors(denominator > 1e-12 * h(groups, groups) ? std::max(numerator / denominator, 0.0) : 0.0);
+    const double rest = g[groups] - law.head(groups).dot(h.col(groups).head(groups));
+    law[groups] = h(groups, groups) > 0 ? std::max(rest / h(groups, groups), 0.0) : 0.0;
   }
-  noise.variance_floor = floor;
-  noise.variance_per_count = slope;
+  return law;
+}
+
+/// Noise law from squared residuals, trimmed at three standard deviations: variance = the zone's
+/// floor + per_count * mean, zones of few residuals with a floor in common; a dispersion for the
+/// Poisson law.
+void learn_noise(const CalibrationProblem& problem, const Evaluations& evaluations,
+                 const std::vector<double>& keep, Scene& scene) {
+  const std::vector<Square> squares = squared_residuals(problem, evaluations, keep, scene);
+  if (squares.size() < kLeastSquares) return;
+  Sensor& sensor = scene.sensor;
+  if (std::holds_alternative<PoissonNoise>(sensor.noise)) {
+    sensor.dispersion = trimmed_dispersion(squares, sensor.dispersion);
+    return;
+  }
+  std::vector<std::size_t> count(sensor.zones.size());
+  for (const Square& s : squares) ++count[s.zone];
+  std::vector<int> group(sensor.zones.size(), 0);  // 0: those of few
+  int groups = 1;
+  for (std::size_t z = 0; z < count.size(); ++z) {
+    if (count[z] >= kLeastSquares) group[z] = groups++;
+  }
+  // Start from what holds half of the squares, so that a poor guess does not trim everything.
+  const auto before = [&](std::size_t zone) {
+    return std::get<GaussianNoise>(sensor.noise_of(static_cast<int>(zone)));
+  };
+  std::vector<double> ratio;
+  for (const Square& s : squares) {
+    const GaussianNoise own = before(s.zone);
+    ratio.push_back(s.square / (own.variance_floor + own.variance_per_count * s.mean));
+  }
+  const double scale = quantile(std::move(ratio), 0.5) / kMedianSquare;
+  GaussianNoise& noise = std::get<GaussianNoise>(sensor.noise);
+  Eigen::VectorXd law(groups + 1);
+  law[0] = noise.variance_floor * scale;
+  law[groups] = noise.variance_per_count * scale;
+  for (std::size_t z = 0; z < group.size(); ++z) {
+    if (group[z] > 0) law[group[z]] = before(z).variance_floor * scale;
+  }
+  law = trimmed_law(squares, group, law);
+  noise.variance_per_count = law[groups];
+  if (groups > 1) noise.variance_floor = law.segment(1, groups - 1).mean();
+  if (std::ranges::any_of(squares, [&](const Square& s) { return group[s.zone] == 0; })) {
+    noise.variance_floor = law[0];
+  }
+  for (std::size_t z = 0; z < group.size(); ++z) {
+    if (group[z] > 0) sensor.zones[z].variance_floor = law[group[z]];
+  }
 }
 
 /// Spread of log amplitudes beyond their own errors.
@@ -376,6 +431,9 @@ void scale_variance(Scene& scene, double factor) {
   if (auto* noise = std::get_if<GaussianNoise>(&scene.sensor.noise)) {
     noise->variance_floor *= factor;
     noise->variance_per_count *= factor;
+    for (Zone& zone : scene.sensor.zones) {
+      if (zone.variance_floor > 0) zone.variance_floor *= factor;
+    }
   } else {
     scene.sensor.dispersion *= factor;
   }

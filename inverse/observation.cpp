@@ -182,11 +182,14 @@ Observation observe(const Scene& scene, std::span<const Capture> captures,
   const Sensor& sensor = scene.sensor;
   Observation observation;
   observation.captures = static_cast<int>(captures.size());
+  const bool own_noise =
+      std::ranges::any_of(sensor.zones, [](const Zone& zone) { return zone.variance_floor > 0; });
   for (std::size_t c = 0; c < captures.size(); ++c) {
     const Capture& capture = captures[c];
     const double dispersion = capture.dispersion.value_or(sensor.dispersion);
     const Unpiled unpiled = without_pile_up(sensor, capture);
-    if (!capture.zone_exposures) {
+    const bool own_laws = capture.zone_exposures || own_noise;
+    if (!own_laws) {
       observation.likelihood.emplace_back(sensor.noise, dispersion,
                                           capture.exposures * unpiled.live);
     }
@@ -198,10 +201,10 @@ Observation observe(const Scene& scene, std::span<const Capture> captures,
       window.first = std::max(window.first, valid_first);
       window.end = std::min(window.end, valid_end);
       if (zone.dead || window.first >= window.end) continue;
-      if (capture.zone_exposures) {
+      if (own_laws) {
         // A zone without data keeps its place among the rows of the compiled scene.
         observation.likelihood.emplace_back(
-            sensor.noise, dispersion,
+            sensor.noise_of(z), dispersion,
             std::max(capture.exposures_of(z) * unpiled.live, kNoExposure));
       }
       const BinLikelihood& law = observation.likelihood.back();

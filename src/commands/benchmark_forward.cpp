@@ -62,7 +62,7 @@ void add_noise(const Scene& scene, const HistogramCube& direct, Truth& truth) {
       if (zone.dead) continue;
       for (int k = zone.first_valid_bin; k < scene.sensor.valid_end(z); ++k) {
         const double signal = zone.gain * linear.amplitude * light.zone(z)[k];
-        const double v = count_variance(scene.sensor, counts.zone(z)[k]);
+        const double v = count_variance(scene.sensor, z, counts.zone(z)[k]);
         variance += v;
         square += signal * signal;
         if (signal > peak) {

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <string_view>
 
 #include "blindcorner/forward/constants.h"
@@ -288,7 +289,16 @@ void read_noise(const JsonReader& reader, Sensor& sensor) {
   }
   reader.allow_only({"law", "variance_floor", "variance_per_count", "censored_at_zero"});
   GaussianNoise noise;
-  noise.variance_floor = reader.at("variance_floor").number(NumberRange::above(0));
+  const JsonReader floor = reader.at("variance_floor");
+  if (floor.is_array()) {
+    const auto zones = static_cast<std::size_t>(sensor.zone_count());
+    const auto floors = read_per_zone(floor, zones, 0, NumberRange::above(0));
+    for (std::size_t z = 0; z < zones; ++z) sensor.zones[z].variance_floor = floors[z];
+    noise.variance_floor =
+        std::accumulate(floors.begin(), floors.end(), 0.0) / static_cast<double>(zones);
+  } else {
+    noise.variance_floor = floor.number(NumberRange::above(0));
+  }
   noise.variance_per_count = reader.at("variance_per_count").number_or(0, NumberRange::at_least(0));
   noise.censored_at_zero = reader.at("censored_at_zero").boolean_or(false);
   sensor.noise = noise;

@@ -181,6 +181,8 @@ json histograms_json(const Scene& scene, const FittedHistograms& fitted,
                      {"amplitude", at(fitted.amplitude, z)},
                      {"ambient", at(fitted.ambient, z)},
                      {"direct", at(fitted.direct, z)},
+                     {"variance_floor", at(conditions.variance_floor, z)},
+                     {"variance_per_count", at(conditions.variance_per_count, z)},
                      {"measured", bins_json(fitted.measured, z)},
                      {"model", bins_json(fitted.model, z)},
                      {"object", bins_json(fitted.object, z)}});
@@ -189,8 +191,6 @@ json histograms_json(const Scene& scene, const FittedHistograms& fitted,
           {"columns", fitted.measured.columns},
           {"first_bin", fitted.first_bin},
           {"end_bin", fitted.end_bin},
-          {"variance_floor", conditions.variance_floor},
-          {"variance_per_count", conditions.variance_per_count},
           {"zones", zones}};
 }
 
@@ -280,13 +280,17 @@ CaptureConditions conditions_of(const Scene& scene, const Capture& capture) {
   CaptureConditions conditions;
   conditions.T_world_sensor = capture.T_world_sensor.value_or(scene.T_world_sensor);
   if (capture.relay_points) conditions.relay_points = *capture.relay_points;
-  const double exposures = std::max(capture.exposures, 1e-12);
-  if (const auto* law = std::get_if<GaussianNoise>(&scene.sensor.noise)) {
-    conditions.variance_floor = law->variance_floor / exposures;
-    conditions.variance_per_count = law->variance_per_count / exposures;
-  } else {
-    conditions.variance_per_count =
-        capture.dispersion.value_or(scene.sensor.dispersion) / exposures;
+  for (int z = 0; z < scene.sensor.zone_count(); ++z) {
+    const double exposures = std::max(capture.exposures_of(z), 1e-12);
+    double floor = 0;
+    double per_count = capture.dispersion.value_or(scene.sensor.dispersion);
+    const NoiseLaw law = scene.sensor.noise_of(z);
+    if (const auto* gaussian = std::get_if<GaussianNoise>(&law)) {
+      floor = gaussian->variance_floor;
+      per_count = gaussian->variance_per_count;
+    }
+    conditions.variance_floor.push_back(floor / exposures);
+    conditions.variance_per_count.push_back(per_count / exposures);
   }
   return conditions;
 }

@@ -15,8 +15,8 @@ namespace blindcorner {
 struct CaptureConditions {
   Transform T_world_sensor = Transform::Identity();
   std::vector<Eigen::Vector3d> relay_points;  ///< [zones], m, world; empty: the scene's zones
-  double variance_floor = 0.0;                ///< counts^2
-  double variance_per_count = 1.0;            ///< counts; variance = floor + this * expected count
+  std::vector<double> variance_floor;         ///< [zones] counts^2
+  std::vector<double> variance_per_count;     ///< [zones] counts, per expected count on top of that
 };
 
 /// Conditions of a capture: its own where it has them, the scene's otherwise.

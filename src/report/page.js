@@ -536,11 +536,11 @@
 
   // ---------------------------------------------------------------- histograms
 
-  function variance(h, mean) {
-    return Math.max(h.variance_floor + h.variance_per_count * Math.max(mean, 0), 1e-12);
+  function variance(zone, mean) {
+    return Math.max(zone.variance_floor + zone.variance_per_count * Math.max(mean, 0), 1e-12);
   }
-  function pearson(h, zone, k) {
-    return (zone.measured[k] - zone.model[k]) / Math.sqrt(variance(h, zone.model[k]));
+  function pearson(zone, k) {
+    return (zone.measured[k] - zone.model[k]) / Math.sqrt(variance(zone, zone.model[k]));
   }
   function binRange(h) {
     var bins = h.zones[0].measured.length;
@@ -646,7 +646,7 @@
       showTip(["zone " + zone.zone + ", bin " + k + " (" +
                (k * scene.sensor.bin_width_ps / 1000).toFixed(2) + " ns)",
                "measured " + compact(zone.measured[k]), "model " + compact(zone.model[k]) +
-               ", of this object " + compact(zone.object[k]), "residual " + pearson(h, zone, k).toFixed(2) + " σ"]);
+               ", of this object " + compact(zone.object[k]), "residual " + pearson(zone, k).toFixed(2) + " σ"]);
     }).on("mouseleave", hideTip);
   }
   function logTicks(limits) {
@@ -662,7 +662,7 @@
   function drawZoneTitle(g, h, zone, w) {
     var sum = 0, n = 0;
     for (var k = zone.first_bin; k < zone.end_bin; ++k) {
-      var r = pearson(h, zone, k);
+      var r = pearson(zone, k);
       if (finite(r)) { sum += r * r; ++n; }
     }
     g.append("text").attr({ x: 0, y: -5, "font-weight": 600 }).text("zone " + zone.zone);
@@ -682,7 +682,7 @@
     var usual = "", large = "";
     var first = Math.max(range[0], zone.first_bin), end = Math.min(range[1], zone.end_bin);
     for (var k = first; k < end; ++k) {
-      var r = pearson(h, zone, k);
+      var r = pearson(zone, k);
       if (!finite(r)) continue;
       var line = "M" + x(k + 0.5) + "," + y(0) + "V" + y(r);
       if (Math.abs(r) > 3) large += line; else usual += line;

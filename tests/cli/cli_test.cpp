@@ -449,6 +449,13 @@ TEST_F(CliCalibration, CalibratesFitsAndEvaluates) {
   const json file = json::parse(text_of(instrument));
   EXPECT_EQ(file.at("format"), "blindcorner.instrument/1");
   EXPECT_EQ(file.at("captures_used"), 12);
+  const json& floors = file.at("patch").at("sensor").at("noise").at("variance_floor");
+  ASSERT_EQ(floors.size(), 8U);
+  const Scene known = read_scene(SOURCE_DIR "/scenes/cheapspad_mirrors.json", instrument);
+  for (int z = 0; z < 8; ++z) {
+    EXPECT_EQ(std::get<GaussianNoise>(known.sensor.noise_of(z)).variance_floor,
+              floors[static_cast<std::size_t>(z)].get<double>());
+  }
   EXPECT_THAT(text_of(path("instrument.html")), HasSubstr("<svg"));
 
   const Outcome fitted = run("fit " + scene_ + files_ + kQuick + " --instrument '" + instrument +

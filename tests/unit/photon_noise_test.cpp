@@ -80,6 +80,20 @@ TEST(PhotonNoiseTest, GaussianVarianceFollowsItsLaw) {
   expect_moments(draws(scene, -20, 1, kDraws), -20, 100, 3);
 }
 
+TEST(PhotonNoiseTest, AZoneMayHaveAFloorOfItsOwn) {
+  Scene scene = scene_of(1, 2, kDraws);
+  scene.sensor.noise = GaussianNoise{100.0, 15.0, false};
+  scene.sensor.zones[1].variance_floor = 4;
+  HistogramCube expected(1, 2, kDraws);
+  std::fill(expected.values.begin(), expected.values.end(), 8.0);
+  const HistogramCube counts = draw_counts(scene, expected, 1, 1);
+  for (int z = 0; z < 2; ++z) {
+    const double variance = (z == 0 ? 100 : 4) + 15 * 8.0;
+    EXPECT_EQ(count_variance(scene.sensor, z, 8), variance);
+    expect_moments({counts.zone(z), counts.zone(z) + kDraws}, 8, variance, 3);
+  }
+}
+
 // Values below zero are stored as zero: as many as the normal law puts there, none negative.
 TEST(PhotonNoiseTest, CensoringPutsTheLowerTailAtZero) {
   Scene scene = scene_of(1, 1, 1);

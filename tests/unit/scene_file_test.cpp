@@ -408,6 +408,20 @@ TEST(SceneFile, ValidBinsAreForAllZonesOrForEach) {
   EXPECT_FALSE(each.sensor.zones[1].dead);
 }
 
+TEST(SceneFile, NoiseFloorsAreForAllZonesOrForEach) {
+  const json law = {{"law", "gaussian"}, {"variance_floor", 9}, {"variance_per_count", 2}};
+  const Scene all = changed([&](json& s) { s["sensor"]["noise"] = law; });
+  const Scene each = changed([&](json& s) {
+    s["sensor"]["noise"] = law;
+    s["sensor"]["noise"]["variance_floor"] = {4, 16};
+  });
+  for (int z = 0; z < 2; ++z) {
+    EXPECT_EQ(std::get<GaussianNoise>(all.sensor.noise_of(z)).variance_floor, 9);
+    EXPECT_EQ(std::get<GaussianNoise>(each.sensor.noise_of(z)).variance_floor, z == 0 ? 4 : 16);
+    EXPECT_EQ(std::get<GaussianNoise>(each.sensor.noise_of(z)).variance_per_count, 2);
+  }
+}
+
 struct PresetFacts {
   const char* name;
   int rows, columns, bins;
@@ -538,6 +552,10 @@ TEST(SceneFile, SensorMistakesAreToldWithTheirPath) {
         "sensor.impulse_response.values"},
        {"/sensor/noise", R"({"law": "laplace"})", "sensor.noise.law"},
        {"/sensor/noise", R"({"law": "gaussian", "variance_floor": 0})",
+        "sensor.noise.variance_floor"},
+       {"/sensor/noise", R"({"law": "gaussian", "variance_floor": [1, 0]})",
+        "sensor.noise.variance_floor[1]"},
+       {"/sensor/noise", R"({"law": "gaussian", "variance_floor": [1]})",
         "sensor.noise.variance_floor"},
        {"/sensor/noise", R"({"law": "poisson", "dispersion": -1})", "sensor.noise.dispersion"},
        {"/sensor/illumination", R"({"field": {"cone_half_angle_deg": 95}})",

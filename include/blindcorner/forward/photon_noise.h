@@ -35,8 +35,8 @@ void undo_pile_up(double cycles, const double* counts, int bins, double* correct
 /// Cuts counts at what a bin can hold, if the sensor has such a limit.
 void saturate(const Sensor& sensor, HistogramCube& counts);
 
-/// Variance of one bin of one exposure that expects `counts`, by the sensor's noise law, counts^2.
-double count_variance(const Sensor& sensor, double counts);
+/// Variance of one bin of one exposure that expects `counts`, by the zone's noise law, counts^2.
+double count_variance(const Sensor& sensor, int zone, double counts);
 
 /// Draws counts from expected ones by the scene's noise law: Poisson scaled to the dispersion, or
 /// Gaussian with the stated variance law, censored at zero if the sensor does that. Under pile-up

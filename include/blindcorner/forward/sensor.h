@@ -36,8 +36,9 @@ struct Zone {
   double gain = 1.0;       ///< counts per W/m^2
   bool dead = false;       ///< carries no information
   int first_valid_bin = 0;
-  int last_valid_bin = -1;  ///< inclusive; -1: the sensor's last bin
-  int wrap_bins = -1;       ///< as the sensor's, of this zone; -1: the sensor's
+  int last_valid_bin = -1;     ///< inclusive; -1: the sensor's last bin
+  int wrap_bins = -1;          ///< as the sensor's, of this zone; -1: the sensor's
+  double variance_floor = -1;  ///< counts^2, as a Gaussian noise law's, of this zone; -1: the law's
 };
 
 enum class Illumination {
@@ -92,6 +93,15 @@ struct Sensor {
   int wrap(int zone) const {
     const int own = zones[static_cast<std::size_t>(zone)].wrap_bins;
     return own < 0 ? wrap_bins : own;
+  }
+  /// Noise law of a zone's counts.
+  NoiseLaw noise_of(int zone) const {
+    NoiseLaw law = noise;
+    const double own = zones[static_cast<std::size_t>(zone)].variance_floor;
+    if (auto* gaussian = std::get_if<GaussianNoise>(&law); gaussian != nullptr && own > 0) {
+      gaussian->variance_floor = own;
+    }
+    return law;
   }
   /// Whether a bin that holds this many counts is full.
   bool saturates(double counts) const {

@@ -39,7 +39,7 @@ struct BinWindow {
 /// All zones of one or several captures, with the likelihood of each capture.
 struct Observation {
   std::vector<ObservedZone> zones;
-  /// One per capture, or one per observed zone where exposures differ from zone to zone.
+  /// One per capture, or one per observed zone where exposures or noise differ from zone to zone.
   std::vector<BinLikelihood> likelihood;
   int captures = 0;
 
