@@ -12,7 +12,8 @@ mkdir -p "$out"
 table() { # set, file, published filter
   "$program" import "$data/$2" --published-filter "$3" -o "$out/$1.exr"
   "$program" import "$data/$2" --published-filter "$3" --repeats 2 -o "$out/$1_pairs.exr"
-  "$program" crossvalidate "scenes/cheapspad_$1.json" "$out/$1.exr" --samples "$out/$1_pairs.exr" -o "$out/$1"
+  "$program" crossvalidate "scenes/cheapspad_$1.json" "$out/$1.exr" --samples "$out/$1_pairs.exr" \
+    --importance-samples 2048 -o "$out/$1"
 }
 table mirrors smalltarget_mirrors_train.mat mirrors
 table nomirrors bigtarget_nomirrors_train.mat nomirrors

@@ -438,13 +438,14 @@ BLINDCORNER_MULTIVERSION void retro_light_of_patches(const Scratch& s, const Pat
 }
 
 /// From sums to mean radiance, shift of the path and its variance.
-BLINDCORNER_MULTIVERSION void lobe_moments(const Scratch& s, std::size_t n, const LightSums& sums,
-                                           LobeLight& light) {
-  const double *w = sums.weight.data(), *first = sums.first.data(), *second = sums.second.data();
+BLINDCORNER_MULTIVERSION void lobe_moments(const Scratch& s, std::size_t n, std::size_t begin,
+                                           const LightSums& sums, LobeLight& light) {
+  const double *w = sums.weight.data() + begin, *first = sums.first.data() + begin,
+               *second = sums.second.data() + begin;
   const double *path = s.path.data(), *distance = s.distance.data();
-  double* __restrict radiance = light.radiance.data();
-  double* __restrict shift = light.shift.data();
-  double* __restrict variance = light.variance.data();
+  double* __restrict radiance = light.radiance.data() + begin;
+  double* __restrict shift = light.shift.data() + begin;
+  double* __restrict variance = light.variance.data() + begin;
   BLINDCORNER_INDEPENDENT
   for (std::size_t i = 0; i < n; ++i) {
     const double inverse = w[i] > 0 ? 1 / w[i] : 0.0;
@@ -458,17 +459,17 @@ BLINDCORNER_MULTIVERSION void lobe_moments(const Scratch& s, std::size_t n, cons
 /// Light that comes back to a node from every patch: sums of weight, path and path squared. Both
 /// legs change with a cell's half edges u and v.
 BLINDCORNER_MULTIVERSION void lobe_light_of_patches(const Scratch& s, std::size_t n,
-                                                    const LobeLight& light, double scale,
-                                                    const Vector3d& u, const Vector3d& v,
-                                                    LightSums& sums) {
+                                                    std::size_t begin, const LobeLight& light,
+                                                    double scale, const Vector3d& u,
+                                                    const Vector3d& v, LightSums& sums) {
   const double ux = u.x(), uy = u.y(), uz = u.z(), vx = v.x(), vy = v.y(), vz = v.z();
   const double *w = s.weight.data(), *l = s.path.data(), *distance = s.distance.data();
   const double *dx = s.dx.data(), *dy = s.dy.data(), *dz = s.dz.data();
-  const double *radiance = light.radiance.data(), *shift = light.shift.data();
-  const double* variance = light.variance.data();
-  double* __restrict weight = sums.weight.data();
-  double* __restrict first = sums.first.data();
-  double* __restrict second = sums.second.data();
+  const double *radiance = light.radiance.data() + begin, *shift = light.shift.data() + begin;
+  const double* variance = light.variance.data() + begin;
+  double* __restrict weight = sums.weight.data() + begin;
+  double* __restrict first = sums.first.data() + begin;
+  double* __restrict second = sums.second.data() + begin;
   BLINDCORNER_INDEPENDENT
   for (std::size_t i = 0; i < n; ++i) {
     const double gu = dx[i] * ux + dy[i] * uy + dz[i] * uz;
@@ -619,6 +620,9 @@ class FastModel final : public ForwardModel {
   };
   Limits limits(double tolerance, double coarseness) const;
   void choose_fidelity(const FastModelOptions& options);
+  bool lobes_graze(const std::vector<PoseVector>& poses, const std::function<void()>& sample,
+                   double tolerance);
+  int lobe_parts() const { return fidelity_.grazing_lobes ? LobeField::kParts : 1; }
   bool too_many_pairs() const;
   bool arrives_at_once(double tolerance) const;
   void decide_bounces(double tolerance);
@@ -626,7 +630,7 @@ class FastModel final : public ForwardModel {
     double coarseness;
     double change;  ///< of a bin by going on to twice as many cells, as a share of the peak
   };
-  Choice coarsest(const std::vector<PoseVector>& poses, double tolerance,
+  Choice coarsest(const std::vector<PoseVector>& poses, double tolerance, bool of_object,
                   const std::function<int(double)>& sample);
   std::vector<PoseVector> probe_poses() const;
   static double largest_change(const std::vector<HistogramCube>& coarse,
@@ -806,16 +810,18 @@ void FastModel::complete_plan(double tolerance) {
 /// miss the variance 2 b^2, which lowers the peak of a pulse of width w by b^2 / w^2; a Gaussian
 /// misses the third cumulant k = 6 a^2 b + 8 b^3, by max |He3 phi| / phi(0) k / (6 w^3) = 0.23 k /
 /// w^3. An edge that cuts the lobe makes it lopsided besides: at most k = 0.22 a^3, of a half
-/// normal distribution. Oblique edges that meet lose 0.03 of the lobe at the corner.
+/// normal distribution. Oblique edges that meet lose 0.03 of the lobe at the corner. Of parts that
+/// are half as wide, a sixteenth of the smooth terms is left.
 struct LobeClosure {
   double smooth;   ///< of all light
   double at_edge;  ///< of light within a footprint of an edge
 
-  LobeClosure(double a, double bend, double pulse) {
+  LobeClosure(double a, double bend, double pulse, int parts) {
     const double b = a * std::min(bend, 1.0);
     const double w = std::sqrt(pulse * pulse + a * a);
     const auto skew = [&](double k) { return 0.23 * k / (w * w * w); };
     smooth = std::min(b * b / (w * w) + skew(6 * a * a * b + 8 * b * b * b), 1.0);
+    if (parts > 1) smooth /= 16;
     at_edge = std::min(skew(0.22 * a * a * a) + 0.03, 1.0);
   }
 };
@@ -852,7 +858,8 @@ double FastModel::single_sum_bound() const {
       const Vector3d gradient = seen_.leg_direction(i) - way / r;
       const double slope = sine > 0 ? std::abs(gradient.dot(tilt)) / sine : 0.0;
       const double footprint = sigma * r / cosine;
-      const LobeClosure closure(footprint * slope, sigma * sine / cosine, pulse_sigma_);
+      const LobeClosure closure(footprint * slope, sigma * sine / cosine, pulse_sigma_,
+                                lobe_parts());
       const double near_edges = std::min(4 * footprint / (kBinShare * extent), 1.0);
       const auto zone = static_cast<std::size_t>(seen_.group_zone[static_cast<std::size_t>(group)]);
       light[zone] += weight;
@@ -955,6 +962,10 @@ constexpr double kAnchorEdge = 2;
 /// Cosine between normals of cells on one side of the object.
 constexpr double kSameSide = 0.9;
 
+/// Borders of surfaces and shadows converge slowly: changes below this that cost much, or finer
+/// cells that gain next to nothing, are not worth their time.
+constexpr double kWorthwhile = 0.05;
+
 /// Limits of sampling in units of those that the closed-form estimates give for the tolerance.
 FastModel::Limits FastModel::limits(double tolerance, double coarseness) const {
   // Six axes share each limit: two each of what is lit, what is seen and the object.
@@ -1006,12 +1017,34 @@ void FastModel::choose_fidelity(const FastModelOptions& options) {
     fidelity_.relay *= kCoarsenessStep;
     sample_both(fidelity_.relay, kCoarsest);
   }
-  const Choice chosen = coarsest(poses, 0.5 * options.tolerance, object);
+  if (lobe_) {
+    fidelity_.grazing_lobes = lobes_graze(
+        poses, [&] { sample_both(2, 1); }, 0.5 * options.tolerance);
+    if (fidelity_.grazing_lobes) relay(1);
+  }
+  const Choice chosen = coarsest(poses, 0.5 * options.tolerance, true, object);
   fidelity_.object = chosen.coarseness;
   object(fidelity_.object);
   const double left = options.tolerance - std::min(chosen.change, 0.5 * options.tolerance);
-  fidelity_.relay = coarsest(poses, left, relay).coarseness;
+  fidelity_.relay = coarsest(poses, left, false, relay).coarseness;
   relay(fidelity_.relay);
+}
+
+/// Whether lobes that graze the relay have to be treated as such: whether that changes a bin of a
+/// probed pose by more than the tolerance and enough to be worth its time, at a sampling that is
+/// neither coarse nor fine.
+bool FastModel::lobes_graze(const std::vector<PoseVector>& poses,
+                            const std::function<void()>& sample, double tolerance) {
+  std::array<std::vector<HistogramCube>, 2> cubes;
+  for (const bool grazing : {false, true}) {
+    fidelity_.grazing_lobes = grazing;
+    sample();
+    for (const PoseVector& pose : poses) cubes[grazing].push_back(three_bounce(pose));
+  }
+  const double change = largest_change(cubes[0], cubes[1]);
+  if (change > std::max(tolerance, kWorthwhile)) return true;
+  if (change > tolerance) unresolved_ += change;
+  return false;
 }
 
 /// Whether pairs of patches, where they are needed, would take too long.
@@ -1062,10 +1095,7 @@ bool FastModel::arrives_at_once(double tolerance) const {
 
 /// `sample` takes a coarseness and returns how many cells it made.
 FastModel::Choice FastModel::coarsest(const std::vector<PoseVector>& poses, double tolerance,
-                                      const std::function<int(double)>& sample) {
-  // Borders of surfaces and shadows converge slowly: below this, finer cells that gain next to
-  // nothing are not worth their time.
-  constexpr double kStagnates = 0.05;
+                                      bool of_object, const std::function<int(double)>& sample) {
   struct Candidate {
     double coarseness;
     int cells;
@@ -1073,7 +1103,8 @@ FastModel::Choice FastModel::coarsest(const std::vector<PoseVector>& poses, doub
   };
   std::vector<Candidate> candidates;
   const bool rules = plan_.kernel == Kernel::lambertian;
-  std::vector<double> changes;  // [candidate] to at least twice as many cells
+  std::vector<double> changes;  // [candidate] to at least twice as many cells ...
+  std::vector<int> finer;       // ... and to how many
   const double step = rules ? kRuleStep : kCoarsenessStep;
   for (double c = kCoarsest; c > (rules ? kRuleFinest : kFinest); c /= step) {
     const int cells = sample(c);
@@ -1089,10 +1120,15 @@ FastModel::Choice FastModel::coarsest(const std::vector<PoseVector>& poses, doub
       if (fine.cells < 2 * coarse.cells) break;
       const double change = largest_change(coarse.cubes, fine.cubes);
       if (change < tolerance) return {coarse.coarseness, change};
-      const double before =
-          changes.empty() ? std::numeric_limits<double>::infinity() : changes.back();
+      // The one before that. A second change to the same cells tells nothing new of the relay; of
+      // the object, which is refined while the relay is coarse, shadows' borders keep all up.
+      double before = std::numeric_limits<double>::infinity();
+      for (std::size_t k = 0; k < changes.size(); ++k) {
+        if (of_object || finer[k] < fine.cells) before = changes[k];
+      }
       changes.push_back(change);
-      if (!rules && change < kStagnates && change > 0.8 * before) {
+      finer.push_back(fine.cells);
+      if (!rules && change < kWorthwhile && change > 0.8 * before) {
         unresolved_ += change;
         return {coarse.coarseness, change};
       }
@@ -1300,10 +1336,15 @@ void FastModel::sample_object(const Limits& limits) {
   const double extent = 2 * bounding_radius(scene_.hidden.shape, Anchor::center);
   const int stride = std::max(1, seen_.size() / 64);
   double anchor_edge = 0;
+  // Below this sine of the elevation a lobe's own width draws its footprint out.
+  const auto* retro = std::get_if<RetroreflectiveMaterial>(&scene_.hidden.material);
+  const double least_height = retro != nullptr ? retro->lobe_sigma : 1.0;
   for (object_edge_ = extent; object_edge_ > extent / 64; object_edge_ /= 1.25) {
     double weight = 0;
     double path = 0;
     double angle = 0;
+    double graze = 0;
+    double seen = 0;
     for (const Placement& p : probe_placements(scene_)) {
       const Transform T = object_to_world(scene_.hidden.shape, scene_.hidden.anchor, p);
       for (const SurfaceCell& cell : divide(scene_.hidden.shape, T, p.size, object_edge_, 1)) {
@@ -1318,12 +1359,20 @@ void FastModel::sample_object(const Limits& limits) {
           weight += w;
           path += w * std::max(u * u, v * v) / 3;
           angle += w * 4 * std::max(cell.half_u.squaredNorm(), cell.half_v.squaredNorm()) / (r * r);
+          // Height over the relay, by which footprints are drawn out.
+          const Vector3d normal = seen_.normal(i);
+          const double height = std::max(std::abs(way.dot(normal)), least_height * r);
+          const double rise =
+              std::max(std::abs(cell.half_u.dot(normal)), std::abs(cell.half_v.dot(normal)));
+          graze += w * height / r * 4 * rise * rise / (height * height);
+          seen += w * height / r;
         }
       }
     }
     if (weight <= 0) continue;
     object_midpoint_ = std::sqrt(angle / weight) <= limits.midpoint;
-    anchor_edge = object_edge_ * kAnchorEdge * limits.midpoint / std::sqrt(angle / weight);
+    const double own = angle / weight + (fidelity_.grazing_lobes ? graze / seen : 0.0);
+    anchor_edge = object_edge_ * kAnchorEdge * limits.midpoint / std::sqrt(own);
     const bool rules = plan_.kernel == Kernel::lambertian;
     if (std::sqrt(path / weight) <= (rules ? limits.rule_spread : limits.spread) &&
         std::sqrt(angle / weight) <= (rules ? limits.object_angle : limits.aspect)) {
@@ -1570,34 +1619,40 @@ void FastModel::retro_single(const CellNodes& cell, std::size_t anchor, const Sh
   const double way_in = scene_.sensor.path_origin == PathOrigin::sensor ? 1 : 0;
   const std::size_t groups = seen_.group_end.size();
   const auto patches = static_cast<std::size_t>(seen_.size());
-  s.patches.resize(patches);
-  s.pulses.resize(groups);
-  std::fill_n(s.pulses.weight.begin(), groups, 0.0);
-  std::fill_n(s.pulses.path.begin(), groups, 0.0);
-  std::fill_n(s.pulses.variance.begin(), groups, 0.0);
+  const auto parts = static_cast<std::size_t>(lobe_ ? lobe_parts() : 1);
+  s.patches.resize(patches * parts);
+  s.pulses.resize(groups * parts);
+  for (auto* v : {&s.pulses.weight, &s.pulses.path, &s.pulses.variance}) {
+    std::fill_n(v->begin(), groups * parts, 0.0);
+  }
   for (std::size_t n = 0; n < cell.count; ++n) {
     const SurfacePoint& node = cell.nodes[n];
     light_between(node, seen_, shadows.empty() ? nullptr : &shadows[n], s);
     const double scale = scene_.hidden.albedo * node.area;
     if (lobe_) {
       inner_legs(s);
-      lobe_light_of_patches(s, patches, s.lobes[anchor], scale, cell.half_u, cell.half_v,
-                            s.patches);
+      for (std::size_t k = 0; k < parts; ++k) {
+        lobe_light_of_patches(s, patches, k * patches, s.lobes[anchor], scale, cell.half_u,
+                              cell.half_v, s.patches);
+      }
       const auto& faces = occluders[std::min(n, occluders.size() - 1)];
       if (!faces.empty()) shade_lobes(node, faces, s);
     } else {
       retro_light_of_patches(s, seen_, scale, cell.half_u, cell.half_v, sigma, way_in, s.patches);
     }
-    std::size_t i = 0;
-    for (std::size_t g = 0; g < groups; ++g) {
-      for (const auto end = static_cast<std::size_t>(seen_.group_end[g]); i < end; ++i) {
-        s.pulses.weight[g] += s.patches.weight[i];
-        s.pulses.path[g] += s.patches.first[i];
-        s.pulses.variance[g] += s.patches.second[i];
+    for (std::size_t k = 0; k < parts; ++k) {
+      std::size_t i = 0;
+      for (std::size_t g = 0; g < groups; ++g) {
+        const std::size_t pulse = g * parts + k;
+        for (const auto end = static_cast<std::size_t>(seen_.group_end[g]); i < end; ++i) {
+          s.pulses.weight[pulse] += s.patches.weight[k * patches + i];
+          s.pulses.path[pulse] += s.patches.first[k * patches + i];
+          s.pulses.variance[pulse] += s.patches.second[k * patches + i];
+        }
       }
     }
   }
-  add_seen_pulses(s, 1);
+  add_seen_pulses(s, parts);
 }
 
 LobeRays FastModel::lobe_rays(const Vector3d& normal, const Scratch& s) const {
@@ -1620,9 +1675,11 @@ void FastModel::for_each_zone(
 }
 
 /// Clears the first `count` sums, to be added to.
-LobeSums lobe_sums(LightSums& sums, std::size_t count) {
-  for (auto* v : {&sums.weight, &sums.first, &sums.second}) std::fill_n(v->begin(), count, 0.0);
-  return {sums.weight.data(), sums.first.data(), sums.second.data()};
+LobeSums lobe_sums(LightSums& sums, std::size_t count, int parts) {
+  const std::size_t all = count * static_cast<std::size_t>(parts);
+  sums.resize(all);
+  for (auto* v : {&sums.weight, &sums.first, &sums.second}) std::fill_n(v->begin(), all, 0.0);
+  return {sums.weight.data(), sums.first.data(), sums.second.data(), count, parts};
 }
 
 /// Inner legs of the ways out in `s`.
@@ -1637,15 +1694,16 @@ void FastModel::gather(const SurfacePoint& anchor, LobeLight& light, Scratch& s)
   exchange(anchor, seen_, s);
   inner_legs(s);
   s.extent.assign(seen_.spread.begin(), seen_.spread.end());
-  s.patches.resize(count);
   const LobeField::View view = lobe_->seen_from(anchor.center, {});
   const LobeRays rays = lobe_rays(anchor.normal, s);
-  const LobeSums sums = lobe_sums(s.patches, count);
+  const LobeSums sums = lobe_sums(s.patches, count, lobe_parts());
   for_each_zone([&](int zone, std::size_t begin, std::size_t end) {
     view.gather(rays.from(begin), end - begin, zone, sums.from(begin));
   });
-  light.resize(count);
-  lobe_moments(s, count, s.patches, light);
+  light.resize(count * static_cast<std::size_t>(lobe_parts()));
+  for (int k = 0; k < lobe_parts(); ++k) {
+    lobe_moments(s, count, static_cast<std::size_t>(k) * count, s.patches, light);
+  }
   light.known = true;
 }
 
@@ -1657,18 +1715,27 @@ void FastModel::shade_lobes(const SurfacePoint& node, const std::vector<Occluder
   for (const auto& [patch, fraction] : s.partial) s.extent[patch] *= fraction * fraction;
   const LobeField::View view = lobe_->seen_from(node.center, occluders);
   const LobeRays rays = lobe_rays(node.normal, s);
-  s.open.resize(LobeField::kChunk);
-  s.shaded.resize(LobeField::kChunk);
+  const auto patches = static_cast<std::size_t>(seen_.size());
+  const auto parts = static_cast<std::size_t>(lobe_parts());
   for_each_zone([&](int zone, std::size_t first, std::size_t end) {
     for (std::size_t begin = first; begin < end; begin += LobeField::kChunk) {
       const std::size_t count = std::min(LobeField::kChunk, end - begin);
-      const double* weight = s.patches.weight.data() + begin;
-      if (std::all_of(weight, weight + count, [](double w) { return w <= 0; })) continue;
-      if (!view.gather_shaded(rays.from(begin), count, zone, lobe_sums(s.open, count),
-                              lobe_sums(s.shaded, count))) {
+      const auto dark = [&](std::size_t part) {
+        const double* weight = s.patches.weight.data() + part * patches + begin;
+        return std::all_of(weight, weight + count, [](double w) { return w <= 0; });
+      };
+      bool all_dark = true;
+      for (std::size_t k = 0; k < parts && all_dark; ++k) all_dark = dark(k);
+      if (all_dark) continue;
+      if (!view.gather_shaded(rays.from(begin), count, zone, lobe_sums(s.open, count, lobe_parts()),
+                              lobe_sums(s.shaded, count, lobe_parts()))) {
         continue;
       }
-      for (std::size_t i = 0; i < count; ++i) shade_patch(i, begin + i, s);
+      for (std::size_t k = 0; k < parts; ++k) {
+        for (std::size_t i = 0; i < count; ++i) {
+          shade_patch(k * count + i, k * patches + begin + i, s);
+        }
+      }
     }
   });
 }
@@ -1928,6 +1995,7 @@ class FastObjects final : public ForwardModel {
     for (const auto& part : parts_) {
       finest.relay = std::min(finest.relay, part->fidelity()->relay);
       finest.object = std::min(finest.object, part->fidelity()->object);
+      finest.grazing_lobes = finest.grazing_lobes || part->fidelity()->grazing_lobes;
     }
     return finest;
   }

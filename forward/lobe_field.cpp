@@ -232,10 +232,11 @@ struct LitPlane {
   double height, radiance;
 };
 
-/// Adds radiance and path over what is left of the lobe.
-BLINDCORNER_MULTIVERSION void add_light(const LobeRays& rays, std::size_t n, const Frame& f,
-                                        const Moments& left, const LitPlane& plane,
-                                        const LobeSums& sums) {
+/// Adds radiance and path over one part of what is left of the lobe: `share` of it, `away` standard
+/// deviations along the tilt from its middle, as wide as `width` of them.
+BLINDCORNER_MULTIVERSION void add_part(const LobeRays& rays, std::size_t n, const Frame& f,
+                                       const Moments& left, const LitPlane& plane, double share_of,
+                                       double away, double width, const LobeSums& sums) {
   const double nx = plane.normal.x(), ny = plane.normal.y(), nz = plane.normal.z();
   const double sx = plane.source.x(), sy = plane.source.y(), sz = plane.source.z();
   double* __restrict weights = sums.weight;
@@ -274,17 +275,29 @@ BLINDCORNER_MULTIVERSION void add_light(const LobeRays& rays, std::size_t n, con
           f.oc[i] + f.lc[i] * r * (wx * f.cx[i] + wy * f.cy[i] + wz * f.cz[i]) / d;
       const bool meets = t > 0 && t < kFarthest;
       const double out = std::max(1 + f.ga[i] * za + f.gc[i] * zc, 0.0);
-      const double light = meets ? 0.5 * share * out * plane.radiance / (d2 * d) : 0.0;
+      const double light = meets ? 0.5 * share_of * share * out * plane.radiance / (d2 * d) : 0.0;
       first += meets ? light * path : 0.0;
       second += meets ? light * (path * path + f.rest[i] + change * change * var_rest) : 0.0;
       return light;
     };
     double first = 0, second = 0;
-    double weight = part(mean_a - spread, mean_c - joint, first, second);
-    weight += part(mean_a + spread, mean_c + joint, first, second);
+    const double low = away - width;
+    const double high = away + width;
+    double weight = part(mean_a + low * spread, mean_c + low * joint, first, second);
+    weight += part(mean_a + high * spread, mean_c + high * joint, first, second);
     weights[i] += weight;
     firsts[i] += first;
     seconds[i] += second;
+  }
+}
+
+/// Adds radiance and path over what is left of the lobe: as a whole, or in three parts of half its
+/// width, N(0, 1) being N(0, 1/4) about the nodes of a Gauss-Hermite rule for N(0, 3/4).
+void add_light(const LobeRays& rays, std::size_t n, const Frame& f, const Moments& left,
+               const LitPlane& plane, const LobeSums& sums) {
+  if (sums.parts == 1) return add_part(rays, n, f, left, plane, 1, 0, 1, sums);
+  for (int k = 0; k < LobeField::kParts; ++k) {
+    add_part(rays, n, f, left, plane, k == 1 ? 2.0 / 3 : 1.0 / 6, 1.5 * (k - 1), 0.5, sums.part(k));
   }
 }
 
@@ -692,13 +705,15 @@ bool LobeField::View::gather_shaded(const LobeRays& rays, std::size_t count, int
   chunk.take(rays, count);
   if (!shadow_near(chunk, zone)) return false;
   struct alignas(64) Own {
-    Lane weight{}, first{}, second{};
+    std::array<double, kParts * kChunk> weight{}, first{}, second{};
   };
   const auto add = [&](const Own& from, const LobeSums& to) {
-    for (std::size_t i = 0; i < count; ++i) {
-      to.weight[i] += from.weight[i];
-      to.first[i] += from.first[i];
-      to.second[i] += from.second[i];
+    for (std::size_t k = 0; k < static_cast<std::size_t>(to.parts); ++k) {
+      for (std::size_t i = 0; i < count; ++i) {
+        to.weight[k * to.stride + i] += from.weight[k * kChunk + i];
+        to.first[k * to.stride + i] += from.first[k * kChunk + i];
+        to.second[k * to.stride + i] += from.second[k * kChunk + i];
+      }
     }
   };
   for (const Polygon& polygon : polygons_) {
@@ -707,7 +722,7 @@ bool LobeField::View::gather_shaded(const LobeRays& rays, std::size_t count, int
     const LitPlane plane{polygon.normal, source_ - origin_, polygon.height, polygon.radiance};
     Own own;
     add_light(chunk.rays, count, chunk.frame, chunk.light, plane,
-              {own.weight.data(), own.first.data(), own.second.data()});
+              {own.weight.data(), own.first.data(), own.second.data(), kChunk, open.parts});
     add(own, open);
     if (shade(polygon.occluders, polygon.bodies.end, chunk)) {
       add_light(chunk.rays, count, chunk.frame, chunk.light, plane, shaded);

@@ -154,7 +154,7 @@ std::vector<Setting> study(const ForwardArguments& arguments, const Scene& scene
   };
   for (const double fidelity : kFidelities) {
     FastModelOptions options = at_tolerance(kFidelityTolerance);
-    options.fidelity = Fidelity{fidelity, fidelity};
+    options.fidelity = Fidelity{fidelity, fidelity, fidelity < 1};
     const auto model = make_fast_model(scene, sensor, options);
     if (!add(run(*model, truth), "fast", formatted("fidelity %g", fidelity), *model)) break;
   }
