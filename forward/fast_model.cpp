@@ -1036,10 +1036,10 @@ void FastModel::choose_fidelity(const FastModelOptions& options) {
 bool FastModel::lobes_graze(const std::vector<PoseVector>& poses,
                             const std::function<void()>& sample, double tolerance) {
   std::array<std::vector<HistogramCube>, 2> cubes;
-  for (const bool grazing : {false, true}) {
-    fidelity_.grazing_lobes = grazing;
+  for (std::size_t k = 0; k < cubes.size(); ++k) {
+    fidelity_.grazing_lobes = k == 1;
     sample();
-    for (const PoseVector& pose : poses) cubes[grazing].push_back(three_bounce(pose));
+    for (const PoseVector& pose : poses) cubes[k].push_back(three_bounce(pose));
   }
   const double change = largest_change(cubes[0], cubes[1]);
   if (change > std::max(tolerance, kWorthwhile)) return true;
