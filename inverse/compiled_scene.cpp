@@ -301,6 +301,7 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
       if (!axis.periodic) pose[k] = std::min(pose[k], scene.unknowns[i].upper);
       rest /= along;
     }
+    compiled->log_prior.push_back(static_cast<float>(log_pose_prior(scene, pose)));
     compiled->poses.push_back(pose);
   }
   compiled->windows = reach(*compiled);

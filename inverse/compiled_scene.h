@@ -28,6 +28,7 @@ struct CompiledScene {
   PoseVector spacing;             ///< [n] of the axes
   std::vector<GridAxis> axes;     ///< [n] of the scored grid, bounds included
   std::vector<PoseVector> poses;  ///< scored poses, last unknown fastest
+  std::vector<float> log_prior;   ///< [poses] log density of their prior
   /// gain * S inside the windows, one column per scored pose, rows as in Observation::zones.
   Eigen::MatrixXf templates;
   /// Between the scored poses; null where the pulse had to be widened, or the grid is too large.

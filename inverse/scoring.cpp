@@ -275,11 +275,8 @@ Scored score(const PoseObjective& objective, const LinearSolution& empty, int co
         unknowns.amplitude == LinearMode::shared ? 1.0 : static_cast<double>(empty.ambient.size());
     result.empty -= amplitudes * std::log(unknowns.amplitude_prior.sigma_log * std::sqrt(2 * kPi));
   }
-  Eigen::VectorXf prior(static_cast<Eigen::Index>(compiled.poses.size()));
-  for (Eigen::Index i = 0; i < prior.size(); ++i) {
-    const PoseVector& pose = compiled.poses[static_cast<std::size_t>(i)];
-    prior[i] = static_cast<float>(log_pose_prior(compiled.scene, pose));
-  }
+  const Eigen::Map<const Eigen::VectorXf> prior(compiled.log_prior.data(),
+                                                std::ssize(compiled.log_prior));
   const auto scores_with = [&](MatchedFilter::Weights weights) -> Eigen::VectorXf {
     return MatchedFilter(objective, empty, weights, MatchedFilter::Priors::used).scores() + prior;
   };
