@@ -66,21 +66,25 @@ class Sampler {
       for (const Cell& quarter : cell.quarters()) sample(quarter, splits, edges + 1);
       return;
     }
-    if (patch.surface < 0) return;
-    patch.whole = trace == Trace::whole;
-    const int split =
-        splits < sampling_.split_depth && sampling_.split ? sampling_.split(patch) : 0;
-    if (split != 0) {
-      for (const Cell& half : cell.halves(split)) sample(half, splits + 1, edges);
-      return;
+    if (trace == Trace::nothing) return;
+    const bool whole = trace == Trace::whole;
+    std::vector<RelayPatch> parts = whole ? std::vector{patch} : parts_of(cell);
+    if (splits < sampling_.split_depth && sampling_.split) {
+      for (const RelayPatch& part : parts) {
+        const int split = sampling_.split(part);
+        if (split == 0) continue;
+        for (const Cell& half : cell.halves(split)) sample(half, splits + 1, edges);
+        return;
+      }
     }
-    patch.group = group_++;
-    const auto [nu, nv] =
-        sampling_.nodes && patch.whole ? sampling_.nodes(patch) : std::array{1, 1};
-    if (nu * nv > 1) {
-      add_nodes(cell, patch, gauss_legendre(nu), gauss_legendre(nv));
-    } else {
-      patches.push_back(patch);
+    for (RelayPatch& part : parts) {
+      part.group = group_++;
+      const auto [nu, nv] = sampling_.nodes && whole ? sampling_.nodes(part) : std::array{1, 1};
+      if (nu * nv > 1) {
+        add_nodes(cell, part, gauss_legendre(nu), gauss_legendre(nv));
+      } else {
+        patches.push_back(part);
+      }
     }
   }
 
@@ -124,7 +128,7 @@ class Sampler {
     }
   }
 
-  /// Fills the patch from the cell's centre ray; `mixed` when the corners see something else.
+  /// Fills the patch of a whole cell; `mixed` when its corners do not see what its centre does.
   Trace look(const Cell& cell, RelayPatch& patch) const {
     const double uc = 0.5 * (cell.u0 + cell.u1);
     const double vc = 0.5 * (cell.v0 + cell.v1);
@@ -147,19 +151,78 @@ class Sampler {
       }
     }
     if (!hit) return missed == 4 ? Trace::nothing : Trace::mixed;
-    patch.surface = hit->surface;
-    patch.normal = two_sided(*hit) && !reflects(*hit) ? Vector3d(-hit->normal) : hit->normal;
-    patch.center = hit->point;
-    patch.area_center = hit->point;
-    patch.distance = hit->distance;
-    patch.albedo = reflects(*hit) || two_sided(*hit)
-                       ? surfaces_[static_cast<std::size_t>(hit->surface)].albedo
-                       : 0.0;
+    if (same < 4) return Trace::mixed;
+    patch = patch_at(*hit);
     patch.solid_angle = cell.solid_angle();
     const auto on_plane = [&](double u, double v) { return meet(cell, u, v, patch); };
     patch.half_u = 0.5 * (on_plane(cell.u1, vc) - on_plane(cell.u0, vc));
     patch.half_v = 0.5 * (on_plane(uc, cell.v1) - on_plane(uc, cell.v0));
-    return same == 4 ? Trace::whole : Trace::mixed;
+    return Trace::whole;
+  }
+
+  RelayPatch patch_at(const RayHit& hit) const {
+    RelayPatch patch;
+    patch.surface = hit.surface;
+    patch.normal = two_sided(hit) && !reflects(hit) ? Vector3d(-hit.normal) : hit.normal;
+    patch.center = hit.point;
+    patch.area_center = hit.point;
+    patch.distance = hit.distance;
+    patch.albedo = reflects(hit) || two_sided(hit)
+                       ? surfaces_[static_cast<std::size_t>(hit.surface)].albedo
+                       : 0.0;
+    return patch;
+  }
+
+  /// A mixed cell as a patch for each flat surface in it, with its share of the cell and of the
+  /// cell's edges, by rays along a lattice that has a column and a row for each ray.
+  std::vector<RelayPatch> parts_of(const Cell& cell) const {
+    constexpr int kRays = 34, kTurn = 21;  // Fibonacci
+    struct Part {
+      RelayPatch patch;
+      double count, u, v, uu, vv;
+    };
+    std::vector<Part> parts;
+    for (int k = 0; k < kRays; ++k) {
+      const double u = (k + 0.5) / kRays;
+      const double v = (k * kTurn % kRays + 0.5) / kRays;
+      const auto hit = rays_.first_hit(origin_, world(cell, cell.u0 + u * (cell.u1 - cell.u0),
+                                                      cell.v0 + v * (cell.v1 - cell.v0)));
+      if (!hit) continue;
+      const RelayPatch seen = patch_at(*hit);
+      auto part = std::ranges::find_if(parts, [&](const Part& p) {
+        return p.patch.surface == seen.surface && p.patch.normal.dot(seen.normal) > 0.999;
+      });
+      if (part == parts.end()) part = parts.insert(part, {seen, 0, 0, 0, 0, 0});
+      part->count += 1;
+      part->u += u;
+      part->v += v;
+      part->uu += u * u;
+      part->vv += v * v;
+    }
+    std::vector<RelayPatch> patches_of_parts;
+    for (Part& part : parts) {
+      RelayPatch& patch = part.patch;
+      patch.whole = false;
+      patch.solid_angle = cell.solid_angle() * part.count / kRays;
+      // Even light of the same mean and variance along both edges; one ray stands for its own row.
+      const auto side = [&](double from, double to, double sum, double squares) {
+        const double mean = sum / part.count;
+        const double own = 1.0 / (12 * kRays * kRays);
+        const double half = std::sqrt(3 * std::max(squares / part.count - mean * mean + own, own));
+        return std::array{from + (mean - half) * (to - from), from + mean * (to - from),
+                          from + (mean + half) * (to - from)};
+      };
+      const auto us = side(cell.u0, cell.u1, part.u, part.uu);
+      const auto vs = side(cell.v0, cell.v1, part.v, part.vv);
+      const RelayPatch at = patch;  // whose plane it is
+      patch.center = meet(cell, us[1], vs[1], at);
+      patch.area_center = patch.center;
+      patch.distance = (patch.center - origin_).norm();
+      patch.half_u = 0.5 * (meet(cell, us[2], vs[1], at) - meet(cell, us[0], vs[1], at));
+      patch.half_v = 0.5 * (meet(cell, us[1], vs[2], at) - meet(cell, us[1], vs[0], at));
+      patches_of_parts.push_back(patch);
+    }
+    return patches_of_parts;
   }
 
   /// Rectangles reflect on one side only; closed shapes are seen from outside.

@@ -131,7 +131,7 @@ TEST(RelayTest, FieldThatCrossesAnEdgeKeepsThePartOnTheSurface) {
       sampling.divisions = divisions;
       if (gauss) sampling.nodes = [](const RelayPatch&) { return std::array{2, 2}; };
       const double cell = 2 * y / divisions / 16;
-      const double strip = 2 * y * cell / 2;  // sr, at most
+      const double strip = 2 * y * cell / 2 / 16;  // sr, at most: cells over the edge are shared
       EXPECT_NEAR(total(sample(surfaces, rectangle(-20, 20, -20, 20), sampling)), exact, strip);
     }
   }
@@ -154,11 +154,41 @@ TEST(RelayTest, FieldOverTwoSurfacesIsSharedBetweenThem) {
   const double x = std::tan(15 * kDegree);
   const double floor = 2 * (corner_angle(x, std::tan(20 * kDegree)) - corner_angle(x, 0.1));
   const double strip =
-      2 * x * (std::tan(20 * kDegree) + std::tan(10 * kDegree)) / sampling.divisions / 16 / 2;
+      2 * x * (std::tan(20 * kDegree) + std::tan(10 * kDegree)) / sampling.divisions / 16 / 2 / 16;
   EXPECT_NEAR(share[1], floor, strip);
 }
 
 // Four nodes integrate cubic weights exactly; against cells of angle e the rest is of fourth order.
+// The seam between a wall and a floor, along the cells: wherever it lies in one, each surface gets
+// its share, and the middle of it.
+TEST(RelayTest, CellsOverASeamAreShared) {
+  RelaySampling sampling;
+  sampling.edge_depth = 2;
+  const double top = std::tan(-5 * kDegree), bottom = std::tan(5 * kDegree);
+  const double cell = (bottom - top) / 4;
+  for (double t = 0.03; t < 1; t += 0.1) {
+    // The floor is met below tangents of 1/100 to 2.3 cells more.
+    const double seam = 0.01 + t * cell;
+    const std::vector<Surface> room = {
+        wall({3, 0, 0}, -Vector3d::UnitX(), 10, 10),
+        wall({0, 0, -3 * seam}, Vector3d::UnitZ(), 10, 10, 0.3),
+    };
+    const auto patches = sample(room, rectangle(-5, 5, -5, 5), sampling);
+    double on_wall = 0, on_floor = 0, lowest = 0;
+    for (const RelayPatch& patch : patches) {
+      (patch.surface == 0 ? on_wall : on_floor) += patch.solid_angle;
+      // All of its area is before the wall and over the floor, but for what one ray may miss.
+      const Vector3d reach = patch.half_u.cwiseAbs() + patch.half_v.cwiseAbs();
+      if (patch.surface == 0) lowest = std::min(lowest, patch.center.z() - reach.z());
+    }
+    const double exact = 2 * (corner_angle(bottom, -top) + corner_angle(bottom, seam));
+    const double row = total(patches) / 4;
+    EXPECT_NEAR(on_wall, exact, 0.02 * row) << t;
+    EXPECT_NEAR(on_wall + on_floor, solid_angle(rectangle(-5, 5, -5, 5)), 1e-4 * row) << t;
+    EXPECT_NEAR(lowest, -3 * seam, 3 * 0.03 * cell) << t;
+  }
+}
+
 TEST(RelayTest, GaussNodesIntegrateSmoothWeights) {
   const std::vector<Surface> surfaces = {wall({1, 0, 0}, {-1, 0, 0}, 10, 10)};
   const auto irradiance = [&](int divisions, bool gauss) {
