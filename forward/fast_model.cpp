@@ -16,6 +16,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <cstdio>
 #include <functional>
 #include <limits>
@@ -30,6 +31,7 @@
 #include "blindcorner/forward/forward_model.h"
 #include "blindcorner/forward/multiversion.h"
 #include "lobe_field.h"
+#include "lobe_pairs.h"
 #include "measured_law_model.h"
 #include "path_grid.h"
 #include "relay_setup.h"
@@ -68,9 +70,9 @@ constexpr double kCoarsenessStep = 1.41421356;
 /// The same for rules of points, whose error falls so fast that smaller steps pay.
 constexpr double kRuleStep = 1.18920712;
 constexpr double kRuleFinest = 0.3;
-/// Most pairs of lit and seen patches, times object nodes, that a wide lobe's model takes for an
-/// evaluation (about 50 ms): the search for a sampling ends there, whatever the tolerance.
-constexpr double kMostPairs = 4e6;
+/// Most pairs of lit and seen patches that a lobe's model takes for an evaluation (about 0.2 s):
+/// the search for a sampling ends there, whatever the tolerance.
+constexpr double kMostPairs = 4e7;
 /// Width of a path cell in pulse standard deviations: pairs in one cell differ by a spread of
 /// s = 0.4^2 / 6 = 0.03, whose closure error is below 1e-4. Wider cells leave kinks in the pose.
 constexpr double kPathCell = 0.4;
@@ -215,23 +217,6 @@ struct LightSums {
 /// Weight, first and second moment of path about some base; padded to one vector.
 struct alignas(32) Sums {
   double weight = 0, first = 0, second = 0, unused = 0;
-
-  void add(double w, double path, double variance) {
-    weight += w;
-    first += w * path;
-    second += w * (path * path + variance);
-  }
-};
-
-/// Pulses on their way to a zone's path cells.
-struct Pulses {
-  std::vector<double> weight, path, variance;
-
-  void resize(std::size_t count) {
-    for (auto* v : {&weight, &path, &variance}) {
-      if (v->size() < count) v->resize(count);
-    }
-  }
 };
 
 /// Path cells [begin, end) in use.
@@ -251,23 +236,32 @@ struct LobeLight {
   }
 };
 
+/// Patch that a point sees a share of, and where the middle of that is from the area's.
+struct Partial {
+  std::size_t patch;
+  VisiblePart part;
+};
+
 /// Scratch for one evaluation, one per thread.
 struct Scratch {
   std::vector<double> weight, path, variance, dx, dy, dz, cosine;
-  std::vector<double> unfolded;  ///< rows of a time axis that wraps
-  double* rows = nullptr;        ///< [zone][bin of the whole time axis], being rendered
-  std::vector<std::pair<std::size_t, double>> partial;  ///< patches seen in part, and which share
-  std::vector<double> distance, extent;                 ///< of patches, for lobes
-  std::vector<LobeLight> lobes;                         ///< [anchor]
-  LightSums open, shaded;                               ///< of some patches, for shadows in lobes
-  std::vector<Sums> cells;      ///< [zone][path cell]; all zero between evaluations
-  std::vector<Range> touched;   ///< [zone] path cells that hold light
-  LightSums patches;            ///< of one node, every patch by itself
-  PathLight arriving, leaving;  ///< of one object point
+  std::vector<double> unfolded;          ///< rows of a time axis that wraps
+  double* rows = nullptr;                ///< [zone][bin of the whole time axis], being rendered
+  std::vector<Partial> partial;          ///< patches seen in part, in order
+  std::vector<double> distance, extent;  ///< of patches, for lobes
+  std::vector<LobeLight> lobes;          ///< [anchor]
+  LightSums open, shaded;                ///< of some patches, for shadows in lobes
+  std::vector<Sums> cells;               ///< [zone][path cell]; all zero between evaluations
+  std::vector<Range> touched;            ///< [zone] path cells that hold light
+  LightSums patches;                     ///< of one node, every patch by itself
+  PathLight arriving, leaving;           ///< of one object point
   PathGrid::Splines splines;
   std::vector<PathLight> pairs;  ///< [zone]; dark between evaluations
-  std::vector<Sums> sums;
   Pulses pulses;
+  std::vector<double> left_u, left_v;          ///< shares of patches' edges that are seen
+  std::vector<double> from_x, from_y, from_z;  ///< m, from patches' points to their middles
+  LobeEnds lit_ends, seen_ends;
+  double pair_count = 0;  ///< of lit and seen patches that were looked at
 
   void prepare(int zones, int path_cells) {
     const auto count = static_cast<std::size_t>(zones);
@@ -438,14 +432,13 @@ BLINDCORNER_MULTIVERSION void retro_light_of_patches(const Scratch& s, const Pat
 }
 
 /// From sums to mean radiance, shift of the path and its variance.
-BLINDCORNER_MULTIVERSION void lobe_moments(const Scratch& s, std::size_t n, std::size_t begin,
-                                           const LightSums& sums, LobeLight& light) {
-  const double *w = sums.weight.data() + begin, *first = sums.first.data() + begin,
-               *second = sums.second.data() + begin;
+BLINDCORNER_MULTIVERSION void lobe_moments(const Scratch& s, std::size_t n, const LightSums& sums,
+                                           LobeLight& light) {
+  const double *w = sums.weight.data(), *first = sums.first.data(), *second = sums.second.data();
   const double *path = s.path.data(), *distance = s.distance.data();
-  double* __restrict radiance = light.radiance.data() + begin;
-  double* __restrict shift = light.shift.data() + begin;
-  double* __restrict variance = light.variance.data() + begin;
+  double* __restrict radiance = light.radiance.data();
+  double* __restrict shift = light.shift.data();
+  double* __restrict variance = light.variance.data();
   BLINDCORNER_INDEPENDENT
   for (std::size_t i = 0; i < n; ++i) {
     const double inverse = w[i] > 0 ? 1 / w[i] : 0.0;
@@ -459,17 +452,17 @@ BLINDCORNER_MULTIVERSION void lobe_moments(const Scratch& s, std::size_t n, std:
 /// Light that comes back to a node from every patch: sums of weight, path and path squared. Both
 /// legs change with a cell's half edges u and v.
 BLINDCORNER_MULTIVERSION void lobe_light_of_patches(const Scratch& s, std::size_t n,
-                                                    std::size_t begin, const LobeLight& light,
-                                                    double scale, const Vector3d& u,
-                                                    const Vector3d& v, LightSums& sums) {
+                                                    const LobeLight& light, double scale,
+                                                    const Vector3d& u, const Vector3d& v,
+                                                    LightSums& sums) {
   const double ux = u.x(), uy = u.y(), uz = u.z(), vx = v.x(), vy = v.y(), vz = v.z();
   const double *w = s.weight.data(), *l = s.path.data(), *distance = s.distance.data();
   const double *dx = s.dx.data(), *dy = s.dy.data(), *dz = s.dz.data();
-  const double *radiance = light.radiance.data() + begin, *shift = light.shift.data() + begin;
-  const double* variance = light.variance.data() + begin;
-  double* __restrict weight = sums.weight.data() + begin;
-  double* __restrict first = sums.first.data() + begin;
-  double* __restrict second = sums.second.data() + begin;
+  const double *radiance = light.radiance.data(), *shift = light.shift.data();
+  const double* variance = light.variance.data();
+  double* __restrict weight = sums.weight.data();
+  double* __restrict first = sums.first.data();
+  double* __restrict second = sums.second.data();
   BLINDCORNER_INDEPENDENT
   for (std::size_t i = 0; i < n; ++i) {
     const double gu = dx[i] * ux + dy[i] * uy + dz[i] * uz;
@@ -487,32 +480,52 @@ BLINDCORNER_MULTIVERSION void lobe_light_of_patches(const Scratch& s, std::size_
 BLINDCORNER_MULTIVERSION void add_to_cells(const Pulses& p, std::size_t begin, std::size_t end,
                                            double cells_per_metre, int count, Sums* cells,
                                            Range& touched) {
+  constexpr std::size_t kChunk = 64;
+  alignas(64) std::array<double, kChunk> near0, near1, near2, far0, far1, far2;
+  alignas(64) std::array<std::int32_t, kChunk> cell, inside;
   const double step = 1 / cells_per_metre;
-  int lowest = touched.begin;
-  int highest = touched.end;
-  for (std::size_t i = begin; i < end; ++i) {
-    const double weight = p.weight[i];
-    const double position = p.path[i] * cells_per_metre + kCellMargin;
-    if (!(weight > 0 && position >= 0 && position < count - 1)) continue;
-    const auto cell = static_cast<int>(position);
-    lowest = std::min(lowest, cell);
-    highest = std::max(highest, cell + 2);
-    const double share = position - cell;
-    const double offset = share * step;
-    const double variance = p.variance[i];
-    const double near = weight * (1 - share);
-    const double far = weight * share;
-    Sums& a = cells[cell];
-    a.weight += near;
-    a.first += near * offset;
-    a.second += near * (offset * offset + variance);
-    const double behind = offset - step;
-    Sums& b = cells[cell + 1];
-    b.weight += far;
-    b.first += far * behind;
-    b.second += far * (behind * behind + variance);
+  const double last = count - 1.5;
+  Range range = touched;
+  for (; begin < end; begin += kChunk) {
+    const std::size_t pulses = std::min(kChunk, end - begin);
+    const double *weight = p.weight.data() + begin, *path = p.path.data() + begin,
+                 *variance = p.variance.data() + begin;
+    BLINDCORNER_INDEPENDENT
+    for (std::size_t i = 0; i < pulses; ++i) {
+      const double position = path[i] * cells_per_metre + kCellMargin;
+      const bool counts = weight[i] > 0 && position >= 0 && position < last;
+      const auto before = static_cast<std::int32_t>(counts ? position : -1.0);
+      const double share = position - before;
+      const double offset = share * step;
+      const double behind = offset - step;
+      near0[i] = weight[i] * (1 - share);
+      near1[i] = near0[i] * offset;
+      near2[i] = near0[i] * (offset * offset + variance[i]);
+      far0[i] = weight[i] * share;
+      far1[i] = far0[i] * behind;
+      far2[i] = far0[i] * (behind * behind + variance[i]);
+      cell[i] = before;
+    }
+    std::size_t used = 0;
+    for (std::size_t i = 0; i < pulses; ++i) {
+      inside[used] = static_cast<std::int32_t>(i);
+      used += cell[i] >= 0 ? 1 : 0;
+    }
+    for (std::size_t k = 0; k < used; ++k) {
+      const auto i = static_cast<std::size_t>(inside[k]);
+      const std::int32_t c = cell[i];
+      range = {std::min(range.begin, c), std::max(range.end, c + 2)};
+      Sums& a = cells[c];
+      a.weight += near0[i];
+      a.first += near1[i];
+      a.second += near2[i];
+      Sums& b = cells[c + 1];
+      b.weight += far0[i];
+      b.first += far1[i];
+      b.second += far2[i];
+    }
   }
-  touched = {lowest, highest};
+  touched = range;
 }
 
 /// Hidden objects that stand in the way of light, wherever the pose puts them: flat faces, and
@@ -620,17 +633,20 @@ class FastModel final : public ForwardModel {
   };
   Limits limits(double tolerance, double coarseness) const;
   void choose_fidelity(const FastModelOptions& options);
-  bool lobes_graze(const std::vector<PoseVector>& poses, const std::function<void()>& sample,
-                   double tolerance);
-  int lobe_parts() const { return fidelity_.grazing_lobes ? LobeField::kParts : 1; }
-  bool too_many_pairs() const;
+  double choose_sampling(const std::vector<PoseVector>& poses, double tolerance);
+  void compare_with_pairs(const std::vector<PoseVector>& poses, double tolerance);
+  void take_pairs(const std::string& reason);
+  bool single_sum() const { return plan_.kernel == Kernel::retro_single; }
+  double pair_count() const { return 1.0 * lit_.size() * seen_.size() * object_nodes_; }
+  bool pairs_resolve_lobe(double coarseness, double tolerance) const;
+  bool too_many_pairs(double most) const;
   bool arrives_at_once(double tolerance) const;
   void decide_bounces(double tolerance);
   struct Choice {
     double coarseness;
     double change;  ///< of a bin by going on to twice as many cells, as a share of the peak
   };
-  Choice coarsest(const std::vector<PoseVector>& poses, double tolerance, bool of_object,
+  Choice coarsest(const std::vector<PoseVector>& poses, double tolerance, double most_pairs,
                   const std::function<int(double)>& sample);
   std::vector<PoseVector> probe_poses() const;
   static double largest_change(const std::vector<HistogramCube>& coarse,
@@ -660,6 +676,8 @@ class FastModel final : public ForwardModel {
   void shade_lobes(const SurfacePoint& node, const std::vector<OccluderFace>& occluders,
                    Scratch& s) const;
   static void shade_patch(std::size_t i, std::size_t patch, Scratch& s);
+  void see_ends(const SurfacePoint& node, const PatchArrays& a, const ShadowView* shadows,
+                const CellNodes& cell, Scratch& s, LobeEnds& ends) const;
   void retro_pairs(const CellNodes& cell, const Shadows& shadows, Scratch& s) const;
   void light_between(const SurfacePoint& node, const PatchArrays& arrays, const ShadowView* shadows,
                      Scratch& s) const;
@@ -667,6 +685,7 @@ class FastModel final : public ForwardModel {
                      Scratch& s) const;
   void shade(const SurfacePoint& node, const PatchArrays& arrays, const ShadowView& shadows,
              int patch, Scratch& s) const;
+  static Scratch& own_scratch();  ///< of the thread
   void add_pulses(Scratch& s, int zone, std::size_t begin, std::size_t end) const;
   void add_seen_pulses(Scratch& s, std::size_t per_group) const;
   void flush(Scratch& s) const;
@@ -695,6 +714,7 @@ class FastModel final : public ForwardModel {
   /// object.
   std::vector<std::size_t> anchor_;
   std::size_t anchors_ = 0;
+  double near_share_ = 1;         ///< of all pairs of patches: those within a lobe's reach
   double unresolved_ = 0;         ///< change of a bin where the search for a sampling gave up
   bool object_midpoint_ = false;  ///< cells are so small that their centres will do
   Fidelity fidelity_;
@@ -810,18 +830,16 @@ void FastModel::complete_plan(double tolerance) {
 /// miss the variance 2 b^2, which lowers the peak of a pulse of width w by b^2 / w^2; a Gaussian
 /// misses the third cumulant k = 6 a^2 b + 8 b^3, by max |He3 phi| / phi(0) k / (6 w^3) = 0.23 k /
 /// w^3. An edge that cuts the lobe makes it lopsided besides: at most k = 0.22 a^3, of a half
-/// normal distribution. Oblique edges that meet lose 0.03 of the lobe at the corner. Of parts that
-/// are half as wide, a sixteenth of the smooth terms is left.
+/// normal distribution. Oblique edges that meet lose 0.03 of the lobe at the corner.
 struct LobeClosure {
   double smooth;   ///< of all light
   double at_edge;  ///< of light within a footprint of an edge
 
-  LobeClosure(double a, double bend, double pulse, int parts) {
+  LobeClosure(double a, double bend, double pulse) {
     const double b = a * std::min(bend, 1.0);
     const double w = std::sqrt(pulse * pulse + a * a);
     const auto skew = [&](double k) { return 0.23 * k / (w * w * w); };
     smooth = std::min(b * b / (w * w) + skew(6 * a * a * b + 8 * b * b * b), 1.0);
-    if (parts > 1) smooth /= 16;
     at_edge = std::min(skew(0.22 * a * a * a) + 0.03, 1.0);
   }
 };
@@ -858,8 +876,7 @@ double FastModel::single_sum_bound() const {
       const Vector3d gradient = seen_.leg_direction(i) - way / r;
       const double slope = sine > 0 ? std::abs(gradient.dot(tilt)) / sine : 0.0;
       const double footprint = sigma * r / cosine;
-      const LobeClosure closure(footprint * slope, sigma * sine / cosine, pulse_sigma_,
-                                lobe_parts());
+      const LobeClosure closure(footprint * slope, sigma * sine / cosine, pulse_sigma_);
       const double near_edges = std::min(4 * footprint / (kBinShare * extent), 1.0);
       const auto zone = static_cast<std::size_t>(seen_.group_zone[static_cast<std::size_t>(group)]);
       light[zone] += weight;
@@ -962,10 +979,6 @@ constexpr double kAnchorEdge = 2;
 /// Cosine between normals of cells on one side of the object.
 constexpr double kSameSide = 0.9;
 
-/// Borders of surfaces and shadows converge slowly: changes below this that cost much, or finer
-/// cells that gain next to nothing, are not worth their time.
-constexpr double kWorthwhile = 0.05;
-
 /// Limits of sampling in units of those that the closed-form estimates give for the tolerance.
 FastModel::Limits FastModel::limits(double tolerance, double coarseness) const {
   // Six axes share each limit: two each of what is lit, what is seen and the object.
@@ -991,66 +1004,119 @@ FastModel::Limits FastModel::limits(double tolerance, double coarseness) const {
 /// least twice as many cells would change no bin of any probed pose by more than the tolerance (of
 /// the pose's peak). The error falls with the fourth power of a cell's edges, so the change is at
 /// least three quarters of the coarser one's error. The object takes half of the tolerance at most,
-/// the relay what that leaves.
-void FastModel::choose_fidelity(const FastModelOptions& options) {
-  const auto sample_both = [&](double relay, double object) {
-    sample_relay(limits(options.tolerance, relay), options.tolerance);
-    sample_object(limits(options.tolerance, object));
-  };
-  if (options.fidelity) {
-    fidelity_ = *options.fidelity;
-    sample_both(fidelity_.relay, fidelity_.object);
-    return;
-  }
-  const std::vector<PoseVector> poses = probe_poses();
+/// the relay what that leaves. Returns the change of both.
+double FastModel::choose_sampling(const std::vector<PoseVector>& poses, double tolerance) {
   const auto object = [&](double c) {
-    sample_object(limits(options.tolerance, c));
+    sample_object(limits(tolerance, c));
     return object_nodes_;
   };
   const auto relay = [&](double c) {
-    sample_relay(limits(options.tolerance, c), options.tolerance);
+    sample_relay(limits(tolerance, c), tolerance);
     return lit_.size() + seen_.size();
   };
-  fidelity_.relay = 2;
-  sample_both(fidelity_.relay, kCoarsest);
-  while (too_many_pairs() && fidelity_.relay < kCoarsest) {
+  // Pairs err by the object's cells the same at a coarser relay.
+  fidelity_.relay = plan_.kernel == Kernel::retro_pairs ? 4 : 2;
+  relay(fidelity_.relay);
+  object(kCoarsest);
+  // Half of the time is left for a finer relay.
+  while (too_many_pairs(0.5 * kMostPairs) && fidelity_.relay < kCoarsest) {
     fidelity_.relay *= kCoarsenessStep;
-    sample_both(fidelity_.relay, kCoarsest);
+    relay(fidelity_.relay);
+    object(kCoarsest);
   }
-  if (lobe_) {
-    fidelity_.grazing_lobes = lobes_graze(
-        poses, [&] { sample_both(2, 1); }, 0.5 * options.tolerance);
-    if (fidelity_.grazing_lobes) relay(1);
-  }
-  const Choice chosen = coarsest(poses, 0.5 * options.tolerance, true, object);
+  const Choice chosen = coarsest(poses, 0.5 * tolerance, 0.5 * kMostPairs, object);
   fidelity_.object = chosen.coarseness;
   object(fidelity_.object);
-  const double left = options.tolerance - std::min(chosen.change, 0.5 * options.tolerance);
-  fidelity_.relay = coarsest(poses, left, false, relay).coarseness;
+  const double left = tolerance - std::min(chosen.change, 0.5 * tolerance);
+  const auto resolved_relay = [&](double c) {
+    const int cells = relay(c);
+    return pairs_resolve_lobe(c, tolerance) ? cells : -1;
+  };
+  const Choice last = coarsest(poses, left, kMostPairs, resolved_relay);
+  fidelity_.relay = last.coarseness;
   relay(fidelity_.relay);
+  return chosen.change + last.change;
 }
 
-/// Whether lobes that graze the relay have to be treated as such: whether that changes a bin of a
-/// probed pose by more than the tolerance and enough to be worth its time, at a sampling that is
-/// neither coarse nor fine.
-bool FastModel::lobes_graze(const std::vector<PoseVector>& poses,
-                            const std::function<void()>& sample, double tolerance) {
-  std::array<std::vector<HistogramCube>, 2> cubes;
-  for (std::size_t k = 0; k < cubes.size(); ++k) {
-    fidelity_.grazing_lobes = k == 1;
-    sample();
-    for (const PoseVector& pose : poses) cubes[k].push_back(three_bounce(pose));
+/// A sampling for the plan's kernel, and pairs instead of the single sum where that leaves out too
+/// much.
+void FastModel::choose_fidelity(const FastModelOptions& options) {
+  if (options.fidelity) {
+    fidelity_ = *options.fidelity;
+    if (fidelity_.lobe_pairs) take_pairs("");
+    sample_relay(limits(options.tolerance, fidelity_.relay), options.tolerance);
+    sample_object(limits(options.tolerance, fidelity_.object));
+    return;
   }
-  const double change = largest_change(cubes[0], cubes[1]);
-  if (change > std::max(tolerance, kWorthwhile)) return true;
-  if (change > tolerance) unresolved_ += change;
-  return false;
+  const std::vector<PoseVector> poses = probe_poses();
+  choose_sampling(poses, options.tolerance);
+  if (single_sum() && lobe_ && !overrides_.switched_off(Term::patch_pairs)) {
+    compare_with_pairs(poses, options.tolerance);
+  }
+}
+
+/// Pairs of patches instead of the single sum.
+void FastModel::take_pairs(const std::string& reason) {
+  plan_.kernel = Kernel::retro_pairs;
+  fidelity_.lobe_pairs = true;
+  PlanDecision pairs = plan_.decision(Term::patch_pairs);
+  pairs.used = true;
+  pairs.reason += reason;
+  plan_.decide(pairs);
+}
+
+/// Looks at what the single sum leaves out, first at a coarse sampling of pairs, and where that may
+/// be more than the tolerance at one that meets it: takes pairs where it is.
+void FastModel::compare_with_pairs(const std::vector<PoseVector>& poses, double tolerance) {
+  constexpr Fidelity kCoarsePairs{4, kCoarsest, true};
+  const auto light = [&] {
+    std::vector<HistogramCube> cubes;
+    for (const PoseVector& pose : poses) cubes.push_back(three_bounce(pose));
+    return cubes;
+  };
+  const Fidelity single = fidelity_;
+  const TransportPlan plan = plan_;
+  const double unresolved = unresolved_;
+  if (single_sum_bound() < 0.5 * tolerance) return;
+  const std::vector<HistogramCube> summed = light();
+
+  fidelity_ = kCoarsePairs;
+  take_pairs("");
+  sample_relay(limits(tolerance, fidelity_.relay), tolerance);
+  sample_object(limits(tolerance, fidelity_.object));
+  double change = largest_change(summed, light());
+  if (change > tolerance) {
+    unresolved_ = 0;
+    // Of two errors that have nothing to do with each other, the sum's.
+    const double own = choose_sampling(poses, tolerance);
+    const double both = largest_change(summed, light());
+    change = std::sqrt(std::max(both * both - own * own, 0.0));
+  }
+  plan_ = plan;
+  if (change > tolerance) {
+    take_pairs("; one sum would change a bin by " + text_of(change));
+    return;
+  }
+  fidelity_ = single;
+  unresolved_ = unresolved;
+  sample_relay(limits(tolerance, fidelity_.relay), tolerance);
+  sample_object(limits(tolerance, fidelity_.object));
+}
+
+/// Whether pairs see an even relay as even. A row of normal distributions, each as wide as a patch
+/// of edge w and the lobe together, has ripples of 2 exp(-2 pi^2 (sigma^2 + w^2 / 12) / w^2); each
+/// seen patch and object point sees another phase of them.
+bool FastModel::pairs_resolve_lobe(double coarseness, double tolerance) const {
+  if (plan_.kernel != Kernel::retro_pairs) return true;
+  const double edge = coarseness * kLobePatch;  // in units of the lobe
+  const double ripple = 2 * std::exp(-2 * kPi * kPi * (1 / (edge * edge) + 1.0 / 12));
+  const auto seen = static_cast<double>(seen_.group_end.size()) / scene_.sensor.zone_count();
+  return ripple < tolerance * std::sqrt(std::max(seen * object_nodes_, 1.0));
 }
 
 /// Whether pairs of patches, where they are needed, would take too long.
-bool FastModel::too_many_pairs() const {
-  return plan_.kernel == Kernel::retro_pairs &&
-         1.0 * lit_.size() * seen_.size() * object_nodes_ > kMostPairs;
+bool FastModel::too_many_pairs(double most) const {
+  return plan_.kernel == Kernel::retro_pairs && near_share_ * pair_count() > most;
 }
 
 /// Whether paths of light that arrives differ by so little that their mean will do: without their
@@ -1093,9 +1159,13 @@ bool FastModel::arrives_at_once(double tolerance) const {
   return true;
 }
 
-/// `sample` takes a coarseness and returns how many cells it made.
+/// `sample` takes a coarseness and returns how many cells it made, -1 if they are too coarse to
+/// be looked at.
 FastModel::Choice FastModel::coarsest(const std::vector<PoseVector>& poses, double tolerance,
-                                      bool of_object, const std::function<int(double)>& sample) {
+                                      double most_pairs, const std::function<int(double)>& sample) {
+  // Borders of surfaces and shadows converge slowly: below this, finer cells that gain next to
+  // nothing are not worth their time.
+  constexpr double kStagnates = 0.05;
   struct Candidate {
     double coarseness;
     int cells;
@@ -1103,39 +1173,37 @@ FastModel::Choice FastModel::coarsest(const std::vector<PoseVector>& poses, doub
   };
   std::vector<Candidate> candidates;
   const bool rules = plan_.kernel == Kernel::lambertian;
-  std::vector<double> changes;  // [candidate] to at least twice as many cells ...
-  std::vector<int> finer;       // ... and to how many
+  std::vector<double> changes;  // [candidate] to at least twice as many cells
   const double step = rules ? kRuleStep : kCoarsenessStep;
   for (double c = kCoarsest; c > (rules ? kRuleFinest : kFinest); c /= step) {
     const int cells = sample(c);
-    if (!candidates.empty() && too_many_pairs()) break;
+    if (cells < 0) continue;
+    if (!candidates.empty() && too_many_pairs(most_pairs)) break;
     if (!candidates.empty() && candidates.back().cells == cells) continue;
     candidates.push_back({c, cells, std::vector<HistogramCube>(poses.size())});
     const Candidate& fine = candidates.back();
+    double pairs = 0;
     for (std::size_t i = 0; i < poses.size(); ++i) {
       three_bounce(poses[i], candidates.back().cubes[i]);
+      pairs = std::max(pairs, own_scratch().pair_count);
     }
+    near_share_ = pairs / std::max(pair_count(), 1.0);
     while (changes.size() + 1 < candidates.size()) {
       const Candidate& coarse = candidates[changes.size()];
       if (fine.cells < 2 * coarse.cells) break;
       const double change = largest_change(coarse.cubes, fine.cubes);
       if (change < tolerance) return {coarse.coarseness, change};
-      // The one before that. A second change to the same cells tells nothing new of the relay; of
-      // the object, which is refined while the relay is coarse, shadows' borders keep all up.
-      double before = std::numeric_limits<double>::infinity();
-      for (std::size_t k = 0; k < changes.size(); ++k) {
-        if (of_object || finer[k] < fine.cells) before = changes[k];
-      }
+      const double before =
+          changes.empty() ? std::numeric_limits<double>::infinity() : changes.back();
       changes.push_back(change);
-      finer.push_back(fine.cells);
-      if (!rules && change < kWorthwhile && change > 0.8 * before) {
+      if (!rules && change < kStagnates && change > 0.8 * before) {
         unresolved_ += change;
         return {coarse.coarseness, change};
       }
     }
   }
   if (!changes.empty()) unresolved_ += changes.back();
-  return {candidates.back().coarseness, tolerance};
+  return {candidates.empty() ? kFinest : candidates.back().coarseness, tolerance};
 }
 
 /// Poses at which errors are estimated: a low-discrepancy sequence in the search region.
@@ -1234,6 +1302,7 @@ void FastModel::sample_relay(const Limits& limits, double tolerance) {
   const Vector3d origin = setup_.origin();
   const bool single = plan_.kernel == Kernel::retro_single;
   const bool rules = plan_.kernel == Kernel::lambertian;
+  const bool pairs = plan_.kernel == Kernel::retro_pairs;
   // How far a patch is beyond the limits along half_u and half_v.
   const auto excess = [&](const RelayPatch& patch, const Brightness& brightness) {
     const double below = std::max(brightness.share_below(brightness.density(patch)), 1e-6);
@@ -1273,7 +1342,7 @@ void FastModel::sample_relay(const Limits& limits, double tolerance) {
       const bool wide = std::any_of(objects.begin(), objects.end(), [&](const Vector3d& q) {
         return edge > limits.midpoint * (patch.center - q).norm();
       });
-      return wide ? std::array{2, 2} : std::array{1, 1};
+      return pairs || wide ? std::array{2, 2} : std::array{1, 1};
     };
   };
   // Dim parts that, with all that is up to twice as bright, hold less than this share are left out.
@@ -1336,15 +1405,10 @@ void FastModel::sample_object(const Limits& limits) {
   const double extent = 2 * bounding_radius(scene_.hidden.shape, Anchor::center);
   const int stride = std::max(1, seen_.size() / 64);
   double anchor_edge = 0;
-  // Below this sine of the elevation a lobe's own width draws its footprint out.
-  const auto* retro = std::get_if<RetroreflectiveMaterial>(&scene_.hidden.material);
-  const double least_height = retro != nullptr ? retro->lobe_sigma : 1.0;
   for (object_edge_ = extent; object_edge_ > extent / 64; object_edge_ /= 1.25) {
     double weight = 0;
     double path = 0;
     double angle = 0;
-    double graze = 0;
-    double seen = 0;
     for (const Placement& p : probe_placements(scene_)) {
       const Transform T = object_to_world(scene_.hidden.shape, scene_.hidden.anchor, p);
       for (const SurfaceCell& cell : divide(scene_.hidden.shape, T, p.size, object_edge_, 1)) {
@@ -1359,20 +1423,12 @@ void FastModel::sample_object(const Limits& limits) {
           weight += w;
           path += w * std::max(u * u, v * v) / 3;
           angle += w * 4 * std::max(cell.half_u.squaredNorm(), cell.half_v.squaredNorm()) / (r * r);
-          // Height over the relay, by which footprints are drawn out.
-          const Vector3d normal = seen_.normal(i);
-          const double height = std::max(std::abs(way.dot(normal)), least_height * r);
-          const double rise =
-              std::max(std::abs(cell.half_u.dot(normal)), std::abs(cell.half_v.dot(normal)));
-          graze += w * height / r * 4 * rise * rise / (height * height);
-          seen += w * height / r;
         }
       }
     }
     if (weight <= 0) continue;
     object_midpoint_ = std::sqrt(angle / weight) <= limits.midpoint;
-    const double own = angle / weight + (fidelity_.grazing_lobes ? graze / seen : 0.0);
-    anchor_edge = object_edge_ * kAnchorEdge * limits.midpoint / std::sqrt(own);
+    anchor_edge = object_edge_ * kAnchorEdge * limits.midpoint / std::sqrt(angle / weight);
     const bool rules = plan_.kernel == Kernel::lambertian;
     if (std::sqrt(path / weight) <= (rules ? limits.rule_spread : limits.spread) &&
         std::sqrt(angle / weight) <= (rules ? limits.object_angle : limits.aspect)) {
@@ -1389,7 +1445,7 @@ void FastModel::sample_object(const Limits& limits) {
   const auto cells =
       divide(scene_.hidden.shape, T, scene_.hidden.placement.size, object_edge_, 1).size();
   object_nodes_ = static_cast<int>(cells) * (object_midpoint_ ? 1 : kNodes);
-  if (lobe_) sample_anchors(anchor_edge);
+  if (single_sum() && lobe_) sample_anchors(anchor_edge);
 }
 
 /// What a lobe gathers about a patch changes slowly with the place on the object that it belongs to
@@ -1472,7 +1528,7 @@ void FastModel::shade(const SurfacePoint& node, const PatchArrays& arrays,
     s.weight[k] = 0;
     return;
   }
-  s.partial.emplace_back(k, part.fraction);
+  s.partial.push_back({k, part});
   // The visible part's own centre.
   const Vector3d shift =
       part.shift + (1 - part.fraction) * (arrays.area_center(patch) - arrays.center(patch));
@@ -1619,40 +1675,34 @@ void FastModel::retro_single(const CellNodes& cell, std::size_t anchor, const Sh
   const double way_in = scene_.sensor.path_origin == PathOrigin::sensor ? 1 : 0;
   const std::size_t groups = seen_.group_end.size();
   const auto patches = static_cast<std::size_t>(seen_.size());
-  const auto parts = static_cast<std::size_t>(lobe_ ? lobe_parts() : 1);
-  s.patches.resize(patches * parts);
-  s.pulses.resize(groups * parts);
-  for (auto* v : {&s.pulses.weight, &s.pulses.path, &s.pulses.variance}) {
-    std::fill_n(v->begin(), groups * parts, 0.0);
-  }
+  s.patches.resize(patches);
+  s.pulses.resize(groups);
+  std::fill_n(s.pulses.weight.begin(), groups, 0.0);
+  std::fill_n(s.pulses.path.begin(), groups, 0.0);
+  std::fill_n(s.pulses.variance.begin(), groups, 0.0);
   for (std::size_t n = 0; n < cell.count; ++n) {
     const SurfacePoint& node = cell.nodes[n];
     light_between(node, seen_, shadows.empty() ? nullptr : &shadows[n], s);
     const double scale = scene_.hidden.albedo * node.area;
     if (lobe_) {
       inner_legs(s);
-      for (std::size_t k = 0; k < parts; ++k) {
-        lobe_light_of_patches(s, patches, k * patches, s.lobes[anchor], scale, cell.half_u,
-                              cell.half_v, s.patches);
-      }
+      lobe_light_of_patches(s, patches, s.lobes[anchor], scale, cell.half_u, cell.half_v,
+                            s.patches);
       const auto& faces = occluders[std::min(n, occluders.size() - 1)];
       if (!faces.empty()) shade_lobes(node, faces, s);
     } else {
       retro_light_of_patches(s, seen_, scale, cell.half_u, cell.half_v, sigma, way_in, s.patches);
     }
-    for (std::size_t k = 0; k < parts; ++k) {
-      std::size_t i = 0;
-      for (std::size_t g = 0; g < groups; ++g) {
-        const std::size_t pulse = g * parts + k;
-        for (const auto end = static_cast<std::size_t>(seen_.group_end[g]); i < end; ++i) {
-          s.pulses.weight[pulse] += s.patches.weight[k * patches + i];
-          s.pulses.path[pulse] += s.patches.first[k * patches + i];
-          s.pulses.variance[pulse] += s.patches.second[k * patches + i];
-        }
+    std::size_t i = 0;
+    for (std::size_t g = 0; g < groups; ++g) {
+      for (const auto end = static_cast<std::size_t>(seen_.group_end[g]); i < end; ++i) {
+        s.pulses.weight[g] += s.patches.weight[i];
+        s.pulses.path[g] += s.patches.first[i];
+        s.pulses.variance[g] += s.patches.second[i];
       }
     }
   }
-  add_seen_pulses(s, parts);
+  add_seen_pulses(s, 1);
 }
 
 LobeRays FastModel::lobe_rays(const Vector3d& normal, const Scratch& s) const {
@@ -1675,11 +1725,9 @@ void FastModel::for_each_zone(
 }
 
 /// Clears the first `count` sums, to be added to.
-LobeSums lobe_sums(LightSums& sums, std::size_t count, int parts) {
-  const std::size_t all = count * static_cast<std::size_t>(parts);
-  sums.resize(all);
-  for (auto* v : {&sums.weight, &sums.first, &sums.second}) std::fill_n(v->begin(), all, 0.0);
-  return {sums.weight.data(), sums.first.data(), sums.second.data(), count, parts};
+LobeSums lobe_sums(LightSums& sums, std::size_t count) {
+  for (auto* v : {&sums.weight, &sums.first, &sums.second}) std::fill_n(v->begin(), count, 0.0);
+  return {sums.weight.data(), sums.first.data(), sums.second.data()};
 }
 
 /// Inner legs of the ways out in `s`.
@@ -1694,16 +1742,15 @@ void FastModel::gather(const SurfacePoint& anchor, LobeLight& light, Scratch& s)
   exchange(anchor, seen_, s);
   inner_legs(s);
   s.extent.assign(seen_.spread.begin(), seen_.spread.end());
+  s.patches.resize(count);
   const LobeField::View view = lobe_->seen_from(anchor.center, {});
   const LobeRays rays = lobe_rays(anchor.normal, s);
-  const LobeSums sums = lobe_sums(s.patches, count, lobe_parts());
+  const LobeSums sums = lobe_sums(s.patches, count);
   for_each_zone([&](int zone, std::size_t begin, std::size_t end) {
     view.gather(rays.from(begin), end - begin, zone, sums.from(begin));
   });
-  light.resize(count * static_cast<std::size_t>(lobe_parts()));
-  for (int k = 0; k < lobe_parts(); ++k) {
-    lobe_moments(s, count, static_cast<std::size_t>(k) * count, s.patches, light);
-  }
+  light.resize(count);
+  lobe_moments(s, count, s.patches, light);
   light.known = true;
 }
 
@@ -1712,30 +1759,21 @@ void FastModel::gather(const SurfacePoint& anchor, LobeLight& light, Scratch& s)
 void FastModel::shade_lobes(const SurfacePoint& node, const std::vector<OccluderFace>& occluders,
                             Scratch& s) const {
   s.extent.assign(seen_.spread.begin(), seen_.spread.end());
-  for (const auto& [patch, fraction] : s.partial) s.extent[patch] *= fraction * fraction;
+  for (const auto& [patch, part] : s.partial) s.extent[patch] *= part.fraction * part.fraction;
   const LobeField::View view = lobe_->seen_from(node.center, occluders);
   const LobeRays rays = lobe_rays(node.normal, s);
-  const auto patches = static_cast<std::size_t>(seen_.size());
-  const auto parts = static_cast<std::size_t>(lobe_parts());
+  s.open.resize(LobeField::kChunk);
+  s.shaded.resize(LobeField::kChunk);
   for_each_zone([&](int zone, std::size_t first, std::size_t end) {
     for (std::size_t begin = first; begin < end; begin += LobeField::kChunk) {
       const std::size_t count = std::min(LobeField::kChunk, end - begin);
-      const auto dark = [&](std::size_t part) {
-        const double* weight = s.patches.weight.data() + part * patches + begin;
-        return std::all_of(weight, weight + count, [](double w) { return w <= 0; });
-      };
-      bool all_dark = true;
-      for (std::size_t k = 0; k < parts && all_dark; ++k) all_dark = dark(k);
-      if (all_dark) continue;
-      if (!view.gather_shaded(rays.from(begin), count, zone, lobe_sums(s.open, count, lobe_parts()),
-                              lobe_sums(s.shaded, count, lobe_parts()))) {
+      const double* weight = s.patches.weight.data() + begin;
+      if (std::all_of(weight, weight + count, [](double w) { return w <= 0; })) continue;
+      if (!view.gather_shaded(rays.from(begin), count, zone, lobe_sums(s.open, count),
+                              lobe_sums(s.shaded, count))) {
         continue;
       }
-      for (std::size_t k = 0; k < parts; ++k) {
-        for (std::size_t i = 0; i < count; ++i) {
-          shade_patch(k * count + i, k * patches + begin + i, s);
-        }
-      }
+      for (std::size_t i = 0; i < count; ++i) shade_patch(i, begin + i, s);
     }
   });
 }
@@ -1763,74 +1801,63 @@ void FastModel::shade_patch(std::size_t i, std::size_t patch, Scratch& s) {
   square = weight * (after * after + variance);
 }
 
-/// Wide lobes: every pair of a lit and a seen patch, weighted with the lobe averaged over both
-/// patches (a Gaussian whose covariance is the lobe's plus the patches' own angular extents).
+/// Shares of a parallelogram's edges that are left when a straight edge moves its middle by
+/// `shift`.
+std::array<double, 2> edges_left(const Vector3d& shift, const Vector3d& u, const Vector3d& v) {
+  const double uu = u.squaredNorm(), vv = v.squaredNorm(), uv = u.dot(v);
+  const double det = uu * vv - uv * uv;
+  if (!(det > 0)) return {1, 1};
+  const double a = (vv * shift.dot(u) - uv * shift.dot(v)) / det;
+  const double b = (uu * shift.dot(v) - uv * shift.dot(u)) / det;
+  return {std::max(1 - std::abs(a), 0.0), std::max(1 - std::abs(b), 0.0)};
+}
+
+/// Patches as a node sees them.
+void FastModel::see_ends(const SurfacePoint& node, const PatchArrays& a, const ShadowView* shadows,
+                         const CellNodes& cell, Scratch& s, LobeEnds& ends) const {
+  light_between(node, a, shadows, s);
+  const auto count = static_cast<std::size_t>(a.size());
+  s.left_u.assign(count, 1.0);
+  s.left_v.assign(count, 1.0);
+  s.from_x.resize(count);
+  s.from_y.resize(count);
+  s.from_z.resize(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    // A node of a rule stands for its part of the cell, the middle of which is elsewhere.
+    s.from_x[i] = a.ax[i] - a.x[i];
+    s.from_y[i] = a.ay[i] - a.y[i];
+    s.from_z[i] = a.az[i] - a.z[i];
+  }
+  for (const auto& [patch, part] : s.partial) {
+    const auto i = static_cast<int>(patch);
+    const auto left = edges_left(part.shift, a.half_u(i), a.half_v(i));
+    s.left_u[patch] = left[0];
+    s.left_v[patch] = left[1];
+    for (auto* v : {&s.from_x, &s.from_y, &s.from_z}) (*v)[patch] *= part.fraction;
+  }
+  ends.fill({s.weight.data(), s.cosine.data(), s.path.data(),   a.leg.data(),    s.dx.data(),
+             s.dy.data(),     s.dz.data(),     a.lx.data(),     a.ly.data(),     a.lz.data(),
+             a.ux.data(),     a.uy.data(),     a.uz.data(),     a.vx.data(),     a.vy.data(),
+             a.vz.data(),     s.left_u.data(), s.left_v.data(), s.from_x.data(), s.from_y.data(),
+             s.from_z.data()},
+            a.group_end, a.group_zone, node.normal, cell.half_u, cell.half_v);
+}
+
+/// Pairs of a lit and a seen patch.
 void FastModel::retro_pairs(const CellNodes& cell, const Shadows& shadows, Scratch& s) const {
-  const double sigma2 =
-      std::pow(std::get<RetroreflectiveMaterial>(scene_.hidden.material).lobe_sigma, 2);
-  struct End {
-    double weight, path, variance, cosine;
-    Vector3d direction, u, v;  // unit; angular half extents
-    std::size_t group;
-  };
-  const auto ends = [&](const SurfacePoint& node, const PatchArrays& a, const ShadowView* view) {
-    light_between(node, a, view, s);
-    std::vector<End> list;
-    std::size_t group = 0;
-    for (int i = 0; i < a.size(); ++i) {
-      const auto k = static_cast<std::size_t>(i);
-      while (i >= a.group_end[group]) ++group;
-      if (s.weight[k] <= 0) continue;
-      const Vector3d d(s.dx[k], s.dy[k], s.dz[k]);
-      const double r = (a.center(i) - node.center).norm();
-      const Vector3d u = a.half_u(i) / r;
-      const Vector3d v = a.half_v(i) / r;
-      list.push_back({s.weight[k] / s.cosine[k], s.path[k], s.variance[k], s.cosine[k], d,
-                      u - u.dot(d) * d, v - v.dot(d) * d, group});
-    }
-    return list;
-  };
-  const std::size_t in_groups = lit_.group_end.size();
-  s.sums.assign(in_groups * seen_.group_end.size(), {});
+  const LobePairs pairs(std::get<RetroreflectiveMaterial>(scene_.hidden.material).lobe_sigma,
+                        confocal_);
   for (std::size_t n = 0; n < cell.count; ++n) {
+    const SurfacePoint& node = cell.nodes[n];
     const ShadowView* view = shadows.empty() ? nullptr : &shadows[n];
-    const std::vector<End> in = ends(cell.nodes[n], lit_, view);
-    for (const End& r : ends(cell.nodes[n], seen_, view)) {
-      const Vector3d e1 = r.direction.unitOrthogonal();
-      const Vector3d e2 = r.direction.cross(e1);
-      // Angular covariance (11, 22, 12) of a patch seen from the node.
-      const auto extent = [&](const End& end) -> Vector3d {
-        const double u1 = end.u.dot(e1), u2 = end.u.dot(e2);
-        const double v1 = end.v.dot(e1), v2 = end.v.dot(e2);
-        return Vector3d(u1 * u1 + v1 * v1, u2 * u2 + v2 * v2, u1 * u2 + v1 * v2) / 3;
-      };
-      const Vector3d own = extent(r);
-      for (const End& p : in) {
-        if (confocal_ && lit_.group_zone[p.group] != seen_.group_zone[r.group]) continue;
-        const Vector3d other = extent(p);
-        const double c11 = sigma2 + own.x() + other.x();
-        const double c22 = sigma2 + own.y() + other.y();
-        const double c12 = own.z() + other.z();
-        const double det = c11 * c22 - c12 * c12;
-        const Vector3d delta = p.direction - r.direction;
-        const double a = delta.dot(e1), b = delta.dot(e2);
-        const double exponent = (c22 * a * a - 2 * c12 * a * b + c11 * b * b) / det;
-        if (exponent > 30) continue;
-        const double lobe = std::exp(-0.5 * exponent) / (2 * kPi * std::sqrt(det));
-        s.sums[r.group * in_groups + p.group].add(
-            scene_.hidden.albedo * cell.nodes[n].area * r.weight * p.weight * lobe *
-                std::sqrt(r.cosine * p.cosine),
-            r.path + p.path, r.variance + p.variance + cell.variance(r.direction + p.direction));
-      }
-    }
+    see_ends(node, lit_, view, cell, s, s.lit_ends);
+    see_ends(node, seen_, view, cell, s, s.seen_ends);
+    pairs.visit(s.lit_ends, s.seen_ends, scene_.hidden.albedo * node.area, s.pulses,
+                [&](int zone, const Pulses& pulses) {
+                  s.pair_count += static_cast<double>(pulses.count);
+                  add_pulses(s, zone, 0, pulses.count);
+                });
   }
-  s.pulses.resize(s.sums.size());
-  for (std::size_t i = 0; i < s.sums.size(); ++i) {
-    s.pulses.weight[i] = s.sums[i].weight;
-    s.pulses.path[i] = s.sums[i].first;
-    s.pulses.variance[i] = s.sums[i].second;
-  }
-  add_seen_pulses(s, in_groups);
 }
 
 /// Occluders of this pose where they are not the plan's: all of them outside of the search region,
@@ -1879,7 +1906,8 @@ void FastModel::render_cells(const Placement& placement, const Transform& T,
   const std::vector<SurfaceCell> cells =
       divide(scene_.hidden.shape, T, placement.size, object_edge_, 1);
   std::vector<SurfacePoint> anchors;
-  if (lobe_) {
+  const bool lobes = single_sum() && lobe_;
+  if (lobes) {
     anchors = anchors_of(cells);
     if (s.lobes.size() < anchors_) s.lobes.resize(anchors_);
     for (LobeLight& light : s.lobes) light.known = false;
@@ -1887,8 +1915,8 @@ void FastModel::render_cells(const Placement& placement, const Transform& T,
   for (std::size_t c = 0; c < cells.size(); ++c) {
     const SurfaceCell& cell = cells[c];
     if (!faces_relay(cell.center, cell.normal)) continue;
-    const std::size_t anchor = lobe_ ? anchor_[c] : 0;
-    if (lobe_ && !s.lobes[anchor].known) {
+    const std::size_t anchor = lobes ? anchor_[c] : 0;
+    if (lobes && !s.lobes[anchor].known) {
       gather(anchors[anchor], s.lobes[anchor], s);
     }
     const CellNodes nodes(cell, object_midpoint_);
@@ -1917,6 +1945,11 @@ void FastModel::render_cells(const Placement& placement, const Transform& T,
   }
 }
 
+Scratch& FastModel::own_scratch() {
+  thread_local Scratch scratch;
+  return scratch;
+}
+
 void FastModel::render(const Placement& placement, const MovingBodies& bodies,
                        HistogramCube& out) const {
   const Sensor& sensor = scene_.sensor;
@@ -1925,7 +1958,8 @@ void FastModel::render(const Placement& placement, const MovingBodies& bodies,
   } else {
     std::fill(out.values.begin(), out.values.end(), 0.0);
   }
-  thread_local Scratch scratch;
+  Scratch& scratch = own_scratch();
+  scratch.pair_count = 0;
   const int zones = sensor.zone_count();
   const bool wraps = axis_bins_ != sensor.bins;
   if (wraps) {
@@ -1995,7 +2029,6 @@ class FastObjects final : public ForwardModel {
     for (const auto& part : parts_) {
       finest.relay = std::min(finest.relay, part->fidelity()->relay);
       finest.object = std::min(finest.object, part->fidelity()->object);
-      finest.grazing_lobes = finest.grazing_lobes || part->fidelity()->grazing_lobes;
     }
     return finest;
   }

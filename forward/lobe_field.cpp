@@ -10,6 +10,7 @@
 #include "blindcorner/forward/multiversion.h"
 #include "blindcorner/forward/relay.h"
 #include "blindcorner/forward/shape.h"
+#include "normal_density.h"
 
 namespace blindcorner {
 namespace {
@@ -42,29 +43,6 @@ struct alignas(64) Frame {
 struct alignas(64) EdgeLanes {
   Lane distance, along, across;
 };
-
-/// exp(-x^2 / 2) / sqrt(2 pi) for |x| <= 6 to 3e-8 of itself, without branches.
-inline double normal_density(double x) {
-  // exp(y) = exp(y / 32)^32, with seven terms about the middle of the range.
-  constexpr double kMiddle = -0.28;
-  constexpr double kScale = 0.7557837414557255;  // exp(-0.28)
-  const double t = -0.5 * x * x / 32 - kMiddle;
-  double p = 1.0 / 5040;
-  p = p * t + 1.0 / 720;
-  p = p * t + 1.0 / 120;
-  p = p * t + 1.0 / 24;
-  p = p * t + 1.0 / 6;
-  p = p * t + 0.5;
-  p = p * t + 1;
-  p = p * t + 1;
-  p *= kScale;
-  p *= p;
-  p *= p;
-  p *= p;
-  p *= p;
-  p *= p;
-  return p * 0.3989422804014327;
-}
 
 /// Distribution function by Abramowitz and Stegun 26.2.17, to 8e-8.
 inline double normal_below(double x, double density) {
@@ -232,11 +210,10 @@ struct LitPlane {
   double height, radiance;
 };
 
-/// Adds radiance and path over one part of what is left of the lobe: `share` of it, `away` standard
-/// deviations along the tilt from its middle, as wide as `width` of them.
-BLINDCORNER_MULTIVERSION void add_part(const LobeRays& rays, std::size_t n, const Frame& f,
-                                       const Moments& left, const LitPlane& plane, double share_of,
-                                       double away, double width, const LobeSums& sums) {
+/// Adds radiance and path over what is left of the lobe.
+BLINDCORNER_MULTIVERSION void add_light(const LobeRays& rays, std::size_t n, const Frame& f,
+                                        const Moments& left, const LitPlane& plane,
+                                        const LobeSums& sums) {
   const double nx = plane.normal.x(), ny = plane.normal.y(), nz = plane.normal.z();
   const double sx = plane.source.x(), sy = plane.source.y(), sz = plane.source.z();
   double* __restrict weights = sums.weight;
@@ -275,29 +252,17 @@ BLINDCORNER_MULTIVERSION void add_part(const LobeRays& rays, std::size_t n, cons
           f.oc[i] + f.lc[i] * r * (wx * f.cx[i] + wy * f.cy[i] + wz * f.cz[i]) / d;
       const bool meets = t > 0 && t < kFarthest;
       const double out = std::max(1 + f.ga[i] * za + f.gc[i] * zc, 0.0);
-      const double light = meets ? 0.5 * share_of * share * out * plane.radiance / (d2 * d) : 0.0;
+      const double light = meets ? 0.5 * share * out * plane.radiance / (d2 * d) : 0.0;
       first += meets ? light * path : 0.0;
       second += meets ? light * (path * path + f.rest[i] + change * change * var_rest) : 0.0;
       return light;
     };
     double first = 0, second = 0;
-    const double low = away - width;
-    const double high = away + width;
-    double weight = part(mean_a + low * spread, mean_c + low * joint, first, second);
-    weight += part(mean_a + high * spread, mean_c + high * joint, first, second);
+    double weight = part(mean_a - spread, mean_c - joint, first, second);
+    weight += part(mean_a + spread, mean_c + joint, first, second);
     weights[i] += weight;
     firsts[i] += first;
     seconds[i] += second;
-  }
-}
-
-/// Adds radiance and path over what is left of the lobe: as a whole, or in three parts of half its
-/// width, N(0, 1) being N(0, 1/4) about the nodes of a Gauss-Hermite rule for N(0, 3/4).
-void add_light(const LobeRays& rays, std::size_t n, const Frame& f, const Moments& left,
-               const LitPlane& plane, const LobeSums& sums) {
-  if (sums.parts == 1) return add_part(rays, n, f, left, plane, 1, 0, 1, sums);
-  for (int k = 0; k < LobeField::kParts; ++k) {
-    add_part(rays, n, f, left, plane, k == 1 ? 2.0 / 3 : 1.0 / 6, 1.5 * (k - 1), 0.5, sums.part(k));
   }
 }
 
@@ -705,15 +670,13 @@ bool LobeField::View::gather_shaded(const LobeRays& rays, std::size_t count, int
   chunk.take(rays, count);
   if (!shadow_near(chunk, zone)) return false;
   struct alignas(64) Own {
-    std::array<double, kParts * kChunk> weight{}, first{}, second{};
+    Lane weight{}, first{}, second{};
   };
   const auto add = [&](const Own& from, const LobeSums& to) {
-    for (std::size_t k = 0; k < static_cast<std::size_t>(to.parts); ++k) {
-      for (std::size_t i = 0; i < count; ++i) {
-        to.weight[k * to.stride + i] += from.weight[k * kChunk + i];
-        to.first[k * to.stride + i] += from.first[k * kChunk + i];
-        to.second[k * to.stride + i] += from.second[k * kChunk + i];
-      }
+    for (std::size_t i = 0; i < count; ++i) {
+      to.weight[i] += from.weight[i];
+      to.first[i] += from.first[i];
+      to.second[i] += from.second[i];
     }
   };
   for (const Polygon& polygon : polygons_) {
@@ -722,7 +685,7 @@ bool LobeField::View::gather_shaded(const LobeRays& rays, std::size_t count, int
     const LitPlane plane{polygon.normal, source_ - origin_, polygon.height, polygon.radiance};
     Own own;
     add_light(chunk.rays, count, chunk.frame, chunk.light, plane,
-              {own.weight.data(), own.first.data(), own.second.data(), kChunk, open.parts});
+              {own.weight.data(), own.first.data(), own.second.data()});
     add(own, open);
     if (shade(polygon.occluders, polygon.bodies.end, chunk)) {
       add_light(chunk.rays, count, chunk.frame, chunk.light, plane, shaded);

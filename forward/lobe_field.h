@@ -26,19 +26,13 @@ struct LobeRays {
   LobeRays from(std::size_t n) const;  ///< without the first n
 };
 
-/// Light gathered about directions: sums over where it came from, each part of the lobe by itself.
-/// Adds to what is there.
+/// Light gathered about directions: sums over where it came from. Adds to what is there.
 struct LobeSums {
-  double* weight;      ///< [parts][directions] mean radiance over the lobe, W/m^2/sr
-  double* first;       ///< times the path in and out, m
-  double* second;      ///< times its square, the path's variance over lobe and patch included
-  std::size_t stride;  ///< from one part to the next
-  int parts;           ///< 1 or LobeField::kParts
+  double* weight;  ///< mean radiance over the lobe, W/m^2/sr
+  double* first;   ///< times the path in and out, m
+  double* second;  ///< times its square, the path's variance over lobe and patch included
 
-  LobeSums from(std::size_t begin) const {
-    return {weight + begin, first + begin, second + begin, stride, parts};
-  }
-  LobeSums part(int k) const { return from(static_cast<std::size_t>(k) * stride); }
+  LobeSums from(std::size_t begin) const { return {weight + begin, first + begin, second + begin}; }
 };
 
 /// The lobe is a normal distribution of angles about the direction of departure, so what comes back
@@ -55,15 +49,11 @@ struct LobeSums {
 /// series, exact for edges at right angles; at other angles the share lacks terms from the third
 /// power of the edges' correlation on (Mehler's formula). Within the region L and the path are
 /// taken at two points, one standard deviation of what is left of the lobe to both sides along the
-/// relay's tilt, where they change fast: exact to third order. On request the lobe is split along
-/// the tilt into parts of half its width, each with a path and a variance of its own: where it
-/// grazes the relay its paths are lopsided.
+/// relay's tilt, where they change fast: exact to third order.
 class LobeField {
  public:
   /// Directions that are looked at together.
   static constexpr std::size_t kChunk = 32;
-  /// Narrower parts that a lobe may be split into along the relay's tilt, see LobeSums.
-  static constexpr int kParts = 3;
 
   LobeField(const Scene& scene, const SensorPlacement& placement);
 

@@ -138,8 +138,8 @@ Setting run(const ForwardModel& model, const Truth& truth) {
 std::vector<Setting> study(const ForwardArguments& arguments, const Scene& scene,
                            const SensorPlacement& sensor, const Truth& truth) {
   std::vector<Setting> settings;
-  Progress progress(scene.name + ": settings",
-                    std::size(kFidelities) + std::size(kTolerances) + std::size(kReferenceScales));
+  Progress progress(scene.name + ": settings", 2 * std::size(kFidelities) + std::size(kTolerances) +
+                                                   std::size(kReferenceScales));
   const auto add = [&](Setting setting, const std::string& model, const std::string& name,
                        const ForwardModel& of) {
     setting.scene = scene.name;
@@ -152,12 +152,19 @@ std::vector<Setting> study(const ForwardArguments& arguments, const Scene& scene
     progress.advance();
     return setting.microseconds < 1e3 * arguments.slowest_ms;
   };
-  for (const double fidelity : kFidelities) {
-    FastModelOptions options = at_tolerance(kFidelityTolerance);
-    options.fidelity = Fidelity{fidelity, fidelity, fidelity < 1};
-    const auto model = make_fast_model(scene, sensor, options);
-    if (!add(run(*model, truth), "fast", formatted("fidelity %g", fidelity), *model)) break;
-  }
+  bool narrow_lobe = false;
+  const auto add_fidelities = [&](bool pairs) {
+    for (const double fidelity : kFidelities) {
+      FastModelOptions options = at_tolerance(kFidelityTolerance);
+      options.fidelity = Fidelity{fidelity, fidelity, pairs};
+      const auto model = make_fast_model(scene, sensor, options);
+      narrow_lobe = narrow_lobe || model->plan().kernel == Kernel::retro_single;
+      const std::string name = formatted("fidelity %g", fidelity);
+      if (!add(run(*model, truth), pairs ? "fast, lobe pairs" : "fast", name, *model)) break;
+    }
+  };
+  add_fidelities(false);
+  if (narrow_lobe) add_fidelities(true);
   for (const double tolerance : kTolerances) {
     const auto model = make_fast_model(scene, sensor, at_tolerance(tolerance));
     const std::string name = formatted("tolerance %g", tolerance);

@@ -27,11 +27,6 @@ namespace {
 constexpr double kTermSeconds = 2.0;
 /// Poses whose peak is below this share of the brightest one's do not count: they are dark.
 constexpr double kDark = 1e-3;
-/// Sampling at which the time of pairs of patches is measured where the plan takes a single sum,
-/// and that of the reference renderer, in its own, against which that sum's error is measured.
-constexpr double kPairsTolerance = 0.1;
-constexpr Fidelity kPairsFidelity{4, 4};
-constexpr double kPairsReference = 0.6;
 
 struct ExplainArguments {
   std::string scene;
@@ -86,21 +81,6 @@ double largest_change(const Measured& plain, const Measured& switched) {
   return largest;
 }
 
-/// The same against the reference renderer, at as many of the poses as there is time for.
-double error_against_reference(const Scene& scene, const SensorPlacement& sensor,
-                               const Measured& plain, const std::vector<PoseVector>& poses) {
-  const auto reference =
-      make_reference_renderer(scene, sensor, reference_sampling(kPairsReference));
-  Measured exact;
-  const double start = cpu_seconds();
-  for (const PoseVector& pose : poses) {
-    exact.light.emplace_back();
-    reference->three_bounce(pose, exact.light.back());
-    if (cpu_seconds() - start > kTermSeconds) break;
-  }
-  return largest_change(exact, plain);
-}
-
 bool can_be_switched(const PlanDecision& decision) {
   return decision.term != Term::object_in_view && decision.term != Term::direct_return &&
          decision.term != Term::pile_up && decision.term != Term::saturation;
@@ -126,23 +106,14 @@ void print_plan(const ExplainArguments& arguments, const Scene& scene,
     std::string change = "-";
     char time[48] = "-";
     if (can_be_switched(decision)) {
-      FastModelOptions base = options;
-      // Pairs of patches as small as a narrow lobe take minutes: their time is measured coarsely.
-      const bool coarse = decision.term == Term::patch_pairs && !decision.used &&
-                          plan.kernel == Kernel::retro_single;
-      if (coarse) {
-        base.tolerance = std::max(options.tolerance, kPairsTolerance);
-        base.fidelity = kPairsFidelity;
-      }
-      FastModelOptions switched = base;
+      FastModelOptions switched = options;
+      // A lobe's pairs have a sampling of their own.
+      if (decision.term == Term::patch_pairs) switched.fidelity.reset();
       (decision.used ? switched.overrides.off : switched.overrides.on) = {decision.term};
-      const std::vector<PoseVector> own(poses.begin(), coarse ? poses.begin() + 1 : poses.end());
-      const Measured planned = coarse ? measure(*make_fast_model(scene, sensor, base), own) : plain;
-      const Measured other = measure(*make_fast_model(scene, sensor, switched), own);
-      change = share_text(coarse ? error_against_reference(scene, sensor, plain, poses)
-                                 : largest_change(planned, other));
-      const double difference = std::abs(other.microseconds - planned.microseconds);
-      const bool dearer = (other.microseconds > planned.microseconds) != decision.used;
+      const Measured other = measure(*make_fast_model(scene, sensor, switched), poses);
+      change = share_text(largest_change(plain, other));
+      const double difference = std::abs(other.microseconds - plain.microseconds);
+      const bool dearer = (other.microseconds > plain.microseconds) != decision.used;
       std::snprintf(time, sizeof time, "%s %.3g us",
                     dearer ? (decision.used ? "costs" : "saves") : "within", difference);
     }
@@ -155,9 +126,9 @@ void print_plan(const ExplainArguments& arguments, const Scene& scene,
       "  bound: most that leaving out may change a bin, as a share of the pose's peak (pile-up: "
       "of\n"
       "  the bin itself); measured: largest change at %zu poses when the term is switched against\n"
-      "  the plan (pairs of a lobe that are left out: error of the plan against the reference\n"
-      "  renderer, the sampling's included); time: what an evaluation costs or saves by it, or\n"
-      "  within what the two cannot be told apart.\n",
+      "  the plan; time: what an evaluation costs or saves by it, or within what the two cannot "
+      "be\n"
+      "  told apart.\n",
       plain.light.size());
 }
 

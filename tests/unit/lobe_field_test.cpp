@@ -43,7 +43,6 @@ LobeField field_of_scene(const Scene& scene) { return {scene, {scene.T_world_sen
 
 struct Gathered {
   double weight = 0, first = 0, second = 0;
-  double third = 0;  ///< central moment, of integrals
   double mean() const { return first / weight; }
   double variance() const { return second / weight - mean() * mean(); }
 };
@@ -56,11 +55,8 @@ struct Patch {
   Vector3d u = Vector3d::Zero(), v = Vector3d::Zero();
 };
 
-/// [part][patch].
-std::vector<std::vector<Gathered>> gather_parts(const LobeField::View& view,
-                                                const std::vector<Patch>& patches,
-                                                const Vector3d& object_normal, int zone,
-                                                int parts) {
+std::vector<Gathered> gather(const LobeField::View& view, const std::vector<Patch>& patches,
+                             const Vector3d& object_normal, int zone = 0) {
   std::vector<std::vector<double>> lanes(15);
   for (const Patch& p : patches) {
     const double r = p.way.norm();
@@ -87,20 +83,13 @@ std::vector<std::vector<Gathered>> gather_parts(const LobeField::View& view,
   const LobeRays rays{lane(0),  lane(1),  lane(2),  lane(3),      lane(4),  lane(5),
                       lane(6),  lane(7),  lane(8),  lane(9),      lane(10), lane(11),
                       lane(12), lane(13), lane(14), object_normal};
-  const std::size_t all = patches.size() * static_cast<std::size_t>(parts);
-  std::vector<double> weight(all), first(all), second(all);
-  view.gather(rays, patches.size(), zone,
-              {weight.data(), first.data(), second.data(), patches.size(), parts});
-  std::vector<std::vector<Gathered>> result(static_cast<std::size_t>(parts));
-  for (std::size_t i = 0; i < all; ++i) {
-    result[i / patches.size()].push_back({weight[i], first[i], second[i]});
+  std::vector<double> weight(patches.size()), first(patches.size()), second(patches.size());
+  view.gather(rays, patches.size(), zone, {weight.data(), first.data(), second.data()});
+  std::vector<Gathered> result;
+  for (std::size_t i = 0; i < patches.size(); ++i) {
+    result.push_back({weight[i], first[i], second[i]});
   }
   return result;
-}
-
-std::vector<Gathered> gather(const LobeField::View& view, const std::vector<Patch>& patches,
-                             const Vector3d& object_normal, int zone = 0) {
-  return gather_parts(view, patches, object_normal, zone, 1).front();
 }
 
 /// About one direction; paths are those of the light on its way in alone.
@@ -295,11 +284,8 @@ struct TiltedFloor {
         sum.weight += weight;
         sum.first += weight * path;
         sum.second += weight * path * path;
-        sum.third += weight * path * path * path;
       }
     }
-    const double mean = sum.mean();
-    sum.third = sum.third / sum.weight - 3 * mean * sum.second / sum.weight + 2 * std::pow(mean, 3);
     return sum;
   }
 };
@@ -320,37 +306,6 @@ TEST(LobeField, MomentsOnATiltedRelayAreTheIntegrals) {
       EXPECT_NEAR(got.mean(), want.mean(), slack) << border << " " << x;
       EXPECT_NEAR(std::sqrt(got.variance()), spread, slack) << border << " " << x;
     }
-  }
-}
-
-// A lobe that grazes the floor, drawn out to one side: its parts together have the moments of the
-// whole, and the third one that a single normal distribution of the path cannot have.
-TEST(LobeField, PartsOfALobeAreLopsidedAsTheWholeIs) {
-  TiltedFloor floor(-1);
-  floor.object = {0.9, 0.1, 0.2};
-  const auto view = field_of_scene(floor.scene).seen_from(floor.object, {});
-  for (const double x : {1.25, 1.4}) {
-    const Vector3d direction = (Vector3d(x, 0, 0) - floor.object).normalized();
-    const Gathered want = floor.integral(direction);
-    Patch patch;
-    patch.way = direction;
-    patch.leg = -1;
-    Gathered sum;
-    double third = 0;
-    const auto parts = gather_parts(view, {patch}, direction, 0, LobeField::kParts);
-    for (const std::vector<Gathered>& part : parts) {
-      const Gathered& g = part.front();
-      sum.weight += g.weight;
-      sum.first += g.first;
-      sum.second += g.second;
-      const double away = g.mean() - want.mean();
-      third += g.weight / want.weight * (std::pow(away, 3) + 3 * away * g.variance());
-    }
-    EXPECT_NEAR(sum.weight / want.weight, 1, 2e-3) << x;
-    EXPECT_NEAR(sum.mean(), want.mean(), 0.01 * std::sqrt(want.variance())) << x;
-    EXPECT_NEAR(sum.variance() / want.variance(), 1, 0.02) << x;
-    EXPECT_GT(want.third / std::pow(want.variance(), 1.5), 0.15) << x;
-    EXPECT_NEAR(third / want.third, 1, 0.15) << x;
   }
 }
 

@@ -30,9 +30,8 @@ void check_relay_visible(const Scene& scene);
 struct Fidelity {
   double relay = 1.0;
   double object = 1.0;
-  /// Narrow lobes that graze the relay are drawn out along it, the more so the closer to it they
-  /// start: they are split into parts, and looked at anew where the height over the relay changes.
-  bool grazing_lobes = false;
+  /// Light of narrow lobes from pairs of relay patches, where one sum leaves out too much.
+  bool lobe_pairs = false;
 };
 
 /// Size of a model's sums.

@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Light of a retroreflector from pairs of a lit and a seen relay patch, as one point of the object
+/// sees them: what leaves towards r of the light that came from p is the lobe's density between
+/// their directions. Whatever the lobe's width; only pairs within its reach cost time.
+///
+/// Directions are points X of a stereographic map about the object's normal m, X = (d - c m) /
+/// (1 + c) with c = d . m. It keeps angles, and the chord between two directions is exactly
+/// |X - Y| sqrt((1 + c) (1 + c')), so that lobe and patches are normal distributions in one plane
+/// and a pair adds their covariances. Within a pair the lobe favours the parts of both patches that
+/// are near each other: where they are follows from the joint normal distribution, and with it the
+/// path.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <vector>
+
+namespace blindcorner {
+
+/// Pulses on their way to a zone's path cells.
+struct Pulses {
+  std::vector<double> weight, path, variance;  ///< weight 0: no light
+  std::size_t count = 0;                       ///< in use
+
+  void resize(std::size_t size) {
+    for (auto* v : {&weight, &path, &variance}) {
+      if (v->size() < size) v->resize(size);
+    }
+  }
+};
+
+/// Pieces of relay patches as a point of the object sees them: arrays of one length, not owned.
+struct LobePieces {
+  const double* weight;        ///< light by way of the piece, up to the lobe; 0: not seen
+  const double* cosine;        ///< at the object
+  const double* path;          ///< m
+  const double* leg;           ///< m, outer part of the path
+  const double *dx, *dy, *dz;  ///< unit directions from the object
+  const double *lx, *ly, *lz;  ///< gradient of the outer leg
+  const double *ux, *uy, *uz;  ///< half edges, m
+  const double *vx, *vy, *vz;
+  const double *left_u, *left_v;  ///< shares of the edges that are seen
+  const double *bx, *by, *bz;     ///< m, from the point that was asked about to the piece's middle
+};
+
+/// Patches of one side: light's mean and covariance of place and path over the pieces of a group.
+class LobeEnds {
+ public:
+  /// `group_end`: one past the last piece of each group, neighbours near each other; `group_zone`
+  /// its zone, equal ones together. `half_u`, `half_v`: half edges of the object's cell, m, along
+  /// which both legs change (zero where its nodes stand for it).
+  void fill(const LobePieces& pieces, const std::vector<int>& group_end,
+            const std::vector<int>& group_zone, const Eigen::Vector3d& normal,
+            const Eigen::Vector3d& half_u, const Eigen::Vector3d& half_v);
+
+ private:
+  friend class LobePairs;
+  /// Consecutive patches of one zone, and what bounds them.
+  struct Block {
+    std::size_t begin, end;
+    int zone;
+    double left, right, low, high;  ///< of the map
+    double factor;                  ///< largest of 1 / (1 + c)
+    double ee, ff;                  ///< largest variances of a patch along both axes
+  };
+  /// Pieces on the map.
+  struct Mapped {
+    std::vector<double> x, y, path, ux, uy, vx, vy, along_u, along_v, weight;
+
+    void resize(std::size_t count);
+  };
+  void map(const LobePieces& pieces, std::size_t count, const Eigen::Vector3d& normal,
+           const Eigen::Vector3d& e, const Eigen::Vector3d& f);
+  bool add(std::size_t begin, std::size_t end, std::size_t to);
+  void find_blocks();
+
+  std::size_t size_ = 0;
+  Mapped mapped_;
+  std::vector<double> weight_, path_, variance_;
+  std::vector<double> x_, y_;         ///< on the map
+  std::vector<double> factor_;        ///< 1 / (1 + c)
+  std::vector<double> ee_, ff_, ef_;  ///< covariance of a patch's extent on the map
+  std::vector<double> ke_, kf_;       ///< covariance of place and path over a patch, m
+  std::vector<double> gu_, gv_;       ///< change of the leg along the object's cell, m
+  std::vector<int> zone_;
+  std::vector<Block> blocks_;
+};
+
+class LobePairs {
+ public:
+  /// `sigma`: standard deviation of the lobe, an angle; `same_zone`: zones see their own light
+  /// only.
+  LobePairs(double sigma, bool same_zone) : variance_(sigma * sigma), same_zone_(same_zone) {}
+
+  /// Visits the pulses that go out to each seen patch, in units of both weights times `scale` over
+  /// sr. The lobe is averaged over both patches: a normal distribution whose covariance is the
+  /// lobe's and the patches' own.
+  template <typename Visit>  // (int zone, const Pulses&)
+  void visit(const LobeEnds& lit, const LobeEnds& seen, double scale, Pulses& pulses,
+             const Visit& visit_pulses) const {
+    Blocks near;
+    for (const LobeEnds::Block& block : seen.blocks_) {
+      find_lit(lit, block, near);
+      if (near.empty()) continue;
+      for (std::size_t i = block.begin; i < block.end; ++i) {
+        pair(lit, near, seen, i, scale, pulses);
+        visit_pulses(block.zone, pulses);
+      }
+    }
+  }
+
+ private:
+  using Blocks = std::vector<const LobeEnds::Block*>;
+
+  bool in_reach(const LobeEnds::Block& lit, const LobeEnds::Block& seen) const;
+  void find_lit(const LobeEnds& lit, const LobeEnds::Block& seen, Blocks& near) const;
+  void pair(const LobeEnds& lit, const Blocks& near, const LobeEnds& seen, std::size_t i,
+            double scale, Pulses& pulses) const;
+
+  double variance_;
+  bool same_zone_;
+};
+
+}  // namespace blindcorner

@@ -1,0 +1,164 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "forward/lobe_pairs.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <array>
+#include <cmath>
+#include <vector>
+
+#include "blindcorner/forward/constants.h"
+
+namespace blindcorner {
+namespace {
+
+using Eigen::Vector3d;
+
+/// Rectangles on a plane, each a group of 2 x 2 pieces, as seen from the origin.
+class Tiles {
+ public:
+  Tiles(const Vector3d& corner, const Vector3d& u, const Vector3d& v, int count_u, int count_v,
+        const Vector3d& normal)
+      : normal_(normal) {
+    for (int j = 0; j < count_v; ++j) {
+      for (int i = 0; i < count_u; ++i) {
+        for (int k = 0; k < 4; ++k) {
+          add(corner + (i + 0.25 + 0.5 * (k & 1)) * u + (j + 0.25 + 0.5 * (k >> 1)) * v, u / 4,
+              v / 4);
+        }
+        ends_.push_back(static_cast<int>(weight_.size()));
+        zones_.push_back(0);
+      }
+    }
+  }
+
+  LobeEnds seen() const {
+    const LobePieces pieces{
+        weight_.data(), cosine_.data(), path_.data(), leg_.data(),  d_[0].data(), d_[1].data(),
+        d_[2].data(),   none_.data(),   none_.data(), none_.data(), u_[0].data(), u_[1].data(),
+        u_[2].data(),   v_[0].data(),   v_[1].data(), v_[2].data(), ones_.data(), ones_.data(),
+        none_.data(),   none_.data(),   none_.data()};
+    LobeEnds ends;
+    ends.fill(pieces, ends_, zones_, normal_, Vector3d::Zero(), Vector3d::Zero());
+    return ends;
+  }
+
+ private:
+  void add(const Vector3d& place, const Vector3d& half_u, const Vector3d& half_v) {
+    const double r = place.norm();
+    const Vector3d direction = place / r;
+    const double area = 4 * half_u.cross(half_v).norm();
+    const double tilt = std::abs(half_u.cross(half_v).normalized().dot(direction));
+    const double cosine = direction.dot(normal_);
+    // So that a patch weighs its solid angle.
+    weight_.push_back(area * tilt / (r * r) * std::sqrt(cosine));
+    cosine_.push_back(cosine);
+    path_.push_back(r);
+    for (std::size_t k = 0; k < 3; ++k) {
+      const auto axis = static_cast<Eigen::Index>(k);
+      d_[k].push_back(direction[axis]);
+      u_[k].push_back(half_u[axis]);
+      v_[k].push_back(half_v[axis]);
+    }
+    leg_.push_back(0);
+    none_.push_back(0);
+    ones_.push_back(1);
+  }
+
+  Vector3d normal_;
+  std::vector<double> weight_, cosine_, path_, leg_, none_, ones_;
+  std::array<std::vector<double>, 3> d_, u_, v_;
+  std::vector<int> ends_, zones_;
+};
+
+struct Sum {
+  double weight = 0, first = 0, second = 0;
+  double mean() const { return first / weight; }
+  double variance() const { return second / weight - mean() * mean(); }
+};
+
+Sum light_between(const Tiles& lit, const Tiles& seen, double sigma) {
+  Sum sum;
+  Pulses pulses;
+  const LobePairs pairs(sigma, false);
+  pairs.visit(lit.seen(), seen.seen(), 1.0, pulses, [&](int zone, const Pulses& p) {
+    EXPECT_EQ(zone, 0);
+    for (std::size_t i = 0; i < p.count; ++i) {
+      sum.weight += p.weight[i];
+      sum.first += p.weight[i] * p.path[i];
+      sum.second += p.weight[i] * (p.path[i] * p.path[i] + p.variance[i]);
+    }
+  });
+  return sum;
+}
+
+/// The same, written out: the lobe between the middles of many small pieces.
+Sum integral(const Vector3d& lit, const Vector3d& lit_u, const Vector3d& lit_v,
+             const Vector3d& seen, const Vector3d& seen_u, const Vector3d& seen_v, double sigma,
+             int steps) {
+  Sum sum;
+  const auto solid_angle = [&](const Vector3d& p, const Vector3d& u, const Vector3d& v) {
+    return std::abs(u.cross(v).dot(p)) / std::pow(p.norm(), 3) / (steps * steps);
+  };
+  for (int a = 0; a < steps * steps; ++a) {
+    const Vector3d p = lit + (a % steps + 0.5) / steps * lit_u + (a / steps + 0.5) / steps * lit_v;
+    for (int b = 0; b < steps * steps; ++b) {
+      const Vector3d r =
+          seen + (b % steps + 0.5) / steps * seen_u + (b / steps + 0.5) / steps * seen_v;
+      const double chord2 = (p.normalized() - r.normalized()).squaredNorm();
+      const double w = solid_angle(p, lit_u, lit_v) * solid_angle(r, seen_u, seen_v) *
+                       std::exp(-0.5 * chord2 / (sigma * sigma)) / (2 * kPi * sigma * sigma);
+      const double path = p.norm() + r.norm();
+      sum.weight += w;
+      sum.first += w * path;
+      sum.second += w * path * path;
+    }
+  }
+  return sum;
+}
+
+// A tilted plane, far off the object's normal, where the map's axes and scale change.
+class LobePairsOnAPlane : public testing::TestWithParam<double> {
+ protected:
+  double sigma_ = GetParam() * kDegree;
+  Vector3d normal_ = Vector3d(0.3, -0.2, 1).normalized();
+  Vector3d corner_{0.4, 0.1, 1.0};
+  Vector3d u_ = Vector3d(1, 0.1, 0.5).normalized();
+  Vector3d v_ = Vector3d(-0.1, 1, 0.2).normalized();
+};
+
+// Patches of one and a half lobes: light, mean path and its variance.
+TEST_P(LobePairsOnAPlane, AgreeWithTheIntegral) {
+  const double edge = 1.5 * sigma_;
+  const Vector3d seen = corner_ + 2 * edge * (u_ + v_);
+  const Tiles lit_tiles(corner_, edge * u_, edge * v_, 5, 5, normal_);
+  const Tiles seen_tiles(seen, edge * u_, edge * v_, 2, 1, normal_);
+  const Sum got = light_between(lit_tiles, seen_tiles, sigma_);
+  const Sum want =
+      integral(corner_, 5 * edge * u_, 5 * edge * v_, seen, 2 * edge * u_, edge * v_, sigma_, 40);
+  EXPECT_NEAR(got.weight, want.weight, 5e-3 * want.weight);
+  EXPECT_NEAR(got.mean(), want.mean(), 0.02 * std::sqrt(want.variance()));
+  EXPECT_NEAR(got.variance(), want.variance(), 0.03 * want.variance());
+}
+
+// A lobe over an even relay gathers all of its light, wherever it starts in a patch.
+TEST_P(LobePairsOnAPlane, EvenLightIsEven) {
+  const double edge = 1.5 * sigma_;
+  const Vector3d begin = corner_ - 8 * edge * (u_ + v_);
+  const Tiles lit_tiles(begin, edge * u_, edge * v_, 32, 32, normal_);
+  for (const double t : {0.0, 0.2, 0.5}) {
+    const Vector3d seen = corner_ + t * edge * u_ + 0.7 * t * edge * v_;
+    const Tiles seen_tiles(seen, 1e-3 * edge * u_, 1e-3 * edge * v_, 1, 1, normal_);
+    const Sum got = light_between(lit_tiles, seen_tiles, sigma_);
+    const Vector3d d = seen.normalized();
+    const double solid_angle =
+        std::abs(u_.cross(v_).dot(d)) * std::pow(1e-3 * edge / seen.norm(), 2);
+    EXPECT_NEAR(got.weight, solid_angle, 5e-4 * solid_angle) << t;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(LobePairs, LobePairsOnAPlane, testing::Values(0.5, 1.0, 3.0));
+
+}  // namespace
+}  // namespace blindcorner
