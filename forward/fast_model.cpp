@@ -1043,7 +1043,8 @@ double FastModel::choose_sampling(const std::vector<PoseVector>& poses, double t
 void FastModel::choose_fidelity(const FastModelOptions& options) {
   if (options.fidelity) {
     fidelity_ = *options.fidelity;
-    if (fidelity_.lobe_pairs) take_pairs("");
+    // Of several objects, some may have no lobe.
+    if (fidelity_.lobe_pairs && single_sum() && lobe_) take_pairs("");
     sample_relay(limits(options.tolerance, fidelity_.relay), options.tolerance);
     sample_object(limits(options.tolerance, fidelity_.object));
     return;
@@ -1059,10 +1060,10 @@ void FastModel::choose_fidelity(const FastModelOptions& options) {
 void FastModel::take_pairs(const std::string& reason) {
   plan_.kernel = Kernel::retro_pairs;
   fidelity_.lobe_pairs = true;
-  PlanDecision pairs = plan_.decision(Term::patch_pairs);
-  pairs.used = true;
-  pairs.reason += reason;
-  plan_.decide(pairs);
+  PlanDecision decision = plan_.decision(Term::patch_pairs);
+  decision.used = true;
+  decision.reason += reason;
+  plan_.decide(decision);
 }
 
 /// Looks at what the single sum leaves out, first at a coarse sampling of pairs, and where that may
@@ -1097,6 +1098,9 @@ void FastModel::compare_with_pairs(const std::vector<PoseVector>& poses, double 
     take_pairs("; one sum would change a bin by " + text_of(change));
     return;
   }
+  PlanDecision decision = plan_.decision(Term::patch_pairs);
+  decision.reason += "; pairs would change a bin by no more than the tolerance";
+  plan_.decide(decision);
   fidelity_ = single;
   unresolved_ = unresolved;
   sample_relay(limits(tolerance, fidelity_.relay), tolerance);
@@ -2029,6 +2033,7 @@ class FastObjects final : public ForwardModel {
     for (const auto& part : parts_) {
       finest.relay = std::min(finest.relay, part->fidelity()->relay);
       finest.object = std::min(finest.object, part->fidelity()->object);
+      finest.lobe_pairs = finest.lobe_pairs || part->fidelity()->lobe_pairs;
     }
     return finest;
   }
