@@ -248,9 +248,11 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
   compiled->pulse_path = kSpeedOfLight * pulse_time;
   const PoseVector rates = path_rates(scene, relay_sample(scene, placements.front()));
 
-  const auto models = [&](double extra_sigma, double tolerance) {
+  const auto models = [&](double extra_sigma, double tolerance,
+                          const std::optional<Fidelity>& fidelity = std::nullopt) {
     ModelSet set;
     FastModelOptions fast;
+    fast.fidelity = fidelity;
     fast.tolerance = tolerance;
     fast.extra_pulse_sigma = extra_sigma;
     for (const SensorPlacement& placement : placements) {
@@ -285,7 +287,9 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
     compiled->ladder.push_back(models(sigma, cheap));
   }
   compiled->ladder.push_back(models(0, cheap));
-  compiled->ladder.push_back(models(0, options.model_tolerance));
+  const auto found = compiled->ladder.back().front()->fidelity();
+  compiled->ladder.push_back(
+      models(0, options.model_tolerance, cheap > options.model_tolerance ? std::nullopt : found));
 
   compiled->step = difference_steps(scene, placements.front());
 

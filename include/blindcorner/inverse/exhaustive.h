@@ -13,7 +13,7 @@
 namespace blindcorner {
 
 struct ExhaustiveOptions {
-  double model_tolerance = 0.04;  ///< as FitOptions::model_tolerance: the same model is searched
+  double model_tolerance = 0.1;  ///< as FitOptions::model_tolerance: the same model is searched
   /// Grid points per grid step of the fit, along each unknown.
   double density = 1.6;
   int max_poses = 150'000;  ///< the density is lowered to stay below
