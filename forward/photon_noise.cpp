@@ -72,11 +72,18 @@ HistogramCube expected_counts(const Scene& scene, const HistogramCube& three_bou
   return counts;
 }
 
+namespace {
+
+double variance_at(const GaussianNoise& law, double counts) {
+  return law.variance_floor + law.variance_per_count * std::max(counts, 0.0);
+}
+
+}  // namespace
+
 double count_variance(const Sensor& sensor, int zone, double counts) {
   const NoiseLaw law = sensor.noise_of(zone);
-  if (const auto* gaussian = std::get_if<GaussianNoise>(&law)) {
-    return gaussian->variance_floor + gaussian->variance_per_count * std::max(counts, 0.0);
-  }
+  if (const auto* gaussian = std::get_if<GaussianNoise>(&law))
+    return variance_at(*gaussian, counts);
   return sensor.dispersion * counts;
 }
 
@@ -84,14 +91,15 @@ HistogramCube draw_counts(const Scene& scene, const HistogramCube& expected, dou
                           std::uint64_t seed) {
   std::mt19937_64 random(seed);
   HistogramCube counts = expected;
-  if (const auto* gaussian = std::get_if<GaussianNoise>(&scene.sensor.noise)) {
+  if (std::holds_alternative<GaussianNoise>(scene.sensor.noise)) {
     std::normal_distribution<double> normal;
     for (int z = 0; z < counts.zones(); ++z) {
       if (scene.sensor.zones[static_cast<std::size_t>(z)].dead) continue;
+      const auto law = std::get<GaussianNoise>(scene.sensor.noise_of(z));
       for (int k = 0; k < counts.bins; ++k) {
         double& value = counts.zone(z)[k];
-        value += std::sqrt(count_variance(scene.sensor, z, value) / exposures) * normal(random);
-        if (gaussian->censored_at_zero) value = std::max(value, 0.0);
+        value += std::sqrt(variance_at(law, value) / exposures) * normal(random);
+        if (law.censored_at_zero) value = std::max(value, 0.0);
       }
     }
     saturate(scene.sensor, counts);

@@ -182,13 +182,11 @@ Observation observe(const Scene& scene, std::span<const Capture> captures,
   const Sensor& sensor = scene.sensor;
   Observation observation;
   observation.captures = static_cast<int>(captures.size());
-  const bool own_noise =
-      std::ranges::any_of(sensor.zones, [](const Zone& zone) { return zone.variance_floor > 0; });
   for (std::size_t c = 0; c < captures.size(); ++c) {
     const Capture& capture = captures[c];
     const double dispersion = capture.dispersion.value_or(sensor.dispersion);
     const Unpiled unpiled = without_pile_up(sensor, capture);
-    const bool own_laws = capture.zone_exposures || own_noise;
+    const bool own_laws = capture.zone_exposures || sensor.zones_have_noise_floors();
     if (!own_laws) {
       observation.likelihood.emplace_back(sensor.noise, dispersion,
                                           capture.exposures * unpiled.live);

@@ -25,13 +25,15 @@ std::string value_text(const CalibratedParameter& p) {
 
 std::string noise_text(const Scene& scene) {
   if (const auto* noise = std::get_if<GaussianNoise>(&scene.sensor.noise)) {
+    if (!scene.sensor.zones_have_noise_floors()) {
+      return formatted("variance = %.4g + %.4g per count", noise->variance_floor,
+                       noise->variance_per_count);
+    }
     std::string floors;
     for (const Zone& zone : scene.sensor.zones) {
       if (zone.variance_floor > 0) floors += formatted(" %.4g", zone.variance_floor);
     }
-    if (floors.empty()) floors = formatted(" %.4g", noise->variance_floor);
-    return formatted("variance =%s%s + %.4g per count", floors.c_str(),
-                     floors.find(' ', 1) == std::string::npos ? "" : " (zone by zone)",
+    return formatted("variance =%s (zone by zone) + %.4g per count", floors.c_str(),
                      noise->variance_per_count);
   }
   return formatted("variance = %.4g per count", scene.sensor.dispersion);

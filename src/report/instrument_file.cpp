@@ -83,14 +83,13 @@ Json sensor_patch(const Scene& scene) {
     });
   }
   if (const auto* noise = std::get_if<GaussianNoise>(&sensor.noise)) {
-    const bool own =
-        std::ranges::any_of(sensor.zones, [](const Zone& zone) { return zone.variance_floor > 0; });
     const auto floor_of = [&](const Zone& zone) {
       return number(zone.variance_floor > 0 ? zone.variance_floor : noise->variance_floor);
     };
     patch["noise"] = {
         {"law", "gaussian"},
-        {"variance_floor", own ? per_zone(scene, floor_of) : number(noise->variance_floor)},
+        {"variance_floor", sensor.zones_have_noise_floors() ? per_zone(scene, floor_of)
+                                                            : number(noise->variance_floor)},
         {"variance_per_count", number(noise->variance_per_count)},
         {"censored_at_zero", noise->censored_at_zero}};
   } else {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <optional>
 #include <string>
 #include <variant>
@@ -93,6 +94,10 @@ struct Sensor {
   int wrap(int zone) const {
     const int own = zones[static_cast<std::size_t>(zone)].wrap_bins;
     return own < 0 ? wrap_bins : own;
+  }
+  /// Whether any zone has a noise floor of its own.
+  bool zones_have_noise_floors() const {
+    return std::ranges::any_of(zones, [](const Zone& zone) { return zone.variance_floor > 0; });
   }
   /// Noise law of a zone's counts.
   NoiseLaw noise_of(int zone) const {
