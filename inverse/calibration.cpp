@@ -22,8 +22,11 @@ using Evaluations = std::vector<CalibrationProblem::Evaluation>;
 
 constexpr int kRounds = 3;
 constexpr int kIterations = 8;
-/// Captures that decide between assignments of the spots.
+/// Captures that decide between assignments of the spots, and between wraps.
 constexpr std::size_t kAssignmentCaptures = 48;
+/// What a scene states of a wrap is refuted, or confirmed, where another one, or all others, have a
+/// deviance this much less, or larger (five sigma).
+constexpr double kWrapGain = 25;
 /// Captures that decide about the scale of the noise.
 constexpr std::size_t kScaleCaptures = 96;
 /// Normalised errors beyond this are taken as this: one disturbed capture must not set the scale.
@@ -354,6 +357,47 @@ double brightness_spread(const Evaluations& free, const std::vector<double>& kee
   return weight > 0 ? std::sqrt(std::max(sum / weight, 0.0)) : 0.0;
 }
 
+/// Captures spread over those given, enough to tell a few discrete choices apart.
+struct FewCaptures {
+  std::vector<Capture> captures;
+  std::vector<std::optional<PoseVector>> poses;
+
+  FewCaptures(const std::vector<Capture>& all,
+              const std::vector<std::optional<PoseVector>>& where) {
+    const std::size_t stride = std::max<std::size_t>(1, all.size() / kAssignmentCaptures);
+    for (std::size_t c = 0; c < all.size(); c += stride) {
+      captures.push_back(all[c]);
+      poses.push_back(where[c]);
+    }
+  }
+};
+
+/// What gains and time zero make of a scene whose other parameters are as stated.
+struct CoarseFit {
+  CalibrationProblem problem;
+  std::vector<double> weights;
+  Scene scene;
+  Evaluations evaluations;
+
+  CoarseFit(const Scene& stated, const FewCaptures& few, const CalibrationOptions& options)
+      : problem(stated, few.captures, few.poses, instrument_parameters(stated, options)) {
+    for (InstrumentParameter& p : problem.parameters()) {
+      p.fixed = !p.name.starts_with("gain_factor") && p.name != "time_zero_ps";
+    }
+    Eigen::VectorXd u =
+        Eigen::VectorXd::Zero(static_cast<Eigen::Index>(problem.parameters().size()));
+    if (const Eigen::Index gain = index_of(problem, "gain_factor"); gain >= 0) {
+      u[gain] = typical_log_amplitude(problem.evaluate(stated, true));
+    }
+    const std::vector<double> all(few.captures.size(), 1.0);
+    weights =
+        huber_weights(problem, problem.evaluate(problem.scene_at(u)), all, options.outlier_sigmas);
+    problem.solve(u, 4, weights);
+    scene = problem.scene_at(u);
+    evaluations = problem.evaluate(scene);
+  }
+};
+
 /// All assignments of spots, best first.
 std::vector<SpotAssignment> try_assignments(const Scene& scene,
                                             const std::vector<Capture>& captures,
@@ -361,13 +405,7 @@ std::vector<SpotAssignment> try_assignments(const Scene& scene,
                                             const CalibrationOptions& options,
                                             const std::function<void(double)>& advance) {
   const RelaySpots spots = relay_spots(scene);
-  std::vector<Capture> few;
-  std::vector<std::optional<PoseVector>> few_poses;
-  const std::size_t stride = std::max<std::size_t>(1, captures.size() / kAssignmentCaptures);
-  for (std::size_t c = 0; c < captures.size(); c += stride) {
-    few.push_back(captures[c]);
-    few_poses.push_back(poses[c]);
-  }
+  const FewCaptures few(captures, poses);
   std::vector<SpotAssignment> assignments;
   std::vector<int> order(spots.points.size());
   std::iota(order.begin(), order.end(), 0);
@@ -378,29 +416,86 @@ std::vector<SpotAssignment> try_assignments(const Scene& scene,
     std::vector<Eigen::Vector3d> points;
     for (const int i : order) points.push_back(spots.points[static_cast<std::size_t>(i)]);
     move_spots(trial, spots, points);
-    CalibrationProblem problem(trial, few, few_poses, instrument_parameters(trial, options));
-    for (InstrumentParameter& p : problem.parameters()) {
-      p.fixed = !p.name.starts_with("gain_factor") && p.name != "time_zero_ps";
-    }
-    Eigen::VectorXd u =
-        Eigen::VectorXd::Zero(static_cast<Eigen::Index>(problem.parameters().size()));
-    if (const Eigen::Index gain = index_of(problem, "gain_factor"); gain >= 0) {
-      u[gain] = typical_log_amplitude(problem.evaluate(trial, true));
-    }
-    const std::vector<double> all(few.size(), 1.0);
-    std::vector<double> weights =
-        huber_weights(problem, problem.evaluate(problem.scene_at(u)), all, options.outlier_sigmas);
-    problem.solve(u, 4, weights);
-    const Evaluations end = problem.evaluate(problem.scene_at(u));
+    const CoarseFit fit(trial, few, options);
     SpotAssignment assignment{order, 0};
-    for (std::size_t c = 0; c < end.size(); ++c)
-      assignment.deviance += weights[c] * end[c].deviance;
+    for (std::size_t c = 0; c < fit.evaluations.size(); ++c) {
+      assignment.deviance += fit.weights[c] * fit.evaluations[c].deviance;
+    }
     assignments.push_back(assignment);
     if (advance) advance(0.3 * static_cast<double>(assignments.size()) / total);
   } while (std::next_permutation(order.begin(), order.end()));
   std::stable_sort(assignments.begin(), assignments.end(),
                    [](const auto& a, const auto& b) { return a.deviance < b.deviance; });
   return assignments;
+}
+
+/// Deviance of each zone over the captures, [zones]; linear in what is far off (Huber's function).
+std::vector<double> zone_deviances(const CalibrationProblem& problem,
+                                   const Evaluations& evaluations,
+                                   const std::vector<double>& weights) {
+  std::vector<double> deviances(problem.base().sensor.zones.size(), 0.0);
+  for (std::size_t c = 0; c < evaluations.size(); ++c) {
+    const Observation& observation = problem.observation(c);
+    for (std::size_t i = 0; i < observation.zones.size(); ++i) {
+      const ObservedZone& zone = observation.zones[i];
+      const BinLikelihood& law = observation.law(zone);
+      for (std::size_t k = 0; k < zone.counts.size(); ++k) {
+        const double mean = evaluations[c].mean[i][k];
+        const double square =
+            std::pow(zone.counts[k] - mean, 2) / law.variance(std::max(mean, 1e-12));
+        deviances[static_cast<std::size_t>(zone.zone)] +=
+            weights[c] * (square < kTrim ? square : 2 * std::sqrt(kTrim * square) - kTrim);
+      }
+    }
+  }
+  return deviances;
+}
+
+/// Evaluates every wrap in the farther half of the time axis, and none, for all zones at once, with
+/// the gains and the time zero that suit the wraps known so far; zones choose for themselves, until
+/// none changes its mind.
+std::vector<ZoneWrap> try_wraps(const Scene& scene, const std::vector<Capture>& captures,
+                                const std::vector<std::optional<PoseVector>>& poses,
+                                const CalibrationOptions& options) {
+  constexpr int kTurns = 4;
+  const FewCaptures few(captures, poses);
+  const Sensor& sensor = scene.sensor;
+  std::vector<int> candidates{0};
+  for (int wrap = (sensor.bins + 1) / 2; wrap <= sensor.bins; ++wrap) candidates.push_back(wrap);
+  std::vector<ZoneWrap> found;
+  Scene now = scene;
+  for (int turn = 0; turn < kTurns; ++turn) {
+    const CoarseFit fit(now, few, options);
+    std::vector<std::vector<double>> deviances;  // [candidate][zone]
+    for (const int wrap : candidates) {
+      Scene trial = fit.scene;
+      for (Zone& zone : trial.sensor.zones) zone.wrap_bins = wrap;
+      deviances.push_back(zone_deviances(fit.problem, fit.problem.evaluate(trial), fit.weights));
+    }
+    found.clear();
+    bool settled = true;
+    for (int z = 0; z < sensor.zone_count(); ++z) {
+      if (sensor.zones[static_cast<std::size_t>(z)].dead) continue;
+      std::vector<std::pair<double, int>> order;
+      for (std::size_t k = 0; k < candidates.size(); ++k) {
+        order.emplace_back(deviances[k][static_cast<std::size_t>(z)], candidates[k]);
+      }
+      std::sort(order.begin(), order.end());
+      const auto [best, wrap] = order.front();
+      const int stated = sensor.wrap(z);
+      const auto of_stated = std::ranges::find(order, stated, &std::pair<double, int>::second);
+      const bool refuted = of_stated == order.end() || of_stated->first - best >= kWrapGain;
+      const double margin = order[1].first - best;
+      const int taken = refuted ? wrap : stated;
+      if (refuted || (wrap == stated && margin >= kWrapGain)) {
+        found.push_back({z, stated, taken, margin, order[1].second});
+      }
+      settled = settled && now.sensor.wrap(z) == taken;
+      now.sensor.zones[static_cast<std::size_t>(z)].wrap_bins = taken;
+    }
+    if (settled) break;
+  }
+  return found;
 }
 
 /// Mean squared normalised error of fits to the calibration's own captures.
@@ -621,6 +716,14 @@ Calibration calibrate(const Scene& stated, std::span<const Capture> captures,
     move_spots(result.scene, spots, points);
   } else if (spots.points.size() > kMostSpots) {
     result.notes.push_back("assignments of spots: not tried, there are more than five spots");
+  }
+
+  // Where the time axes wrap.
+  if (options.wraps && !no_object) {
+    result.wraps = try_wraps(result.scene, list, poses, options);
+    for (const ZoneWrap& wrap : result.wraps) {
+      result.scene.sensor.zones[static_cast<std::size_t>(wrap.zone)].wrap_bins = wrap.found;
+    }
   }
 
   CalibrationProblem problem(result.scene, list, poses,

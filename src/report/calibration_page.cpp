@@ -23,6 +23,15 @@ std::string value_text(const CalibratedParameter& p) {
   return formatted("%.6g +- %.2g", p.value, p.standard_error);
 }
 
+std::string wrap_text(const ZoneWrap& wrap) {
+  const auto after = [](int bins) {
+    return bins > 0 ? formatted("wraps after %d bins", bins) : std::string("does not wrap");
+  };
+  std::string text = after(wrap.found);
+  if (wrap.found != wrap.stated) text += ", stated: " + after(wrap.stated);
+  return text + ", next best by " + formatted("%.0f: ", wrap.margin) + after(wrap.next);
+}
+
 std::string noise_text(const Scene& scene) {
   if (const auto* noise = std::get_if<GaussianNoise>(&scene.sensor.noise)) {
     if (!scene.sensor.zones_have_noise_floors()) {
@@ -87,6 +96,9 @@ std::string calibration_text(const Calibration& calibration) {
                         calibration.assignments[i].deviance);
     }
   }
+  for (const ZoneWrap& wrap : calibration.wraps) {
+    text += formatted("  zone %d ", wrap.zone) + wrap_text(wrap) + "\n";
+  }
   for (const LeftOutCapture& out : calibration.left_out) {
     text += formatted("  capture %d left out: ", out.index) + out.reason + "\n";
   }
@@ -114,6 +126,14 @@ std::string calibration_page(const Scene& before, const Calibration& calibration
     body += "<table><tr><th>spot in each place<th>deviance</tr>\n";
     for (const SpotAssignment& a : calibration.assignments) {
       body += "<tr><td>" + assignment_text(a) + formatted("<td>%.0f</tr>\n", a.deviance);
+    }
+    body += "</table>\n";
+  }
+  if (!calibration.wraps.empty()) {
+    body +=
+        "<table><tr><th>zone<th>time axis (and by which deviance the next best is worse)</tr>\n";
+    for (const ZoneWrap& wrap : calibration.wraps) {
+      body += formatted("<tr><td>%d<td>", wrap.zone) + wrap_text(wrap) + "</tr>\n";
     }
     body += "</table>\n";
   }

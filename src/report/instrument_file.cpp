@@ -61,6 +61,7 @@ Json sensor_patch(const Scene& scene) {
   patch["bin_width_ps"] = picoseconds(sensor.bin_width);
   patch["time_zero_ps"] = per_zone(scene, [](const Zone& z) { return picoseconds(z.time_zero); });
   patch["gain"] = per_zone(scene, [](const Zone& z) { return number(z.gain); });
+  for (int z = 0; z < sensor.zone_count(); ++z) patch["wrap_bins"].push_back(sensor.wrap(z));
   patch["valid_bins"] = Json::array();
   patch["dead_zones"] = Json::array();
   for (int z = 0; z < sensor.zone_count(); ++z) {
@@ -156,6 +157,14 @@ Json instrument_json(const Scene& before, const Calibration& calibration) {
   json["left_out"] = Json::array();
   for (const LeftOutCapture& out : calibration.left_out) {
     json["left_out"].push_back({{"index", out.index}, {"reason", out.reason}});
+  }
+  json["wraps"] = Json::array();
+  for (const ZoneWrap& wrap : calibration.wraps) {
+    json["wraps"].push_back({{"zone", wrap.zone},
+                             {"stated_bins", wrap.stated},
+                             {"found_bins", wrap.found},
+                             {"next_bins", wrap.next},
+                             {"deviance_to_next", number(wrap.margin)}});
   }
   json["spot_assignments"] = Json::array();
   for (const SpotAssignment& a : calibration.assignments) {

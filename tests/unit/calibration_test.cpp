@@ -91,6 +91,7 @@ struct Differing {
 CalibrationOptions quick() {
   CalibrationOptions options;
   options.permutations = false;
+  options.wraps = false;
   options.variance_scale = false;
   return options;
 }
@@ -107,8 +108,9 @@ TEST(Calibration, FindsTheInstrumentWithinItsErrors) {
   const double time_zero = c.scene.sensor.zones[0].time_zero;
   EXPECT_NEAR(time_zero, d.instrument.sensor.zones[0].time_zero, 0.1 * d.scene.sensor.bin_width);
   for (std::size_t z = 0; z < 8; ++z) {
-    EXPECT_NEAR(std::log(c.scene.sensor.zones[z].gain / d.instrument.sensor.zones[z].gain), 0,
-                0.2);  // standard errors are 0.36: the law's axis takes part of what sets them apart
+    EXPECT_NEAR(
+        std::log(c.scene.sensor.zones[z].gain / d.instrument.sensor.zones[z].gain), 0,
+        0.2);  // standard errors are 0.36: the law's axis takes part of what sets them apart
   }
   // Noise law, at the level of the ambient light.
   const auto& noise = std::get<GaussianNoise>(c.scene.sensor.noise);
@@ -183,6 +185,49 @@ TEST(Calibration, TellsWhichSpotIsWhich) {
   ASSERT_EQ(c.assignments.size(), 24u);
   EXPECT_EQ(c.assignments.front().spot, (std::vector<int>{2, 1, 0, 3}));
   EXPECT_GT(c.assignments[1].deviance, c.assignments[0].deviance + 50);
+}
+
+// Two phases of a sensor: one wraps after 20 bins, which the scene does not know, the other does
+// not, where the scene says so. Zones whose light stays clear of all wraps say nothing.
+TEST(Calibration, FindsWhereTheTimeAxisWraps) {
+  Differing d;
+  for (Scene* s : {&d.scene, &d.instrument}) {
+    s->sensor.wrap_bins = 0;
+    for (Zone& zone : s->sensor.zones) {
+      zone.first_valid_bin = 0;
+      zone.last_valid_bin = s->sensor.bins - 1;
+      zone.wrap_bins = -1;
+      zone.time_zero += 6 * s->sensor.bin_width;
+    }
+  }
+  for (std::size_t z = 0; z < 8; ++z) {
+    d.instrument.sensor.zones[z].wrap_bins = z % 2 == 0 ? 20 : 0;
+    d.scene.sensor.zones[z].wrap_bins = z % 2 == 0 ? 0 : 22;
+  }
+  CalibrationOptions options = quick();
+  options.wraps = true;
+  const std::vector<Capture> captures = captures_of(d.instrument, 40, 100, 4);
+  const Calibration c = calibrate(d.scene, captures, options);
+  EXPECT_GE(c.wraps.size(), 6u);  // two zones see little that late
+  for (const ZoneWrap& wrap : c.wraps) {
+    EXPECT_EQ(wrap.found, wrap.zone % 2 == 0 ? 20 : 0) << wrap.zone;
+    EXPECT_EQ(wrap.stated, wrap.zone % 2 == 0 ? 0 : 22) << wrap.zone;
+    EXPECT_EQ(c.scene.sensor.wrap(wrap.zone), wrap.found);
+    EXPECT_GT(wrap.margin, 0) << wrap.zone;
+  }
+  options.wraps = false;
+  const Calibration as_stated = calibrate(d.scene, captures, options);
+  EXPECT_LT(c.deviance_after / c.expected_deviance, 1.2);
+  EXPECT_GT(as_stated.deviance_after / as_stated.expected_deviance,
+            c.deviance_after / c.expected_deviance + 0.1);
+  options.wraps = true;
+
+  // Early light in a short window.
+  for (Zone& zone : d.scene.sensor.zones) {
+    zone.first_valid_bin = 8;
+    zone.last_valid_bin = 11;
+  }
+  EXPECT_TRUE(calibrate(d.scene, captures, options).wraps.empty());
 }
 
 // A Lambertian scene, rendered pair by pair and calibrated with the fast model.

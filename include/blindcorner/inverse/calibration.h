@@ -28,6 +28,8 @@ struct CalibrationOptions {
   bool ambient = true;     ///< estimate the prior of each zone's ambient light
   /// Try all assignments of relay spots to zones, when there are at most five spots.
   bool permutations = true;
+  /// Try where each zone's time axis may wrap.
+  bool wraps = true;
   /// A capture whose deviance is this many standard deviations too large is left out.
   double outlier_sigmas = 8.0;
   /// A parameter is determined when its standard error is below this share of its prior's sigma.
@@ -61,6 +63,15 @@ struct SpotAssignment {
   double deviance = 0;    ///< over all captures used, less is better
 };
 
+/// Where a zone's time axis wraps, of zones whose valid bins refute what the scene states or
+/// confirm it against all others.
+struct ZoneWrap {
+  int zone = 0;
+  int stated = 0, found = 0;  ///< bins after which light reappears at the start; 0: never
+  double margin = 0;          ///< by which what was found beats the next best in deviance
+  int next = 0;               ///< which that is
+};
+
 /// A capture that was not used.
 struct LeftOutCapture {
   int index = 0;  ///< among the captures given
@@ -78,6 +89,7 @@ struct Calibration {
   Scene scene;  ///< the scene given, with all that was found out put in
   std::vector<CalibratedParameter> parameters;
   std::vector<SpotAssignment> assignments;  ///< best first; empty: not tried
+  std::vector<ZoneWrap> wraps;              ///< of zones whose data decide
   std::vector<LeftOutCapture> left_out;
   std::vector<CalibrationView> views;
   int used = 0;                ///< captures
