@@ -9,10 +9,11 @@
 /// by 2a errs like exp(-2 (n s / a)^2), s the pulse's width, as long as it resolves the inverse
 /// squares too.
 ///
-/// A retroreflector sends light back to where it came from: groups of relay patches are one pulse
-/// each, of their weight, mean path and path variance. Pulses with nearly the same path share one:
-/// each adds its moments to the two nearest cells of a path axis, in proportion to nearness, so the
-/// sum stays continuous in the pose and every moment up to the second is kept.
+/// A retroreflector sends light back to where it came from: groups of relay patches, or pairs of
+/// them, are one pulse each, of their weight, mean path and path variance. Pulses with nearly the
+/// same path share one: each adds its moments to the two nearest cells of a path axis, in
+/// proportion to nearness, so the sum stays continuous in the pose and every moment up to the
+/// second is kept.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -302,9 +303,6 @@ struct CellNodes {
                   cell.normal, cell.area / kNodes};
     }
   }
-  double variance(const Vector3d& gradient) const {
-    return (std::pow(gradient.dot(half_u), 2) + std::pow(gradient.dot(half_v), 2)) / 3;
-  }
 };
 
 /// Weights, with both cosines and 1/r^2, and paths between an object point and every patch.
@@ -484,7 +482,7 @@ BLINDCORNER_MULTIVERSION void add_to_cells(const Pulses& p, std::size_t begin, s
   alignas(64) std::array<double, kChunk> near0, near1, near2, far0, far1, far2;
   alignas(64) std::array<std::int32_t, kChunk> cell, inside;
   const double step = 1 / cells_per_metre;
-  const double last = count - 1.5;
+  const double last = count - 1;
   Range range = touched;
   for (; begin < end; begin += kChunk) {
     const std::size_t pulses = std::min(kChunk, end - begin);
@@ -687,7 +685,7 @@ class FastModel final : public ForwardModel {
              int patch, Scratch& s) const;
   static Scratch& own_scratch();  ///< of the thread
   void add_pulses(Scratch& s, int zone, std::size_t begin, std::size_t end) const;
-  void add_seen_pulses(Scratch& s, std::size_t per_group) const;
+  void add_seen_pulses(Scratch& s) const;
   void flush(Scratch& s) const;
   void render_points(const Placement& placement, const Transform& T,
                      const std::vector<OccluderFace>& occluders, const MovingBodies& bodies,
@@ -1044,7 +1042,8 @@ void FastModel::choose_fidelity(const FastModelOptions& options) {
   if (options.fidelity) {
     fidelity_ = *options.fidelity;
     // Of several objects, some may have no lobe.
-    if (fidelity_.lobe_pairs && single_sum() && lobe_) take_pairs("");
+    const bool wanted = fidelity_.lobe_pairs && !overrides_.switched_off(Term::patch_pairs);
+    if (wanted && single_sum() && lobe_) take_pairs("; pairs, as the fidelity given says");
     sample_relay(limits(options.tolerance, fidelity_.relay), options.tolerance);
     sample_object(limits(options.tolerance, fidelity_.object));
     return;
@@ -1072,7 +1071,12 @@ void FastModel::compare_with_pairs(const std::vector<PoseVector>& poses, double 
   constexpr Fidelity kCoarsePairs{4, kCoarsest, true};
   const auto light = [&] {
     std::vector<HistogramCube> cubes;
-    for (const PoseVector& pose : poses) cubes.push_back(three_bounce(pose));
+    double pairs = 0;
+    for (const PoseVector& pose : poses) {
+      cubes.push_back(three_bounce(pose));
+      pairs = std::max(pairs, own_scratch().pair_count);
+    }
+    if (!single_sum()) near_share_ = pairs / std::max(pair_count(), 1.0);
     return cubes;
   };
   const Fidelity single = fidelity_;
@@ -1089,7 +1093,7 @@ void FastModel::compare_with_pairs(const std::vector<PoseVector>& poses, double 
   if (change > tolerance) {
     unresolved_ = 0;
     // Of two errors that have nothing to do with each other, the sum's.
-    const double own = choose_sampling(poses, tolerance);
+    const double own = std::max(choose_sampling(poses, tolerance), unresolved_);
     const double both = largest_change(summed, light());
     change = std::sqrt(std::max(both * both - own * own, 0.0));
   }
@@ -1178,11 +1182,16 @@ FastModel::Choice FastModel::coarsest(const std::vector<PoseVector>& poses, doub
   std::vector<Candidate> candidates;
   const bool rules = plan_.kernel == Kernel::lambertian;
   std::vector<double> changes;  // [candidate] to at least twice as many cells
+  double last_skipped = 0;      // coarseness
   const double step = rules ? kRuleStep : kCoarsenessStep;
   for (double c = kCoarsest; c > (rules ? kRuleFinest : kFinest); c /= step) {
     const int cells = sample(c);
-    if (cells < 0) continue;
-    if (!candidates.empty() && too_many_pairs(most_pairs)) break;
+    const bool first = candidates.empty() && last_skipped == 0;
+    if (!first && too_many_pairs(most_pairs)) break;
+    if (cells < 0) {
+      last_skipped = c;
+      continue;
+    }
     if (!candidates.empty() && candidates.back().cells == cells) continue;
     candidates.push_back({c, cells, std::vector<HistogramCube>(poses.size())});
     const Candidate& fine = candidates.back();
@@ -1191,7 +1200,7 @@ FastModel::Choice FastModel::coarsest(const std::vector<PoseVector>& poses, doub
       three_bounce(poses[i], candidates.back().cubes[i]);
       pairs = std::max(pairs, own_scratch().pair_count);
     }
-    near_share_ = pairs / std::max(pair_count(), 1.0);
+    if (plan_.kernel == Kernel::retro_pairs) near_share_ = pairs / std::max(pair_count(), 1.0);
     while (changes.size() + 1 < candidates.size()) {
       const Candidate& coarse = candidates[changes.size()];
       if (fine.cells < 2 * coarse.cells) break;
@@ -1207,7 +1216,11 @@ FastModel::Choice FastModel::coarsest(const std::vector<PoseVector>& poses, doub
     }
   }
   if (!changes.empty()) unresolved_ += changes.back();
-  return {candidates.empty() ? kFinest : candidates.back().coarseness, tolerance};
+  if (candidates.empty()) {
+    unresolved_ += tolerance;
+    return {last_skipped, tolerance};
+  }
+  return {candidates.back().coarseness, tolerance};
 }
 
 /// Poses at which errors are estimated: a low-discrepancy sequence in the search region.
@@ -1557,14 +1570,14 @@ void FastModel::add_pulses(Scratch& s, int zone, std::size_t begin, std::size_t 
                s.touched[static_cast<std::size_t>(zone)]);
 }
 
-/// All pulses, given as sums, go to the zones of the seen groups, `per_group` for each.
-void FastModel::add_seen_pulses(Scratch& s, std::size_t per_group) const {
+/// All pulses, given as sums, go to the zones of the seen groups, one for each.
+void FastModel::add_seen_pulses(Scratch& s) const {
   const std::size_t groups = seen_.group_zone.size();
-  normalise(s.pulses, groups * per_group);
+  normalise(s.pulses, groups);
   for (std::size_t begin = 0; begin < groups;) {
     std::size_t end = begin;
     while (end < groups && seen_.group_zone[end] == seen_.group_zone[begin]) ++end;
-    add_pulses(s, seen_.group_zone[begin], begin * per_group, end * per_group);
+    add_pulses(s, seen_.group_zone[begin], begin, end);
     begin = end;
   }
 }
@@ -1706,7 +1719,7 @@ void FastModel::retro_single(const CellNodes& cell, std::size_t anchor, const Sh
       }
     }
   }
-  add_seen_pulses(s, 1);
+  add_seen_pulses(s);
 }
 
 LobeRays FastModel::lobe_rays(const Vector3d& normal, const Scratch& s) const {
@@ -1826,23 +1839,28 @@ void FastModel::see_ends(const SurfacePoint& node, const PatchArrays& a, const S
   s.from_x.resize(count);
   s.from_y.resize(count);
   s.from_z.resize(count);
+  s.distance.resize(count);
   for (std::size_t i = 0; i < count; ++i) {
     // A node of a rule stands for its part of the cell, the middle of which is elsewhere.
     s.from_x[i] = a.ax[i] - a.x[i];
     s.from_y[i] = a.ay[i] - a.y[i];
     s.from_z[i] = a.az[i] - a.z[i];
+    s.distance[i] = s.path[i] - a.leg[i];
   }
   for (const auto& [patch, part] : s.partial) {
     const auto i = static_cast<int>(patch);
     const auto left = edges_left(part.shift, a.half_u(i), a.half_v(i));
     s.left_u[patch] = left[0];
     s.left_v[patch] = left[1];
+    // The outer leg of the part that is seen.
+    const Vector3d middle = part.shift + (1 - part.fraction) * (a.area_center(i) - a.center(i));
+    s.distance[patch] -= a.leg_direction(i).dot(middle);
     for (auto* v : {&s.from_x, &s.from_y, &s.from_z}) (*v)[patch] *= part.fraction;
   }
-  ends.fill({s.weight.data(), s.cosine.data(), s.path.data(),   a.leg.data(),    s.dx.data(),
-             s.dy.data(),     s.dz.data(),     a.lx.data(),     a.ly.data(),     a.lz.data(),
-             a.ux.data(),     a.uy.data(),     a.uz.data(),     a.vx.data(),     a.vy.data(),
-             a.vz.data(),     s.left_u.data(), s.left_v.data(), s.from_x.data(), s.from_y.data(),
+  ends.fill({s.weight.data(), s.cosine.data(), s.path.data(),   s.distance.data(), s.dx.data(),
+             s.dy.data(),     s.dz.data(),     a.lx.data(),     a.ly.data(),       a.lz.data(),
+             a.ux.data(),     a.uy.data(),     a.uz.data(),     a.vx.data(),       a.vy.data(),
+             a.vz.data(),     s.left_u.data(), s.left_v.data(), s.from_x.data(),   s.from_y.data(),
              s.from_z.data()},
             a.group_end, a.group_zone, node.normal, cell.half_u, cell.half_v);
 }

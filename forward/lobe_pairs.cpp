@@ -4,7 +4,6 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/multiversion.h"
@@ -95,7 +94,7 @@ BLINDCORNER_MULTIVERSION void LobeEnds::map(const LobePieces& p, std::size_t cou
     const double x = factor * (dx * ex + dy * ey + dz * ez);
     const double y = factor * (dx * fx + dy * fy + dz * fz);
     const double gx = dx + a.lx[i], gy = dy + a.ly[i], gz = dz + a.lz[i];
-    const double turn = factor / (a.path[i] - a.leg[i]);
+    const double turn = factor / a.distance[i];
     // A step s from the piece turns the direction by (s - (s . d) d) / r.
     const auto place = [&](double sx, double sy, double sz, double& to_x, double& to_y) {
       const double away = sx * dx + sy * dy + sz * dz;

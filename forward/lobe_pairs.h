@@ -19,8 +19,10 @@ namespace blindcorner {
 
 /// Pulses on their way to a zone's path cells.
 struct Pulses {
-  std::vector<double> weight, path, variance;  ///< weight 0: no light
-  std::size_t count = 0;                       ///< in use
+  std::vector<double> weight;    ///< 0: no light
+  std::vector<double> path;      ///< m
+  std::vector<double> variance;  ///< m^2
+  std::size_t count = 0;         ///< of pairs: how many are in use
 
   void resize(std::size_t size) {
     for (auto* v : {&weight, &path, &variance}) {
@@ -31,10 +33,10 @@ struct Pulses {
 
 /// Pieces of relay patches as a point of the object sees them: arrays of one length, not owned.
 struct LobePieces {
-  const double* weight;        ///< light by way of the piece, up to the lobe; 0: not seen
+  const double* weight;        ///< light by way of the piece, W or sr; 0: not seen
   const double* cosine;        ///< at the object
   const double* path;          ///< m
-  const double* leg;           ///< m, outer part of the path
+  const double* distance;      ///< m, inner part of the path
   const double *dx, *dy, *dz;  ///< unit directions from the object
   const double *lx, *ly, *lz;  ///< gradient of the outer leg
   const double *ux, *uy, *uz;  ///< half edges, m
@@ -86,9 +88,11 @@ class LobeEnds {
   std::vector<Block> blocks_;
 };
 
+/// The sum over pairs. The lobe ends four standard deviations off, where it is lowered to zero and
+/// scaled to hold all of its light: 0.3 % too high in the middle, its variance 1 % too small.
 class LobePairs {
  public:
-  /// `sigma`: standard deviation of the lobe, an angle; `same_zone`: zones see their own light
+  /// `sigma`: standard deviation of the lobe, rad; `same_zone`: zones see their own light
   /// only.
   LobePairs(double sigma, bool same_zone) : variance_(sigma * sigma), same_zone_(same_zone) {}
 

@@ -179,36 +179,40 @@ class Sampler {
     constexpr int kRays = 34, kTurn = 21;  // Fibonacci
     struct Part {
       RelayPatch patch;
-      double count, u, v, uu, vv;
+      double weight, u, v, uu, vv;
     };
     std::vector<Part> parts;
+    double all = 0;
     for (int k = 0; k < kRays; ++k) {
       const double u = (k + 0.5) / kRays;
       const double v = (k * kTurn % kRays + 0.5) / kRays;
-      const auto hit = rays_.first_hit(origin_, world(cell, cell.u0 + u * (cell.u1 - cell.u0),
-                                                      cell.v0 + v * (cell.v1 - cell.v0)));
+      const double cell_u = cell.u0 + u * (cell.u1 - cell.u0);
+      const double cell_v = cell.v0 + v * (cell.v1 - cell.v0);
+      const double weight = cell.density(cell_u, cell_v);
+      all += weight;
+      const auto hit = rays_.first_hit(origin_, world(cell, cell_u, cell_v));
       if (!hit) continue;
       const RelayPatch seen = patch_at(*hit);
       auto part = std::ranges::find_if(parts, [&](const Part& p) {
         return p.patch.surface == seen.surface && p.patch.normal.dot(seen.normal) > 0.999;
       });
       if (part == parts.end()) part = parts.insert(part, {seen, 0, 0, 0, 0, 0});
-      part->count += 1;
-      part->u += u;
-      part->v += v;
-      part->uu += u * u;
-      part->vv += v * v;
+      part->weight += weight;
+      part->u += weight * u;
+      part->v += weight * v;
+      part->uu += weight * u * u;
+      part->vv += weight * v * v;
     }
     std::vector<RelayPatch> patches_of_parts;
     for (Part& part : parts) {
       RelayPatch& patch = part.patch;
       patch.whole = false;
-      patch.solid_angle = cell.solid_angle() * part.count / kRays;
+      patch.solid_angle = cell.solid_angle() * part.weight / all;
       // Even light of the same mean and variance along both edges; one ray stands for its own row.
       const auto side = [&](double from, double to, double sum, double squares) {
-        const double mean = sum / part.count;
+        const double mean = sum / part.weight;
         const double own = 1.0 / (12 * kRays * kRays);
-        const double half = std::sqrt(3 * std::max(squares / part.count - mean * mean + own, own));
+        const double half = std::sqrt(3 * std::max(squares / part.weight - mean * mean + own, own));
         return std::array{from + (mean - half) * (to - from), from + mean * (to - from),
                           from + (mean + half) * (to - from)};
       };

@@ -10,6 +10,7 @@
 
 #include "blindcorner/inverse/derivative_study.h"
 #include "blindcorner/inverse/difference_steps.h"
+#include "blindcorner/inverse/fit.h"
 #include "commands/benchmark.h"
 #include "formatted.h"
 #include "progress.h"
@@ -20,7 +21,7 @@ namespace {
 
 struct DerivativeArguments : StudyArguments {
   DerivativeArguments() { poses = 3; }
-  double tolerance = 0.04;
+  double tolerance = FitOptions{}.model_tolerance;
 };
 
 struct Study {

@@ -158,6 +158,7 @@ std::vector<Setting> study(const ForwardArguments& arguments, const Scene& scene
       FastModelOptions options = at_tolerance(kFidelityTolerance);
       options.fidelity = Fidelity{fidelity, fidelity, pairs};
       const auto model = make_fast_model(scene, sensor, options);
+      if (pairs && model->plan().kernel != Kernel::retro_pairs) break;  // there is no lobe
       narrow_lobe = narrow_lobe || model->plan().kernel == Kernel::retro_single;
       const std::string name = formatted("fidelity %g", fidelity);
       if (!add(run(*model, truth), pairs ? "fast, lobe pairs" : "fast", name, *model)) break;

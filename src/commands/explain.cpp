@@ -108,7 +108,8 @@ void print_plan(const ExplainArguments& arguments, const Scene& scene,
     if (can_be_switched(decision)) {
       FastModelOptions switched = options;
       // A lobe's pairs have a sampling of their own.
-      if (decision.term == Term::patch_pairs) switched.fidelity.reset();
+      const bool lobe = plan.kernel != Kernel::lambertian;
+      if (decision.term == Term::patch_pairs && lobe) switched.fidelity.reset();
       (decision.used ? switched.overrides.off : switched.overrides.on) = {decision.term};
       const Measured other = measure(*make_fast_model(scene, sensor, switched), poses);
       change = share_text(largest_change(plain, other));

@@ -729,6 +729,11 @@ std::vector<Variant> variants() {
          s.hidden.material = RetroreflectiveMaterial{0.5 * kDegree};
          partition(s);
        }},
+      {"retro_narrow_pairs",
+       [partition](Scene& s) {
+         s.hidden.material = RetroreflectiveMaterial{1.5 * kDegree};
+         partition(s);
+       }},
       {"retro_wide_confocal",
        [](Scene& s) {
          s.hidden.material = RetroreflectiveMaterial{6 * kDegree};
@@ -765,7 +770,12 @@ class FastAgainstReference : public testing::TestWithParam<std::size_t> {
 // region; the reference itself is good to a few tenths of a per cent at this sampling.
 TEST_P(FastAgainstReference, MeetsItsTolerance) {
   const Scene s = scene();
-  const FastModelOptions options;
+  FastModelOptions options;
+  const std::string name = variants()[GetParam()].name;
+  const bool pairs = name == "retro_narrow_pairs";
+  if (name.starts_with("retro_narrow")) {
+    (pairs ? options.overrides.on : options.overrides.off) = {Term::patch_pairs};
+  }
   const auto fast = make_fast_model(s, sensor_placement(s), options);
   ReferenceOptions dense;
   dense.object_divisions = 4;

@@ -119,7 +119,7 @@ TEST(RelayTest, PatchesLieOnTheSurface) {
 }
 
 // The wall ends inside the field: only directions that hit it count. A border cell is quartered
-// four times, so the border is known to half of a sixteenth of a cell.
+// four times and shared by 34 rays, so the border is known to half of a sixteenth of a sixteenth.
 TEST(RelayTest, FieldThatCrossesAnEdgeKeepsThePartOnTheSurface) {
   const double edge = 0.137;  // m, to the right of the axis, at 1 m
   const std::vector<Surface> surfaces = {wall({1, 5 - edge, 0}, {-1, 0, 0}, 10, 10)};
@@ -158,7 +158,6 @@ TEST(RelayTest, FieldOverTwoSurfacesIsSharedBetweenThem) {
   EXPECT_NEAR(share[1], floor, strip);
 }
 
-// Four nodes integrate cubic weights exactly; against cells of angle e the rest is of fourth order.
 // The seam between a wall and a floor, along the cells: wherever it lies in one, each surface gets
 // its share, and the middle of it.
 TEST(RelayTest, CellsOverASeamAreShared) {
@@ -167,28 +166,32 @@ TEST(RelayTest, CellsOverASeamAreShared) {
   const double top = std::tan(-5 * kDegree), bottom = std::tan(5 * kDegree);
   const double cell = (bottom - top) / 4;
   for (double t = 0.03; t < 1; t += 0.1) {
-    // The floor is met below tangents of 1/100 to 2.3 cells more.
     const double seam = 0.01 + t * cell;
     const std::vector<Surface> room = {
         wall({3, 0, 0}, -Vector3d::UnitX(), 10, 10),
         wall({0, 0, -3 * seam}, Vector3d::UnitZ(), 10, 10, 0.3),
     };
     const auto patches = sample(room, rectangle(-5, 5, -5, 5), sampling);
-    double on_wall = 0, on_floor = 0, lowest = 0;
+    double on_wall = 0, on_floor = 0, lowest = 0, farthest = 0;
     for (const RelayPatch& patch : patches) {
       (patch.surface == 0 ? on_wall : on_floor) += patch.solid_angle;
-      // All of its area is before the wall and over the floor, but for what one ray may miss.
       const Vector3d reach = patch.half_u.cwiseAbs() + patch.half_v.cwiseAbs();
       if (patch.surface == 0) lowest = std::min(lowest, patch.center.z() - reach.z());
+      if (patch.surface == 1) farthest = std::max(farthest, patch.center.x() + reach.x());
     }
     const double exact = 2 * (corner_angle(bottom, -top) + corner_angle(bottom, seam));
     const double row = total(patches) / 4;
     EXPECT_NEAR(on_wall, exact, 0.02 * row) << t;
     EXPECT_NEAR(on_wall + on_floor, solid_angle(rectangle(-5, 5, -5, 5)), 1e-4 * row) << t;
+    // Patches end at the seam, but for what one ray may miss; along the grazing floor that is more,
+    // and far and near halves of a patch differ.
     EXPECT_NEAR(lowest, -3 * seam, 3 * 0.03 * cell) << t;
+    EXPECT_LT(farthest, 3 * (1 + 0.06 * cell / seam)) << t;
+    EXPECT_GT(farthest, 2.1) << t;
   }
 }
 
+// Four nodes integrate cubic weights exactly; against cells of angle e the rest is of fourth order.
 TEST(RelayTest, GaussNodesIntegrateSmoothWeights) {
   const std::vector<Surface> surfaces = {wall({1, 0, 0}, {-1, 0, 0}, 10, 10)};
   const auto irradiance = [&](int divisions, bool gauss) {

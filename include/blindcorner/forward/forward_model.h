@@ -114,7 +114,8 @@ struct FastModelOptions {
 };
 
 /// Sums over light arriving and light leaving instead of pairs: of a Lambertian object, convolved
-/// on a grid of paths; of a narrow lobe, one sum over the relay. Smooth in the pose.
+/// on a grid of paths; of a narrow lobe, one sum over the relay where that meets the tolerance,
+/// else pairs within the lobe's reach. Smooth in the pose.
 std::unique_ptr<ForwardModel> make_fast_model(const Scene& scene, const SensorPlacement& placement,
                                               const FastModelOptions& options = {});
 

@@ -24,7 +24,7 @@ struct RelayPatch {
   double albedo = 0.0;
   int surface = -1;
   int group = 0;      ///< patches that one pulse may stand for
-  bool whole = true;  ///< false: its corners see something else
+  bool whole = true;  ///< false: one surface's part of a cell that several share
   /// Centre of the area that the patch stands for; a Gauss node lies a little outside of it.
   Eigen::Vector3d area_center;
   bool node = false;  ///< Gauss node: its half edges span its part of the cell, its spread is none

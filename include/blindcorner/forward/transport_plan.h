@@ -14,7 +14,7 @@ namespace blindcorner {
 enum class Kernel {
   lambertian,    ///< light arriving and light leaving are two separate sums
   retro_single,  ///< the lobe is small against the lit spot: light about p = r counts
-  retro_pairs    ///< the lobe is wide: pairs of lit and seen patches, weighted by the lobe
+  retro_pairs    ///< the lobe is wide, or one sum misses the tolerance: pairs of patches
 };
 
 /// Terms that one scene needs and another does not.
