@@ -1092,8 +1092,9 @@ void FastModel::compare_with_pairs(const std::vector<PoseVector>& poses, double 
   double change = largest_change(summed, light());
   if (change > tolerance) {
     unresolved_ = 0;
-    // Of two errors that have nothing to do with each other, the sum's.
-    const double own = std::max(choose_sampling(poses, tolerance), unresolved_);
+    // Of two errors that have nothing to do with each other, the sum's. What a search gave up on is
+    // the change of a sampling with at most half of the cells that it took.
+    const double own = std::max(choose_sampling(poses, tolerance), 0.5 * unresolved_);
     const double both = largest_change(summed, light());
     change = std::sqrt(std::max(both * both - own * own, 0.0));
   }
