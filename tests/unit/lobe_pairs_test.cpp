@@ -114,11 +114,14 @@ Sum integral(const Vector3d& lit, const Vector3d& lit_u, const Vector3d& lit_v,
   const auto solid_angle = [&](const Vector3d& p, const Vector3d& u, const Vector3d& v) {
     return std::abs(u.cross(v).dot(p)) / std::pow(p.norm(), 3) / (steps * steps);
   };
+  const auto at = [&](const Vector3d& corner, const Vector3d& u, const Vector3d& v, int index) {
+    const int row = index / steps;
+    return Vector3d(corner + (index - row * steps + 0.5) / steps * u + (row + 0.5) / steps * v);
+  };
   for (int a = 0; a < steps * steps; ++a) {
-    const Vector3d p = lit + (a % steps + 0.5) / steps * lit_u + (a / steps + 0.5) / steps * lit_v;
+    const Vector3d p = at(lit, lit_u, lit_v, a);
     for (int b = 0; b < steps * steps; ++b) {
-      const Vector3d r =
-          seen + (b % steps + 0.5) / steps * seen_u + (b / steps + 0.5) / steps * seen_v;
+      const Vector3d r = at(seen, seen_u, seen_v, b);
       const double chord2 = (p.normalized() - r.normalized()).squaredNorm();
       const double w = solid_angle(p, lit_u, lit_v) * solid_angle(r, seen_u, seen_v) *
                        std::exp(-0.5 * chord2 / (sigma * sigma)) / (2 * kPi * sigma * sigma);
