@@ -451,9 +451,9 @@ std::vector<double> zone_deviances(const CalibrationProblem& problem,
   return deviances;
 }
 
-/// Evaluates every wrap in the farther half of the time axis, and none, for all zones at once, with
-/// the gains and the time zero that suit the wraps known so far; zones choose for themselves, until
-/// none changes its mind.
+/// Evaluates every wrap in the farther half of the time axis, none, and what is stated, for all
+/// zones at once, with the gains and the time zero that suit the wraps known so far; zones choose
+/// for themselves, until none changes its mind.
 std::vector<ZoneWrap> try_wraps(const Scene& scene, const std::vector<Capture>& captures,
                                 const std::vector<std::optional<PoseVector>>& poses,
                                 const CalibrationOptions& options) {
@@ -462,6 +462,10 @@ std::vector<ZoneWrap> try_wraps(const Scene& scene, const std::vector<Capture>& 
   const Sensor& sensor = scene.sensor;
   std::vector<int> candidates{0};
   for (int wrap = (sensor.bins + 1) / 2; wrap <= sensor.bins; ++wrap) candidates.push_back(wrap);
+  for (int z = 0; z < sensor.zone_count(); ++z) {
+    const int stated = sensor.wrap(z);
+    if (std::ranges::find(candidates, stated) == candidates.end()) candidates.push_back(stated);
+  }
   std::vector<ZoneWrap> found;
   Scene now = scene;
   for (int turn = 0; turn < kTurns; ++turn) {
@@ -484,7 +488,7 @@ std::vector<ZoneWrap> try_wraps(const Scene& scene, const std::vector<Capture>& 
       const auto [best, wrap] = order.front();
       const int stated = sensor.wrap(z);
       const auto of_stated = std::ranges::find(order, stated, &std::pair<double, int>::second);
-      const bool refuted = of_stated == order.end() || of_stated->first - best >= kWrapGain;
+      const bool refuted = of_stated->first - best >= kWrapGain;
       const double margin = order[1].first - best;
       const int taken = refuted ? wrap : stated;
       if (refuted || (wrap == stated && margin >= kWrapGain)) {
