@@ -18,6 +18,9 @@ constexpr double kGainTolerance = 0.3;
 constexpr double kShapeTolerance = 0.12;
 /// In robust standard deviations.
 constexpr double kAmbientTolerance = 8.0;
+/// In robust standard deviations; positions in direct view are at ten to thousands, others below
+/// three.
+constexpr double kEarlyTolerance = 8.0;
 /// Counters of the sensor have 24 bits.
 constexpr double kOverflow = 16777216.0 - 65536.0;
 
@@ -49,11 +52,86 @@ std::vector<double> direct_of(const std::vector<double>& row, const RepeatRefere
   return sums;
 }
 
+/// Light in the early bins.
+double early_of(const std::vector<double>& row, const RepeatReference& reference) {
+  const auto [first, end] = reference.early;
+  return std::accumulate(row.begin() + static_cast<std::ptrdiff_t>(first),
+                         row.begin() + static_cast<std::ptrdiff_t>(end), 0.0);
+}
+
 /// Median of the values of every second repeat, from `parity` on.
 double phase_median(const std::vector<double>& values, std::size_t parity) {
   std::vector<double> own;
   for (std::size_t r = parity; r < values.size(); r += 2) own.push_back(values[r]);
   return median(std::move(own));
+}
+
+/// Sum of all direct returns, [repeats].
+std::vector<double> totals_of(const RepeatSeries& series, const RepeatReference& reference) {
+  std::vector<double> totals;
+  for (const auto& row : series) {
+    const std::vector<double> sums = direct_of(row, reference);
+    totals.push_back(std::accumulate(sums.begin(), sums.end(), 0.0));
+  }
+  return totals;
+}
+
+/// Phase of the first repeat: the one with the brighter direct return is 0.
+std::size_t first_phase(const std::vector<double>& totals) {
+  return phase_median(totals, 0) >= phase_median(totals, 1) ? 0 : 1;
+}
+
+/// Light in the early bins of each phase, mean of the middle half of its repeats: steadier than a
+/// median where counts are small whole numbers.
+std::array<double, 2> early_light(const RepeatSeries& series, const RepeatReference& reference) {
+  const std::size_t first = first_phase(totals_of(series, reference));
+  std::array<std::vector<double>, 2> early;
+  for (std::size_t r = 0; r < series.size(); ++r) {
+    early[(r + first) % 2].push_back(early_of(series[r], reference));
+  }
+  std::array<double, 2> light{};
+  for (std::size_t p = 0; p < 2; ++p) {
+    std::sort(early[p].begin(), early[p].end());
+    const auto cut = std::ssize(early[p]) / 4;
+    light[p] = std::accumulate(early[p].begin() + cut, early[p].end() - cut, 0.0) /
+               static_cast<double>(std::ssize(early[p]) - 2 * cut);
+  }
+  return light;
+}
+
+/// What the early bins usually hold; nothing where all series are alike. The bin next to a direct
+/// return is its rim.
+void learn_early_light(const std::vector<const RepeatSeries*>& all, RepeatReference& reference) {
+  if (reference.direct.empty()) return;
+  const auto wall = reference.direct.rbegin();
+  const std::size_t first = reference.direct.size() > 1 ? std::next(wall)->second + 1 : 0;
+  if (wall->first <= first + 1) return;
+  reference.early = {first, wall->first - 1};
+  std::array<std::vector<double>, 2> light;
+  for (const RepeatSeries* series : all) {
+    if (series->size() < 2) continue;
+    const std::array<double, 2> own = early_light(*series, reference);
+    for (std::size_t p = 0; p < 2; ++p) light[p].push_back(own[p]);
+  }
+  for (std::size_t p = 0; p < 2; ++p) {
+    if (light[p].empty()) return;
+    const double usual = median(light[p]);
+    for (double& value : light[p]) value = std::abs(value - usual);
+    reference.early_usual[p] = usual;
+    reference.early_scale[p] = 1.4826 * median(std::move(light[p]));
+  }
+}
+
+bool in_direct_view(const RepeatSeries& series, const RepeatReference& reference) {
+  if (series.size() < 2 || reference.early.first == reference.early.second) return false;
+  const std::array<double, 2> light = early_light(series, reference);
+  for (std::size_t p = 0; p < 2; ++p) {
+    if (reference.early_scale[p] <= 0) return false;
+    if (light[p] - reference.early_usual[p] <= kEarlyTolerance * reference.early_scale[p]) {
+      return false;
+    }
+  }
+  return true;
 }
 
 }  // namespace
@@ -68,6 +146,8 @@ std::string rejection_text(Rejection reason) {
       return "the spot had not settled (direct returns disagree)";
     case Rejection::background:
       return "the ambient light is far from its median";
+    case Rejection::direct_view:
+      return "the object is in direct view (light before the wall's return)";
     default:
       return "kept";
   }
@@ -104,6 +184,7 @@ RepeatReference repeat_reference(const std::vector<const RepeatSeries*>& all) {
     }
   }
   reference.ambient_scale = std::max(1.4826 * median(std::move(deviations)), 1e-9);
+  learn_early_light(all, reference);
   return reference;
 }
 
@@ -114,19 +195,22 @@ SortedRepeats sort_repeats(const RepeatSeries& series, const RepeatReference& re
   sorted.rejected.assign(repeats, Rejection::none);
   std::vector<std::vector<double>> direct(reference.direct.size(), std::vector<double>(repeats));
   std::vector<double> ambient(repeats);
-  std::vector<double> total(repeats);
   for (std::size_t r = 0; r < repeats; ++r) {
     const std::vector<double> sums = direct_of(series[r], reference);
     for (std::size_t g = 0; g < sums.size(); ++g) direct[g][r] = sums[g];
-    total[r] = std::accumulate(sums.begin(), sums.end(), 0.0);
     ambient[r] = ambient_of(series[r], reference);
   }
-  const bool first_is_brighter = phase_median(total, 0) >= phase_median(total, 1);
+  const std::size_t first = first_phase(totals_of(series, reference));
+  const bool direct_view = in_direct_view(series, reference);
   for (std::size_t r = 0; r < repeats; ++r) {
-    sorted.phase[r] = static_cast<int>(r % 2) ^ (first_is_brighter ? 0 : 1);
+    sorted.phase[r] = static_cast<int>((r + first) % 2);
     Rejection& reason = sorted.rejected[r];
     if (std::ranges::any_of(series[r], [](double n) { return n < 0 || n >= kOverflow; })) {
       reason = Rejection::overflow;
+      continue;
+    }
+    if (direct_view) {
+      reason = Rejection::direct_view;
       continue;
     }
     std::vector<double> gains;

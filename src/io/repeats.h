@@ -2,6 +2,7 @@
 /// Repeated measurements of one zone: two alternating phases told apart, bad ones found.
 #pragma once
 
+#include <array>
 #include <string>
 #include <utility>
 #include <vector>
@@ -14,10 +15,11 @@ using RepeatSeries = std::vector<std::vector<double>>;
 /// Why a repeat is not used.
 enum class Rejection {
   none,
-  overflow,    ///< a value is negative or beyond 24 bits
-  gain,        ///< the direct return is far from the median of its phase
-  unsettled,   ///< parts of the direct return disagree: the spot was elsewhere
-  background,  ///< ambient light is far from the median of its phase
+  overflow,     ///< a value is negative or beyond 24 bits
+  gain,         ///< the direct return is far from the median of its phase
+  unsettled,    ///< parts of the direct return disagree: the spot was elsewhere
+  background,   ///< ambient light is far from the median of its phase
+  direct_view,  ///< the spot's light reaches the object before the wall, or the sensor sees it
 };
 std::string rejection_text(Rejection reason);
 
@@ -26,6 +28,12 @@ struct RepeatReference {
   /// Runs of bins that a direct return lights, [first, end).
   std::vector<std::pair<std::size_t, std::size_t>> direct;
   double ambient_scale = 1.0;  ///< robust spread of (ambient - median) / sqrt(median)
+  /// Bins before the wall's return (the last run), after any before it, [first, end): an object in
+  /// direct view is the only thing whose presence lights them.
+  std::pair<std::size_t, std::size_t> early = {0, 0};
+  /// Light in the early bins, counts, of [phase]: median over the series.
+  std::array<double, 2> early_usual = {0, 0};
+  std::array<double, 2> early_scale = {0, 0};  ///< its robust spread; 0: not known
 };
 
 /// From all series of one spot. Bins whose median is over five times the background are lit by a
@@ -40,7 +48,9 @@ struct SortedRepeats {
 /// Phases alternate from repeat to repeat; the one with the brighter direct return is phase 0. A
 /// repeat is rejected whose direct return is over 30 % off the median of its phase, whose direct
 /// returns (where there are several) disagree by over 12 %, or whose ambient light is over eight
-/// times the usual spread from its phase's median.
+/// times the usual spread from its phase's median. All repeats of a series are rejected in which
+/// the early bins of both phases hold more light than is usual, by over eight times the spread
+/// (light that wraps around lights those of one phase only).
 SortedRepeats sort_repeats(const RepeatSeries& series, const RepeatReference& reference);
 
 }  // namespace blindcorner

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 
@@ -64,6 +65,35 @@ TEST(Repeats, BadOnesAreLeftOutWithTheirReason) {
   for (const std::size_t r : {3u, 4u, 6u, 7u, 8u, 9u, 10u, 11u}) {
     EXPECT_EQ(sorted.rejected[r], Rejection::none) << r;
   }
+}
+
+// Light before the wall's return that others do not have, in both phases: an object in direct view.
+// Late light that wraps around shows in one phase only.
+TEST(Repeats, ObjectsInDirectViewAreLeftOut) {
+  std::vector<RepeatSeries> all;
+  for (int i = 0; i < 7; ++i) {
+    all.push_back(series(10, i % 2 == 0));
+    for (std::size_t r = 0; r < 10; ++r) all.back()[r][5] += i + static_cast<double>(r % 3);
+  }
+  for (auto& repeat : all[1]) repeat[5] += 60;                  // in view
+  for (std::size_t r = 0; r < 10; r += 2) all[2][r][4] += 500;  // wrapped around
+  for (auto& repeat : all[3]) repeat[15] += 900;                // third bounce
+  all[4][2][5] += 5000;                                         // one bad repeat
+  std::vector<const RepeatSeries*> list;
+  for (const RepeatSeries& one : all) list.push_back(&one);
+  const RepeatReference reference = repeat_reference(list);
+  EXPECT_EQ(reference.early, (std::pair<std::size_t, std::size_t>{4, 7}));
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    const SortedRepeats sorted = sort_repeats(all[i], reference);
+    const auto in_view = std::ranges::count(sorted.rejected, Rejection::direct_view);
+    EXPECT_EQ(in_view, i == 1 ? 10 : 0) << i;
+  }
+  // Where nothing varies, nothing is known about what is usual.
+  const RepeatSeries same = series(10, true);
+  RepeatSeries brighter = same;
+  for (auto& repeat : brighter) repeat[5] += 60;
+  const RepeatReference constant = repeat_reference({&same, &same, &same, &brighter});
+  EXPECT_EQ(sort_repeats(brighter, constant).rejected[3], Rejection::none);
 }
 
 #ifdef BLINDCORNER_TEST_MATIO
