@@ -2,6 +2,7 @@
 #include "pose_objective.h"
 
 #include <algorithm>
+#include <tuple>
 
 namespace blindcorner {
 namespace {
@@ -20,8 +21,8 @@ PoseObjective::PoseObjective(const CompiledScene& compiled, const Observation& o
     if (!compiled.direct.empty()) {
       const double* direct = compiled.direct.data() + rows_;
       lit.second = zone.bins();
-      while (lit.first < lit.second && direct[lit.first] <= 0) ++lit.first;
-      while (lit.second > lit.first && direct[lit.second - 1] <= 0) --lit.second;
+      while (lit.first < lit.second && direct[lit.first] == 0) ++lit.first;
+      while (lit.second > lit.first && direct[lit.second - 1] == 0) --lit.second;
     }
     direct_range_.push_back(lit);
     rows_ += zone.bins();
@@ -47,10 +48,7 @@ void PoseObjective::point(ShapeBuffer& buffer, bool object) const {
         --shapes.object_end;
       }
     }
-    if (shapes.direct != nullptr) {
-      shapes.direct_first = direct_range_[z].first;
-      shapes.direct_end = direct_range_[z].second;
-    }
+    std::tie(shapes.direct_first, shapes.direct_end) = direct_range_[z];
     row += static_cast<std::size_t>(bins);
   }
 }
