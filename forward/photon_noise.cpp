@@ -65,8 +65,30 @@ HistogramCube expected_counts(const Scene& scene, const HistogramCube& three_bou
                                        linear.direct * direct_return.zone(z)[k]) +
                           linear.ambient;
     }
+    for (std::size_t k = 0; k < zone.background.size(); ++k) {
+      counts.zone(z)[k] += linear.background * zone.background[k];
+    }
     if (scene.sensor.pile_up_cycles > 0) {
       pile_up(scene.sensor.pile_up_cycles, counts.zone(z), counts.bins);
+    }
+  }
+  return counts;
+}
+
+bool has_static_light(const Scene& scene) {
+  return scene.linear.direct == LinearMode::per_zone || scene.linear.fixed_direct > 0 ||
+         scene.sensor.has_background();
+}
+
+HistogramCube static_light(const Scene& scene, const HistogramCube& direct_return) {
+  HistogramCube counts = direct_return;
+  const LinearUnknowns& linear = scene.linear;
+  const double scale = linear.direct == LinearMode::fixed ? linear.fixed_direct : 1.0;
+  for (int z = 0; z < counts.zones(); ++z) {
+    const Zone& zone = scene.sensor.zones[static_cast<std::size_t>(z)];
+    for (int k = 0; k < counts.bins; ++k) counts.zone(z)[k] *= zone.gain * scale;
+    for (std::size_t k = 0; k < zone.background.size(); ++k) {
+      counts.zone(z)[k] += zone.background[k];
     }
   }
   return counts;

@@ -14,6 +14,7 @@
 #include "blindcorner/forward/quantile.h"
 #include "blindcorner/inverse/fit.h"
 #include "calibration_problem.h"
+#include "static_background.h"
 
 namespace blindcorner {
 namespace {
@@ -144,6 +145,27 @@ std::string find_dead_zones(const std::vector<Capture>& captures, Sensor& sensor
   return line;
 }
 
+/// Valid bins that are not as stated; empty: all are.
+std::string valid_bins_note(const std::vector<Zone>& stated, const Sensor& sensor) {
+  std::string line;
+  for (int z = 0; z < sensor.zone_count(); ++z) {
+    const Zone& was = stated[static_cast<std::size_t>(z)];
+    const Zone& now = sensor.zones[static_cast<std::size_t>(z)];
+    const int was_end = was.last_valid_bin < 0 ? sensor.bins : was.last_valid_bin + 1;
+    if (was.dead == now.dead && was.first_valid_bin == now.first_valid_bin &&
+        was_end == sensor.valid_end(z)) {
+      continue;
+    }
+    line += (line.empty() ? "valid bins: zone " : ", zone ") + std::to_string(z) +
+            (now.dead ? " none"
+                      : " " + std::to_string(now.first_valid_bin) + " to " +
+                            std::to_string(sensor.valid_end(z) - 1)) +
+            " (stated " + std::to_string(was.first_valid_bin) + " to " +
+            std::to_string(was_end - 1) + ")";
+  }
+  return line;
+}
+
 /// Brightness that the captures have in common, as a start for the gain.
 double typical_log_amplitude(const Evaluations& evaluations) {
   std::vector<double> logs;
@@ -211,6 +233,7 @@ std::vector<Square> squared_residuals(const CalibrationProblem& problem,
                                       const Evaluations& evaluations,
                                       const std::vector<double>& keep, const Scene& scene) {
   std::vector<Square> squares;
+  const double captures = std::accumulate(keep.begin(), keep.end(), 0.0);
   for (std::size_t c = 0; c < evaluations.size(); ++c) {
     if (keep[c] <= 0) continue;
     const Observation& observation = problem.observation(c);
@@ -230,10 +253,16 @@ std::vector<Square> squared_residuals(const CalibrationProblem& problem,
         lost = prior / (prior + own);
       }
       const double correction = zone.bins() / std::max(zone.bins() - lost, 0.5);
+      const std::vector<double>& background = scene.sensor.zones[index].background;
       for (std::size_t k = 0; k < zone.counts.size(); ++k) {
+        // A mean over the captures was taken away from bins with a background.
+        const std::size_t bin = static_cast<std::size_t>(zone.first) + k;
+        const bool fitted = bin < background.size() && background[bin] != 0;
+        if (fitted && captures < 2) continue;
+        const double left = fitted ? captures / (captures - 1) : 1.0;
         const double r = zone.counts[k] - evaluations[c].mean[i][k];
-        squares.push_back(
-            {index, std::max(evaluations[c].mean[i][k], 0.0), r * r * exposures * correction});
+        squares.push_back({index, std::max(evaluations[c].mean[i][k], 0.0),
+                           r * r * exposures * correction * left});
       }
     }
   }
@@ -708,11 +737,18 @@ Calibration calibrate(const Scene& stated, std::span<const Capture> captures,
   }
   result.scene = scene;
 
+  // Static light before anything is fitted: direct returns that the scene does not model are far
+  // brighter than all that is to be.
+  if (options.background) {
+    const CalibrationProblem first(result.scene, list, poses, {});
+    learn_background(first, first.evaluate(result.scene), usable, result.scene);
+  }
+
   // Which spot is which.
   const RelaySpots spots = relay_spots(scene);
   if (options.permutations && !no_object && spots.points.size() > 1 &&
       spots.points.size() <= kMostSpots) {
-    result.assignments = try_assignments(scene, list, poses, options, advance);
+    result.assignments = try_assignments(result.scene, list, poses, options, advance);
     std::vector<Eigen::Vector3d> points;
     for (const int i : result.assignments.front().spot) {
       points.push_back(spots.points[static_cast<std::size_t>(i)]);
@@ -733,11 +769,18 @@ Calibration calibrate(const Scene& stated, std::span<const Capture> captures,
   CalibrationProblem problem(result.scene, list, poses,
                              instrument_parameters(result.scene, options));
   Eigen::VectorXd u = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(problem.parameters().size()));
+  std::vector<double> keep = usable;
+  const auto learn_static_light = [&] {
+    if (!options.background) return;
+    Scene base = problem.base();
+    result.background =
+        learn_background(problem, problem.evaluate(problem.scene_at(u)), keep, base);
+    problem.set_base(base);
+  };
   const Eigen::Index gain = index_of(problem, "gain_factor");
   if (gain >= 0 && !no_object) {
-    u[gain] = typical_log_amplitude(problem.evaluate(result.scene, true));
+    u[gain] = typical_log_amplitude(problem.evaluate(problem.base(), true));
   }
-  std::vector<double> keep = usable;
   Evaluations evaluations = problem.evaluate(problem.scene_at(u));
   const Eigen::VectorXd start = u;
 
@@ -755,9 +798,17 @@ Calibration calibrate(const Scene& stated, std::span<const Capture> captures,
     if (options.ambient) learn_ambient(problem, problem.evaluate(now, false, true), keep, base);
     if (options.noise) learn_noise(problem, evaluations, keep, base);
     problem.set_base(base);
+    learn_static_light();
   };
+  const std::vector<Zone> stated_zones = problem.base().sensor.zones;
   for (int r = 0; r < kRounds; ++r) {
     round(kIterations);
+    if (options.background) {
+      // The noise law is known by now.
+      Scene base = problem.base();
+      leave_out_unusable_bins(problem, problem.evaluate(problem.scene_at(u)), keep, base);
+      problem.set_base(base);
+    }
     report(0.3 + 0.4 * (r + 1) / (kRounds + 1));
   }
 
@@ -774,6 +825,15 @@ Calibration calibrate(const Scene& stated, std::span<const Capture> captures,
   evaluations = problem.evaluate(problem.scene_at(u));
   report(0.7);
 
+  if (const std::string bins = valid_bins_note(stated_zones, problem.base().sensor);
+      !bins.empty()) {
+    result.notes.push_back(bins);
+  }
+  std::erase_if(result.background, [&](const BackgroundBin& found) {
+    const Zone& zone = problem.base().sensor.zones[static_cast<std::size_t>(found.zone)];
+    return zone.dead || found.bin < zone.first_valid_bin ||
+           found.bin >= problem.base().sensor.valid_end(found.zone);
+  });
   result.parameters = estimates(problem, u, covariance);
   tell_captures(scene, problem, evaluations, keep, result);
   result.scene = problem.scene_at(u);

@@ -10,6 +10,7 @@
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
 #include "blindcorner/forward/forward_model.h"
+#include "blindcorner/forward/photon_noise.h"
 #include "blindcorner/forward/relay.h"
 
 namespace blindcorner {
@@ -259,7 +260,10 @@ std::vector<CalibrationProblem::Evaluation> CalibrationProblem::evaluate(const S
     }
     model_of[c] = m;
   }
-  const bool has_direct = unknowns.direct == LinearMode::per_zone || unknowns.fixed_direct > 0;
+  std::vector<HistogramCube> known;  // static light of each model
+  for (const auto& model : models) {
+    if (has_static_light(scene)) known.push_back(static_light(scene, model->direct_return()));
+  }
   tbb::parallel_for(std::size_t{0}, captures_.size(), [&](std::size_t c) {
     const Observation& observation = observations_[c];
     const ForwardModel& model = *models[model_of[c]];
@@ -267,7 +271,6 @@ std::vector<CalibrationProblem::Evaluation> CalibrationProblem::evaluate(const S
     HistogramCube light;
     if (poses_[c]) model.three_bounce(*poses_[c], light);
     std::vector<ZoneShapes> shapes(observation.zones.size());
-    std::vector<std::vector<double>> direct(observation.zones.size());
     result.object.resize(observation.zones.size());
     for (std::size_t i = 0; i < observation.zones.size(); ++i) {
       const ObservedZone& zone = observation.zones[i];
@@ -281,10 +284,10 @@ std::vector<CalibrationProblem::Evaluation> CalibrationProblem::evaluate(const S
         shapes[i].object = object.data();
         shapes[i].object_end = zone.bins();
       }
-      if (has_direct) {
-        const double* row = model.direct_return().zone(zone.zone) + zone.first;
-        for (int k = 0; k < zone.bins(); ++k) direct[i].push_back(gain * row[k]);
-        shapes[i].direct = direct[i].data();
+      if (!known.empty()) {
+        const double* row = known[model_of[c]].zone(zone.zone) + zone.first;
+        result.known.emplace_back(row, row + zone.bins());
+        shapes[i].direct = row;
         shapes[i].direct_end = zone.bins();
       }
     }

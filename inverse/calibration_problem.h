@@ -58,6 +58,7 @@ class CalibrationProblem {
     double deviance = 0;
     LinearSolution linear;
     std::vector<std::vector<double>> object;  ///< [observed zones][bins] expected light, counts
+    std::vector<std::vector<double>> known;   ///< the same of the static light; empty: none
     std::vector<std::vector<double>> mean;    ///< [observed zones][bins] expected counts
     double log_amplitude = 0, log_amplitude_error = 0;  ///< if asked for
   };

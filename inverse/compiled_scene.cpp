@@ -9,6 +9,7 @@
 #include <limits>
 
 #include "blindcorner/forward/constants.h"
+#include "blindcorner/forward/photon_noise.h"
 #include "blindcorner/inverse/difference_steps.h"
 
 namespace blindcorner {
@@ -138,9 +139,9 @@ std::vector<std::vector<BinWindow>> reach(const CompiledScene& compiled) {
         brightest.values[i] = std::max(brightest.values[i], light.values[i]);
       }
     }
-    const bool has_direct =
-        scene.linear.direct == LinearMode::per_zone || scene.linear.fixed_direct > 0;
-    const HistogramCube& direct = model->direct_return();
+    const HistogramCube direct = has_static_light(scene)
+                                     ? static_light(scene, model->direct_return())
+                                     : HistogramCube(sensor.rows, sensor.columns, sensor.bins);
     const double object_peak = *std::max_element(brightest.values.begin(), brightest.values.end());
     const double direct_peak = *std::max_element(direct.values.begin(), direct.values.end());
     std::vector<BinWindow> zone_windows;
@@ -151,7 +152,7 @@ std::vector<std::vector<BinWindow>> reach(const CompiledScene& compiled) {
       if (summarise && !zone.dead) {
         const auto reached = [&](int k) {
           return brightest.zone(z)[k] > kReach * object_peak ||
-                 (has_direct && direct.zone(z)[k] > 1e-7 * direct_peak);
+                 std::abs(direct.zone(z)[k]) > 1e-7 * direct_peak;
         };
         while (window.first < window.end && !reached(window.first)) ++window.first;
         while (window.first < window.end && !reached(window.end - 1)) --window.end;
@@ -330,19 +331,17 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
   };
   tbb::this_task_arena::isolate([&] { tbb::parallel_for(std::size_t{0}, count, render); });
   if (spline) compiled->spline = std::make_unique<SplineGrid>(compiled->templates, compiled->axes);
-  if (scene.linear.direct == LinearMode::per_zone || scene.linear.fixed_direct > 0) {
+  if (has_static_light(scene)) {
     for (std::size_t c = 0; c < compiled->models().size(); ++c) {
-      const HistogramCube& direct = compiled->models()[c]->direct_return();
+      const HistogramCube direct = static_light(scene, compiled->models()[c]->direct_return());
       for (int z = 0; z < direct.zones(); ++z) {
         const BinWindow& window = compiled->windows[c][static_cast<std::size_t>(z)];
-        const double gain = scene.sensor.zones[static_cast<std::size_t>(z)].gain;
-        for (int k = window.first; k < window.end; ++k) {
-          compiled->direct.push_back(gain * direct.zone(z)[k]);
-        }
+        compiled->direct.insert(compiled->direct.end(), direct.zone(z) + window.first,
+                                direct.zone(z) + std::max(window.first, window.end));
       }
     }
     const bool any = std::any_of(compiled->direct.begin(), compiled->direct.end(),
-                                 [](double v) { return v > 0; });
+                                 [](double v) { return v != 0; });
     if (!any) compiled->direct.clear();
   }
   return compiled;

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "blindcorner/forward/photon_noise.h"
+
 namespace blindcorner {
 
 FittedHistograms fitted_histograms(const PoseObjective& objective, const Refined& best,
@@ -20,6 +22,8 @@ FittedHistograms fitted_histograms(const PoseObjective& objective, const Refined
   h.first_bin = sensor.bins;
   const auto& model = objective.compiled().models()[static_cast<std::size_t>(index)];
   const HistogramCube light = model->three_bounce(best.pose);
+  const HistogramCube known = has_static_light(scene) ? static_light(scene, model->direct_return())
+                                                      : HistogramCube(h.model);
   const auto& zones = objective.solver().observation().zones;
   for (std::size_t i = 0; i < zones.size(); ++i) {
     if (zones[i].capture != index) continue;
@@ -27,15 +31,15 @@ FittedHistograms fitted_histograms(const PoseObjective& objective, const Refined
     h.zone_used[z] = true;
     h.amplitude[z] = best.linear.amplitude[i];
     h.ambient[z] = best.linear.ambient[i];
-    h.direct[z] = objective.compiled().direct.empty() ? 0.0 : best.linear.direct[i];
+    const double scale = objective.compiled().direct.empty() ? 0.0 : best.linear.direct[i];
+    h.direct[z] =
+        scene.linear.direct == LinearMode::fixed ? scale * scene.linear.fixed_direct : scale;
     h.first_bin = std::min(h.first_bin, zones[i].first);
     h.end_bin = std::max(h.end_bin, zones[i].first + zones[i].bins());
     for (int k = 0; k < sensor.bins; ++k) {
       const double object = zones[i].gain * h.amplitude[z] * light.zone(zones[i].zone)[k];
       h.object.zone(zones[i].zone)[k] = object;
-      h.model.zone(zones[i].zone)[k] =
-          object + h.ambient[z] +
-          zones[i].gain * h.direct[z] * model->direct_return().zone(zones[i].zone)[k];
+      h.model.zone(zones[i].zone)[k] = object + h.ambient[z] + scale * known.zone(zones[i].zone)[k];
     }
   }
   return h;

@@ -74,6 +74,7 @@ LinearSolver::LinearSolver(const Observation& observation, const LinearUnknowns&
     }
     prefix_.push_back(std::move(prefix));
   }
+  unknowns_.fixed_direct = 1;  // what is fixed is part of the shape
   if (unknowns_.ambient != LinearMode::per_zone) unknowns_.ambient_prior.clear();
   if (!unknowns_.ambient_prior.empty()) {
     residual_count_ += static_cast<int>(observation_.zones.size());

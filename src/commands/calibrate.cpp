@@ -28,6 +28,7 @@ struct CalibrateArguments {
   bool no_page = false;
   bool no_assignments = false;
   bool no_wraps = false;
+  bool no_background = false;
   bool no_scale = false;
   CalibrationOptions options;
 };
@@ -46,6 +47,7 @@ int run_calibrate(const CalibrateArguments& arguments) {
   CalibrationOptions options = arguments.options;
   options.permutations = !arguments.no_assignments;
   options.wraps = !arguments.no_wraps;
+  options.background = !arguments.no_background;
   options.variance_scale = !arguments.no_scale;
   options.validate();
   const Scene scene = read_scene(arguments.scene);
@@ -98,6 +100,8 @@ void add_calibrate_command(CLI::App& app, int& exit_code) {
   command.add_flag("--no-assignments", arguments->no_assignments,
                    "do not try which relay spot belongs to which zone");
   command.add_flag("--no-wraps", arguments->no_wraps, "do not try where zones' time axes wrap");
+  command.add_flag("--no-background", arguments->no_background,
+                   "do not estimate static background, nor look for bins that cannot be used");
   command.add_flag("--no-variance-scale", arguments->no_scale,
                    "do not scale the noise until fits of these captures are honest");
   command.add_option("--time-zero-sigma", options.time_zero_bins, "prior, bins")

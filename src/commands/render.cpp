@@ -77,7 +77,7 @@ Capture render_one(const RenderArguments& arguments, const Scene& scene, const S
     // Without noise: S plus static, in W/m^2 per W/sr, when gains and amplitude are one.
     const LinearValues linear{scene.linear.fixed_amplitude,
                               arguments.noiseless ? 0.0 : scene.linear.fixed_ambient,
-                              scene.linear.fixed_direct};
+                              scene.linear.fixed_direct, arguments.noiseless ? 0.0 : 1.0};
     const HistogramCube known = arguments.empty ? model.direct_return() : model.static_return(pose);
     capture.counts = expected_counts(scene, light, known, linear);
     if (arguments.noiseless) {

@@ -220,6 +220,22 @@ void read_zones(const JsonReader& reader, Sensor& sensor) {
   }
 }
 
+/// A list of counts for each zone, one per bin or none.
+void read_background(const JsonReader& reader, Sensor& sensor) {
+  if (!reader.present()) return;
+  const bool poisson = std::holds_alternative<PoissonNoise>(sensor.noise);
+  const auto count = static_cast<std::size_t>(sensor.zone_count());
+  const auto bins = static_cast<std::size_t>(sensor.bins);
+  const auto rows = reader.elements_exactly(count, "lists, one per zone");
+  for (std::size_t z = 0; z < count; ++z) {
+    if (rows[z].elements(0).empty()) continue;
+    for (const JsonReader& value : rows[z].elements_exactly(bins, "counts, one per bin")) {
+      sensor.zones[z].background.push_back(
+          value.number(NumberRange::between(poisson ? 0 : -1e30, 1e30)));
+    }
+  }
+}
+
 ResponseShape read_tails(const JsonReader& reader) {
   ExponentialTailResponse response;
   response.sigma = reader.at("fwhm_ps").number(kDuration) * kPicosecond / kGaussianFwhm;
@@ -443,14 +459,31 @@ void read_detector(const JsonReader& reader, Sensor& sensor) {
 }
 
 Sensor read_explicit(const JsonReader& reader) {
-  reader.allow_only({"name",           "description",      "preset",
-                     "rows",           "columns",          "fov_deg",
-                     "zones",          "zone_columns_deg", "zone_rows_deg",
-                     "bins",           "bin_width_ps",     "time_zero_ps",
-                     "gain",           "impulse_response", "wrap_bins",
-                     "valid_bins",     "dead_zones",       "noise",
-                     "illumination",   "path_origin",      "link",
-                     "pile_up_cycles", "saturation",       "crosstalk"});
+  reader.allow_only({"name",
+                     "description",
+                     "preset",
+                     "rows",
+                     "columns",
+                     "fov_deg",
+                     "zones",
+                     "zone_columns_deg",
+                     "zone_rows_deg",
+                     "bins",
+                     "bin_width_ps",
+                     "time_zero_ps",
+                     "gain",
+                     "impulse_response",
+                     "wrap_bins",
+                     "valid_bins",
+                     "dead_zones",
+                     "noise",
+                     "illumination",
+                     "path_origin",
+                     "link",
+                     "pile_up_cycles",
+                     "saturation",
+                     "crosstalk",
+                     "background_counts"});
   Sensor sensor;
   sensor.name = reader.at("name").text_or("custom");
   reader.at("description").text_or("");
@@ -459,6 +492,7 @@ Sensor read_explicit(const JsonReader& reader) {
   read_time_axis(reader, sensor);
   read_zones(reader, sensor);
   read_noise(reader.at("noise"), sensor);
+  read_background(reader.at("background_counts"), sensor);
   read_detector(reader, sensor);
   read_illumination(reader.at("illumination"), sensor);
   const bool relay = reader.at("path_origin").word_or("sensor", {"sensor", "relay"}) == "relay";

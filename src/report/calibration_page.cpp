@@ -99,6 +99,10 @@ std::string calibration_text(const Calibration& calibration) {
   for (const ZoneWrap& wrap : calibration.wraps) {
     text += formatted("  zone %d ", wrap.zone) + wrap_text(wrap) + "\n";
   }
+  for (const BackgroundBin& b : calibration.background) {
+    text += formatted("  background[zone %d, bin %d]: %.4g +- %.2g counts\n", b.zone, b.bin,
+                      b.counts, b.standard_error);
+  }
   for (const LeftOutCapture& out : calibration.left_out) {
     text += formatted("  capture %d left out: ", out.index) + out.reason + "\n";
   }
@@ -134,6 +138,16 @@ std::string calibration_page(const Scene& before, const Calibration& calibration
         "<table><tr><th>zone<th>time axis (and by which deviance the next best is worse)</tr>\n";
     for (const ZoneWrap& wrap : calibration.wraps) {
       body += formatted("<tr><td>%d<td>", wrap.zone) + wrap_text(wrap) + "</tr>\n";
+    }
+    body += "</table>\n";
+  }
+  if (!calibration.background.empty()) {
+    body +=
+        "<p>Static background besides the ambient light; bins that are not listed hold none that "
+        "the data show.</p>\n<table><tr><th>zone<th>bin<th>counts</tr>\n";
+    for (const BackgroundBin& b : calibration.background) {
+      body += formatted("<tr><td>%d<td>%d<td>%.4g +- %.2g</tr>\n", b.zone, b.bin, b.counts,
+                        b.standard_error);
     }
     body += "</table>\n";
   }

@@ -69,6 +69,13 @@ Json sensor_patch(const Scene& scene) {
     patch["valid_bins"].push_back({zone.first_valid_bin, sensor.valid_end(z) - 1});
     if (zone.dead) patch["dead_zones"].push_back(z);
   }
+  if (sensor.has_background()) {
+    patch["background_counts"] = per_zone(scene, [](const Zone& z) {
+      Json counts = Json::array();
+      for (const double value : z.background) counts.push_back(number(value));
+      return counts;
+    });
+  }
   if (sensor.link) {
     // What the link stood for, now that the gains are known: scenes have one or the other.
     patch["link"] = nullptr;
@@ -165,6 +172,13 @@ Json instrument_json(const Scene& before, const Calibration& calibration) {
                              {"found_bins", wrap.found},
                              {"next_bins", wrap.next},
                              {"deviance_to_next", number(wrap.margin)}});
+  }
+  json["background"] = Json::array();
+  for (const BackgroundBin& b : calibration.background) {
+    json["background"].push_back({{"zone", b.zone},
+                                  {"bin", b.bin},
+                                  {"counts", number(b.counts)},
+                                  {"standard_error", number(b.standard_error)}});
   }
   json["spot_assignments"] = Json::array();
   for (const SpotAssignment& a : calibration.assignments) {

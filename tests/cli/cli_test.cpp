@@ -577,6 +577,43 @@ TEST_F(Cli, InstrumentFilesSuitScenesWithALink) {
   EXPECT_NEAR(after.linear.fixed_ambient / before.linear.fixed_ambient, 1, 1e-5);
 }
 
+// Captures of nothing show what is always there; the instrument file keeps it.
+TEST_F(Cli, InstrumentFilesHoldTheBackgroundOfAnEmptyScene) {
+  const std::string known = SOURCE_DIR "/scenes/cheapspad_mirrors.json";
+  json scene = json::parse(text_of(known));
+  std::vector<double> counts(24, 0.0);
+  counts[18] = 500;
+  scene["sensor"]["background_counts"] = json::array();
+  for (int z = 0; z < 8; ++z) {
+    scene["sensor"]["background_counts"].push_back(z == 5 ? json(counts) : json::array());
+  }
+  std::ofstream(path("scene.json")) << scene;
+  std::string files;
+  for (int i = 0; i < 10; ++i) {
+    const std::string file = " '" + path("empty" + std::to_string(i) + ".exr") + "'";
+    ASSERT_EQ(run("render '" + path("scene.json") + "' --empty --model fast --seed " +
+                  std::to_string(i) + " -o" + file)
+                  .exit_code,
+              0);
+    files += file;
+  }
+  const std::string instrument = path("instrument.json");
+  const Outcome calibrated = run("calibrate '" + known + "'" + files +
+                                 " --no-object --no-variance-scale -o '" + instrument + "'");
+  ASSERT_EQ(calibrated.exit_code, 0) << calibrated.err;
+  EXPECT_THAT(calibrated.out, HasSubstr("background[zone 5, bin 18]"));
+  EXPECT_THAT(text_of(path("instrument.html")), HasSubstr("Static background"));
+  const json found = json::parse(text_of(instrument)).at("background");
+  ASSERT_EQ(found.size(), 1U);
+  const double error = found[0].at("standard_error");
+  EXPECT_NEAR(found[0].at("counts"), 500, 5 * error);
+  EXPECT_LT(error, 50);
+  const Scene after = read_scene(known, instrument);
+  EXPECT_TRUE(after.sensor.zones[4].background.empty());
+  ASSERT_EQ(after.sensor.zones[5].background.size(), 24U);
+  EXPECT_NEAR(after.sensor.zones[5].background[18], found[0].at("counts"), 1e-3);
+}
+
 // Scenes that cannot be fitted are refused before any capture is, and nothing is written.
 TEST_F(Cli, FitRefusesScenesWithWrongRelayPoints) {
   const json good =

@@ -206,6 +206,7 @@ TEST(Calibration, FindsWhereTheTimeAxisWraps) {
   }
   CalibrationOptions options = quick();
   options.wraps = true;
+  options.background = false;  // which takes light in the wrong bins for unusable bins
   const std::vector<Capture> captures = captures_of(d.instrument, 40, 100, 4);
   const Calibration c = calibrate(d.scene, captures, options);
   EXPECT_GE(c.wraps.size(), 6u);  // two zones see little that late
@@ -221,6 +222,12 @@ TEST(Calibration, FindsWhereTheTimeAxisWraps) {
   EXPECT_GT(as_stated.deviance_after / as_stated.expected_deviance,
             c.deviance_after / c.expected_deviance + 0.1);
   options.wraps = true;
+  options.background = true;
+  const Calibration both = calibrate(d.scene, captures, options);
+  ASSERT_EQ(both.wraps.size(), c.wraps.size());
+  for (std::size_t i = 0; i < c.wraps.size(); ++i) EXPECT_EQ(both.wraps[i].found, c.wraps[i].found);
+  EXPECT_LT(both.deviance_after / both.expected_deviance,
+            c.deviance_after / c.expected_deviance + 0.01);
 
   // Early light in a short window, which a wrap in the nearer half of the axis does not change.
   d.scene.sensor.zones[1].wrap_bins = 7;
@@ -229,6 +236,96 @@ TEST(Calibration, FindsWhereTheTimeAxisWraps) {
     zone.last_valid_bin = 11;
   }
   EXPECT_TRUE(calibrate(d.scene, captures, options).wraps.empty());
+}
+
+// A direct return that the scene does not model, with a strength that drifts, a weak reflection
+// behind it, and a last bin without response; the scene takes all bins for valid.
+TEST(Calibration, FindsStaticBackgroundAndUnusableBins) {
+  Differing d;
+  for (Scene* s : {&d.scene, &d.instrument}) {
+    s->sensor.wrap_bins = 0;
+    for (Zone& zone : s->sensor.zones) {
+      zone.first_valid_bin = 0;
+      zone.last_valid_bin = s->sensor.bins - 1;
+      zone.wrap_bins = -1;
+    }
+  }
+  const std::vector<double> direct{0, 0, 0, 0, 4000, 60000, 50000, 3000, 0, 40};
+  std::vector<Capture> captures = captures_of(d.instrument, 60, 100, 8);
+  std::mt19937_64 random(9);
+  std::normal_distribution<double> normal;
+  for (Capture& capture : captures) {
+    for (int z = 0; z < 8; ++z) {
+      const double strength = 1 + 0.03 * normal(random);
+      for (int b = 0; b < 10; ++b) {
+        const double light = direct[static_cast<std::size_t>(b)];
+        capture.counts.zone(z)[b] += strength * light + std::sqrt(8 * light) * normal(random);
+      }
+      capture.counts.zone(z)[d.scene.sensor.bins - 1] = 3 + std::abs(normal(random));
+    }
+  }
+  const Calibration c = calibrate(d.scene, captures, quick());
+  EXPECT_EQ(c.used, 60);
+  for (int z = 0; z < 8; ++z) {
+    const Zone& zone = c.scene.sensor.zones[static_cast<std::size_t>(z)];
+    EXPECT_GE(zone.first_valid_bin, 7) << z;  // the two bright bins drift far beyond their noise
+    EXPECT_LE(zone.first_valid_bin, 8) << z;
+    EXPECT_EQ(zone.last_valid_bin, d.scene.sensor.bins - 2) << z;
+  }
+  EXPECT_THAT(c.notes, testing::Contains(testing::HasSubstr("valid bins: zone 0")));
+  int reflections = 0;
+  for (const BackgroundBin& found : c.background) {
+    const double truth = direct[static_cast<std::size_t>(std::min(found.bin, 8))];
+    const bool reflection = found.bin == 9;
+    EXPECT_NEAR(found.counts, reflection ? 40 : truth, 5 * found.standard_error)
+        << found.zone << " " << found.bin;
+    reflections += reflection;
+  }
+  EXPECT_EQ(reflections, 8);
+  expect_found(c, "measured_law.cosine_exponent", 6);
+  expect_found(c, "measured_law.distance_exponent", 2.4);
+  expect_found(c, "bin_width_ps", d.instrument.sensor.bin_width * 1e12);
+  EXPECT_NEAR(c.deviance_after / c.expected_deviance, 1, 0.1);
+
+  CalibrationOptions without = quick();
+  without.background = false;
+  EXPECT_GT(
+      std::abs(std::log(
+          parameter(calibrate(d.scene, captures, without), "measured_law.cosine_exponent").value /
+          6)),
+      0.1);
+}
+
+// Without an object one capture will do where photons are counted: their noise is known.
+TEST(Calibration, MeasuresTheBackgroundOfAnEmptyScene) {
+  Scene scene = shipped("cheapspad_mirrors");
+  scene.sensor.noise = PoissonNoise{};
+  for (Zone& zone : scene.sensor.zones) zone.first_valid_bin = 0;
+  Scene instrument = scene;
+  for (Zone& zone : instrument.sensor.zones) {
+    zone.background.assign(static_cast<std::size_t>(scene.sensor.bins), 0.0);
+    zone.background[3] = 400;
+    zone.background[4] = 90;
+  }
+  const HistogramCube nothing(scene.sensor.rows, scene.sensor.columns, scene.sensor.bins);
+  for (const int count : {1, 12}) {
+    std::vector<Capture> captures(static_cast<std::size_t>(count));
+    std::uint64_t seed = 3;
+    for (Capture& capture : captures) {
+      capture.counts = draw_counts(
+          instrument, expected_counts(instrument, nothing, nothing, {0, 2, 0}), 1, seed++);
+      capture.source = "empty";
+    }
+    const Calibration c = calibrate(scene, captures, quick(), /*no_object=*/true);
+    const auto zones = static_cast<std::size_t>(scene.sensor.zone_count());
+    EXPECT_EQ(c.background.size(), 2 * zones) << count;
+    for (const BackgroundBin& found : c.background) {
+      EXPECT_NEAR(found.counts, found.bin == 3 ? 400 : 90, 5 * found.standard_error) << count;
+      // Of one capture's counts; of twelve, from their scatter (a fifth of it uncertain).
+      const double error = std::sqrt((found.bin == 3 ? 402.0 : 92.0) / count);
+      EXPECT_NEAR(found.standard_error / error, 1, count == 1 ? 0.2 : 0.75);
+    }
+  }
 }
 
 // A Lambertian scene, rendered pair by pair and calibrated with the fast model.

@@ -213,6 +213,32 @@ TEST(BadCapture, NegativeCountsAreDataUnderAGaussianLaw) {
   EXPECT_LT((result.posterior.modes.front().pose - truth).norm(), 0.05);
 }
 
+// Crosstalk as bright as the object, near where its light is: known, it does no harm; and a fit
+// that knows of none is the same as ever after one that does.
+TEST(Fit, MeasuredBackgroundIsNoObject) {
+  const Scene plain = quick_scene();
+  Scene scene = plain;
+  const PoseVector truth = middle(scene);
+  const auto model = make_reference_renderer(scene, sensor_placement(scene));
+  const HistogramCube light = model->three_bounce(truth);
+  for (int z = 0; z < light.zones(); ++z) {
+    Zone& zone = scene.sensor.zones[static_cast<std::size_t>(z)];
+    const double* row = light.zone(z);
+    zone.background.assign(row, row + light.bins);
+    for (double& counts : zone.background) counts *= zone.gain;
+    std::rotate(zone.background.begin(), zone.background.end() - 6, zone.background.end());
+  }
+  const Capture capture = reference_capture(scene, truth, 3000, 4);
+  const Capture without = reference_capture(plain, truth, 3000, 4);
+  const PoseVector alone = fit(plain, without, quick_options()).posterior.mean;
+  const FitResult known = fit(scene, capture, quick_options());
+  EXPECT_LT((known.posterior.mean - truth).norm(), 0.05);
+  EXPECT_LT(known.goodness_of_fit.inflation, 1.1);
+  EXPECT_EQ(fit(plain, without, quick_options()).posterior.mean, alone);
+  const FitResult unknown = fit(plain, capture, quick_options());
+  EXPECT_GT((unknown.posterior.mean - truth).norm(), 2 * (known.posterior.mean - truth).norm());
+}
+
 TEST(BadCapture, WrongShapeIsNamed) {
   const Scene scene = quick_scene();
   const Fitter fitter(scene, quick_options());

@@ -161,5 +161,28 @@ TEST(PhotonNoiseTest, ExpectedCountsAreTheLinearModel) {
   for (std::size_t i = 0; i < want.size(); ++i) EXPECT_NEAR(counts.values[i], want[i], 1e-12);
 }
 
+// What is measured comes on top of what is known, with a fixed scale in it and a free one not.
+TEST(PhotonNoiseTest, StaticLightIsTheDirectReturnAndTheMeasuredBackground) {
+  Scene scene = scene_of(1, 2, 3);
+  scene.sensor.zones[0].gain = 10;
+  scene.sensor.zones[1].gain = 20;
+  HistogramCube direct(1, 2, 3);
+  direct.values = {1, 2, 0, 3, 4, 0};
+  scene.linear.direct = LinearMode::fixed;
+  scene.linear.fixed_direct = 0;
+  EXPECT_FALSE(has_static_light(scene));
+  scene.sensor.zones[1].background = {0.5, 0, -0.25};
+  EXPECT_TRUE(has_static_light(scene));
+  EXPECT_EQ(static_light(scene, direct).values, (std::vector<double>{0, 0, 0, 0.5, 0, -0.25}));
+  scene.linear.fixed_direct = 0.5;
+  EXPECT_EQ(static_light(scene, direct).values, (std::vector<double>{5, 10, 0, 30.5, 40, -0.25}));
+  scene.linear.direct = LinearMode::per_zone;
+  EXPECT_EQ(static_light(scene, direct).values, (std::vector<double>{10, 20, 0, 60.5, 80, -0.25}));
+
+  const HistogramCube nothing(1, 2, 3);
+  const HistogramCube counts = expected_counts(scene, nothing, nothing, {0, 7, 1, 2});
+  EXPECT_EQ(counts.values, (std::vector<double>{7, 7, 7, 8, 7, 6.5}));
+}
+
 }  // namespace
 }  // namespace blindcorner

@@ -359,7 +359,10 @@ TEST(SceneFile, DetectorsEffectsAreRead) {
     s["sensor"]["pile_up_cycles"] = 1e5;
     s["sensor"]["saturation"] = 65535;
     s["sensor"]["crosstalk"] = 0.1;
+    s["sensor"]["background_counts"] = {json::array(), std::vector<double>(64, 2.5)};
   });
+  EXPECT_TRUE(scene.sensor.zones[0].background.empty());
+  EXPECT_EQ(scene.sensor.zones[1].background, std::vector<double>(64, 2.5));
   EXPECT_EQ(scene.sensor.pile_up_cycles, 1e5);
   EXPECT_EQ(scene.sensor.saturation, 65535);
   ASSERT_EQ(scene.sensor.crosstalk.size(), 4U);  // two zones side by side
@@ -537,6 +540,8 @@ TEST(SceneFile, SensorMistakesAreToldWithTheirPath) {
        {"/sensor/valid_bins", "[9, 4]", "sensor.valid_bins[1]"},
        {"/sensor/valid_bins", "[[0, 9]]", "sensor.valid_bins"},
        {"/sensor/dead_zones", "[2]", "sensor.dead_zones[0]"},
+       {"/sensor/background_counts", "[[]]", "sensor.background_counts"},
+       {"/sensor/background_counts", "[[1, 2], []]", "sensor.background_counts[0]"},
        {"/sensor/path_origin", R"("wall")", "sensor.path_origin"},
        {"/sensor/impulse_response", "", "sensor.impulse_response"},
        {"/sensor/impulse_response/type", R"("gauss")", "sensor.impulse_response.type"},

@@ -14,12 +14,20 @@ struct LinearValues {
   double amplitude = 1.0;
   double ambient = 0.0;  ///< counts per bin
   double direct = 1.0;
+  double background = 1.0;  ///< factor on the zones' measured background
 };
 
-/// gain * (amplitude * S + direct * static) + ambient, per zone and bin, then the detector's
-/// pile-up if the sensor has any. Dead zones stay zero.
+/// gain * (amplitude * S + direct * static) + ambient + background, per zone and bin, then the
+/// detector's pile-up if the sensor has any. Dead zones stay zero.
 HistogramCube expected_counts(const Scene& scene, const HistogramCube& three_bounce,
                               const HistogramCube& direct_return, const LinearValues& linear);
+
+/// Whether captures hold static light: a direct return or a measured background.
+bool has_static_light(const Scene& scene);
+
+/// The static light, counts of [zone][bin]: gain * direct return, times its scale where that is
+/// fixed, plus the zone's background. Where the scale is free, it is this that is scaled.
+HistogramCube static_light(const Scene& scene, const HistogramCube& direct_return);
 
 /// Coates' model of a detector that reports the first photon of each laser pulse: with p = 1 -
 /// exp(-m / N) the probability of a photon in a bin, m counts expected without pile-up in N cycles,

@@ -60,7 +60,8 @@ struct AmplitudePrior {
   double sigma_log = 1.5;
 };
 
-/// Linear unknowns of the model gain * (a S + b static) + ambient.
+/// Linear unknowns of the model gain * (a S + b static) + ambient, and of the zones' measured
+/// background, which b scales as well where it is free.
 struct LinearUnknowns {
   LinearMode amplitude = LinearMode::shared;
   double fixed_amplitude = 1.0;

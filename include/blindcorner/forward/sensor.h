@@ -40,6 +40,9 @@ struct Zone {
   int last_valid_bin = -1;     ///< inclusive; -1: the sensor's last bin
   int wrap_bins = -1;          ///< as the sensor's, of this zone; -1: the sensor's
   double variance_floor = -1;  ///< counts^2, as a Gaussian noise law's, of this zone; -1: the law's
+  /// [bins] static light as measured (cover glass, crosstalk, clutter that the scene does not
+  /// know), counts beside the ambient light and the direct return; empty: none.
+  std::vector<double> background;
 };
 
 enum class Illumination {
@@ -98,6 +101,10 @@ struct Sensor {
   /// Whether any zone has a noise floor of its own.
   bool zones_have_noise_floors() const {
     return std::ranges::any_of(zones, [](const Zone& zone) { return zone.variance_floor > 0; });
+  }
+  /// Whether any zone has a measured background.
+  bool has_background() const {
+    return std::ranges::any_of(zones, [](const Zone& zone) { return !zone.background.empty(); });
   }
   /// Noise law of a zone's counts.
   NoiseLaw noise_of(int zone) const {

@@ -30,6 +30,8 @@ struct CalibrationOptions {
   bool permutations = true;
   /// Try where each zone's time axis may wrap.
   bool wraps = true;
+  /// Estimate each zone's static background, and find bins that cannot be used.
+  bool background = true;
   /// A capture whose deviance is this many standard deviations too large is left out.
   double outlier_sigmas = 8.0;
   /// A parameter is determined when its standard error is below this share of its prior's sigma.
@@ -72,6 +74,12 @@ struct ZoneWrap {
   int next = 0;               ///< which that is
 };
 
+/// Static light that a bin holds besides the ambient light and what the scene knows.
+struct BackgroundBin {
+  int zone = 0, bin = 0;
+  double counts = 0, standard_error = 0;
+};
+
 /// A capture that was not used.
 struct LeftOutCapture {
   int index = 0;  ///< among the captures given
@@ -90,6 +98,7 @@ struct Calibration {
   std::vector<CalibratedParameter> parameters;
   std::vector<SpotAssignment> assignments;  ///< best first; empty: not tried
   std::vector<ZoneWrap> wraps;              ///< of zones whose data decide
+  std::vector<BackgroundBin> background;  ///< bins where it is not zero; the others are kept at it
   std::vector<LeftOutCapture> left_out;
   std::vector<CalibrationView> views;
   int used = 0;                ///< captures

@@ -16,7 +16,7 @@ namespace blindcorner {
 /// Expected shapes of one observed zone, counts at unit amplitude, aligned with its window.
 struct ZoneShapes {
   const double* object = nullptr;  ///< gain * S, [window]; null: no object
-  const double* direct = nullptr;  ///< gain * static, [window]; null: none
+  const double* direct = nullptr;  ///< static_light(), [window]; null: none
   int object_first = 0;            ///< bins of the window that the object lights: [first, end)
   int object_end = 0;
   int direct_first = 0;  ///< bins that the direct return lights: [first, end)
@@ -27,7 +27,7 @@ struct ZoneShapes {
 struct LinearSolution {
   std::vector<double> amplitude;  ///< [observed zones] (equal ones when shared)
   std::vector<double> ambient;    ///< [observed zones] counts per bin
-  std::vector<double> direct;     ///< [observed zones]
+  std::vector<double> direct;     ///< [observed zones] scale of the static light; 1 if not free
   double log_likelihood = 0;      ///< relative to the best attainable one: minus half the deviance
   double log_prior = 0;           ///< of the amplitude, normalised density in log a
   /// log of the integral over the linear unknowns around the maximum, by Laplace's method, minus
