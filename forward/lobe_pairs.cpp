@@ -91,18 +91,16 @@ BLINDCORNER_MULTIVERSION void LobeEnds::map(const LobePieces& p, std::size_t cou
     const double dx = a.dx[i], dy = a.dy[i], dz = a.dz[i];
     const double c = dx * nx + dy * ny + dz * nz;
     const double factor = 1 / (1 + std::max(c, 0.0));
-    const double x = factor * (dx * ex + dy * ey + dz * ez);
-    const double y = factor * (dx * fx + dy * fy + dz * fz);
+    const double de = dx * ex + dy * ey + dz * ez, df = dx * fx + dy * fy + dz * fz;
+    const double x = factor * de, y = factor * df;
     const double gx = dx + a.lx[i], gy = dy + a.ly[i], gz = dz + a.lz[i];
     const double turn = factor / a.distance[i];
     // A step s from the piece turns the direction by (s - (s . d) d) / r.
     const auto place = [&](double sx, double sy, double sz, double& to_x, double& to_y) {
       const double away = sx * dx + sy * dy + sz * dz;
-      const double rise = factor * (sx * nx + sy * ny + sz * nz - away * c);
-      to_x = turn * (sx * ex + sy * ey + sz * ez - away * (dx * ex + dy * ey + dz * ez)) -
-             turn / factor * rise * x;
-      to_y = turn * (sx * fx + sy * fy + sz * fz - away * (dx * fx + dy * fy + dz * fz)) -
-             turn / factor * rise * y;
+      const double rise = sx * nx + sy * ny + sz * nz - away * c;
+      to_x = turn * (sx * ex + sy * ey + sz * ez - away * de - rise * x);
+      to_y = turn * (sx * fx + sy * fy + sz * fz - away * df - rise * y);
     };
     const double ux = a.left_u[i] * a.ux[i], uy = a.left_u[i] * a.uy[i], uz = a.left_u[i] * a.uz[i];
     const double vx = a.left_v[i] * a.vx[i], vy = a.left_v[i] * a.vy[i], vz = a.left_v[i] * a.vz[i];

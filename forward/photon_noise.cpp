@@ -104,8 +104,9 @@ double variance_at(const GaussianNoise& law, double counts) {
 
 double count_variance(const Sensor& sensor, int zone, double counts) {
   const NoiseLaw law = sensor.noise_of(zone);
-  if (const auto* gaussian = std::get_if<GaussianNoise>(&law))
+  if (const auto* gaussian = std::get_if<GaussianNoise>(&law)) {
     return variance_at(*gaussian, counts);
+  }
   return sensor.dispersion * counts;
 }
 

@@ -165,7 +165,11 @@ std::vector<Setting> study(const ForwardArguments& arguments, const Scene& scene
     }
   };
   add_fidelities(false);
-  if (narrow_lobe) add_fidelities(true);
+  if (narrow_lobe) {
+    add_fidelities(true);
+  } else {
+    progress.advance(std::size(kFidelities));
+  }
   for (const double tolerance : kTolerances) {
     const auto model = make_fast_model(scene, sensor, at_tolerance(tolerance));
     const std::string name = formatted("tolerance %g", tolerance);

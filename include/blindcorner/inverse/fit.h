@@ -19,7 +19,7 @@ namespace blindcorner {
 /// How hard the solver tries. The defaults are for use; change them to trade time for safety.
 struct FitOptions {
   /// Tolerated error of the fast model relative to the peak of the three-bounce signal.
-  /// Tighter ones make no fit of the shipped scenes better (`benchmark solver --tolerance`).
+  /// Tighter ones take longer and gain next to nothing (`benchmark solver --tolerance`).
   double model_tolerance = 0.1;
   /// Most poses scored exhaustively before refinement. The pulse is widened when the search region
   /// would need more of them.
