@@ -186,11 +186,17 @@ ZoneMeans zone_means(const std::vector<DarkBins>& captures, std::size_t bin_coun
       means.bins[k] = clipped_mean(values[k]);
       if (!means.lit[k]) offsets.push_back(means.bins[k].value);
     }
-    if (offsets.empty()) return means;
+    if (offsets.empty()) {  // nothing is left to compare with
+      means.lit.assign(bin_count, false);
+      return means;
+    }
     // A median of small whole numbers is off for all bins alike.
     const double offset = median(std::move(offsets));
     for (std::size_t k = 0; k < bin_count; ++k) {
-      if (means.count[k] == 0) continue;
+      if (means.count[k] == 0) {
+        means.lit[k] = false;
+        continue;
+      }
       means.bins[k].value -= offset;
       means.lit[k] = std::abs(means.bins[k].value) > kFound * means.bins[k].error;
     }
