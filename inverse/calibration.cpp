@@ -648,6 +648,37 @@ std::vector<CalibratedParameter> estimates(const CalibrationProblem& problem,
   return list;
 }
 
+/// Where a capture is furthest from the model, and whether that is light before any that the object
+/// can send by way of the relay (below a thousandth of the zone's peak).
+std::string worst_bin_text(const Observation& observation,
+                           const CalibrationProblem::Evaluation& evaluation) {
+  constexpr double kNoLight = 1e-3;
+  double worst = 0;
+  std::string text;
+  for (std::size_t i = 0; i < observation.zones.size(); ++i) {
+    const ObservedZone& zone = observation.zones[i];
+    const std::vector<double>& light = evaluation.object[i];
+    const double least = kNoLight * *std::ranges::max_element(light);
+    bool early = true;
+    for (std::size_t k = 0; k < zone.counts.size(); ++k) {
+      early = early && light[k] <= least;
+      const double mean = evaluation.mean[i][k];
+      const double off = zone.counts[k] - mean;
+      const double square = off * off / observation.law(zone).variance(std::max(mean, 1e-12));
+      if (square <= worst) continue;
+      worst = square;
+      char line[160];
+      std::snprintf(line, sizeof line, "; most in zone %d, bin %zu: %.4g counts where %.4g fit%s",
+                    zone.zone, static_cast<std::size_t>(zone.first) + k, zone.counts[k], mean,
+                    early && least > 0 && off > 0
+                        ? ", before the object's light can arrive (in direct view?)"
+                        : "");
+      text = line;
+    }
+  }
+  return text;
+}
+
 /// Which captures were used, and why the others were not.
 void tell_captures(const Scene& scene, const CalibrationProblem& problem,
                    const Evaluations& evaluations, const std::vector<double>& keep,
@@ -666,7 +697,8 @@ void tell_captures(const Scene& scene, const CalibrationProblem& problem,
     char text[96];
     std::snprintf(text, sizeof text, "does not fit: deviance %.0f where about %.0f is usual",
                   evaluations[c].deviance, bins);
-    result.left_out.push_back({static_cast<int>(c), text});
+    result.left_out.push_back(
+        {static_cast<int>(c), text + worst_bin_text(problem.observation(c), evaluations[c])});
   }
 }
 

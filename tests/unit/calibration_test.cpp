@@ -147,7 +147,10 @@ TEST(Calibration, DisturbedCapturesDoNotMoveIt) {
   }
   const Calibration c = calibrate(d.scene, captures, quick());
   EXPECT_EQ(c.left_out.size(), 10u);
-  for (const LeftOutCapture& out : c.left_out) EXPECT_GE(out.index, 60);
+  for (const LeftOutCapture& out : c.left_out) {
+    EXPECT_GE(out.index, 60);
+    EXPECT_THAT(out.reason, testing::ContainsRegex("most in zone [0-7], bin 1[4-7]: "));
+  }
   expect_found(c, "measured_law.cosine_exponent", 6);
   expect_found(c, "bin_width_ps", d.instrument.sensor.bin_width * 1e12);
 }
