@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstdio>
 #include <functional>
+#include <map>
 #include <numeric>
 
 #include "blindcorner/forward/error.h"
@@ -145,23 +146,27 @@ std::string find_dead_zones(const std::vector<Capture>& captures, Sensor& sensor
   return line;
 }
 
-/// Valid bins that are not as stated; empty: all are.
+/// Valid bins that are not as stated, and of which zones; empty: all are.
 std::string valid_bins_note(const std::vector<Zone>& stated, const Sensor& sensor) {
-  std::string line;
+  std::map<std::string, std::string> zones;  // by what is said of them
   for (int z = 0; z < sensor.zone_count(); ++z) {
     const Zone& was = stated[static_cast<std::size_t>(z)];
     const Zone& now = sensor.zones[static_cast<std::size_t>(z)];
-    const int was_end = was.last_valid_bin < 0 ? sensor.bins : was.last_valid_bin + 1;
+    const int was_last = was.last_valid_bin < 0 ? sensor.bins - 1 : was.last_valid_bin;
+    const int now_last = sensor.valid_end(z) - 1;
     if (was.dead == now.dead && was.first_valid_bin == now.first_valid_bin &&
-        was_end == sensor.valid_end(z)) {
+        was_last == now_last) {
       continue;
     }
-    line += (line.empty() ? "valid bins: zone " : ", zone ") + std::to_string(z) +
-            (now.dead ? " none"
-                      : " " + std::to_string(now.first_valid_bin) + " to " +
-                            std::to_string(sensor.valid_end(z) - 1)) +
-            " (stated " + std::to_string(was.first_valid_bin) + " to " +
-            std::to_string(was_end - 1) + ")";
+    const auto range = [](int first, int last) {
+      return std::to_string(first) + " to " + std::to_string(last);
+    };
+    zones[(now.dead ? "none" : range(now.first_valid_bin, now_last)) + " (stated " +
+          range(was.first_valid_bin, was_last) + ")"] += " " + std::to_string(z);
+  }
+  std::string line;
+  for (const auto& [bins, of] : zones) {
+    line += (line.empty() ? "valid bins: " : "; ") + bins + " in zones" + of;
   }
   return line;
 }
@@ -590,7 +595,8 @@ double find_variance_scale(const Scene& scene, const CalibrationProblem& problem
   return high;
 }
 
-/// Mean histograms over captures, each shifted so that the object's light arrives together.
+/// Mean histograms over captures without the static background, each shifted so that the object's
+/// light arrives together.
 std::vector<CalibrationView> views(const CalibrationProblem& problem, const Evaluations& before,
                                    const Evaluations& after, const std::vector<double>& keep) {
   std::vector<CalibrationView> list;
@@ -598,6 +604,7 @@ std::vector<CalibrationView> views(const CalibrationProblem& problem, const Eval
   for (int z = 0; z < sensor.zone_count(); ++z) {
     const auto bins = static_cast<std::size_t>(2 * sensor.bins);
     std::vector<double> measured(bins), old(bins), fitted(bins), count(bins);
+    const std::vector<double>& background = sensor.zones[static_cast<std::size_t>(z)].background;
     for (std::size_t c = 0; c < problem.captures(); ++c) {
       if (keep[c] <= 0 || problem.capture(c).exposures_of(z) <= 0) continue;
       const Observation& observation = problem.observation(c);
@@ -611,9 +618,11 @@ std::vector<CalibrationView> views(const CalibrationProblem& problem, const Eval
         for (std::size_t k = 0; k < zone.counts.size(); ++k) {
           const auto at =
               static_cast<std::size_t>(static_cast<std::ptrdiff_t>(k) - center + sensor.bins);
-          measured[at] += zone.counts[k];
-          old[at] += before[c].mean[i][k];
-          fitted[at] += after[c].mean[i][k];
+          const std::size_t bin = static_cast<std::size_t>(zone.first) + k;
+          const double known = bin < background.size() ? background[bin] : 0.0;
+          measured[at] += zone.counts[k] - known;
+          old[at] += before[c].mean[i][k] - known;
+          fitted[at] += after[c].mean[i][k] - known;
           count[at] += 1;
         }
       }

@@ -63,9 +63,9 @@ ChartSeries series_of(const char* name, const char* colour, const std::vector<do
   return series;
 }
 
-Chart view_chart(const CalibrationView& view) {
+Chart view_chart(const CalibrationView& view, bool background) {
   Chart chart{"zone " + std::to_string(view.zone), "bins, object's light moved together",
-              "mean counts"};
+              background ? "mean counts, without background" : "mean counts"};
   chart.series = {series_of("before", "#999999", view.before, SeriesStyle::line),
                   series_of("after", "#d62728", view.after, SeriesStyle::line),
                   series_of("measured", "#1f77b4", view.measured, SeriesStyle::dots)};
@@ -112,7 +112,9 @@ std::string calibration_text(const Calibration& calibration) {
 
 std::string calibration_page(const Scene& before, const Calibration& calibration) {
   std::vector<Chart> charts;
-  for (const CalibrationView& view : calibration.views) charts.push_back(view_chart(view));
+  for (const CalibrationView& view : calibration.views) {
+    charts.push_back(view_chart(view, !calibration.background.empty()));
+  }
   std::string body = "<p>" + html_safe(summary_line(calibration)) + "</p>\n" + charts_html(charts);
   body += "<table><tr><th>parameter<th>value<th>prior<th>its sigma</tr>\n";
   for (const CalibratedParameter& p : calibration.parameters) {

@@ -86,8 +86,8 @@ struct LeftOutCapture {
   std::string reason;
 };
 
-/// Mean histograms of one zone over the captures, for looking at: aligned to the expected arrival
-/// of the object's light, so that its pulse does not smear.
+/// Mean histograms of one zone over the captures, for looking at: without static background,
+/// aligned to the expected arrival of the object's light, so that its pulse does not smear.
 struct CalibrationView {
   int zone = 0;
   std::vector<double> measured, before, after;  ///< [bins] mean counts
