@@ -19,12 +19,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdint>
 #include <cstdio>
 #include <functional>
 #include <limits>
 #include <mutex>
-#include <numbers>
 #include <span>
 #include <string>
 #include <utility>
@@ -32,7 +30,6 @@
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
 #include "blindcorner/forward/forward_model.h"
-#include "blindcorner/forward/multiversion.h"
 #include "lobe_field.h"
 #include "lobe_pairs.h"
 #include "measured_law_model.h"
@@ -150,9 +147,10 @@ void FastModel::complete_plan(double tolerance) {
                 "light from the search region arrives in bins " + std::to_string(first) + " to " +
                     std::to_string(last) + " of " + std::to_string(axis_bins_)});
   const bool direct = scene_.linear.direct != LinearMode::fixed || scene_.linear.fixed_direct > 0;
-  plan_.decide({Term::direct_return, "direct return of the known surfaces", direct,
-                direct ? "captures hold it: computed once, it does not depend on the pose"
-                       : "captures hold none"});
+  std::string reason = direct ? "captures hold it: computed once, it does not depend on the pose"
+                              : "captures hold none";
+  if (scene_.sensor.has_background()) reason += "; measured background comes on top";
+  plan_.decide({Term::direct_return, "direct return of the known surfaces", direct, reason});
 }
 
 namespace {

@@ -3,11 +3,13 @@
 /// that (fast_model.cpp).
 #pragma once
 
+#include <algorithm>
 #include <functional>
 #include <mutex>
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "blindcorner/forward/forward_model.h"

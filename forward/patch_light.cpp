@@ -2,6 +2,7 @@
 #include "patch_light.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "blindcorner/forward/multiversion.h"
 

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "blindcorner/forward/shape.h"
+#include "blindcorner/forward/visibility.h"
 #include "lobe_pairs.h"
 #include "path_grid.h"
 #include "relay_setup.h"

@@ -619,7 +619,8 @@ std::vector<CalibrationView> views(const CalibrationProblem& problem, const Eval
           const auto at =
               static_cast<std::size_t>(static_cast<std::ptrdiff_t>(k) - center + sensor.bins);
           const std::size_t bin = static_cast<std::size_t>(zone.first) + k;
-          const double known = bin < background.size() ? background[bin] : 0.0;
+          const double known =
+              bin < background.size() ? after[c].linear.direct[i] * background[bin] : 0.0;
           measured[at] += zone.counts[k] - known;
           old[at] += before[c].mean[i][k] - known;
           fitted[at] += after[c].mean[i][k] - known;
@@ -782,7 +783,8 @@ Calibration calibrate(const Scene& stated, std::span<const Capture> captures,
   // brighter than all that is to be.
   if (options.background) {
     const CalibrationProblem first(result.scene, list, poses, {});
-    learn_background(first, first.evaluate(result.scene), usable, result.scene);
+    learn_background(first, first.evaluate(result.scene, true), usable, scene.sensor,
+                     Knowledge::stated, result.scene);
   }
 
   // Which spot is which.
@@ -814,8 +816,23 @@ Calibration calibrate(const Scene& stated, std::span<const Capture> captures,
   const auto learn_static_light = [&] {
     if (!options.background) return;
     Scene base = problem.base();
-    result.background =
-        learn_background(problem, problem.evaluate(problem.scene_at(u)), keep, base);
+    result.background = learn_background(problem, problem.evaluate(problem.scene_at(u)), keep,
+                                         scene.sensor, Knowledge::fitted, base);
+    problem.set_base(base);
+  };
+  // Anew from the stated valid bins, with the noise law and the model known so far.
+  const auto find_valid_bins = [&] {
+    if (!options.background) return;
+    Scene base = problem.base();
+    for (std::size_t z = 0; z < base.sensor.zones.size(); ++z) {
+      base.sensor.zones[z].first_valid_bin = scene.sensor.zones[z].first_valid_bin;
+      base.sensor.zones[z].last_valid_bin = scene.sensor.zones[z].last_valid_bin;
+      base.sensor.zones[z].dead = scene.sensor.zones[z].dead;
+    }
+    problem.set_base(base);
+    learn_static_light();
+    base = problem.base();
+    leave_out_unusable_bins(problem, problem.evaluate(problem.scene_at(u)), keep, base);
     problem.set_base(base);
   };
   const Eigen::Index gain = index_of(problem, "gain_factor");
@@ -841,15 +858,9 @@ Calibration calibrate(const Scene& stated, std::span<const Capture> captures,
     problem.set_base(base);
     learn_static_light();
   };
-  const std::vector<Zone> stated_zones = problem.base().sensor.zones;
   for (int r = 0; r < kRounds; ++r) {
     round(kIterations);
-    if (options.background) {
-      // The noise law is known by now.
-      Scene base = problem.base();
-      leave_out_unusable_bins(problem, problem.evaluate(problem.scene_at(u)), keep, base);
-      problem.set_base(base);
-    }
+    find_valid_bins();
     report(0.3 + 0.4 * (r + 1) / (kRounds + 1));
   }
 
@@ -866,7 +877,7 @@ Calibration calibrate(const Scene& stated, std::span<const Capture> captures,
   evaluations = problem.evaluate(problem.scene_at(u));
   report(0.7);
 
-  if (const std::string bins = valid_bins_note(stated_zones, problem.base().sensor);
+  if (const std::string bins = valid_bins_note(scene.sensor.zones, problem.base().sensor);
       !bins.empty()) {
     result.notes.push_back(bins);
   }

@@ -33,7 +33,7 @@ struct CompiledScene {
   Eigen::MatrixXf templates;
   /// Between the scored poses; null where the pulse had to be widened, or the grid is too large.
   std::unique_ptr<SplineGrid> spline;
-  /// gain * static inside the windows, rows as above; empty when absent.
+  /// static_light() inside the windows, rows as above; empty when absent.
   std::vector<double> direct;
 
   const ModelSet& models() const { return ladder.back(); }

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <optional>
+#include <utility>
 
 #include "blindcorner/forward/quantile.h"
 
@@ -12,8 +14,7 @@ namespace {
 
 using Evaluations = std::vector<CalibrationProblem::Evaluation>;
 
-/// Light below this share of its zone's peak is no light: what it leaves is far below the noise of
-/// any capture whose peak can be measured.
+/// Light below this share of its zone's peak is little enough to be taken away as modelled.
 constexpr double kDark = 1e-3;
 /// Captures of which fewer say nothing about a bin's scatter; photons have a law of their own.
 constexpr std::size_t kLeastCaptures = 8;
@@ -30,57 +31,217 @@ constexpr int kTurns = 4;
 constexpr double kRestless = 2.0;
 /// ... if that is this many standard deviations above one, of a chi-square variable.
 constexpr double kRestlessSigmas = 8.0;
+/// Photons of the ambient light in a bin, over all captures, of which fewer condemn no bin.
+constexpr double kLeastPhotons = 20.0;
 
-/// Counts of one zone in one capture, in bins without light of the object.
+/// Counts of one bin in one capture that the object does not light.
+struct DarkCount {
+  std::size_t bin = 0;
+  double count = 0;     ///< less modelled object and direct return
+  double direct = 0;    ///< the modelled direct return
+  double variance = 0;  ///< by the noise law, at the expected counts
+  double photons = 0;   ///< expected, where photons are counted
+  double clip = 0;      ///< distance from the others beyond which it is not believed
+  double cautious = 0;  ///< variance at the counts if they are more than expected
+};
+
+/// Those of a zone in one capture.
 struct DarkBins {
-  std::size_t capture = 0;
-  std::vector<std::size_t> bins;  ///< counted from the first of the axis
-  std::vector<double> counts;     ///< less the modelled direct return
-  std::vector<double> variance;   ///< by the noise law, at the expected counts
-  std::vector<double> cautious;   ///< the same, at the counts if they are more
-  std::vector<double> excess;     ///< kurtosis of the counts beyond a normal distribution's
+  std::vector<DarkCount> bins;
+  double scale = 1;             ///< of the static light
+  std::optional<double> level;  ///< of the ambient light, if it is fixed
 };
 
-/// What a bin holds in each of the captures in which it is dark.
-struct BinValues {
-  std::vector<double> value, variance, cautious, excess;
-};
-
-/// Mean and its standard error of the values, clipped about their median.
-struct Mean {
-  double value = 0, error = 0;
-  double square = 0;   ///< mean squared deviation over the variance expected
-  double freedom = 1;  ///< degrees of freedom that the square has
-};
-
-Mean clipped_mean(const BinValues& bin) {
-  const std::vector<double>& values = bin.value;
-  const double middle = median(values);
-  std::vector<double> away;
-  for (const double value : values) away.push_back(std::abs(value - middle));
-  const double scatter = 1.4826 * median(std::move(away));
-  const double count = static_cast<double>(values.size());
-  std::vector<double> clipped;
-  for (std::size_t i = 0; i < values.size(); ++i) {
-    const double limit = kClip * std::max(scatter, std::sqrt(bin.variance[i]));
-    clipped.push_back(std::clamp(values[i], middle - limit, middle + limit));
+/// Bins that the object lights, and their neighbours, of one observed zone.
+std::vector<bool> lit_by_object(const ObservedZone& zone, const std::vector<double>& light,
+                                int bins) {
+  const double limit = kDark * *std::ranges::max_element(light);
+  std::vector<bool> lit(static_cast<std::size_t>(bins), false);
+  for (std::size_t k = 0; k < light.size(); ++k) {
+    if (light[k] <= limit) continue;
+    const auto bin = static_cast<std::size_t>(zone.first) + k;
+    for (std::size_t n = bin > 0 ? bin - 1 : 0; n < std::min(bin + 2, lit.size()); ++n) {
+      lit[n] = true;
+    }
   }
-  Mean mean;
-  mean.value = std::accumulate(clipped.begin(), clipped.end(), 0.0) / count;
-  if (values.size() < kLeastCaptures) {
-    mean.error = std::sqrt(std::accumulate(bin.cautious.begin(), bin.cautious.end(), 0.0)) / count;
+  return lit;
+}
+
+/// Zone `z` in all captures that are kept and have data there.
+std::vector<DarkBins> dark_bins(const CalibrationProblem& problem, const Evaluations& evaluations,
+                                const std::vector<double>& keep, int z, Knowledge knowledge) {
+  const Scene& scene = problem.base();
+  const Zone& zone = scene.sensor.zones[static_cast<std::size_t>(z)];
+  std::vector<DarkBins> list;
+  for (std::size_t c = 0; c < evaluations.size(); ++c) {
+    if (keep[c] <= 0 || problem.capture(c).exposures_of(z) <= 0) continue;
+    const Observation& observation = problem.observation(c);
+    const CalibrationProblem::Evaluation& evaluation = evaluations[c];
+    std::vector<bool> lit(static_cast<std::size_t>(scene.sensor.bins), false);
+    std::optional<std::size_t> own;
+    for (std::size_t i = 0; i < observation.zones.size(); ++i) {
+      const bool is_own = observation.zones[i].zone == z;
+      if (is_own) own = i;
+      if (!is_own && knowledge == Knowledge::fitted) continue;
+      const auto here =
+          lit_by_object(observation.zones[i], evaluation.object[i], scene.sensor.bins);
+      for (std::size_t k = 0; k < lit.size(); ++k) lit[k] = lit[k] || here[k];
+    }
+    if (!own) continue;
+    const ObservedZone& observed = observation.zones[*own];
+    const BinLikelihood& law = observation.law(observed);
+    const std::size_t count = observed.counts.size();
+    const auto first = static_cast<std::size_t>(observed.first);
+    DarkBins dark;
+    if (scene.linear.direct == LinearMode::per_zone) dark.scale = evaluation.linear.direct[*own];
+    if (!(dark.scale > 0)) continue;
+    if (scene.linear.ambient == LinearMode::fixed) dark.level = scene.linear.fixed_ambient;
+    std::vector<double> direct(count, 0.0);
+    for (std::size_t k = 0; k < count && !evaluation.known.empty(); ++k) {
+      const std::size_t bin = first + k;
+      const double background = bin < zone.background.size() ? zone.background[bin] : 0.0;
+      direct[k] = dark.scale * (evaluation.known[*own][k] - background);
+    }
+    const double limit = kDark * *std::ranges::max_element(direct);
+    for (std::size_t k = 0; k < count; ++k) {
+      const double beside =
+          std::max(k > 0 ? direct[k - 1] : 0.0, k + 1 < count ? direct[k + 1] : 0.0);
+      if (lit[first + k] || std::max(direct[k], beside) > limit) continue;
+      const double n = observed.counts[k];
+      const double mean = std::max(evaluation.mean[*own][k], 1e-12);
+      DarkCount one;
+      one.bin = first + k;
+      one.count = n - direct[k] - evaluation.linear.amplitude[*own] * evaluation.object[*own][k];
+      one.direct = direct[k];
+      one.variance = law.variance(mean);
+      one.cautious = law.variance(std::max(mean, n));
+      one.photons = law.poisson() ? mean * law.scale() : 0.0;
+      one.clip = kClip * std::sqrt(law.poisson() ? one.cautious : one.variance);
+      dark.bins.push_back(one);
+    }
+    list.push_back(std::move(dark));
+  }
+  return list;
+}
+
+/// A bin over all captures in which it is dark.
+struct BinMean {
+  std::size_t captures = 0;
+  double value = 0;     ///< above the level, of the scale one
+  double error = 0;     ///< standard error
+  double ratio = 1;     ///< variance over the expected one
+  double freedom = 1;   ///< degrees of freedom of the ratio
+  double direct = 0;    ///< the modelled direct return
+  double photons = 0;   ///< expected in all captures, where photons are counted
+  double expected = 0;  ///< variance of the value that the noise law expects
+};
+
+/// Of one bin: what it holds above the level in each capture.
+struct Sample {
+  const DarkCount* dark;
+  double value;     ///< of the scale one
+  double variance;  ///< the same
+};
+
+BinMean mean_of(const std::vector<Sample>& samples) {
+  BinMean mean;
+  mean.captures = samples.size();
+  const double count = static_cast<double>(samples.size());
+  std::vector<double> values;
+  for (const Sample& s : samples) values.push_back(s.value);
+  const double middle = median(values);
+  for (double& value : values) value = std::abs(value - middle);
+  const double scatter = 1.4826 * median(std::move(values));
+  std::vector<double> clipped;
+  double cautious = 0;
+  for (const Sample& s : samples) {
+    const double stretch = std::sqrt(s.variance / s.dark->variance);
+    const double limit = std::max(kClip * scatter, stretch * s.dark->clip);
+    clipped.push_back(std::clamp(s.value, middle - limit, middle + limit));
+    mean.value += clipped.back() / count;
+    mean.expected += s.variance / (count * count);
+    mean.direct += s.dark->direct / count;
+    mean.photons += s.dark->photons;
+    cautious += stretch * stretch * s.dark->cautious / (count * count);
+  }
+  if (samples.size() < kLeastCaptures) {
+    mean.error = std::sqrt(cautious);
     return mean;
   }
-  double sum = 0, excess = 0;
-  for (std::size_t i = 0; i < values.size(); ++i) {
-    const double off = clipped[i] - mean.value;
-    sum += off * off;
-    mean.square += off * off / bin.variance[i] / (count - 1);
-    excess += bin.excess[i] / count;
-  }
-  mean.freedom = (count - 1) / (1 + excess / 2);
+  double sum = 0;
+  for (const double value : clipped) sum += std::pow(value - mean.value, 2);
   mean.error = std::sqrt(sum / (count * (count - 1)));
+  // All captures together: the ambient light of one says little where counts are sparse, whose
+  // kurtosis is beyond a normal distribution's, too.
+  mean.ratio = sum / (count - 1) / (mean.expected * count);
+  const double excess = mean.photons > 0 ? count / mean.photons : 0.0;
+  mean.freedom = (count - 1) / (1 + excess / 2);
   return mean;
+}
+
+/// Means of a zone's bins over the captures, above the level of those that hold nothing.
+struct ZoneMeans {
+  std::vector<BinMean> bins;  ///< [bins]
+  std::vector<bool> lit;      ///< [bins] static light was found
+  double level = 0;           ///< of the others, median over the captures
+  double usual = 1;           ///< median over the bins of variance over the expected one
+};
+
+/// Level of the bins of a capture that hold nothing; nothing if there are too few.
+std::optional<double> level_of(const DarkBins& capture, const std::vector<bool>& lit, bool first) {
+  if (capture.level) return capture.level;
+  std::vector<double> nothing;
+  for (const DarkCount& dark : capture.bins) {
+    if (!lit[dark.bin]) nothing.push_back(dark.count);
+  }
+  if (nothing.size() < kLeastBins) return std::nullopt;
+  // At first any bin may be lit: the median of most of them holds.
+  if (first) return median(std::move(nothing));
+  return std::accumulate(nothing.begin(), nothing.end(), 0.0) / static_cast<double>(nothing.size());
+}
+
+/// `least`: captures of which fewer say nothing.
+ZoneMeans zone_means(const std::vector<DarkBins>& captures, int bins, std::size_t least) {
+  const auto bin_count = static_cast<std::size_t>(bins);
+  ZoneMeans means;
+  means.lit.assign(bin_count, false);
+  for (int turn = 0; turn < kTurns; ++turn) {
+    std::vector<std::vector<Sample>> samples(bin_count);
+    std::vector<double> levels;
+    bool level_known = true;
+    for (const DarkBins& capture : captures) {
+      const std::optional<double> level = level_of(capture, means.lit, turn == 0);
+      if (!level) continue;
+      level_known = level_known && capture.level;
+      levels.push_back(*level);
+      const double square = capture.scale * capture.scale;
+      for (const DarkCount& dark : capture.bins) {
+        samples[dark.bin].push_back(
+            {&dark, (dark.count - *level) / capture.scale, dark.variance / square});
+      }
+    }
+    means.level = levels.empty() ? 0.0 : median(std::move(levels));
+    means.bins.assign(bin_count, BinMean{});
+    std::vector<double> offsets, ratios;
+    for (std::size_t k = 0; k < bin_count; ++k) {
+      if (samples[k].size() < least) continue;
+      means.bins[k] = mean_of(samples[k]);
+      if (!means.lit[k]) offsets.push_back(means.bins[k].value);
+      if (samples[k].size() >= kLeastCaptures) ratios.push_back(means.bins[k].ratio);
+    }
+    means.usual = ratios.empty() ? 1.0 : std::max(median(std::move(ratios)), 1e-12);
+    // A median of small whole numbers is off for all bins alike.
+    const double offset = level_known || offsets.empty() ? 0.0 : median(std::move(offsets));
+    for (std::size_t k = 0; k < bin_count; ++k) {
+      BinMean& bin = means.bins[k];
+      means.lit[k] = false;
+      if (bin.captures == 0) continue;
+      bin.value -= offset;
+      bin.error = std::max(bin.error, std::sqrt(means.usual * bin.expected));
+      means.lit[k] = std::abs(bin.value) > kFound * bin.error;
+    }
+  }
+  return means;
 }
 
 /// Standard normal variable as improbable as a chi-square variable over its degrees of freedom
@@ -90,124 +251,10 @@ double normal_score(double ratio, double freedom) {
   return (std::cbrt(ratio) - (1 - variance)) / std::sqrt(variance);
 }
 
-/// Zone `z` in all captures that are kept and have data there.
-std::vector<DarkBins> dark_bins(const CalibrationProblem& problem, const Evaluations& evaluations,
-                                const std::vector<double>& keep, int z) {
-  const Zone& zone = problem.base().sensor.zones[static_cast<std::size_t>(z)];
-  const auto background = [&](std::size_t bin) {
-    return bin < zone.background.size() ? zone.background[bin] : 0.0;
-  };
-  std::vector<DarkBins> list;
-  for (std::size_t c = 0; c < evaluations.size(); ++c) {
-    if (keep[c] <= 0 || problem.capture(c).exposures_of(z) <= 0) continue;
-    const Observation& observation = problem.observation(c);
-    for (std::size_t i = 0; i < observation.zones.size(); ++i) {
-      const ObservedZone& observed = observation.zones[i];
-      if (observed.zone != z) continue;
-      const std::size_t count = observed.counts.size();
-      const auto first = static_cast<std::size_t>(observed.first);
-      const double scale = evaluations[c].linear.direct[i];
-      const std::vector<double>& object = evaluations[c].object[i];
-      std::vector<double> direct(count, 0.0);
-      if (!evaluations[c].known.empty()) {
-        for (std::size_t k = 0; k < count; ++k) {
-          direct[k] = scale * (evaluations[c].known[i][k] - background(first + k));
-        }
-      }
-      const double object_limit = kDark * *std::ranges::max_element(object);
-      const double direct_limit = kDark * *std::ranges::max_element(direct);
-      // Nothing in the bin and its neighbours.
-      const auto dark = [&](std::size_t k) {
-        for (std::size_t n = k > 0 ? k - 1 : 0; n < std::min(k + 2, count); ++n) {
-          if (object[n] > object_limit || direct[n] > direct_limit) return false;
-        }
-        return true;
-      };
-      DarkBins bins;
-      bins.capture = c;
-      for (std::size_t k = 0; k < count; ++k) {
-        if (!dark(k)) continue;
-        bins.bins.push_back(first + k);
-        bins.counts.push_back(observed.counts[k] - direct[k]);
-        const double mean = std::max(evaluations[c].mean[i][k], 1e-12);
-        const BinLikelihood& law = observation.law(observed);
-        bins.variance.push_back(law.variance(mean));
-        bins.cautious.push_back(law.variance(std::max(mean, observed.counts[k])));
-        bins.excess.push_back(law.poisson() ? 1 / (mean * law.scale()) : 0.0);
-      }
-      list.push_back(std::move(bins));
-    }
-  }
-  return list;
-}
-
-/// Means of a zone's bins over the captures, above the level of those that hold nothing.
-struct ZoneMeans {
-  std::vector<Mean> bins;     ///< [bins]
-  std::vector<double> count;  ///< [bins] captures
-  std::vector<bool> lit;      ///< [bins] static light was found
-  double level = 0;           ///< of the others, median over the captures
-};
-
-/// `least`: captures of which fewer say nothing.
-ZoneMeans zone_means(const std::vector<DarkBins>& captures, std::size_t bin_count,
-                     std::size_t least) {
-  ZoneMeans means;
-  means.lit.assign(bin_count, false);
-  for (int turn = 0; turn < kTurns; ++turn) {
-    std::vector<BinValues> values(bin_count);
-    std::vector<double> levels;
-    for (const DarkBins& capture : captures) {
-      std::vector<double> nothing;
-      for (std::size_t i = 0; i < capture.bins.size(); ++i) {
-        if (!means.lit[capture.bins[i]]) nothing.push_back(capture.counts[i]);
-      }
-      if (nothing.size() < kLeastBins) continue;
-      // At first any bin may be lit: the median of most of them holds.
-      const double level = turn == 0 ? median(nothing)
-                                     : std::accumulate(nothing.begin(), nothing.end(), 0.0) /
-                                           static_cast<double>(nothing.size());
-      levels.push_back(level);
-      for (std::size_t i = 0; i < capture.bins.size(); ++i) {
-        BinValues& bin = values[capture.bins[i]];
-        bin.value.push_back(capture.counts[i] - level);
-        bin.variance.push_back(capture.variance[i]);
-        bin.cautious.push_back(capture.cautious[i]);
-        bin.excess.push_back(capture.excess[i]);
-      }
-    }
-    means.bins.assign(bin_count, Mean{});
-    means.count.assign(bin_count, 0.0);
-    means.level = levels.empty() ? 0.0 : median(std::move(levels));
-    std::vector<double> offsets;
-    for (std::size_t k = 0; k < bin_count; ++k) {
-      if (values[k].value.size() < least) continue;
-      means.count[k] = static_cast<double>(values[k].value.size());
-      means.bins[k] = clipped_mean(values[k]);
-      if (!means.lit[k]) offsets.push_back(means.bins[k].value);
-    }
-    if (offsets.empty()) {  // nothing is left to compare with
-      means.lit.assign(bin_count, false);
-      return means;
-    }
-    // A median of small whole numbers is off for all bins alike.
-    const double offset = median(std::move(offsets));
-    for (std::size_t k = 0; k < bin_count; ++k) {
-      if (means.count[k] == 0) {
-        means.lit[k] = false;
-        continue;
-      }
-      means.bins[k].value -= offset;
-      means.lit[k] = std::abs(means.bins[k].value) > kFound * means.bins[k].error;
-    }
-  }
-  return means;
-}
-
 /// Light of the object that each bin of a zone holds in all captures, [bins].
 std::vector<double> object_light(const CalibrationProblem& problem, const Evaluations& evaluations,
-                                 int z, std::size_t bin_count) {
-  std::vector<double> light(bin_count, 0.0);
+                                 int z) {
+  std::vector<double> light(static_cast<std::size_t>(problem.base().sensor.bins), 0.0);
   for (std::size_t c = 0; c < evaluations.size(); ++c) {
     const Observation& observation = problem.observation(c);
     for (std::size_t i = 0; i < observation.zones.size(); ++i) {
@@ -249,25 +296,32 @@ BinWindow best_run(const std::vector<bool>& unusable, const std::vector<double>&
 
 std::vector<BackgroundBin> learn_background(const CalibrationProblem& problem,
                                             const Evaluations& evaluations,
-                                            const std::vector<double>& keep, Scene& scene) {
+                                            const std::vector<double>& keep, const Sensor& stated,
+                                            Knowledge knowledge, Scene& scene) {
+  bool any_object = false;
+  for (std::size_t c = 0; c < problem.captures(); ++c) any_object |= problem.pose(c).has_value();
   std::vector<BackgroundBin> found;
   Sensor& sensor = scene.sensor;
   const bool poisson = std::holds_alternative<PoissonNoise>(sensor.noise);
   for (int z = 0; z < sensor.zone_count(); ++z) {
-    Zone& zone = sensor.zones[static_cast<std::size_t>(z)];
+    const auto index = static_cast<std::size_t>(z);
+    Zone& zone = sensor.zones[index];
     if (zone.dead) continue;
-    const auto bins = static_cast<std::size_t>(sensor.bins);
-    const ZoneMeans means =
-        zone_means(dark_bins(problem, evaluations, keep, z), bins, poisson ? 1 : kLeastCaptures);
-    zone.background.assign(bins, 0.0);
-    bool any = false;
+    const ZoneMeans means = zone_means(dark_bins(problem, evaluations, keep, z, knowledge),
+                                       sensor.bins, poisson && !any_object ? 1 : kLeastCaptures);
+    zone.background = stated.zones[index].background;
+    zone.background.resize(static_cast<std::size_t>(sensor.bins), 0.0);
     for (std::size_t k = 0; k < means.bins.size(); ++k) {
-      if (!means.lit[k] || (poisson && means.bins[k].value < 0)) continue;
-      zone.background[k] = means.bins[k].value;
-      found.push_back({z, static_cast<int>(k), means.bins[k].value, means.bins[k].error});
-      any = true;
+      const BinMean& bin = means.bins[k];
+      if (bin.captures == 0) continue;
+      zone.background[k] = 0;
+      if (!means.lit[k] || (poisson && bin.value < 0)) continue;
+      zone.background[k] = bin.value;
+      found.push_back({z, static_cast<int>(k), bin.value, bin.error});
     }
-    if (!any) zone.background.clear();
+    if (std::ranges::all_of(zone.background, [](double counts) { return counts == 0; })) {
+      zone.background.clear();
+    }
   }
   return found;
 }
@@ -275,32 +329,29 @@ std::vector<BackgroundBin> learn_background(const CalibrationProblem& problem,
 void leave_out_unusable_bins(const CalibrationProblem& problem, const Evaluations& evaluations,
                              const std::vector<double>& keep, Scene& scene) {
   Sensor& sensor = scene.sensor;
+  const bool poisson = std::holds_alternative<PoissonNoise>(sensor.noise);
+  const auto* gaussian = std::get_if<GaussianNoise>(&sensor.noise);
+  // The variance of what was cut off at zero says nothing about a bin.
+  const bool censored = gaussian != nullptr && gaussian->censored_at_zero;
   for (int z = 0; z < sensor.zone_count(); ++z) {
     Zone& zone = sensor.zones[static_cast<std::size_t>(z)];
     if (zone.dead) continue;
-    const auto bins = static_cast<std::size_t>(sensor.bins);
-    const ZoneMeans means =
-        zone_means(dark_bins(problem, evaluations, keep, z), bins, kLeastCaptures);
-    std::vector<double> squares;
+    const ZoneMeans means = zone_means(dark_bins(problem, evaluations, keep, z, Knowledge::fitted),
+                                       sensor.bins, kLeastCaptures);
+    std::vector<bool> unusable(means.bins.size(), false);
     for (std::size_t k = 0; k < means.bins.size(); ++k) {
-      if (means.count[k] > 0) squares.push_back(means.bins[k].square);
-    }
-    if (squares.empty()) continue;
-    const double usual = std::max(median(std::move(squares)), 1e-12);
-    std::vector<bool> unusable(bins, false);
-    for (std::size_t k = 0; k < means.bins.size(); ++k) {
-      if (means.count[k] == 0) continue;
-      const double ratio = means.bins[k].square / usual;
+      const BinMean& bin = means.bins[k];
+      if (bin.captures == 0 || (poisson && bin.photons < kLeastPhotons)) continue;
+      const double ratio = bin.ratio / means.usual;
       const bool restless =
-          ratio > kRestless && normal_score(ratio, means.bins[k].freedom) > kRestlessSigmas;
+          !censored && ratio > kRestless && normal_score(ratio, bin.freedom) > kRestlessSigmas;
       const bool blind =
-          means.lit[k] && means.level > 0 && means.bins[k].value < -0.5 * means.level;
+          means.lit[k] && means.level > 0 && bin.value + bin.direct < -0.5 * means.level;
       unusable[k] = restless || blind;
     }
     const int first = zone.first_valid_bin;
     const int end = sensor.valid_end(z);
-    const BinWindow kept =
-        best_run(unusable, object_light(problem, evaluations, z, bins), first, end);
+    const BinWindow kept = best_run(unusable, object_light(problem, evaluations, z), first, end);
     zone.dead = kept.first == kept.end;
     if (zone.dead || kept.end - kept.first == end - first) continue;
     zone.first_valid_bin = kept.first;

@@ -148,8 +148,9 @@ void add_render_command(CLI::App& app, int& exit_code) {
   command.add_option("--model", arguments->model, "reference or fast")
       ->check(CLI::IsMember({"reference", "fast"}))
       ->capture_default_str();
-  command.add_flag("--noiseless", arguments->noiseless,
-                   "expected values: S plus static return times gain, no ambient light");
+  command.add_flag(
+      "--noiseless", arguments->noiseless,
+      "expected values: S plus static return times gain; no ambient light, no measured background");
   command.add_flag("--empty", arguments->empty, "no hidden object");
   command
       .add_option("--photons", arguments->photons,

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <ranges>
 
 #include "blindcorner/forward/quantile.h"
 
@@ -21,6 +22,8 @@ constexpr double kAmbientTolerance = 8.0;
 /// In robust standard deviations; positions in direct view are at ten to thousands, others below
 /// three.
 constexpr double kEarlyTolerance = 8.0;
+/// Least share of the brightest direct return that the wall's has.
+constexpr double kWallShare = 0.05;
 /// Counters of the sensor have 24 bits.
 constexpr double kOverflow = 16777216.0 - 65536.0;
 
@@ -82,49 +85,68 @@ std::size_t first_phase(const std::vector<double>& totals) {
 }
 
 /// Light in the early bins of each phase, mean of the middle half of its repeats: steadier than a
-/// median where counts are small whole numbers.
-std::array<double, 2> early_light(const RepeatSeries& series, const RepeatReference& reference) {
+/// median where counts are small whole numbers. And its standard error, by the repeats' scatter.
+struct EarlyLight {
+  std::array<double, 2> mean{}, error{};
+};
+EarlyLight early_light(const RepeatSeries& series, const RepeatReference& reference) {
   const std::size_t first = first_phase(totals_of(series, reference));
   std::array<std::vector<double>, 2> early;
   for (std::size_t r = 0; r < series.size(); ++r) {
     early[(r + first) % 2].push_back(early_of(series[r], reference));
   }
-  std::array<double, 2> light{};
+  EarlyLight light;
   for (std::size_t p = 0; p < 2; ++p) {
     std::sort(early[p].begin(), early[p].end());
     const auto cut = std::ssize(early[p]) / 4;
-    light[p] = std::accumulate(early[p].begin() + cut, early[p].end() - cut, 0.0) /
-               static_cast<double>(std::ssize(early[p]) - 2 * cut);
+    light.mean[p] = std::accumulate(early[p].begin() + cut, early[p].end() - cut, 0.0) /
+                    static_cast<double>(std::ssize(early[p]) - 2 * cut);
+    double square = 0;
+    for (const double value : early[p]) square += std::pow(value - light.mean[p], 2);
+    light.error[p] = std::sqrt(square) / static_cast<double>(early[p].size());
   }
   return light;
 }
 
 /// What the early bins usually hold; nothing where all series are alike. The bin next to a direct
 /// return is its rim.
-void learn_early_light(const std::vector<const RepeatSeries*>& all, RepeatReference& reference) {
+void learn_early_light(const std::vector<const RepeatSeries*>& all,
+                       const std::vector<double>& typical, RepeatReference& reference) {
   if (reference.direct.empty()) return;
-  const auto wall = reference.direct.rbegin();
+  // The last run that is no third bounce: those are far dimmer.
+  const auto brightest = [&](const std::pair<std::size_t, std::size_t>& run) {
+    return *std::max_element(typical.begin() + static_cast<std::ptrdiff_t>(run.first),
+                             typical.begin() + static_cast<std::ptrdiff_t>(run.second));
+  };
+  const double most = std::ranges::max(reference.direct | std::views::transform(brightest));
+  const auto wall =
+      std::find_if(reference.direct.rbegin(), reference.direct.rend(),
+                   [&](const auto& run) { return brightest(run) >= kWallShare * most; });
   const std::size_t first = reference.direct.size() > 1 ? std::next(wall)->second + 1 : 0;
   if (wall->first <= first + 1) return;
   reference.early = {first, wall->first - 1};
-  std::array<std::vector<double>, 2> light;
+  std::array<std::vector<double>, 2> light, errors;
   for (const RepeatSeries* series : all) {
     if (series->size() < 2) continue;
-    const std::array<double, 2> own = early_light(*series, reference);
-    for (std::size_t p = 0; p < 2; ++p) light[p].push_back(own[p]);
+    const EarlyLight own = early_light(*series, reference);
+    for (std::size_t p = 0; p < 2; ++p) {
+      light[p].push_back(own.mean[p]);
+      errors[p].push_back(own.error[p]);
+    }
   }
   for (std::size_t p = 0; p < 2; ++p) {
     if (light[p].empty()) return;
     const double usual = median(light[p]);
     for (double& value : light[p]) value = std::abs(value - usual);
     reference.early_usual[p] = usual;
-    reference.early_scale[p] = 1.4826 * median(std::move(light[p]));
+    reference.early_scale[p] =
+        std::max(1.4826 * median(std::move(light[p])), median(std::move(errors[p])));
   }
 }
 
 bool in_direct_view(const RepeatSeries& series, const RepeatReference& reference) {
   if (series.size() < 2 || reference.early.first == reference.early.second) return false;
-  const std::array<double, 2> light = early_light(series, reference);
+  const std::array<double, 2> light = early_light(series, reference).mean;
   for (std::size_t p = 0; p < 2; ++p) {
     if (reference.early_scale[p] <= 0) return false;
     if (light[p] - reference.early_usual[p] <= kEarlyTolerance * reference.early_scale[p]) {
@@ -184,7 +206,7 @@ RepeatReference repeat_reference(const std::vector<const RepeatSeries*>& all) {
     }
   }
   reference.ambient_scale = std::max(1.4826 * median(std::move(deviations)), 1e-9);
-  learn_early_light(all, reference);
+  learn_early_light(all, typical, reference);
   return reference;
 }
 

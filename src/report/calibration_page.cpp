@@ -113,7 +113,7 @@ std::string calibration_text(const Calibration& calibration) {
 std::string calibration_page(const Scene& before, const Calibration& calibration) {
   std::vector<Chart> charts;
   for (const CalibrationView& view : calibration.views) {
-    charts.push_back(view_chart(view, !calibration.background.empty()));
+    charts.push_back(view_chart(view, calibration.scene.sensor.has_background()));
   }
   std::string body = "<p>" + html_safe(summary_line(calibration)) + "</p>\n" + charts_html(charts);
   body += "<table><tr><th>parameter<th>value<th>prior<th>its sigma</tr>\n";

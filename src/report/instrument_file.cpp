@@ -69,13 +69,12 @@ Json sensor_patch(const Scene& scene) {
     patch["valid_bins"].push_back({zone.first_valid_bin, sensor.valid_end(z) - 1});
     if (zone.dead) patch["dead_zones"].push_back(z);
   }
-  if (sensor.has_background()) {
-    patch["background_counts"] = per_zone(scene, [](const Zone& z) {
-      Json counts = Json::array();
-      for (const double value : z.background) counts.push_back(number(value));
-      return counts;
-    });
-  }
+  // Also where there is none: the scene may state one.
+  patch["background_counts"] = per_zone(scene, [](const Zone& z) {
+    Json counts = Json::array();
+    for (const double value : z.background) counts.push_back(number(value));
+    return counts;
+  });
   if (sensor.link) {
     // What the link stood for, now that the gains are known: scenes have one or the other.
     patch["link"] = nullptr;

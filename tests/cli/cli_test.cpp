@@ -612,6 +612,16 @@ TEST_F(Cli, InstrumentFilesHoldTheBackgroundOfAnEmptyScene) {
   EXPECT_TRUE(after.sensor.zones[4].background.empty());
   ASSERT_EQ(after.sensor.zones[5].background.size(), 24U);
   EXPECT_NEAR(after.sensor.zones[5].background[18], found[0].at("counts"), 1e-3);
+
+  // And it takes one away that the scene states and the captures do not have.
+  scene["sensor"]["background_counts"][2] = counts;
+  std::ofstream(path("scene.json")) << scene;
+  const Outcome again = run("calibrate '" + path("scene.json") + "'" + files +
+                            " --no-object --no-variance-scale -o '" + instrument + "'");
+  ASSERT_EQ(again.exit_code, 0) << again.err;
+  const Scene without = read_scene(path("scene.json"), instrument);
+  EXPECT_TRUE(without.sensor.zones[2].background.empty());
+  EXPECT_EQ(without.sensor.zones[5].background.size(), 24U);
 }
 
 // Scenes that cannot be fitted are refused before any capture is, and nothing is written.

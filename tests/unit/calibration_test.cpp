@@ -299,6 +299,79 @@ TEST(Calibration, FindsStaticBackgroundAndUnusableBins) {
       0.1);
 }
 
+// Few photons, and few captures: chance leaves bins empty or fills them, and none is condemned.
+TEST(Calibration, SparseCountsHaveNoBackground) {
+  Scene scene = shipped("cheapspad_mirrors");
+  scene.sensor.noise = PoissonNoise{};
+  for (Zone& zone : scene.sensor.zones) zone.first_valid_bin = 0;
+  const HistogramCube nothing(scene.sensor.rows, scene.sensor.columns, scene.sensor.bins);
+  std::uint64_t seed = 100;
+  int found = 0;
+  for (const auto& [ambient, count] :
+       {std::pair{0.03, 20}, {0.1, 20}, {0.2, 10}, {0.5, 20}, {1.0, 8}, {2.0, 8}, {2.0, 60}}) {
+    for (int repeat = 0; repeat < 4; ++repeat) {
+      std::vector<Capture> captures(static_cast<std::size_t>(count));
+      for (Capture& capture : captures) {
+        capture.counts = draw_counts(
+            scene, expected_counts(scene, nothing, nothing, {0, ambient, 0}), 1, seed++);
+        capture.source = "empty";
+      }
+      const Calibration c = calibrate(scene, captures, quick(), /*no_object=*/true);
+      found += static_cast<int>(c.background.size());
+      EXPECT_THAT(c.notes, testing::Not(testing::Contains(testing::HasSubstr("valid bins"))))
+          << ambient << " " << count;
+    }
+  }
+  EXPECT_LE(found, 2);  // of 5,000 bins
+}
+
+// What is not seen often enough stays as stated: here in too few captures.
+TEST(Calibration, KeepsAStatedBackgroundThatItCannotSee) {
+  Differing d;
+  for (Scene* s : {&d.scene, &d.instrument}) {
+    s->sensor.zones[3].background.assign(static_cast<std::size_t>(s->sensor.bins), 0.0);
+    s->sensor.zones[3].background[17] = 500;
+  }
+  std::vector<Capture> captures = captures_of(d.instrument, 5, 100, 11);
+  for (Capture& capture : captures) capture.counts.zone(3)[17] += 500;
+  const Calibration few = calibrate(d.scene, captures, quick());
+  EXPECT_EQ(few.scene.sensor.zones[3].background, d.scene.sensor.zones[3].background);
+  EXPECT_TRUE(few.background.empty());
+  // In many it is what the captures hold, here nothing.
+  const Calibration many = calibrate(d.scene, captures_of(d.instrument, 60, 100, 12), quick());
+  EXPECT_TRUE(many.scene.sensor.zones[3].background.empty());
+}
+
+// A direct return twice as bright as stated, its scale free: the background is one for all scales.
+TEST(Calibration, BackgroundIsNotScaledTwice) {
+  Scene scene = shipped("denali_like");
+  ASSERT_EQ(scene.linear.direct, LinearMode::per_zone);
+  Scene instrument = scene;
+  for (Zone& zone : instrument.sensor.zones) {
+    zone.background.assign(static_cast<std::size_t>(scene.sensor.bins), 0.0);
+    zone.background[static_cast<std::size_t>(scene.sensor.bins) - 5] = 300;
+  }
+  const auto model = make_fast_model(scene, sensor_placement(scene));
+  const HistogramCube nothing(scene.sensor.rows, scene.sensor.columns, scene.sensor.bins);
+  std::vector<Capture> captures(10);
+  std::uint64_t seed = 40;
+  for (Capture& capture : captures) {
+    capture.counts = draw_counts(
+        instrument, expected_counts(instrument, nothing, model->direct_return(), {0, 2, 2, 2}), 1,
+        seed++);
+    capture.source = "empty";
+  }
+  CalibrationOptions options = quick();
+  options.bin_width_relative = options.pulse_log = 0;
+  options.zone_gain_log = options.zone_time_zero_bins = 0;
+  const Calibration c = calibrate(scene, captures, options, /*no_object=*/true);
+  ASSERT_EQ(c.background.size(), scene.sensor.zones.size());
+  for (const BackgroundBin& bin : c.background) {
+    EXPECT_EQ(bin.bin, scene.sensor.bins - 5);
+    EXPECT_NEAR(bin.counts, 300, 5 * bin.standard_error);
+  }
+}
+
 // Without an object one capture will do where photons are counted: their noise is known.
 TEST(Calibration, MeasuresTheBackgroundOfAnEmptyScene) {
   Scene scene = shipped("cheapspad_mirrors");

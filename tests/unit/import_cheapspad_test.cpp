@@ -88,6 +88,13 @@ TEST(Repeats, ObjectsInDirectViewAreLeftOut) {
     const auto in_view = std::ranges::count(sorted.rejected, Rejection::direct_view);
     EXPECT_EQ(in_view, i == 1 ? 10 : 0) << i;
   }
+  // A third bounce that most positions share is no wall: nothing before it is early.
+  for (RepeatSeries& one : all) {
+    for (auto& repeat : one) repeat[17] += 700;
+  }
+  const RepeatReference bounced = repeat_reference(list);
+  EXPECT_EQ(bounced.direct.size(), 3u);
+  EXPECT_EQ(bounced.early, reference.early);
   // Where nothing varies, nothing is known about what is usual.
   const RepeatSeries same = series(10, true);
   RepeatSeries brighter = same;

@@ -149,7 +149,8 @@ TEST(LinkBudget, WrongLinksAreRefusedByName) {
 }
 
 TEST(LinkBudget, ZonesAddUpToTheExpectedCounts) {
-  const Scene scene = parse_scene(street_json(), "street.json");
+  Scene scene = parse_scene(street_json(), "street.json");
+  scene.sensor.zones[0].background.assign(static_cast<std::size_t>(scene.sensor.bins), 1e4);
   const auto model = make_fast_model(scene, sensor_placement(scene), at_tolerance(0.3));
   const PoseVector pose = pose_of(scene.hidden.placement, scene.unknowns);
   const auto zones = link_budget(scene, *model, pose);

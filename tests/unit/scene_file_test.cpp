@@ -363,6 +363,17 @@ TEST(SceneFile, DetectorsEffectsAreRead) {
   });
   EXPECT_TRUE(scene.sensor.zones[0].background.empty());
   EXPECT_EQ(scene.sensor.zones[1].background, std::vector<double>(64, 2.5));
+  // Photons are not negative; what is left of them after subtraction may be.
+  const auto negative = [](json& s) {
+    s["sensor"]["background_counts"] = {json::array(), std::vector<double>(64, -2.5)};
+  };
+  EXPECT_THAT(message_of([&] { changed(negative); }),
+              HasSubstr("sensor.background_counts[1][0]: found -2.5"));
+  const Scene subtracted = changed([&](json& s) {
+    s["sensor"]["noise"] = {{"law", "gaussian"}, {"variance_floor", 1}};
+    negative(s);
+  });
+  EXPECT_EQ(subtracted.sensor.zones[1].background[63], -2.5);
   EXPECT_EQ(scene.sensor.pile_up_cycles, 1e5);
   EXPECT_EQ(scene.sensor.saturation, 65535);
   ASSERT_EQ(scene.sensor.crosstalk.size(), 4U);  // two zones side by side
@@ -542,6 +553,7 @@ TEST(SceneFile, SensorMistakesAreToldWithTheirPath) {
        {"/sensor/dead_zones", "[2]", "sensor.dead_zones[0]"},
        {"/sensor/background_counts", "[[]]", "sensor.background_counts"},
        {"/sensor/background_counts", "[[1, 2], []]", "sensor.background_counts[0]"},
+       {"/sensor/background_counts", "[[], 3]", "sensor.background_counts[1]"},
        {"/sensor/path_origin", R"("wall")", "sensor.path_origin"},
        {"/sensor/impulse_response", "", "sensor.impulse_response"},
        {"/sensor/impulse_response/type", R"("gauss")", "sensor.impulse_response.type"},

@@ -33,7 +33,7 @@ void apply_link(Scene& scene, bool ambient_stated);
 
 /// Expected counts of one zone in one capture.
 struct ZoneBudget {
-  double direct = 0;        ///< first bounce, all bins
+  double direct = 0;        ///< first bounce and measured background, all bins
   double three_bounce = 0;  ///< by way of the hidden object, all bins
   double peak = 0;          ///< of that, the brightest bin
   double gate_bins = 0;     ///< bins, brightest first, that hold 90 % of it

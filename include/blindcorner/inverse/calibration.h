@@ -98,7 +98,7 @@ struct Calibration {
   std::vector<CalibratedParameter> parameters;
   std::vector<SpotAssignment> assignments;  ///< best first; empty: not tried
   std::vector<ZoneWrap> wraps;              ///< of zones whose data decide
-  std::vector<BackgroundBin> background;  ///< bins where it is not zero; the others are kept at it
+  std::vector<BackgroundBin> background;    ///< bins in which some was found
   std::vector<LeftOutCapture> left_out;
   std::vector<CalibrationView> views;
   int used = 0;                ///< captures
