@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
-#include <ranges>
 
 #include "blindcorner/forward/quantile.h"
 
@@ -118,7 +117,8 @@ void learn_early_light(const std::vector<const RepeatSeries*>& all,
     return *std::max_element(typical.begin() + static_cast<std::ptrdiff_t>(run.first),
                              typical.begin() + static_cast<std::ptrdiff_t>(run.second));
   };
-  const double most = std::ranges::max(reference.direct | std::views::transform(brightest));
+  double most = 0;
+  for (const auto& run : reference.direct) most = std::max(most, brightest(run));
   const auto wall =
       std::find_if(reference.direct.rbegin(), reference.direct.rend(),
                    [&](const auto& run) { return brightest(run) >= kWallShare * most; });

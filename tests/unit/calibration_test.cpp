@@ -282,7 +282,7 @@ TEST(Calibration, FindsStaticBackgroundAndUnusableBins) {
     const bool reflection = found.bin == 9;
     EXPECT_NEAR(found.counts, reflection ? 40 : truth, 5 * found.standard_error)
         << found.zone << " " << found.bin;
-    reflections += reflection;
+    reflections += reflection ? 1 : 0;
   }
   EXPECT_EQ(reflections, 8);
   expect_found(c, "measured_law.cosine_exponent", 6);
