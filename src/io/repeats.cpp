@@ -122,7 +122,8 @@ void learn_early_light(const std::vector<const RepeatSeries*>& all,
   const auto wall =
       std::find_if(reference.direct.rbegin(), reference.direct.rend(),
                    [&](const auto& run) { return brightest(run) >= kWallShare * most; });
-  const std::size_t first = reference.direct.size() > 1 ? std::next(wall)->second + 1 : 0;
+  const auto before = std::next(wall);
+  const std::size_t first = before == reference.direct.rend() ? 0 : before->second + 1;
   if (wall->first <= first + 1) return;
   reference.early = {first, wall->first - 1};
   std::array<std::vector<double>, 2> light, errors;

@@ -28,8 +28,9 @@ struct RepeatReference {
   /// Runs of bins that a direct return lights, [first, end).
   std::vector<std::pair<std::size_t, std::size_t>> direct;
   double ambient_scale = 1.0;  ///< robust spread of (ambient - median) / sqrt(median)
-  /// Bins before the wall's return (the last run), after any before it, [first, end): an object in
-  /// direct view is the only thing whose presence lights them.
+  /// Bins before the wall's return (the last run that is not far dimmer than the brightest), after
+  /// any before it, [first, end): an object in direct view is the only thing whose presence lights
+  /// them.
   std::pair<std::size_t, std::size_t> early = {0, 0};
   /// Light in the early bins, counts, of [phase]: median over the series.
   std::array<double, 2> early_usual = {0, 0};

@@ -95,6 +95,13 @@ TEST(Repeats, ObjectsInDirectViewAreLeftOut) {
   const RepeatReference bounced = repeat_reference(list);
   EXPECT_EQ(bounced.direct.size(), 3u);
   EXPECT_EQ(bounced.early, reference.early);
+  // Nor where the wall's is the only other return.
+  for (RepeatSeries& one : all) {
+    for (auto& repeat : one) repeat[2] = repeat[3];
+  }
+  const RepeatReference alone = repeat_reference(list);
+  EXPECT_EQ(alone.direct.size(), 2u);
+  EXPECT_EQ(alone.early, (std::pair<std::size_t, std::size_t>{0, 7}));
   // Where nothing varies, nothing is known about what is usual.
   const RepeatSeries same = series(10, true);
   RepeatSeries brighter = same;
