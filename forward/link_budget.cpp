@@ -130,9 +130,7 @@ std::vector<ZoneBudget> link_budget(const Scene& scene, const ForwardModel& mode
     std::vector<std::pair<double, double>> bins;  // counts of the object, all counts
     for (int k = 0; k < light.bins; ++k) {
       const double object = object_scale * light.zone(z)[k];
-      const auto bin = static_cast<std::size_t>(k);
-      const double first = direct_scale * direct.zone(z)[k] +
-                           (bin < zone.background.size() ? zone.background[bin] : 0.0);
+      const double first = direct_scale * direct.zone(z)[k] + zone.background_at(k);
       bins.emplace_back(object, object + first + budget.background);
       budget.three_bounce += object;
       budget.direct += first;

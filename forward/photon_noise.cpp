@@ -63,10 +63,7 @@ HistogramCube expected_counts(const Scene& scene, const HistogramCube& three_bou
     for (int k = 0; k < counts.bins; ++k) {
       counts.zone(z)[k] = zone.gain * (linear.amplitude * three_bounce.zone(z)[k] +
                                        linear.direct * direct_return.zone(z)[k]) +
-                          linear.ambient;
-    }
-    for (std::size_t k = 0; k < zone.background.size(); ++k) {
-      counts.zone(z)[k] += linear.background * zone.background[k];
+                          linear.ambient + linear.background * zone.background_at(k);
     }
     if (scene.sensor.pile_up_cycles > 0) {
       pile_up(scene.sensor.pile_up_cycles, counts.zone(z), counts.bins);
@@ -86,9 +83,8 @@ HistogramCube static_light(const Scene& scene, const HistogramCube& direct_retur
   const double scale = linear.direct == LinearMode::fixed ? linear.fixed_direct : 1.0;
   for (int z = 0; z < counts.zones(); ++z) {
     const Zone& zone = scene.sensor.zones[static_cast<std::size_t>(z)];
-    for (int k = 0; k < counts.bins; ++k) counts.zone(z)[k] *= zone.gain * scale;
-    for (std::size_t k = 0; k < zone.background.size(); ++k) {
-      counts.zone(z)[k] += zone.background[k];
+    for (int k = 0; k < counts.bins; ++k) {
+      counts.zone(z)[k] = zone.gain * scale * counts.zone(z)[k] + zone.background_at(k);
     }
   }
   return counts;

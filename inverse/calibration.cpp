@@ -258,11 +258,10 @@ std::vector<Square> squared_residuals(const CalibrationProblem& problem,
         lost = prior / (prior + own);
       }
       const double correction = zone.bins() / std::max(zone.bins() - lost, 0.5);
-      const std::vector<double>& background = scene.sensor.zones[index].background;
       for (std::size_t k = 0; k < zone.counts.size(); ++k) {
         // A mean over the captures was taken away from bins with a background.
-        const std::size_t bin = static_cast<std::size_t>(zone.first) + k;
-        const bool fitted = bin < background.size() && background[bin] != 0;
+        const int bin = zone.first + static_cast<int>(k);
+        const bool fitted = scene.sensor.zones[index].background_at(bin) != 0;
         if (fitted && captures < 2) continue;
         const double left = fitted ? captures / (captures - 1) : 1.0;
         const double r = zone.counts[k] - evaluations[c].mean[i][k];
@@ -604,7 +603,6 @@ std::vector<CalibrationView> views(const CalibrationProblem& problem, const Eval
   for (int z = 0; z < sensor.zone_count(); ++z) {
     const auto bins = static_cast<std::size_t>(2 * sensor.bins);
     std::vector<double> measured(bins), old(bins), fitted(bins), count(bins);
-    const std::vector<double>& background = sensor.zones[static_cast<std::size_t>(z)].background;
     for (std::size_t c = 0; c < problem.captures(); ++c) {
       if (keep[c] <= 0 || problem.capture(c).exposures_of(z) <= 0) continue;
       const Observation& observation = problem.observation(c);
@@ -618,9 +616,9 @@ std::vector<CalibrationView> views(const CalibrationProblem& problem, const Eval
         for (std::size_t k = 0; k < zone.counts.size(); ++k) {
           const auto at =
               static_cast<std::size_t>(static_cast<std::ptrdiff_t>(k) - center + sensor.bins);
-          const std::size_t bin = static_cast<std::size_t>(zone.first) + k;
           const double known =
-              bin < background.size() ? after[c].linear.direct[i] * background[bin] : 0.0;
+              after[c].linear.direct[i] * sensor.zones[static_cast<std::size_t>(z)].background_at(
+                                              zone.first + static_cast<int>(k));
           measured[at] += zone.counts[k] - known;
           old[at] += before[c].mean[i][k] - known;
           fitted[at] += after[c].mean[i][k] - known;
@@ -662,13 +660,12 @@ std::vector<CalibratedParameter> estimates(const CalibrationProblem& problem,
 /// can send by way of the relay (below a thousandth of the zone's peak).
 std::string worst_bin_text(const Observation& observation,
                            const CalibrationProblem::Evaluation& evaluation) {
-  constexpr double kNoLight = 1e-3;
   double worst = 0;
   std::string text;
   for (std::size_t i = 0; i < observation.zones.size(); ++i) {
     const ObservedZone& zone = observation.zones[i];
     const std::vector<double>& light = evaluation.object[i];
-    const double least = kNoLight * *std::ranges::max_element(light);
+    const double least = kDarkShare * *std::ranges::max_element(light);
     bool early = true;
     for (std::size_t k = 0; k < zone.counts.size(); ++k) {
       early = early && light[k] <= least;
@@ -830,7 +827,7 @@ Calibration calibrate(const Scene& stated, std::span<const Capture> captures,
       base.sensor.zones[z].dead = scene.sensor.zones[z].dead;
     }
     problem.set_base(base);
-    learn_static_light();
+    learn_static_light();  // once more: the noise of a bin is known once its mean is
     base = problem.base();
     leave_out_unusable_bins(problem, problem.evaluate(problem.scene_at(u)), keep, base);
     problem.set_base(base);

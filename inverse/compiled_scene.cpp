@@ -139,9 +139,7 @@ std::vector<std::vector<BinWindow>> reach(const CompiledScene& compiled) {
         brightest.values[i] = std::max(brightest.values[i], light.values[i]);
       }
     }
-    const HistogramCube direct = has_static_light(scene)
-                                     ? static_light(scene, model->direct_return())
-                                     : HistogramCube(sensor.rows, sensor.columns, sensor.bins);
+    const HistogramCube direct = static_light(scene, model->direct_return());
     const double object_peak = *std::max_element(brightest.values.begin(), brightest.values.end());
     const double direct_peak = *std::max_element(direct.values.begin(), direct.values.end());
     std::vector<BinWindow> zone_windows;

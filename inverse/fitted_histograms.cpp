@@ -22,8 +22,7 @@ FittedHistograms fitted_histograms(const PoseObjective& objective, const Refined
   h.first_bin = sensor.bins;
   const auto& model = objective.compiled().models()[static_cast<std::size_t>(index)];
   const HistogramCube light = model->three_bounce(best.pose);
-  const HistogramCube known = has_static_light(scene) ? static_light(scene, model->direct_return())
-                                                      : HistogramCube(h.model);
+  const HistogramCube known = static_light(scene, model->direct_return());
   const auto& zones = objective.solver().observation().zones;
   for (std::size_t i = 0; i < zones.size(); ++i) {
     if (zones[i].capture != index) continue;

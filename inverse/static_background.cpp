@@ -14,8 +14,6 @@ namespace {
 
 using Evaluations = std::vector<CalibrationProblem::Evaluation>;
 
-/// Light below this share of its zone's peak is little enough to be taken away as modelled.
-constexpr double kDark = 1e-3;
 /// Captures of which fewer say nothing about a bin's scatter; photons have a law of their own.
 constexpr std::size_t kLeastCaptures = 8;
 /// Bins that hold nothing, of which fewer say nothing about a capture's level.
@@ -55,7 +53,7 @@ struct DarkBins {
 /// Bins that the object lights, and their neighbours, of one observed zone.
 std::vector<bool> lit_by_object(const ObservedZone& zone, const std::vector<double>& light,
                                 int bins) {
-  const double limit = kDark * *std::ranges::max_element(light);
+  const double limit = kDarkShare * *std::ranges::max_element(light);
   std::vector<bool> lit(static_cast<std::size_t>(bins), false);
   for (std::size_t k = 0; k < light.size(); ++k) {
     if (light[k] <= limit) continue;
@@ -98,11 +96,10 @@ std::vector<DarkBins> dark_bins(const CalibrationProblem& problem, const Evaluat
     if (scene.linear.ambient == LinearMode::fixed) dark.level = scene.linear.fixed_ambient;
     std::vector<double> direct(count, 0.0);
     for (std::size_t k = 0; k < count && !evaluation.known.empty(); ++k) {
-      const std::size_t bin = first + k;
-      const double background = bin < zone.background.size() ? zone.background[bin] : 0.0;
+      const double background = zone.background_at(observed.first + static_cast<int>(k));
       direct[k] = dark.scale * (evaluation.known[*own][k] - background);
     }
-    const double limit = kDark * *std::ranges::max_element(direct);
+    const double limit = kDarkShare * *std::ranges::max_element(direct);
     for (std::size_t k = 0; k < count; ++k) {
       const double beside =
           std::max(k > 0 ? direct[k - 1] : 0.0, k + 1 < count ? direct[k + 1] : 0.0);
@@ -139,8 +136,10 @@ struct BinMean {
 /// Of one bin: what it holds above the level in each capture.
 struct Sample {
   const DarkCount* dark;
-  double value;     ///< of the scale one
-  double variance;  ///< the same
+  double value;    ///< of the scale one
+  double stretch;  ///< from the capture's scale to that
+
+  double variance() const { return stretch * stretch * dark->variance; }
 };
 
 BinMean mean_of(const std::vector<Sample>& samples) {
@@ -155,14 +154,13 @@ BinMean mean_of(const std::vector<Sample>& samples) {
   std::vector<double> clipped;
   double cautious = 0;
   for (const Sample& s : samples) {
-    const double stretch = std::sqrt(s.variance / s.dark->variance);
-    const double limit = std::max(kClip * scatter, stretch * s.dark->clip);
+    const double limit = std::max(kClip * scatter, s.stretch * s.dark->clip);
     clipped.push_back(std::clamp(s.value, middle - limit, middle + limit));
     mean.value += clipped.back() / count;
-    mean.expected += s.variance / (count * count);
+    mean.expected += s.variance() / (count * count);
     mean.direct += s.dark->direct / count;
     mean.photons += s.dark->photons;
-    cautious += stretch * stretch * s.dark->cautious / (count * count);
+    cautious += s.stretch * s.stretch * s.dark->cautious / (count * count);
   }
   if (samples.size() < kLeastCaptures) {
     mean.error = std::sqrt(cautious);
@@ -214,10 +212,9 @@ ZoneMeans zone_means(const std::vector<DarkBins>& captures, int bins, std::size_
       if (!level) continue;
       level_known = level_known && capture.level;
       levels.push_back(*level);
-      const double square = capture.scale * capture.scale;
+      const double stretch = 1 / capture.scale;
       for (const DarkCount& dark : capture.bins) {
-        samples[dark.bin].push_back(
-            {&dark, (dark.count - *level) / capture.scale, dark.variance / square});
+        samples[dark.bin].push_back({&dark, stretch * (dark.count - *level), stretch});
       }
     }
     means.level = levels.empty() ? 0.0 : median(std::move(levels));

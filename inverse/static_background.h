@@ -9,6 +9,9 @@
 
 namespace blindcorner {
 
+/// Light of the object below this share of its zone's peak is none to speak of.
+inline constexpr double kDarkShare = 1e-3;
+
 /// What is known when static light is looked for.
 enum class Knowledge {
   stated,  ///< the stated scene: any spot may belong to any zone, so a bin has to be dark in all

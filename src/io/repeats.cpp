@@ -68,18 +68,13 @@ double phase_median(const std::vector<double>& values, std::size_t parity) {
   return median(std::move(own));
 }
 
-/// Sum of all direct returns, [repeats].
-std::vector<double> totals_of(const RepeatSeries& series, const RepeatReference& reference) {
+/// Phase of the first repeat: the one with the brighter direct returns is 0.
+std::size_t first_phase(const RepeatSeries& series, const RepeatReference& reference) {
   std::vector<double> totals;
   for (const auto& row : series) {
     const std::vector<double> sums = direct_of(row, reference);
     totals.push_back(std::accumulate(sums.begin(), sums.end(), 0.0));
   }
-  return totals;
-}
-
-/// Phase of the first repeat: the one with the brighter direct return is 0.
-std::size_t first_phase(const std::vector<double>& totals) {
   return phase_median(totals, 0) >= phase_median(totals, 1) ? 0 : 1;
 }
 
@@ -88,8 +83,8 @@ std::size_t first_phase(const std::vector<double>& totals) {
 struct EarlyLight {
   std::array<double, 2> mean{}, error{};
 };
-EarlyLight early_light(const RepeatSeries& series, const RepeatReference& reference) {
-  const std::size_t first = first_phase(totals_of(series, reference));
+EarlyLight early_light(const RepeatSeries& series, const RepeatReference& reference,
+                       std::size_t first) {
   std::array<std::vector<double>, 2> early;
   for (std::size_t r = 0; r < series.size(); ++r) {
     early[(r + first) % 2].push_back(early_of(series[r], reference));
@@ -129,7 +124,7 @@ void learn_early_light(const std::vector<const RepeatSeries*>& all,
   std::array<std::vector<double>, 2> light, errors;
   for (const RepeatSeries* series : all) {
     if (series->size() < 2) continue;
-    const EarlyLight own = early_light(*series, reference);
+    const EarlyLight own = early_light(*series, reference, first_phase(*series, reference));
     for (std::size_t p = 0; p < 2; ++p) {
       light[p].push_back(own.mean[p]);
       errors[p].push_back(own.error[p]);
@@ -145,9 +140,10 @@ void learn_early_light(const std::vector<const RepeatSeries*>& all,
   }
 }
 
-bool in_direct_view(const RepeatSeries& series, const RepeatReference& reference) {
+bool in_direct_view(const RepeatSeries& series, const RepeatReference& reference,
+                    std::size_t first) {
   if (series.size() < 2 || reference.early.first == reference.early.second) return false;
-  const std::array<double, 2> light = early_light(series, reference).mean;
+  const std::array<double, 2> light = early_light(series, reference, first).mean;
   for (std::size_t p = 0; p < 2; ++p) {
     if (reference.early_scale[p] <= 0) return false;
     if (light[p] - reference.early_usual[p] <= kEarlyTolerance * reference.early_scale[p]) {
@@ -223,8 +219,8 @@ SortedRepeats sort_repeats(const RepeatSeries& series, const RepeatReference& re
     for (std::size_t g = 0; g < sums.size(); ++g) direct[g][r] = sums[g];
     ambient[r] = ambient_of(series[r], reference);
   }
-  const std::size_t first = first_phase(totals_of(series, reference));
-  const bool direct_view = in_direct_view(series, reference);
+  const std::size_t first = first_phase(series, reference);
+  const bool direct_view = in_direct_view(series, reference, first);
   for (std::size_t r = 0; r < repeats; ++r) {
     sorted.phase[r] = static_cast<int>((r + first) % 2);
     Rejection& reason = sorted.rejected[r];

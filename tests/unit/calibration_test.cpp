@@ -69,6 +69,28 @@ void expect_found(const Calibration& calibration, const std::string& name, doubl
   EXPECT_LT(p.standard_error, 0.8 * p.prior_sigma) << name;
 }
 
+/// No bin left out, no time axis that wraps.
+void open_time_axis(Scene& scene) {
+  scene.sensor.wrap_bins = 0;
+  for (Zone& zone : scene.sensor.zones) {
+    zone.first_valid_bin = 0;
+    zone.last_valid_bin = scene.sensor.bins - 1;
+    zone.wrap_bins = -1;
+  }
+}
+
+/// Captures without an object, of the direct return, the ambient light and the scene's background.
+std::vector<Capture> empty_captures(const Scene& scene, int count, const HistogramCube& direct,
+                                    const LinearValues& linear, std::uint64_t& seed) {
+  const HistogramCube nothing(scene.sensor.rows, scene.sensor.columns, scene.sensor.bins);
+  std::vector<Capture> captures(static_cast<std::size_t>(count));
+  for (Capture& capture : captures) {
+    capture.counts = draw_counts(scene, expected_counts(scene, nothing, direct, linear), 1, seed++);
+    capture.source = "empty";
+  }
+  return captures;
+}
+
 /// The mirrors' scene with bright light, and an instrument that differs from it.
 struct Differing {
   Scene scene = shipped("cheapspad_mirrors");
@@ -195,13 +217,8 @@ TEST(Calibration, TellsWhichSpotIsWhich) {
 TEST(Calibration, FindsWhereTheTimeAxisWraps) {
   Differing d;
   for (Scene* s : {&d.scene, &d.instrument}) {
-    s->sensor.wrap_bins = 0;
-    for (Zone& zone : s->sensor.zones) {
-      zone.first_valid_bin = 0;
-      zone.last_valid_bin = s->sensor.bins - 1;
-      zone.wrap_bins = -1;
-      zone.time_zero += 6 * s->sensor.bin_width;
-    }
+    open_time_axis(*s);
+    for (Zone& zone : s->sensor.zones) zone.time_zero += 6 * s->sensor.bin_width;
   }
   for (std::size_t z = 0; z < 8; ++z) {
     d.instrument.sensor.zones[z].wrap_bins = z % 2 == 0 ? 20 : 0;
@@ -245,14 +262,7 @@ TEST(Calibration, FindsWhereTheTimeAxisWraps) {
 // behind it, and a last bin without response; the scene takes all bins for valid.
 TEST(Calibration, FindsStaticBackgroundAndUnusableBins) {
   Differing d;
-  for (Scene* s : {&d.scene, &d.instrument}) {
-    s->sensor.wrap_bins = 0;
-    for (Zone& zone : s->sensor.zones) {
-      zone.first_valid_bin = 0;
-      zone.last_valid_bin = s->sensor.bins - 1;
-      zone.wrap_bins = -1;
-    }
-  }
+  for (Scene* s : {&d.scene, &d.instrument}) open_time_axis(*s);
   const std::vector<double> direct{0, 0, 0, 0, 4000, 60000, 50000, 3000, 0, 40};
   std::vector<Capture> captures = captures_of(d.instrument, 60, 100, 8);
   std::mt19937_64 random(9);
@@ -310,12 +320,8 @@ TEST(Calibration, SparseCountsHaveNoBackground) {
   for (const auto& [ambient, count] :
        {std::pair{0.03, 20}, {0.1, 20}, {0.2, 10}, {0.5, 20}, {1.0, 8}, {2.0, 8}, {2.0, 60}}) {
     for (int repeat = 0; repeat < 4; ++repeat) {
-      std::vector<Capture> captures(static_cast<std::size_t>(count));
-      for (Capture& capture : captures) {
-        capture.counts = draw_counts(
-            scene, expected_counts(scene, nothing, nothing, {0, ambient, 0}), 1, seed++);
-        capture.source = "empty";
-      }
+      const std::vector<Capture> captures =
+          empty_captures(scene, count, nothing, {0, ambient, 0}, seed);
       const Calibration c = calibrate(scene, captures, quick(), /*no_object=*/true);
       found += static_cast<int>(c.background.size());
       EXPECT_THAT(c.notes, testing::Not(testing::Contains(testing::HasSubstr("valid bins"))))
@@ -352,15 +358,9 @@ TEST(Calibration, BackgroundIsNotScaledTwice) {
     zone.background[static_cast<std::size_t>(scene.sensor.bins) - 5] = 300;
   }
   const auto model = make_fast_model(scene, sensor_placement(scene));
-  const HistogramCube nothing(scene.sensor.rows, scene.sensor.columns, scene.sensor.bins);
-  std::vector<Capture> captures(10);
   std::uint64_t seed = 40;
-  for (Capture& capture : captures) {
-    capture.counts = draw_counts(
-        instrument, expected_counts(instrument, nothing, model->direct_return(), {0, 2, 2, 2}), 1,
-        seed++);
-    capture.source = "empty";
-  }
+  const std::vector<Capture> captures =
+      empty_captures(instrument, 10, model->direct_return(), {0, 2, 2, 2}, seed);
   CalibrationOptions options = quick();
   options.bin_width_relative = options.pulse_log = 0;
   options.zone_gain_log = options.zone_time_zero_bins = 0;
@@ -385,13 +385,9 @@ TEST(Calibration, MeasuresTheBackgroundOfAnEmptyScene) {
   }
   const HistogramCube nothing(scene.sensor.rows, scene.sensor.columns, scene.sensor.bins);
   for (const int count : {1, 12}) {
-    std::vector<Capture> captures(static_cast<std::size_t>(count));
     std::uint64_t seed = 3;
-    for (Capture& capture : captures) {
-      capture.counts = draw_counts(
-          instrument, expected_counts(instrument, nothing, nothing, {0, 2, 0}), 1, seed++);
-      capture.source = "empty";
-    }
+    const std::vector<Capture> captures =
+        empty_captures(instrument, count, nothing, {0, 2, 0}, seed);
     const Calibration c = calibrate(scene, captures, quick(), /*no_object=*/true);
     const auto zones = static_cast<std::size_t>(scene.sensor.zone_count());
     EXPECT_EQ(c.background.size(), 2 * zones) << count;

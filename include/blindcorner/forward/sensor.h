@@ -43,6 +43,10 @@ struct Zone {
   /// [bins] static light as measured (cover glass, crosstalk, clutter that the scene does not
   /// know), counts beside the ambient light and the direct return; empty: none.
   std::vector<double> background;
+
+  double background_at(int bin) const {
+    return background.empty() ? 0.0 : background[static_cast<std::size_t>(bin)];
+  }
 };
 
 enum class Illumination {
