@@ -24,6 +24,8 @@ function(blindcorner_library name)
   set_target_properties(blindcorner_${name} PROPERTIES EXPORT_NAME ${name})
   target_include_directories(blindcorner_${name} PUBLIC
     $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include> $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
+  # Private headers, by their place in the tree: "forward/relay/relay.h", "io/npy.h".
+  target_include_directories(blindcorner_${name} PRIVATE ${PROJECT_SOURCE_DIR} ${PROJECT_SOURCE_DIR}/src)
   target_compile_features(blindcorner_${name} PUBLIC cxx_std_20)
   blindcorner_flags(blindcorner_${name})
   install(TARGETS blindcorner_${name} EXPORT blindcornerTargets

@@ -10,13 +10,13 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
-#include "capture_likelihood.h"
-#include "compiled_scene.h"
-#include "detection.h"
-#include "fitted_histograms.h"
-#include "refine.h"
-#include "scoring.h"
-#include "uncertainty.h"
+#include "inverse/posterior/detection.h"
+#include "inverse/posterior/fitted_histograms.h"
+#include "inverse/posterior/uncertainty.h"
+#include "inverse/search/compiled_scene.h"
+#include "inverse/search/refine.h"
+#include "inverse/search/scoring.h"
+#include "inverse/tracking/capture_likelihood.h"
 
 namespace blindcorner {
 namespace {

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "blindcorner/forward/forward_model.h"
+#include "blindcorner/forward/transport/forward_model.h"
 #include "commands/commands.h"
 #include "report/chart.h"
 

@@ -8,13 +8,13 @@
 #include <memory>
 #include <random>
 
-#include "blindcorner/inverse/derivative_study.h"
-#include "blindcorner/inverse/difference_steps.h"
 #include "blindcorner/inverse/fit.h"
+#include "blindcorner/simulation/synthetic.h"
 #include "commands/benchmark.h"
-#include "formatted.h"
-#include "progress.h"
-#include "synthetic.h"
+#include "commands/progress.h"
+#include "inverse/search/derivative_study.h"
+#include "inverse/search/difference_steps.h"
+#include "report/formatted.h"
 
 namespace blindcorner {
 namespace {

@@ -9,14 +9,14 @@
 #include <memory>
 #include <random>
 
-#include "blindcorner/forward/forward_model.h"
-#include "blindcorner/forward/photon_noise.h"
-#include "blindcorner/forward/quantile.h"
+#include "blindcorner/forward/sensor/photon_noise.h"
+#include "blindcorner/forward/transport/forward_model.h"
+#include "blindcorner/simulation/synthetic.h"
 #include "commands/benchmark.h"
-#include "cpu_clock.h"
-#include "formatted.h"
-#include "progress.h"
-#include "synthetic.h"
+#include "commands/cpu_clock.h"
+#include "commands/progress.h"
+#include "forward/support/quantile.h"
+#include "report/formatted.h"
 
 namespace blindcorner {
 namespace {

@@ -14,18 +14,18 @@
 #include <random>
 
 #include "blindcorner/forward/error.h"
-#include "blindcorner/forward/forward_model.h"
-#include "blindcorner/forward/quantile.h"
-#include "blindcorner/inverse/exhaustive.h"
+#include "blindcorner/forward/transport/forward_model.h"
 #include "blindcorner/inverse/fit.h"
-#include "blindcorner/inverse/observation.h"
 #include "blindcorner/io/atomic_file.h"
 #include "blindcorner/io/capture_file.h"
 #include "blindcorner/io/scene_file.h"
+#include "blindcorner/simulation/synthetic.h"
 #include "commands/benchmark.h"
 #include "commands/output_directory.h"
-#include "progress.h"
-#include "synthetic.h"
+#include "commands/progress.h"
+#include "forward/support/quantile.h"
+#include "inverse/likelihood/observation.h"
+#include "inverse/search/exhaustive.h"
 
 namespace blindcorner {
 namespace {

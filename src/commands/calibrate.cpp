@@ -7,12 +7,12 @@
 #include <memory>
 
 #include "blindcorner/forward/error.h"
-#include "blindcorner/inverse/calibration.h"
+#include "blindcorner/inverse/calibration/calibration.h"
 #include "blindcorner/io/atomic_file.h"
 #include "blindcorner/io/scene_file.h"
 #include "commands/capture_inputs.h"
 #include "commands/commands.h"
-#include "progress.h"
+#include "commands/progress.h"
 #include "report/calibration_page.h"
 #include "report/instrument_file.h"
 

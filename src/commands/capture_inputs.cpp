@@ -7,8 +7,8 @@
 #include <filesystem>
 
 #include "blindcorner/forward/error.h"
-#include "blindcorner/inverse/observation.h"
 #include "blindcorner/io/capture_file.h"
+#include "inverse/likelihood/observation.h"
 
 namespace blindcorner {
 

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "blindcorner/forward/capture.h"
-#include "blindcorner/forward/sensor.h"
+#include "blindcorner/forward/sensor/capture.h"
+#include "blindcorner/forward/sensor/sensor.h"
 
 namespace blindcorner {
 

@@ -12,16 +12,16 @@
 #include <memory>
 
 #include "blindcorner/forward/error.h"
-#include "blindcorner/inverse/calibration.h"
+#include "blindcorner/inverse/calibration/calibration.h"
 #include "blindcorner/inverse/fit.h"
 #include "blindcorner/io/atomic_file.h"
 #include "blindcorner/io/scene_file.h"
+#include "blindcorner/report/result_file.h"
 #include "commands/capture_inputs.h"
 #include "commands/commands.h"
 #include "commands/output_directory.h"
-#include "progress.h"
+#include "commands/progress.h"
 #include "report/evaluation_page.h"
-#include "report/result_file.h"
 
 namespace blindcorner {
 

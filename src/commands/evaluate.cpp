@@ -13,7 +13,7 @@
 #include <sstream>
 
 #include "blindcorner/forward/error.h"
-#include "blindcorner/inverse/evaluation.h"
+#include "blindcorner/inverse/posterior/evaluation.h"
 #include "blindcorner/io/atomic_file.h"
 #include "blindcorner/io/capture_file.h"
 #include "commands/commands.h"

@@ -10,15 +10,15 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
-#include "blindcorner/forward/forward_model.h"
-#include "blindcorner/forward/link_budget.h"
-#include "blindcorner/forward/quantile.h"
+#include "blindcorner/forward/sensor/link_budget.h"
+#include "blindcorner/forward/transport/forward_model.h"
 #include "blindcorner/io/capture_file.h"
 #include "blindcorner/io/scene_file.h"
+#include "blindcorner/simulation/synthetic.h"
 #include "commands/commands.h"
-#include "cpu_clock.h"
-#include "pose_text.h"
-#include "synthetic.h"
+#include "commands/cpu_clock.h"
+#include "commands/pose_text.h"
+#include "forward/support/quantile.h"
 
 namespace blindcorner {
 namespace {

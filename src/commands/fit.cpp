@@ -12,17 +12,17 @@
 #include <memory>
 
 #include "blindcorner/forward/error.h"
-#include "blindcorner/inverse/tracker.h"
+#include "blindcorner/inverse/tracking/tracker.h"
 #include "blindcorner/io/atomic_file.h"
 #include "blindcorner/io/capture_file.h"
 #include "blindcorner/io/scene_file.h"
+#include "blindcorner/report/page.h"
+#include "blindcorner/report/result_file.h"
 #include "commands/capture_inputs.h"
 #include "commands/commands.h"
 #include "commands/fit_table.h"
 #include "commands/output_directory.h"
-#include "progress.h"
-#include "report/page.h"
-#include "report/result_file.h"
+#include "commands/progress.h"
 
 namespace blindcorner {
 

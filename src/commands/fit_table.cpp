@@ -6,8 +6,8 @@
 #include <cstdio>
 #include <filesystem>
 
-#include "blindcorner/forward/quantile.h"
-#include "report/result_file.h"
+#include "blindcorner/report/result_file.h"
+#include "forward/support/quantile.h"
 
 namespace blindcorner {
 

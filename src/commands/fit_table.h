@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "blindcorner/forward/scene.h"
+#include "blindcorner/forward/scene/scene.h"
 #include "blindcorner/inverse/fit.h"
 
 namespace blindcorner {

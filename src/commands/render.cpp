@@ -8,14 +8,14 @@
 #include <random>
 
 #include "blindcorner/forward/error.h"
-#include "blindcorner/forward/forward_model.h"
-#include "blindcorner/forward/photon_noise.h"
+#include "blindcorner/forward/sensor/photon_noise.h"
+#include "blindcorner/forward/transport/forward_model.h"
 #include "blindcorner/io/capture_file.h"
 #include "blindcorner/io/scene_file.h"
+#include "blindcorner/simulation/synthetic.h"
 #include "commands/commands.h"
-#include "pose_text.h"
-#include "progress.h"
-#include "synthetic.h"
+#include "commands/pose_text.h"
+#include "commands/progress.h"
 
 namespace blindcorner {
 namespace {

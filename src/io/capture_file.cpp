@@ -17,8 +17,8 @@
 
 #include "blindcorner/forward/error.h"
 #include "blindcorner/io/atomic_file.h"
-#include "capture_metadata.h"
-#include "file_bytes.h"
+#include "io/capture_metadata.h"
+#include "io/file_bytes.h"
 
 namespace blindcorner {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "capture_metadata.h"
+#include "io/capture_metadata.h"
 
 #include <cmath>
 #include <cstdio>
@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "blindcorner/forward/error.h"
-#include "file_bytes.h"
+#include "io/file_bytes.h"
 
 namespace blindcorner {
 namespace {

@@ -6,9 +6,9 @@
 
 #include "blindcorner/forward/error.h"
 #include "blindcorner/io/atomic_file.h"
-#include "capture_metadata.h"
-#include "npy.h"
-#include "npz.h"
+#include "io/capture_metadata.h"
+#include "io/npy.h"
+#include "io/npz.h"
 
 namespace blindcorner {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "file_bytes.h"
+#include "io/file_bytes.h"
 
 #include <algorithm>
 #include <cerrno>

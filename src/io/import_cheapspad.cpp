@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "import_cheapspad.h"
+#include "io/import_cheapspad.h"
 
 #include <algorithm>
 #include <array>
@@ -9,7 +9,7 @@
 #include <numeric>
 
 #include "blindcorner/forward/error.h"
-#include "repeats.h"
+#include "io/repeats.h"
 
 #ifdef BLINDCORNER_HAS_MATIO
 #include <matio.h>

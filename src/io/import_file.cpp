@@ -9,13 +9,13 @@
 #include <utility>
 
 #include "blindcorner/forward/error.h"
-#include "capture_metadata.h"
-#include "file_bytes.h"
-#include "import_cheapspad.h"
-#include "import_tmf8828.h"
-#include "import_vl53l8ch.h"
-#include "npy.h"
-#include "npz.h"
+#include "io/capture_metadata.h"
+#include "io/file_bytes.h"
+#include "io/import_cheapspad.h"
+#include "io/import_tmf8828.h"
+#include "io/import_vl53l8ch.h"
+#include "io/npy.h"
+#include "io/npz.h"
 
 namespace blindcorner {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "import_tmf8828.h"
+#include "io/import_tmf8828.h"
 
 #include <algorithm>
 #include <array>

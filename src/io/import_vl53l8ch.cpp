@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "import_vl53l8ch.h"
+#include "io/import_vl53l8ch.h"
 
 #include <algorithm>
 #include <cmath>

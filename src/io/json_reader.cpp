@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "json_reader.h"
+#include "io/json_reader.h"
 
 #include <algorithm>
 #include <cctype>
@@ -8,7 +8,7 @@
 #include <set>
 
 #include "blindcorner/forward/error.h"
-#include "file_bytes.h"
+#include "io/file_bytes.h"
 
 namespace blindcorner {
 namespace {

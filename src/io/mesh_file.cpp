@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "mesh_file.h"
+#include "io/mesh_file.h"
 
 #include <vector>
 
@@ -7,7 +7,7 @@
 #include <tiny_obj_loader.h>
 
 #include "blindcorner/forward/error.h"
-#include "file_bytes.h"
+#include "io/file_bytes.h"
 
 namespace blindcorner {
 

@@ -5,7 +5,7 @@
 #include <memory>
 #include <string>
 
-#include "blindcorner/forward/shape.h"
+#include "blindcorner/forward/scene/shape.h"
 
 namespace blindcorner {
 

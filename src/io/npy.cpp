@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "npy.h"
+#include "io/npy.h"
 
 #include <bit>
 #include <charconv>

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "npz.h"
+#include "io/npz.h"
 
 #include <zip.h>
 
 #include <memory>
 
 #include "blindcorner/forward/error.h"
-#include "file_bytes.h"
+#include "io/file_bytes.h"
 
 namespace blindcorner {
 namespace {

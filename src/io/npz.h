@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "npy.h"
+#include "io/npy.h"
 
 namespace blindcorner {
 

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "repeats.h"
+#include "io/repeats.h"
 
 #include <algorithm>
 #include <cmath>
 #include <numeric>
 
-#include "blindcorner/forward/quantile.h"
+#include "forward/support/quantile.h"
 
 namespace blindcorner {
 namespace {

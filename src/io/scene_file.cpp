@@ -10,11 +10,11 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
-#include "blindcorner/forward/link_budget.h"
-#include "file_bytes.h"
-#include "json_reader.h"
-#include "mesh_file.h"
-#include "sensor_reader.h"
+#include "blindcorner/forward/sensor/link_budget.h"
+#include "io/file_bytes.h"
+#include "io/json_reader.h"
+#include "io/mesh_file.h"
+#include "io/sensor_reader.h"
 
 namespace blindcorner {
 namespace {

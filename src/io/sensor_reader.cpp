@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "sensor_reader.h"
+#include "io/sensor_reader.h"
 
 #include <algorithm>
 #include <cmath>

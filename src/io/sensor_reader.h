@@ -2,8 +2,8 @@
 /// The `sensor` part of a scene file, and the presets that it may start from.
 #pragma once
 
-#include "blindcorner/forward/sensor.h"
-#include "json_reader.h"
+#include "blindcorner/forward/sensor/sensor.h"
+#include "io/json_reader.h"
 
 namespace blindcorner {
 

@@ -7,7 +7,7 @@
 #include <map>
 
 #include "blindcorner/forward/constants.h"
-#include "blindcorner/forward/shape.h"
+#include "blindcorner/forward/scene/shape.h"
 
 namespace blindcorner {
 

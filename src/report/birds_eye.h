@@ -5,7 +5,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "blindcorner/forward/scene.h"
+#include "blindcorner/forward/scene/scene.h"
 
 namespace blindcorner {
 

@@ -3,8 +3,8 @@
 
 #include <algorithm>
 
-#include "formatted.h"
 #include "report/chart.h"
+#include "report/formatted.h"
 #include "report/html.h"
 
 namespace blindcorner {

@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "blindcorner/inverse/calibration.h"
+#include "blindcorner/inverse/calibration/calibration.h"
 
 namespace blindcorner {
 

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "formatted.h"
+#include "report/formatted.h"
 #include "report/html.h"
 
 namespace blindcorner {

@@ -6,10 +6,10 @@
 #include <functional>
 #include <nlohmann/json.hpp>
 
-#include "formatted.h"
+#include "blindcorner/report/result_file.h"
 #include "report/chart.h"
+#include "report/formatted.h"
 #include "report/html.h"
-#include "report/result_file.h"
 
 namespace blindcorner {
 namespace {

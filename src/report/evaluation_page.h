@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "blindcorner/inverse/evaluation.h"
+#include "blindcorner/inverse/posterior/evaluation.h"
 
 namespace blindcorner {
 

@@ -4,8 +4,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "blindcorner/forward/scene.h"
-#include "blindcorner/inverse/calibration.h"
+#include "blindcorner/forward/scene/scene.h"
+#include "blindcorner/inverse/calibration/calibration.h"
 
 namespace blindcorner {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "report/page.h"
+#include "blindcorner/report/page.h"
 
 #include <algorithm>
 #include <cmath>
@@ -10,9 +10,9 @@
 #include <string_view>
 
 #include "blindcorner/forward/constants.h"
+#include "blindcorner/report/result_file.h"
 #include "report/birds_eye.h"
 #include "report/html.h"
-#include "report/result_file.h"
 
 namespace blindcorner {
 

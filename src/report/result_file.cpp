@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "report/result_file.h"
+#include "blindcorner/report/result_file.h"
 
 #include <cmath>
 #include <filesystem>
 #include <limits>
 #include <utility>
 
-#include "blindcorner/forward/shape.h"
+#include "blindcorner/forward/scene/shape.h"
 #include "blindcorner/io/atomic_file.h"
 
 namespace blindcorner {

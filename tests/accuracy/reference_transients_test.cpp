@@ -11,10 +11,10 @@
 #include <string>
 #include <vector>
 
-#include "../../src/io/npz.h"
 #include "blindcorner/forward/constants.h"
-#include "blindcorner/forward/forward_model.h"
+#include "blindcorner/forward/transport/forward_model.h"
 #include "blindcorner/io/scene_file.h"
+#include "io/npz.h"
 
 namespace blindcorner {
 namespace {

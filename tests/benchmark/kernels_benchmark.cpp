@@ -6,11 +6,11 @@
 #include <string>
 
 #include "blindcorner/forward/constants.h"
-#include "blindcorner/forward/forward_model.h"
-#include "blindcorner/forward/pulse_table.h"
-#include "blindcorner/forward/ray_scene.h"
-#include "blindcorner/forward/visibility.h"
+#include "blindcorner/forward/transport/forward_model.h"
 #include "blindcorner/io/scene_file.h"
+#include "forward/relay/ray_scene.h"
+#include "forward/relay/visibility.h"
+#include "forward/sensor/pulse_table.h"
 #include "unit/test_scenes.h"
 
 namespace blindcorner {

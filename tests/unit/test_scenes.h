@@ -8,8 +8,8 @@
 #include <random>
 
 #include "blindcorner/forward/constants.h"
-#include "blindcorner/forward/forward_model.h"
-#include "blindcorner/forward/photon_noise.h"
+#include "blindcorner/forward/sensor/photon_noise.h"
+#include "blindcorner/forward/transport/forward_model.h"
 
 namespace blindcorner::testing_scenes {
 

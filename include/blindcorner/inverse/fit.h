@@ -10,9 +10,9 @@
 #include <string>
 #include <vector>
 
-#include "blindcorner/forward/capture.h"
-#include "blindcorner/forward/pose_mixture.h"
-#include "blindcorner/forward/scene.h"
+#include "blindcorner/forward/scene/pose_mixture.h"
+#include "blindcorner/forward/scene/scene.h"
+#include "blindcorner/forward/sensor/capture.h"
 
 namespace blindcorner {
 

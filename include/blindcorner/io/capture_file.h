@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "blindcorner/forward/capture.h"
+#include "blindcorner/forward/sensor/capture.h"
 
 namespace blindcorner {
 

@@ -5,8 +5,8 @@
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
-#include "blindcorner/forward/motion.h"
-#include "blindcorner/forward/scene.h"
+#include "blindcorner/forward/scene/motion.h"
+#include "blindcorner/forward/scene/scene.h"
 
 namespace blindcorner {
 

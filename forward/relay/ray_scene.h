@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Ray queries against the known surfaces. The only place that knows Embree.
+#pragma once
+
+#include <Eigen/Core>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "blindcorner/forward/scene/scene.h"
+
+namespace blindcorner {
+
+struct RayHit {
+  int surface = -1;     ///< index into the scene's surfaces
+  double distance = 0;  ///< m
+  Eigen::Vector3d point;
+  Eigen::Vector3d normal;  ///< unit, of the surface's outer side
+};
+
+/// Acceleration structure over bodies made of triangles. Thread safe after construction.
+class RayScene {
+ public:
+  explicit RayScene(const std::vector<Surface>& surfaces);
+  /// Bodies given by their triangles; hits name them by index.
+  explicit RayScene(const std::vector<std::vector<Triangle>>& bodies);
+  ~RayScene();
+  RayScene(const RayScene&) = delete;
+  RayScene& operator=(const RayScene&) = delete;
+
+  /// First surface along a ray; `direction` need not be normalised.
+  std::optional<RayHit> first_hit(const Eigen::Vector3d& origin,
+                                  const Eigen::Vector3d& direction) const;
+
+  /// Whether something blocks the straight line between two points; the ends (1e-4 of the
+  /// distance, for single precision) do not count, so both may lie on surfaces.
+  bool blocked(const Eigen::Vector3d& from, const Eigen::Vector3d& to) const;
+
+  /// Whether the straight line between two points comes within `margin` m of a ball around all
+  /// bodies. Where it does not, nothing blocks it, nor any line that ends less than `margin` away.
+  bool may_block(const Eigen::Vector3d& from, const Eigen::Vector3d& to, double margin) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace blindcorner

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Relay sampling: which pieces of the known surfaces the sensor lights and sees.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <functional>
+#include <utility>
+#include <vector>
+
+#include "blindcorner/forward/scene/scene.h"
+#include "forward/relay/ray_scene.h"
+
+namespace blindcorner {
+
+/// Flat piece of a known surface seen from the light or from a zone (metres, world).
+struct RelayPatch {
+  Eigen::Vector3d center;
+  Eigen::Vector3d normal;                            ///< unit, towards the side that reflects
+  Eigen::Vector3d half_u = Eigen::Vector3d::Zero();  ///< half edges on the surface
+  Eigen::Vector3d half_v = Eigen::Vector3d::Zero();
+  double solid_angle = 0.0;  ///< sr, from where it is seen
+  double distance = 0.0;     ///< m, from where it is seen
+  double albedo = 0.0;
+  int surface = -1;
+  int group = 0;      ///< patches that one pulse may stand for
+  bool whole = true;  ///< false: one surface's part of a cell that several share
+  /// Centre of the area that the patch stands for; a Gauss node lies a little outside of it.
+  Eigen::Vector3d area_center;
+  bool node = false;  ///< Gauss node: its half edges span its part of the cell, its spread is none
+};
+
+/// Which edge of a patch has to be halved: 0 none, 1 half_u, 2 half_v.
+using Split = std::function<int(const RelayPatch&)>;
+
+struct RelaySampling {
+  int divisions = 1;     ///< least divisions of the region along each side
+  int edge_depth = 4;    ///< quarterings where a cell straddles the border of surfaces
+  int split_depth = 12;  ///< most halvings demanded by `split`
+  Split split;           ///< divides cells further; may be empty
+  /// Gauss-Legendre points along half_u and half_v that represent a cell, which are of one group:
+  /// exact for weights of degree 2 n - 1 along n points, and the points' spread is the cell's.
+  /// {1, 1} is the centre, with the cell's spread. Empty: always the centre.
+  std::function<std::array<int, 2>(const RelayPatch&)> nodes;
+};
+
+/// Casts the region's directions from `origin` and returns the patches that they hit, whole solid
+/// angle accounted for. Directions that hit nothing give no patch. The region's axis is the
+/// sensor's +x under `rotation` (sensor to world).
+std::vector<RelayPatch> sample_region(const RayScene& rays, const std::vector<Surface>& surfaces,
+                                      const Eigen::Vector3d& origin,
+                                      const Eigen::Matrix3d& rotation,
+                                      const FieldOfIllumination& region,
+                                      const RelaySampling& sampling);
+
+/// Unit vector (sensor frame) for tangent coordinates right and down.
+Eigen::Vector3d direction_from_tangents(double right, double down);
+
+/// Two unit directions u and v along a surface with this normal: u horizontal (x where any would
+/// be), v = normal x u, which is up on a wall.
+std::pair<Eigen::Vector3d, Eigen::Vector3d> surface_axes(const Eigen::Vector3d& normal);
+
+/// Solid angle in sr of a rectangle of directions.
+double solid_angle(const FieldOfIllumination& region);
+
+/// Whether a sensor-frame direction lies inside the region.
+bool contains(const FieldOfIllumination& region, const Eigen::Vector3d& direction);
+
+/// The patch of a known relay point: the nearest relay surface gives normal and albedo, extent
+/// zero, solid angle one. Throws Error when no relay surface is within `tolerance` metres.
+RelayPatch relay_point_patch(const std::vector<Surface>& surfaces, const Eigen::Vector3d& point,
+                             double tolerance);
+
+}  // namespace blindcorner

@@ -1,0 +1,416 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "forward/relay/relay_setup.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "blindcorner/forward/constants.h"
+#include "blindcorner/forward/error.h"
+
+namespace blindcorner {
+namespace {
+
+using Eigen::Vector3d;
+
+/// Largest distance of a given relay point from the relay surface that it is taken to lie on, m.
+constexpr double kRelayPointTolerance = 0.5;
+
+/// Path spread of a cell of the direct return against the pulse's standard deviation.
+constexpr double kDirectSpread = 0.3;
+
+std::vector<Surface> only_occluders(const std::vector<Surface>& surfaces) {
+  std::vector<Surface> chosen;
+  std::copy_if(surfaces.begin(), surfaces.end(), std::back_inserter(chosen),
+               [](const Surface& s) { return s.occluder; });
+  return chosen;
+}
+
+/// Directions of a zone that is no relay point.
+const AngularRectangle& footprint(const Sensor& sensor, int zone) {
+  return std::get<AngularRectangle>(sensor.zones[static_cast<std::size_t>(zone)].footprint);
+}
+
+}  // namespace
+
+SensorPlacement sensor_placement(const Scene& scene, const Capture* capture) {
+  SensorPlacement placement;
+  placement.T_world_sensor = scene.T_world_sensor;
+  if (capture != nullptr && capture->T_world_sensor) {
+    placement.T_world_sensor = *capture->T_world_sensor;
+  }
+  if (capture != nullptr && capture->relay_points) {
+    placement.relay_points = *capture->relay_points;
+    return placement;
+  }
+  const auto& zones = scene.sensor.zones;
+  if (!zones.empty() && std::holds_alternative<Vector3d>(zones.front().footprint)) {
+    for (const Zone& zone : zones)
+      placement.relay_points.push_back(std::get<Vector3d>(zone.footprint));
+  }
+  return placement;
+}
+
+Error measured_law_without_points(const Scene& scene) {
+  return {scene_place(scene),
+          "hidden.material: found a measured law with zones that have an extent, accepted: zones "
+          "that are relay points"};
+}
+
+void check_relay_visible(const Scene& scene) {
+  const SensorPlacement placement = sensor_placement(scene);
+  const bool points = !placement.relay_points.empty();
+  const auto law = [](const HiddenObject& object) {
+    return std::holds_alternative<MeasuredLawMaterial>(object.material);
+  };
+  if (!points && (law(scene.hidden) || std::ranges::any_of(scene.further_hidden, law))) {
+    throw measured_law_without_points(scene);
+  }
+  const auto stated = [](const Vector3d& point) { return point.allFinite(); };
+  if (points && !std::ranges::any_of(placement.relay_points, stated)) return;  // captures say
+  RelaySetup(scene, placement).relay_points();
+}
+
+RelaySetup::RelaySetup(const Scene& scene, const SensorPlacement& placement)
+    : scene_(scene),
+      placement_(placement),
+      source_(placement.T_world_sensor * scene.sensor.light_offset),
+      detector_(placement.T_world_sensor.translation()),
+      rays_(std::make_unique<RayScene>(scene.surfaces)),
+      occluder_rays_(std::make_unique<RayScene>(only_occluders(scene.surfaces))) {
+  if (uses_points()) {
+    if (static_cast<int>(placement_.relay_points.size()) != scene_.sensor.zone_count()) {
+      throw Error("relay_points_m", "found " + std::to_string(placement_.relay_points.size()) +
+                                        " points, accepted: one per zone, " +
+                                        std::to_string(scene_.sensor.zone_count()));
+    }
+    for (int z = 0; z < scene_.sensor.zone_count(); ++z) {
+      const auto i = static_cast<std::size_t>(z);
+      if (!scene_.sensor.zones[i].dead && !placement_.relay_points[i].allFinite()) {
+        throw Error(point_field(z),
+                    "found no relay point, accepted: a finite one (from_capture: a capture that "
+                    "has it), or a dead zone");
+      }
+    }
+  }
+}
+
+const FieldOfIllumination& RelaySetup::field_of_zone(int zone, FieldOfIllumination& storage) const {
+  if (scene_.sensor.illumination == Illumination::flash) return scene_.sensor.field;
+  const Zone& z = scene_.sensor.zones[static_cast<std::size_t>(zone)];
+  storage = std::get<AngularRectangle>(z.footprint);
+  return storage;
+}
+
+std::vector<WeightedPatch> RelaySetup::region(const Vector3d& origin,
+                                              const FieldOfIllumination& field,
+                                              const RelaySampling& sampling,
+                                              bool relay_only) const {
+  std::vector<WeightedPatch> patches;
+  for (const RelayPatch& patch : sample_region(
+           *rays_, scene_.surfaces, origin, placement_.T_world_sensor.linear(), field, sampling)) {
+    if (patch.albedo <= 0) continue;
+    if (relay_only && !scene_.surfaces[static_cast<std::size_t>(patch.surface)].relay) continue;
+    WeightedPatch weighted;
+    weighted.patch = patch;
+    weighted.weight = patch.solid_angle * patch.albedo / kPi;
+    weighted.leg = patch.distance;
+    weighted.leg_direction = (patch.center - origin) / patch.distance;
+    patches.push_back(weighted);
+  }
+  return patches;
+}
+
+std::string RelaySetup::point_field(int zone) const {
+  const auto z = static_cast<std::size_t>(zone);
+  const std::string index = "[" + std::to_string(zone) + "]";
+  const auto* own = std::get_if<Vector3d>(&scene_.sensor.zones[z].footprint);
+  const Vector3d& point = placement_.relay_points[z];
+  if (point.allFinite() && !(own != nullptr && *own == point)) return "relay_points_m" + index;
+  return scene_place(scene_) + ": sensor.zones" + index;
+}
+
+WeightedPatch RelaySetup::point_patch(int zone) const {
+  const Vector3d& point = placement_.relay_points[static_cast<std::size_t>(zone)];
+  WeightedPatch weighted;
+  try {
+    weighted.patch = relay_point_patch(scene_.surfaces, point, kRelayPointTolerance);
+  } catch (const Error& error) {
+    throw Error(point_field(zone), error.what());
+  }
+  weighted.weight = weighted.patch.albedo / kPi;
+  weighted.radiance = weighted.weight;
+  weighted.leg = (point - detector_).norm();
+  weighted.leg_direction = (point - detector_) / weighted.leg;
+  return weighted;
+}
+
+void RelaySetup::take_off_direct_path(std::vector<WeightedPatch>& seen) const {
+  if (scene_.sensor.path_origin == PathOrigin::sensor) return;
+  for (WeightedPatch& p : seen) {
+    p.leg = -p.leg;
+    p.leg_direction = -p.leg_direction;
+  }
+}
+
+std::vector<WeightedPatch> RelaySetup::lit(const RelaySampling& sampling, bool relay_only) const {
+  std::vector<WeightedPatch> patches;
+  if (uses_points()) {
+    for (int z = 0; z < scene_.sensor.zone_count(); ++z) {
+      // A zone whose detector is dead still marks a spot that is lit.
+      if (!placement_.relay_points[static_cast<std::size_t>(z)].allFinite()) continue;
+      patches.push_back(point_patch(z));
+      patches.back().patch.group = z;
+    }
+  } else {
+    patches = region(source_, scene_.sensor.field, sampling, relay_only);
+  }
+  for (WeightedPatch& patch : patches) patch.weight *= scene_.sensor.radiant_intensity;
+  return patches;
+}
+
+std::vector<WeightedPatch> RelaySetup::seen(int zone, const RelaySampling& sampling,
+                                            bool relay_only) const {
+  std::vector<WeightedPatch> patches;
+  if (uses_points()) {
+    patches = {point_patch(zone)};
+  } else {
+    patches = region(detector_, footprint(scene_.sensor, zone), sampling, relay_only);
+    FieldOfIllumination storage;
+    const FieldOfIllumination& field = field_of_zone(zone, storage);
+    for (WeightedPatch& patch : patches) patch.radiance = radiance(patch.patch, field, nullptr);
+  }
+  take_off_direct_path(patches);
+  return patches;
+}
+
+double RelaySetup::reflected_solid_angle(int zone) const {
+  if (uses_points()) return 0;
+  RelaySampling sampling;
+  sampling.divisions = 8;
+  double sum = 0;
+  for (const WeightedPatch& patch :
+       region(detector_, footprint(scene_.sensor, zone), sampling, false)) {
+    sum += patch.weight;
+  }
+  return sum;
+}
+
+std::vector<WeightedPatch> RelaySetup::lit_by_zone(int zone, const RelaySampling& sampling,
+                                                   bool relay_only) const {
+  std::vector<WeightedPatch> patches;
+  if (uses_points()) {
+    patches = {point_patch(zone)};
+  } else {
+    patches = region(source_, footprint(scene_.sensor, zone), sampling, relay_only);
+  }
+  for (WeightedPatch& patch : patches) patch.weight *= scene_.sensor.radiant_intensity;
+  return patches;
+}
+
+double RelaySetup::radiance(const RelayPatch& patch, const FieldOfIllumination& field,
+                            double* leg) const {
+  const Eigen::Matrix3d to_sensor = placement_.T_world_sensor.linear().transpose();
+  const auto lit = [&](double a, double b) {
+    return contains(
+        field, to_sensor * (patch.area_center + a * patch.half_u + b * patch.half_v - source_));
+  };
+  const bool center = lit(0, 0);
+  double fraction = center ? 1 : 0;
+  if (lit(-1, -1) != center || lit(1, -1) != center || lit(-1, 1) != center ||
+      lit(1, 1) != center) {
+    constexpr int kSide = 12;
+    int count = 0;
+    for (int i = 0; i < kSide; ++i) {
+      for (int j = 0; j < kSide; ++j) {
+        if (lit((2 * i + 1.0) / kSide - 1, (2 * j + 1.0) / kSide - 1)) ++count;
+      }
+    }
+    fraction = static_cast<double>(count) / (kSide * kSide);
+  }
+  const Vector3d way = patch.center - source_;
+  const double distance = way.norm();
+  if (leg != nullptr) *leg = distance;
+  if (fraction == 0) return 0;
+  const double cosine = -way.dot(patch.normal) / distance;
+  if (cosine <= 0) return 0;
+  if ((source_ - detector_).norm() > 1e-9 && rays_->blocked(source_, patch.center)) return 0;
+  return fraction * scene_.sensor.radiant_intensity * cosine / (distance * distance) *
+         patch.albedo / kPi;
+}
+
+HistogramCube RelaySetup::direct_return(const PulseTable& pulses, int divisions, bool gauss) const {
+  const Sensor& sensor = scene_.sensor;
+  HistogramCube cube(sensor.rows, sensor.columns, sensor.bins);
+  if (sensor.path_origin == PathOrigin::relay || uses_points()) return cube;
+  RelaySampling sampling;
+  sampling.divisions = divisions;
+  sampling.edge_depth = 8;  // the direct return is bright: borders must not show
+  if (gauss) sampling.nodes = [](const RelayPatch&) { return std::array{2, 2}; };
+  // A cell's paths must lie well within the pulse, or a grazing floor becomes a comb.
+  const double most = kDirectSpread * kSpeedOfLight *
+                      std::hypot(sensor.response.core_sigma(), sensor.bin_width / std::sqrt(12.0));
+  sampling.split = [this, most](const RelayPatch& patch) {
+    const Vector3d gradient = 2 * (patch.center - detector_) / patch.distance;
+    const double u = std::abs(gradient.dot(patch.half_u)) / std::sqrt(3.0);
+    const double v = std::abs(gradient.dot(patch.half_v)) / std::sqrt(3.0);
+    if (std::max(u, v) <= most) return 0;
+    return u >= v ? 1 : 2;
+  };
+  const double bins_per_metre = 1 / (kSpeedOfLight * sensor.bin_width);
+  std::vector<double> row(static_cast<std::size_t>(unwrapped_bins(sensor)));
+  for (int z = 0; z < sensor.zone_count(); ++z) {
+    const Zone& zone = sensor.zones[static_cast<std::size_t>(z)];
+    std::fill(row.begin(), row.end(), 0.0);
+    FieldOfIllumination storage;
+    const FieldOfIllumination& field = field_of_zone(z, storage);
+    for (const WeightedPatch& seen :
+         region(detector_, std::get<AngularRectangle>(zone.footprint), sampling, false)) {
+      double leg = 0;
+      const double sent = radiance(seen.patch, field, &leg);
+      if (sent <= 0) continue;
+      const Vector3d gradient = seen.leg_direction + (seen.patch.center - source_) / leg;
+      const double spread = seen.patch.node ? 0.0
+                                            : (std::pow(gradient.dot(seen.patch.half_u), 2) +
+                                               std::pow(gradient.dot(seen.patch.half_v), 2)) /
+                                                  3;
+      pulses.add(row.data(), static_cast<int>(row.size()),
+                 zone.time_zero / sensor.bin_width + (seen.leg + leg) * bins_per_metre,
+                 spread / (kSpeedOfLight * kSpeedOfLight), sent * seen.patch.solid_angle);
+    }
+    fold(sensor, z, row.data(), static_cast<int>(row.size()), cube.zone(z));
+  }
+  return cube;
+}
+
+std::vector<Vector3d> RelaySetup::relay_points() const {
+  std::vector<Vector3d> points;
+  RelaySampling coarse;
+  coarse.divisions = 4;
+  coarse.edge_depth = 2;
+  const auto add = [&](const std::vector<WeightedPatch>& patches) {
+    for (const WeightedPatch& p : patches) {
+      for (const double a : {-1.0, 1.0}) {
+        for (const double b : {-1.0, 1.0}) {
+          points.push_back(p.patch.center + a * p.patch.half_u + b * p.patch.half_v);
+        }
+      }
+    }
+  };
+  const bool flash = scene_.sensor.illumination == Illumination::flash;
+  if (flash) add(lit(coarse));
+  const bool any_lit = !flash || !points.empty();
+  bool any_seen = false;
+  for (int z = 0; z < scene_.sensor.zone_count(); ++z) {
+    if (scene_.sensor.zones[static_cast<std::size_t>(z)].dead) continue;
+    const auto patches = seen(z, coarse);
+    any_seen = any_seen || !patches.empty();
+    add(patches);
+  }
+  if (!any_lit || !any_seen) {
+    throw Error(scene_place(scene_),
+                std::string("surfaces: found no relay surface that the sensor ") +
+                    (any_seen ? "lights" : "sees") +
+                    ", accepted: a relay in view of the sensor, its reflecting side towards it");
+  }
+  return points;
+}
+
+std::vector<Vector3d> RelaySetup::view_hull() const {
+  std::vector<Vector3d> points{source_, detector_};
+  if (uses_points()) {
+    for (const Vector3d& p : placement_.relay_points) {
+      if (p.allFinite()) points.push_back(p);
+    }
+    return points;
+  }
+  RelaySampling fine;
+  fine.divisions = 16;
+  fine.edge_depth = 2;
+  const Eigen::Matrix3d rotation = placement_.T_world_sensor.linear();
+  const auto add = [&](const Vector3d& apex, const FieldOfIllumination& field) {
+    double depth = 0;
+    for (const WeightedPatch& p : region(apex, field, fine, false)) {
+      depth = std::max(depth, rotation.col(0).dot(p.patch.center - apex));
+    }
+    // A cone lies within the pyramid around it.
+    AngularRectangle r;
+    if (const auto* cone = std::get_if<AngularCone>(&field)) {
+      r = {-cone->half_angle, cone->half_angle, -cone->half_angle, cone->half_angle};
+    } else {
+      r = std::get<AngularRectangle>(field);
+    }
+    for (const double right : {std::tan(r.left), std::tan(r.right)}) {
+      for (const double down : {std::tan(r.top), std::tan(r.bottom)}) {
+        points.push_back(apex + depth * (rotation * Vector3d(1, -right, -down)));
+      }
+    }
+  };
+  if (scene_.sensor.illumination == Illumination::flash) add(source_, scene_.sensor.field);
+  for (const Zone& zone : scene_.sensor.zones) {
+    if (!zone.dead) add(detector_, std::get<AngularRectangle>(zone.footprint));
+  }
+  return points;
+}
+
+double RelaySetup::lit_extent() const {
+  RelaySampling coarse;
+  coarse.divisions = 4;
+  coarse.edge_depth = 2;
+  std::vector<WeightedPatch> patches;
+  if (scene_.sensor.illumination == Illumination::flash) {
+    patches = lit(coarse);
+  } else {
+    for (int z = 0; z < scene_.sensor.zone_count() && patches.empty(); ++z) {
+      if (!scene_.sensor.zones[static_cast<std::size_t>(z)].dead) patches = lit_by_zone(z, coarse);
+    }
+  }
+  double extent = 0;
+  for (const WeightedPatch& p : patches) {
+    for (const WeightedPatch& q : patches) {
+      extent = std::max(extent, (p.patch.center - q.patch.center).norm());
+    }
+  }
+  return extent;
+}
+
+int unwrapped_bins(const Sensor& sensor) {
+  int most = sensor.wrap_bins;
+  for (const Zone& zone : sensor.zones) most = std::max(most, zone.wrap_bins);
+  return most > 0 ? sensor.bins + 2 * most : sensor.bins;
+}
+
+void mix_zones(const Sensor& sensor, HistogramCube& cube) {
+  if (sensor.crosstalk.empty()) return;
+  const HistogramCube own = cube;
+  std::fill(cube.values.begin(), cube.values.end(), 0.0);
+  const auto zones = static_cast<std::size_t>(cube.zones());
+  for (std::size_t to = 0; to < zones; ++to) {
+    if (sensor.zones[to].dead) continue;
+    double* row = cube.zone(static_cast<int>(to));
+    for (std::size_t from = 0; from < zones; ++from) {
+      const double share = sensor.crosstalk[to * zones + from];
+      if (share <= 0) continue;
+      const double later =
+          (sensor.zones[to].time_zero - sensor.zones[from].time_zero) / sensor.bin_width;
+      const int whole = static_cast<int>(std::floor(later));
+      const double part = later - whole;
+      const double* light = own.zone(static_cast<int>(from));
+      for (int k = 0; k < cube.bins; ++k) {
+        const int at = k + whole;
+        if (at >= 0 && at < cube.bins) row[at] += share * (1 - part) * light[k];
+        if (part > 0 && at + 1 >= 0 && at + 1 < cube.bins) row[at + 1] += share * part * light[k];
+      }
+    }
+  }
+}
+
+void fold(const Sensor& sensor, int zone, const double* unwrapped, int unwrapped_count,
+          double* row) {
+  const int wrap = sensor.wrap(zone);
+  for (int k = 0; k < unwrapped_count; ++k) {
+    const int bin = wrap > 0 ? k % wrap : k;
+    if (bin < sensor.bins) row[bin] += unwrapped[k];
+  }
+}
+
+}  // namespace blindcorner

@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "blindcorner/forward/sensor/photon_noise.h"
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+
+namespace blindcorner {
+
+void pile_up(double cycles, double* counts, int bins) {
+  double free = 1;  // share of cycles without a photon so far
+  for (int k = 0; k < bins; ++k) {
+    const double passed = std::exp(-std::max(counts[k], 0.0) / cycles);
+    counts[k] = cycles * free * (1 - passed);
+    free *= passed;
+  }
+}
+
+void undo_pile_up(double cycles, const double* counts, int bins, double* corrected, double* live) {
+  double free = cycles;
+  for (int k = 0; k < bins; ++k) {
+    // At least half a cycle stays free: the last photon of a full detector says no more than that.
+    const double hit = std::min(counts[k], std::max(free - 0.5, 0.0));
+    const double share = free > 0 ? hit / free : 0.0;
+    corrected[k] = -cycles * std::log1p(-share);
+    // Of a bin without counts: the cycles that were free.
+    live[k] = corrected[k] > 0 ? hit / corrected[k] : std::max(free, 0.5) / cycles;
+    free -= hit;
+  }
+}
+
+void saturate(const Sensor& sensor, HistogramCube& counts) {
+  if (sensor.saturation <= 0) return;
+  for (double& value : counts.values) value = std::min(value, sensor.saturation);
+}
+
+namespace {
+
+/// Coates' model backwards: each cycle that is still free gives a photon in this bin with the
+/// probability that the expected counts have among the free cycles.
+void draw_piled_up(double cycles, double exposures, double* counts, int bins,
+                   std::mt19937_64& random) {
+  double expected_free = cycles;
+  long long free = std::llround(cycles * exposures);
+  for (int k = 0; k < bins; ++k) {
+    const double hit = expected_free > 0 ? std::min(counts[k] / expected_free, 1.0) : 0.0;
+    expected_free -= counts[k];
+    std::binomial_distribution<long long> binomial(free, std::max(hit, 0.0));
+    const long long drawn = hit > 0 && free > 0 ? binomial(random) : 0;
+    free -= drawn;
+    counts[k] = static_cast<double>(drawn) / exposures;
+  }
+}
+
+}  // namespace
+
+HistogramCube expected_counts(const Scene& scene, const HistogramCube& three_bounce,
+                              const HistogramCube& direct_return, const LinearValues& linear) {
+  HistogramCube counts(three_bounce.rows, three_bounce.columns, three_bounce.bins);
+  for (int z = 0; z < counts.zones(); ++z) {
+    const Zone& zone = scene.sensor.zones[static_cast<std::size_t>(z)];
+    if (zone.dead) continue;
+    for (int k = 0; k < counts.bins; ++k) {
+      counts.zone(z)[k] = zone.gain * (linear.amplitude * three_bounce.zone(z)[k] +
+                                       linear.direct * direct_return.zone(z)[k]) +
+                          linear.ambient + linear.background * zone.background_at(k);
+    }
+    if (scene.sensor.pile_up_cycles > 0) {
+      pile_up(scene.sensor.pile_up_cycles, counts.zone(z), counts.bins);
+    }
+  }
+  return counts;
+}
+
+bool has_static_light(const Scene& scene) {
+  return scene.linear.direct == LinearMode::per_zone || scene.linear.fixed_direct > 0 ||
+         scene.sensor.has_background();
+}
+
+HistogramCube static_light(const Scene& scene, const HistogramCube& direct_return) {
+  HistogramCube counts = direct_return;
+  const LinearUnknowns& linear = scene.linear;
+  const double scale = linear.direct == LinearMode::fixed ? linear.fixed_direct : 1.0;
+  for (int z = 0; z < counts.zones(); ++z) {
+    const Zone& zone = scene.sensor.zones[static_cast<std::size_t>(z)];
+    for (int k = 0; k < counts.bins; ++k) {
+      counts.zone(z)[k] = zone.gain * scale * counts.zone(z)[k] + zone.background_at(k);
+    }
+  }
+  return counts;
+}
+
+namespace {
+
+double variance_at(const GaussianNoise& law, double counts) {
+  return law.variance_floor + law.variance_per_count * std::max(counts, 0.0);
+}
+
+}  // namespace
+
+double count_variance(const Sensor& sensor, int zone, double counts) {
+  const NoiseLaw law = sensor.noise_of(zone);
+  if (const auto* gaussian = std::get_if<GaussianNoise>(&law)) {
+    return variance_at(*gaussian, counts);
+  }
+  return sensor.dispersion * counts;
+}
+
+HistogramCube draw_counts(const Scene& scene, const HistogramCube& expected, double exposures,
+                          std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  HistogramCube counts = expected;
+  if (std::holds_alternative<GaussianNoise>(scene.sensor.noise)) {
+    std::normal_distribution<double> normal;
+    for (int z = 0; z < counts.zones(); ++z) {
+      if (scene.sensor.zones[static_cast<std::size_t>(z)].dead) continue;
+      const auto law = std::get<GaussianNoise>(scene.sensor.noise_of(z));
+      for (int k = 0; k < counts.bins; ++k) {
+        double& value = counts.zone(z)[k];
+        value += std::sqrt(variance_at(law, value) / exposures) * normal(random);
+        if (law.censored_at_zero) value = std::max(value, 0.0);
+      }
+    }
+    saturate(scene.sensor, counts);
+    return counts;
+  }
+  if (scene.sensor.pile_up_cycles > 0) {
+    for (int z = 0; z < counts.zones(); ++z) {
+      draw_piled_up(scene.sensor.pile_up_cycles, exposures, counts.zone(z), counts.bins, random);
+    }
+    saturate(scene.sensor, counts);
+    return counts;
+  }
+  const double scale = exposures / scene.sensor.dispersion;
+  for (double& value : counts.values) {
+    if (value <= 0) continue;
+    std::poisson_distribution<long long> poisson(value * scale);
+    value = static_cast<double>(poisson(random)) / scale;
+  }
+  saturate(scene.sensor, counts);
+  return counts;
+}
+
+}  // namespace blindcorner

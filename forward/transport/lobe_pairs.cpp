@@ -1,0 +1,264 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "forward/transport/lobe_pairs.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+#include "blindcorner/forward/constants.h"
+#include "forward/support/multiversion.h"
+#include "forward/transport/normal_density.h"
+
+namespace blindcorner {
+namespace {
+
+using Eigen::Vector3d;
+
+/// Patches that are looked at together.
+constexpr std::size_t kBlock = 16;
+/// Squared distance in standard deviations at which a lobe ends. It is lowered by what it is there,
+/// so that it ends without a step; what is left is scaled to hold all of the light.
+constexpr double kReach2 = 16;
+constexpr double kFloor = 3.35463e-4;  // exp(-kReach2 / 2), rounded up
+constexpr double kScale = 1 / (1 - (1 + kReach2 / 2) * kFloor);
+
+/// Patches as arrays; of what is seen, one.
+struct Ends {
+  const double *weight, *path, *variance, *x, *y, *factor, *ee, *ff, *ef, *ke, *kf, *gu, *gv;
+};
+
+BLINDCORNER_MULTIVERSION void pair_up(const Ends& lit, std::size_t count, const Ends& seen,
+                                      double lobe_variance, double scale, double* __restrict weight,
+                                      double* __restrict path, double* __restrict variance) {
+  const double light = *seen.weight * scale * kScale / (2 * kPi);
+  const double seen_path = *seen.path, seen_variance = *seen.variance;
+  const double seen_x = *seen.x, seen_y = *seen.y, seen_factor = *seen.factor;
+  const double seen_ee = *seen.ee, seen_ff = *seen.ff, seen_ef = *seen.ef;
+  const double seen_ke = *seen.ke, seen_kf = *seen.kf;
+  const double seen_gu = *seen.gu, seen_gv = *seen.gv;
+  BLINDCORNER_INDEPENDENT
+  for (std::size_t i = 0; i < count; ++i) {
+    const double area = seen_factor * lit.factor[i];  // of the map over solid angle
+    const double own = lobe_variance * area;
+    const double ee = own + seen_ee + lit.ee[i];
+    const double ff = own + seen_ff + lit.ff[i];
+    const double ef = seen_ef + lit.ef[i];
+    const double x = lit.x[i] - seen_x;
+    const double y = lit.y[i] - seen_y;
+    const double inverse = 1 / (ee * ff - ef * ef);
+    const double square = (ff * x * x - 2 * ef * x * y + ee * y * y) * inverse;
+    const double lobe = std::max(gaussian_of_square(std::min(square, kReach2)) - kFloor, 0.0);
+    const double gu = seen_gu + lit.gu[i];
+    const double gv = seen_gv + lit.gv[i];
+    weight[i] = light * lit.weight[i] * area * lobe * std::sqrt(inverse);
+    // Covariance of the path with x and y, and what it is where the lobe brings both to zero.
+    const double ke = lit.ke[i] - seen_ke;
+    const double kf = lit.kf[i] - seen_kf;
+    const double shift = (ke * (ff * x - ef * y) + kf * (ee * y - ef * x)) * inverse;
+    const double known = (ff * ke * ke - 2 * ef * ke * kf + ee * kf * kf) * inverse;
+    path[i] = seen_path + lit.path[i] - shift;
+    variance[i] = std::max(seen_variance + lit.variance[i] - known, 0.0) + (gu * gu + gv * gv) / 3;
+  }
+}
+
+}  // namespace
+
+void LobeEnds::Mapped::resize(std::size_t count) {
+  for (auto* v : {&x, &y, &path, &ux, &uy, &vx, &vy, &along_u, &along_v, &weight}) {
+    if (v->size() < count) v->resize(count);
+  }
+}
+
+BLINDCORNER_MULTIVERSION void LobeEnds::map(const LobePieces& p, std::size_t count,
+                                            const Vector3d& normal, const Vector3d& e,
+                                            const Vector3d& f) {
+  mapped_.resize(count);
+  const double nx = normal.x(), ny = normal.y(), nz = normal.z();
+  const double ex = e.x(), ey = e.y(), ez = e.z(), fx = f.x(), fy = f.y(), fz = f.z();
+  double* __restrict ox = mapped_.x.data();
+  double* __restrict oy = mapped_.y.data();
+  double* __restrict path = mapped_.path.data();
+  double* __restrict oux = mapped_.ux.data();
+  double* __restrict ouy = mapped_.uy.data();
+  double* __restrict ovx = mapped_.vx.data();
+  double* __restrict ovy = mapped_.vy.data();
+  double* __restrict along_u = mapped_.along_u.data();
+  double* __restrict along_v = mapped_.along_v.data();
+  double* __restrict weight = mapped_.weight.data();
+  const LobePieces a = p;
+  BLINDCORNER_INDEPENDENT
+  for (std::size_t i = 0; i < count; ++i) {
+    const double dx = a.dx[i], dy = a.dy[i], dz = a.dz[i];
+    const double c = dx * nx + dy * ny + dz * nz;
+    const double factor = 1 / (1 + std::max(c, 0.0));
+    const double de = dx * ex + dy * ey + dz * ez, df = dx * fx + dy * fy + dz * fz;
+    const double x = factor * de, y = factor * df;
+    const double gx = dx + a.lx[i], gy = dy + a.ly[i], gz = dz + a.lz[i];
+    const double turn = factor / a.distance[i];
+    // A step s from the piece turns the direction by (s - (s . d) d) / r.
+    const auto place = [&](double sx, double sy, double sz, double& to_x, double& to_y) {
+      const double away = sx * dx + sy * dy + sz * dz;
+      const double rise = sx * nx + sy * ny + sz * nz - away * c;
+      to_x = turn * (sx * ex + sy * ey + sz * ez - away * de - rise * x);
+      to_y = turn * (sx * fx + sy * fy + sz * fz - away * df - rise * y);
+    };
+    const double ux = a.left_u[i] * a.ux[i], uy = a.left_u[i] * a.uy[i], uz = a.left_u[i] * a.uz[i];
+    const double vx = a.left_v[i] * a.vx[i], vy = a.left_v[i] * a.vy[i], vz = a.left_v[i] * a.vz[i];
+    const double bx = a.bx[i], by = a.by[i], bz = a.bz[i];
+    double middle_x, middle_y, mux, muy, mvx, mvy;
+    place(bx, by, bz, middle_x, middle_y);
+    place(ux, uy, uz, mux, muy);
+    place(vx, vy, vz, mvx, mvy);
+    ox[i] = x + middle_x;
+    oy[i] = y + middle_y;
+    path[i] = a.path[i] + gx * bx + gy * by + gz * bz;
+    oux[i] = mux;
+    ouy[i] = muy;
+    ovx[i] = mvx;
+    ovy[i] = mvy;
+    along_u[i] = gx * ux + gy * uy + gz * uz;
+    along_v[i] = gx * vx + gy * vy + gz * vz;
+    // A pair has the cosine once: the lobe is over the root of both.
+    weight[i] = a.weight[i] > 0 ? a.weight[i] / std::sqrt(std::max(a.cosine[i], 1e-12)) : 0.0;
+  }
+}
+
+/// The pieces [begin, end) become patch `to`, if there is light.
+bool LobeEnds::add(std::size_t begin, std::size_t end, std::size_t to) {
+  const Mapped& m = mapped_;
+  double weight = 0, x = 0, y = 0, path = 0, xx = 0, yy = 0, xy = 0, xp = 0, yp = 0, pp = 0;
+  for (std::size_t i = begin; i < end; ++i) {
+    const double w = m.weight[i];
+    // About the first one, against cancellation.
+    const double dx = m.x[i] - m.x[begin], dy = m.y[i] - m.y[begin], dp = m.path[i] - m.path[begin];
+    const double ux = m.ux[i], uy = m.uy[i], vx = m.vx[i], vy = m.vy[i];
+    const double pu = m.along_u[i], pv = m.along_v[i];
+    weight += w;
+    x += w * dx;
+    y += w * dy;
+    path += w * dp;
+    xx += w * (dx * dx + (ux * ux + vx * vx) / 3);
+    yy += w * (dy * dy + (uy * uy + vy * vy) / 3);
+    xy += w * (dx * dy + (ux * uy + vx * vy) / 3);
+    xp += w * (dx * dp + (ux * pu + vx * pv) / 3);
+    yp += w * (dy * dp + (uy * pu + vy * pv) / 3);
+    pp += w * (dp * dp + (pu * pu + pv * pv) / 3);
+  }
+  if (!(weight > 0)) return false;
+  const double inverse = 1 / weight;
+  x *= inverse;
+  y *= inverse;
+  path *= inverse;
+  weight_[to] = weight;
+  path_[to] = m.path[begin] + path;
+  variance_[to] = std::max(pp * inverse - path * path, 0.0);
+  x_[to] = m.x[begin] + x;
+  y_[to] = m.y[begin] + y;
+  factor_[to] = 0.5 * (1 + x_[to] * x_[to] + y_[to] * y_[to]);
+  ee_[to] = xx * inverse - x * x;
+  ff_[to] = yy * inverse - y * y;
+  ef_[to] = xy * inverse - x * y;
+  ke_[to] = xp * inverse - x * path;
+  kf_[to] = yp * inverse - y * path;
+  return true;
+}
+
+void LobeEnds::fill(const LobePieces& pieces, const std::vector<int>& group_end,
+                    const std::vector<int>& group_zone, const Vector3d& normal,
+                    const Vector3d& half_u, const Vector3d& half_v) {
+  const std::size_t groups = group_end.size();
+  for (auto* v : {&weight_, &path_, &variance_, &x_, &y_, &factor_, &ee_, &ff_, &ef_, &ke_, &kf_,
+                  &gu_, &gv_}) {
+    if (v->size() < groups) v->resize(groups);
+  }
+  if (zone_.size() < groups) zone_.resize(groups);
+  const Vector3d e = normal.unitOrthogonal();
+  const Vector3d f = normal.cross(e);
+  map(pieces, groups > 0 ? static_cast<std::size_t>(group_end.back()) : 0, normal, e, f);
+  size_ = 0;
+  for (std::size_t g = 0, begin = 0; g < groups; ++g) {
+    const auto end = static_cast<std::size_t>(group_end[g]);
+    if (add(begin, end, size_)) {
+      // Directions d = (2 X, 1 - X^2) / (1 + X^2) in (e, f, normal).
+      const double x = x_[size_], y = y_[size_];
+      const Vector3d d =
+          (2 * x * e + 2 * y * f + (1 - x * x - y * y) * normal) / (1 + x * x + y * y);
+      gu_[size_] = d.dot(half_u);
+      gv_[size_] = d.dot(half_v);
+      zone_[size_] = group_zone[g];
+      ++size_;
+    }
+    begin = end;
+  }
+  find_blocks();
+}
+
+void LobeEnds::find_blocks() {
+  blocks_.clear();
+  for (std::size_t begin = 0; begin < size_;) {
+    Block block{begin, begin, zone_[begin], x_[begin], x_[begin], y_[begin], y_[begin], 0, 0, 0};
+    std::size_t& i = block.end;
+    for (; i < size_ && i - begin < kBlock && zone_[i] == block.zone; ++i) {
+      block.left = std::min(block.left, x_[i]);
+      block.right = std::max(block.right, x_[i]);
+      block.low = std::min(block.low, y_[i]);
+      block.high = std::max(block.high, y_[i]);
+      block.factor = std::max(block.factor, factor_[i]);
+      block.ee = std::max(block.ee, ee_[i]);
+      block.ff = std::max(block.ff, ff_[i]);
+    }
+    blocks_.push_back(block);
+    begin = block.end;
+  }
+}
+
+/// Whether lobes between the two come near. Farther from an ellipse's middle along an axis than its
+/// reach in standard deviations along that axis, none of it is.
+bool LobePairs::in_reach(const LobeEnds::Block& lit, const LobeEnds::Block& seen) const {
+  const double own = variance_ * seen.factor * lit.factor;
+  const double x = std::max({lit.left - seen.right, seen.left - lit.right, 0.0});
+  const double y = std::max({lit.low - seen.high, seen.low - lit.high, 0.0});
+  return x * x < kReach2 * (own + seen.ee + lit.ee) && y * y < kReach2 * (own + seen.ff + lit.ff);
+}
+
+void LobePairs::find_lit(const LobeEnds& lit, const LobeEnds::Block& seen, Blocks& near) const {
+  near.clear();
+  for (const LobeEnds::Block& block : lit.blocks_) {
+    if (same_zone_ && block.zone != seen.zone) continue;
+    if (in_reach(block, seen)) near.push_back(&block);
+  }
+}
+
+void LobePairs::pair(const LobeEnds& lit, const Blocks& near, const LobeEnds& seen, std::size_t i,
+                     double scale, Pulses& pulses) const {
+  const auto from = [](const LobeEnds& e, std::size_t k) {
+    return Ends{&e.weight_[k], &e.path_[k], &e.variance_[k], &e.x_[k],  &e.y_[k],
+                &e.factor_[k], &e.ee_[k],   &e.ff_[k],       &e.ef_[k], &e.ke_[k],
+                &e.kf_[k],     &e.gu_[k],   &e.gv_[k]};
+  };
+  pulses.resize(lit.size_);
+  pulses.count = 0;
+  const LobeEnds::Block own{i,           i + 1,      0,          seen.x_[i],
+                            seen.x_[i],  seen.y_[i], seen.y_[i], seen.factor_[i],
+                            seen.ee_[i], seen.ff_[i]};
+  for (auto block = near.begin(); block != near.end();) {
+    if (!in_reach(**block, own)) {
+      ++block;
+      continue;
+    }
+    // Neighbours at once.
+    const std::size_t begin = (*block)->begin;
+    std::size_t end = begin;
+    for (; block != near.end() && ((*block)->begin == begin || (*block)->begin == end) &&
+           in_reach(**block, own);
+         ++block) {
+      end = (*block)->end;
+    }
+    pair_up(from(lit, begin), end - begin, from(seen, i), variance_, scale,
+            pulses.weight.data() + pulses.count, pulses.path.data() + pulses.count,
+            pulses.variance.data() + pulses.count);
+    pulses.count += end - begin;
+  }
+}
+
+}  // namespace blindcorner

@@ -1,0 +1,310 @@
+// SPDX-License-Identifier: Apache-2.0
+/// The three-bounce sum, pair by pair.
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <mutex>
+#include <optional>
+
+#include "blindcorner/forward/constants.h"
+#include "blindcorner/forward/error.h"
+#include "blindcorner/forward/transport/forward_model.h"
+#include "forward/relay/relay_setup.h"
+#include "forward/transport/measured_law_model.h"
+#include "forward/transport/pair_sum.h"
+#include "forward/transport/static_bounces.h"
+
+namespace blindcorner {
+namespace {
+
+using Eigen::Vector3d;
+
+/// Energy that the direct return's pulse may lose at either end.
+constexpr double kPulseTail = 1e-8;
+/// Lit cells that meet a lobe are at most this share of its footprint's sigma wide.
+constexpr double kLobeCell = 0.8;
+/// Share of the light times fourth power of the path spread (half range over pulse) of a cell.
+constexpr double kPathError = 0.1;
+/// Steps around a curved body that blocks: its inscribed polygon is then 0.07 % too small in area.
+constexpr int kRoundSegments = 96;
+
+/// One of the hidden objects where a pose puts it.
+struct PlacedObject {
+  const HiddenObject* object;
+  Transform T_world_object;
+  double size;
+};
+
+std::vector<PlacedObject> placed_objects(const Scene& scene, const PoseVector& pose) {
+  std::vector<PlacedObject> placed;
+  const std::vector<Placement> placements = placements_at(scene, pose);
+  for (int i = 0; i < object_count(scene); ++i) {
+    const HiddenObject& object = hidden_object(scene, i);
+    const Placement& placement = placements[static_cast<std::size_t>(i)];
+    placed.push_back(
+        {&object, object_to_world(object.shape, object.anchor, placement), placement.size});
+  }
+  return placed;
+}
+
+/// The hidden objects as bodies that block light. A ray that leaves a convex body's own surface
+/// outwards does not meet it again, so a body may be asked about its own cells.
+std::unique_ptr<RayScene> bodies_of(const std::vector<PlacedObject>& objects) {
+  std::vector<std::vector<Triangle>> bodies;
+  for (const PlacedObject& o : objects) {
+    bodies.push_back(triangulate(o.object->shape, o.T_world_object, o.size, kRoundSegments));
+  }
+  return std::make_unique<RayScene>(bodies);
+}
+
+/// Flat cells become their four Gauss-Legendre nodes.
+std::vector<SurfaceCell> gauss_nodes(const std::vector<SurfaceCell>& cells) {
+  const double node = 1 / std::sqrt(3.0);
+  std::vector<SurfaceCell> nodes;
+  nodes.reserve(4 * cells.size());
+  for (const SurfaceCell& cell : cells) {
+    for (const double a : {-node, node}) {
+      for (const double b : {-node, node}) {
+        nodes.push_back(cell);
+        nodes.back().center += a * cell.half_u + b * cell.half_v;
+        nodes.back().area /= 4;
+      }
+    }
+  }
+  return nodes;
+}
+
+class ReferenceRenderer final : public ForwardModel {
+ public:
+  ReferenceRenderer(const Scene& scene, const SensorPlacement& placement,
+                    const ReferenceOptions& options)
+      : scene_(scene),
+        options_(options),
+        setup_(scene_, placement),
+        plan_(make_plan(scene_, setup_.relay_points(), setup_.lit_extent())),
+        occluded_(std::any_of(scene_.surfaces.begin(), scene_.surfaces.end(),
+                              [](const Surface& s) { return s.occluder; })) {}
+
+  using ForwardModel::three_bounce;
+  void three_bounce(const PoseVector& pose, HistogramCube& out) const override;
+  const HistogramCube& direct_return() const override { return known_light().direct; }
+  HistogramCube static_return(const PoseVector& pose) const override;
+  const TransportPlan& plan() const override { return plan_; }
+
+ private:
+  /// Light of the known scene alone.
+  struct KnownLight {
+    StaticBounces bounces;
+    HistogramCube first_bounce;
+    HistogramCube direct;  ///< all bounces
+
+    KnownLight(const Scene& scene, const RelaySetup& setup, int divisions);
+  };
+  /// Summed when it is first asked for: it may take longer than many poses.
+  const KnownLight& known_light() const;
+
+  using Patches = std::vector<std::vector<WeightedPatch>>;
+  /// Lit patches: one list for all zones, or one for each (confocal).
+  Patches lit_for(const PlacedObject& object) const;
+  Patches seen_for(const PlacedObject& object) const;  ///< [zone]
+  Split path_split(const Vector3d& object, double all_light) const;
+  std::vector<WeightedPatch> split_by_path(
+      const std::function<std::vector<WeightedPatch>()>& sample, RelaySampling& sampling,
+      const Vector3d& object) const;
+  std::vector<SurfaceCell> cells_of(const PlacedObject& placed) const;
+  void add_object(const PlacedObject& placed, const Blockers& blockers, PairSum& sum) const;
+
+  Scene scene_;
+  ReferenceOptions options_;
+  RelaySetup setup_;
+  TransportPlan plan_;
+  bool occluded_;  ///< some surface blocks light
+  mutable std::once_flag known_once_;
+  mutable std::optional<KnownLight> known_;
+};
+
+ReferenceRenderer::KnownLight::KnownLight(const Scene& scene, const RelaySetup& setup,
+                                          int divisions)
+    : bounces(scene, setup, StaticSampling{}) {
+  const PulseTable pulses(scene.sensor.response, scene.sensor.bin_width,
+                          std::pow(scene.sensor.response.core_sigma(), 2), kPulseTail);
+  first_bounce = setup.direct_return(pulses, divisions, true);
+  direct = first_bounce;
+  bounces.add(nullptr, direct);
+  mix_zones(scene.sensor, direct);
+}
+
+const ReferenceRenderer::KnownLight& ReferenceRenderer::known_light() const {
+  std::call_once(known_once_,
+                 [this] { known_.emplace(scene_, setup_, 4 * options_.zone_divisions); });
+  return *known_;
+}
+
+/// Light that a patch exchanges with an object, up to a constant.
+double exchanged(const RelayPatch& patch, const Vector3d& object) {
+  const Vector3d way = object - patch.center;
+  const double cosine = std::max(way.dot(patch.normal) / way.norm(), 0.0);
+  return patch.solid_angle * patch.albedo * cosine / way.squaredNorm();
+}
+
+/// Divides cells, as of a floor seen at a grazing angle, whose paths to the object differ by more
+/// than the pulse can stand. Two Gauss nodes err by the fourth power of the half difference h over
+/// the pulse's width, so a cell with the share s of the region's light may have h^4 = 0.1 / s.
+Split ReferenceRenderer::path_split(const Vector3d& object, double all_light) const {
+  const double pulse = kSpeedOfLight * std::hypot(scene_.sensor.response.core_sigma(),
+                                                  scene_.sensor.bin_width / std::sqrt(12.0));
+  return [object, pulse, all_light, origin = setup_.origin()](const RelayPatch& patch) {
+    const Vector3d gradient =
+        (patch.center - origin).normalized() + (patch.center - object).normalized();
+    const double u = std::abs(gradient.dot(patch.half_u)) / pulse;
+    const double v = std::abs(gradient.dot(patch.half_v)) / pulse;
+    if (std::pow(std::max(u, v), 4) * exchanged(patch, object) <= kPathError * all_light) return 0;
+    return u >= v ? 1 : 2;
+  };
+}
+
+/// Samples evenly to learn the region's light, then again with cells divided by their paths.
+std::vector<WeightedPatch> ReferenceRenderer::split_by_path(
+    const std::function<std::vector<WeightedPatch>()>& sample, RelaySampling& sampling,
+    const Vector3d& object) const {
+  sampling.split = nullptr;
+  double all_light = 0;
+  for (const WeightedPatch& p : sample()) all_light += exchanged(p.patch, object);
+  sampling.split = path_split(object, all_light);
+  return sample();
+}
+
+ReferenceRenderer::Patches ReferenceRenderer::seen_for(const PlacedObject& object) const {
+  RelaySampling sampling;
+  sampling.divisions = options_.zone_divisions;
+  sampling.nodes = [](const RelayPatch&) { return std::array{2, 2}; };
+  Patches seen(scene_.sensor.zones.size());
+  for (std::size_t z = 0; z < seen.size(); ++z) {
+    if (scene_.sensor.zones[z].dead) continue;
+    const auto even = [&] { return setup_.seen(static_cast<int>(z), sampling); };
+    seen[z] = split_by_path(even, sampling, object.T_world_object.translation());
+  }
+  return seen;
+}
+
+ReferenceRenderer::Patches ReferenceRenderer::lit_for(const PlacedObject& object) const {
+  RelaySampling sampling;
+  sampling.divisions = options_.field_divisions;
+  if (const auto* retro = std::get_if<RetroreflectiveMaterial>(&object.object->material)) {
+    // Lit cells must be small against the lobe's footprint.
+    const double sigma = retro->lobe_sigma;
+    const Vector3d center = object.T_world_object.translation();
+    sampling.split = [center, sigma](const RelayPatch& patch) {
+      const double u = patch.half_u.norm();
+      const double v = patch.half_v.norm();
+      const double most = 0.5 * kLobeCell * sigma * (patch.center - center).norm();
+      return std::max(u, v) <= most ? 0 : (u > v ? 1 : 2);
+    };
+  } else {
+    sampling.nodes = [](const RelayPatch&) { return std::array{2, 2}; };
+  }
+  const Vector3d center = object.T_world_object.translation();
+  const bool split = !sampling.split;
+  const auto sampled = [&](const auto& sample) {
+    return split ? split_by_path(sample, sampling, center) : sample();
+  };
+  if (scene_.sensor.illumination == Illumination::flash) {
+    return {sampled([&] { return setup_.lit(sampling); })};
+  }
+  Patches lit(scene_.sensor.zones.size());
+  for (std::size_t z = 0; z < lit.size(); ++z) {
+    if (scene_.sensor.zones[z].dead) continue;
+    lit[z] = sampled([&] { return setup_.lit_by_zone(static_cast<int>(z), sampling); });
+  }
+  return lit;
+}
+
+std::vector<SurfaceCell> ReferenceRenderer::cells_of(const PlacedObject& placed) const {
+  const Shape& shape = placed.object->shape;
+  const bool flat =
+      std::holds_alternative<RectangleShape>(shape) || std::holds_alternative<BoxShape>(shape);
+  const int nodes = flat ? 1 : 2;  // single nodes are put as densely as Gauss nodes
+  const auto cells = divide(shape, placed.T_world_object, placed.size, options_.object_edge / nodes,
+                            options_.object_divisions * nodes);
+  return flat ? gauss_nodes(cells) : cells;
+}
+
+void ReferenceRenderer::add_object(const PlacedObject& placed, const Blockers& blockers,
+                                   PairSum& sum) const {
+  const HiddenObject& object = *placed.object;
+  const auto* retro = std::get_if<RetroreflectiveMaterial>(&object.material);
+  const Patches lit = lit_for(placed);
+  const Patches seen = seen_for(placed);
+  for (const SurfaceCell& cell : cells_of(placed)) {
+    std::vector<Leg> in;
+    for (int z = 0; z < scene_.sensor.zone_count(); ++z) {
+      const auto zone = static_cast<std::size_t>(z);
+      if (z == 0 || lit.size() > 1) in = legs_to(cell, lit[zone], blockers);
+      if (in.empty() || seen[zone].empty()) continue;
+      const std::vector<Leg> out = legs_to(cell, seen[zone], blockers);
+      if (retro == nullptr) {
+        sum.add_lambertian(z, cell.area * object.albedo / kPi, in, out);
+      } else {
+        sum.add_retroreflective(z, cell.area, object.albedo, retro->lobe_sigma, in, out);
+      }
+    }
+  }
+}
+
+void ReferenceRenderer::three_bounce(const PoseVector& pose, HistogramCube& out) const {
+  out = HistogramCube(scene_.sensor.rows, scene_.sensor.columns, scene_.sensor.bins);
+  const std::vector<PlacedObject> objects = placed_objects(scene_, pose);
+  Blockers blockers;
+  if (occluded_) blockers.push_back(&setup_.occluder_rays());
+  std::unique_ptr<RayScene> bodies;
+  if (objects.size() > 1 || !is_convex(objects.front().object->shape)) {
+    bodies = bodies_of(objects);
+    blockers.push_back(bodies.get());
+  }
+  PairSum sum(scene_.sensor);
+  for (const PlacedObject& object : objects) add_object(object, blockers, sum);
+  sum.finish(out);
+  mix_zones(scene_.sensor, out);
+}
+
+HistogramCube ReferenceRenderer::static_return(const PoseVector& pose) const {
+  const KnownLight& known = known_light();
+  if (!known.bounces.any()) return known.direct;
+  const std::unique_ptr<RayScene> bodies = bodies_of(placed_objects(scene_, pose));
+  HistogramCube light = known.first_bounce;
+  known.bounces.add(bodies.get(), light);
+  mix_zones(scene_.sensor, light);
+  return light;
+}
+
+}  // namespace
+
+void ReferenceOptions::validate() const {
+  if (zone_divisions < 1) throw Error("ReferenceOptions.zone_divisions", "accepted: at least 1");
+  if (field_divisions < 1) throw Error("ReferenceOptions.field_divisions", "accepted: at least 1");
+  if (object_divisions < 1)
+    throw Error("ReferenceOptions.object_divisions", "accepted: at least 1");
+  if (!(object_edge > 0)) throw Error("ReferenceOptions.object_edge", "accepted: above 0 m");
+}
+
+ReferenceOptions reference_sampling(double scale) {
+  ReferenceOptions options;
+  const auto times = [&](int n) { return std::max(1, static_cast<int>(std::lround(scale * n))); };
+  options.zone_divisions = times(options.zone_divisions);
+  options.field_divisions = times(options.field_divisions);
+  options.object_divisions = times(options.object_divisions);
+  options.object_edge /= scale;
+  return options;
+}
+
+std::unique_ptr<ForwardModel> make_reference_renderer(const Scene& scene,
+                                                      const SensorPlacement& placement,
+                                                      const ReferenceOptions& options) {
+  options.validate();
+  if (std::holds_alternative<MeasuredLawMaterial>(scene.hidden.material)) {
+    return make_measured_law_model(scene, placement, 0.0);
+  }
+  return std::make_unique<ReferenceRenderer>(scene, placement, options);
+}
+
+}  // namespace blindcorner

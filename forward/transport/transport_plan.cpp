@@ -1,0 +1,268 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "blindcorner/forward/transport/transport_plan.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <utility>
+
+#include "blindcorner/forward/error.h"
+#include "forward/relay/visibility.h"
+
+namespace blindcorner {
+namespace {
+
+using Eigen::Vector3d;
+
+/// Above this ratio of lobe footprint to lit spot the single sum of a retroreflector is replaced by
+/// pairs.
+constexpr double kSingleSumRatio = 0.05;
+/// Segments of the polyhedron that stands for a curved body. Any number gives the same light,
+/// because a polyhedron inside a convex body hides nothing from its surface.
+constexpr int kBodySegments = 12;
+
+/// Whether a plane separates the convex hulls of two sets of points by more than `margin` m.
+/// Gilbert's algorithm on the hulls' difference (SIAM J. Control 4, 1966): the nearest point to the
+/// origin found so far is a candidate normal. False when none was found, which proves nothing.
+bool separated(const std::vector<Vector3d>& a, const std::vector<Vector3d>& b, double margin) {
+  constexpr int kSteps = 60;
+  const auto farthest = [](const std::vector<Vector3d>& points, const Vector3d& along) {
+    return *std::max_element(
+        points.begin(), points.end(),
+        [&](const Vector3d& p, const Vector3d& q) { return p.dot(along) < q.dot(along); });
+  };
+  Vector3d nearest = a.front() - b.front();
+  for (int i = 0; i < kSteps && nearest.norm() > margin; ++i) {
+    const Vector3d support = farthest(a, -nearest) - farthest(b, nearest);
+    if (support.dot(nearest) > margin * nearest.norm()) return true;
+    const Vector3d step = support - nearest;
+    const double t = -nearest.dot(step) / std::max(step.squaredNorm(), 1e-300);
+    nearest += std::clamp(t, 0.0, 1.0) * step;
+  }
+  return false;
+}
+
+/// Whether the face cannot stand between any two of the points: all of them lie on one side of its
+/// plane, or it lies beyond their hull.
+bool cannot_block(const OccluderFace& face, const std::vector<Vector3d>& points, double margin) {
+  const auto& c = face.corners;
+  const Vector3d normal = face_normal(c);
+  double low = 1e300;
+  double high = -1e300;
+  for (const Vector3d& point : points) {
+    const double distance = normal.dot(point - c[0]);
+    low = std::min(low, distance);
+    high = std::max(high, distance);
+  }
+  if (low >= -margin || high <= margin) return true;
+  return separated({c.begin(), c.end()}, points, margin);
+}
+
+std::string number(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.3g", value);
+  return text;
+}
+
+/// Half edges of an upright box, parallel to the world axes, that holds the body about its centre;
+/// at any yaw when yaw is unknown.
+Vector3d half_extents(const Scene& scene, int object, const Placement& probe) {
+  const bool turns = std::ranges::any_of(scene.unknowns, [&](const Unknown& u) {
+    return u.object == object && u.component == Component::yaw;
+  });
+  const auto around = [&](double x, double y, double z) -> Vector3d {
+    if (turns) return {std::hypot(x, y), std::hypot(x, y), z};
+    const double c = std::abs(std::cos(probe.yaw));
+    const double s = std::abs(std::sin(probe.yaw));
+    return {c * x + s * y, s * x + c * y, z};
+  };
+  const Shape& shape = hidden_object(scene, object).shape;
+  Vector3d half = Vector3d::Constant(bounding_radius(shape, Anchor::center));
+  if (const auto* r = std::get_if<RectangleShape>(&shape)) {
+    half = around(0, r->width / 2, r->height / 2);
+  } else if (const auto* box = std::get_if<BoxShape>(&shape)) {
+    half = around(box->size.x() / 2, box->size.y() / 2, box->size.z() / 2);
+  } else if (const auto* c = std::get_if<CylinderShape>(&shape)) {
+    half = {c->radius, c->radius, c->height / 2};
+  }
+  return probe.size * half;
+}
+
+/// Points that span an object's search region: corners of boxes around it at the probed placements.
+std::vector<Vector3d> region_corners(const Scene& scene, int index) {
+  const HiddenObject& object = hidden_object(scene, index);
+  std::vector<Vector3d> points;
+  for (const Placement& probe : probe_placements(scene, index)) {
+    const Transform T = object_to_world(object.shape, object.anchor, probe);
+    const Vector3d half = half_extents(scene, index, probe);
+    for (int corner = 0; corner < 8; ++corner) {
+      const Vector3d sign((corner & 1) != 0 ? 1 : -1, (corner & 2) != 0 ? 1 : -1,
+                          (corner & 4) != 0 ? 1 : -1);
+      points.push_back(T.translation() + half.cwiseProduct(sign));
+    }
+  }
+  return points;
+}
+
+void decide_occlusion(TransportPlan& plan, const Scene& scene, std::vector<Vector3d> points,
+                      const PlanOverrides& overrides) {
+  const auto faces = occluder_faces(scene.surfaces);
+  double extent = 0;
+  for (const Vector3d& p : points) extent = std::max(extent, (p - points.front()).norm());
+  const double margin = 1e-6 * std::max(extent, 1e-6);
+  for (const OccluderFace& face : faces) {
+    if (!cannot_block(face, points, margin)) plan.occluders.push_back(face);
+  }
+  const bool used = !plan.occluders.empty();
+  const std::string count =
+      std::to_string(plan.occluders.size()) + " of " + std::to_string(faces.size());
+  plan.decide({Term::occlusion, "occlusion between relay and object", used,
+               faces.empty() ? "no surface is marked as an occluder"
+               : used        ? count + " occluder faces can stand between relay and search region"
+                             : "no occluder face meets the hull of relay and search region"});
+  if (overrides.switched_on(Term::occlusion)) plan.occluders = faces;
+  if (overrides.switched_off(Term::occlusion)) plan.occluders.clear();
+}
+
+void decide_kernel(TransportPlan& plan, const Scene& scene, double farthest, double lit_extent,
+                   const PlanOverrides& overrides) {
+  PlanDecision pairs{Term::patch_pairs, "pairs of lit and seen relay patches", false, "", 0.0};
+  if (const auto* retro = std::get_if<RetroreflectiveMaterial>(&scene.hidden.material)) {
+    const double ratio = lit_extent > 0 ? retro->lobe_sigma * farthest / lit_extent : 0.0;
+    pairs.used = ratio > kSingleSumRatio;
+    pairs.reason = "the lobe's footprint is at most " + number(ratio) + " of the lit spot" +
+                   (pairs.used ? ", above " : ", not above ") + number(kSingleSumRatio);
+    const bool single = pairs.used ? overrides.switched_off(Term::patch_pairs)
+                                   : !overrides.switched_on(Term::patch_pairs);
+    plan.kernel = single ? Kernel::retro_single : Kernel::retro_pairs;
+  } else {
+    pairs.reason = "a Lambertian object's light factorises into two sums";
+  }
+  plan.decide(pairs);
+}
+
+}  // namespace
+
+std::vector<Placement> probe_placements(const Scene& scene, int object) {
+  std::vector<Placement> placements{hidden_object(scene, object).placement};
+  for (const Unknown& unknown : scene.unknowns) {
+    if (unknown.object != object) continue;
+    std::vector<Placement> next;
+    for (const Placement& placement : placements) {
+      for (const double t : {0.0, 0.5, 1.0}) {
+        if (t > 0 && unknown.range() == 0) break;  // one value only
+        Placement moved = placement;
+        moved.set(unknown.component, unknown.lower + t * unknown.range());
+        next.push_back(moved);
+      }
+    }
+    placements = std::move(next);
+  }
+  return placements;
+}
+
+bool in_search_region(const Scene& scene, const Placement& placement, int object) {
+  for (const Unknown& unknown : scene.unknowns) {
+    if (unknown.object != object) continue;
+    const double value = placement.get(unknown.component);
+    if (unknown.component == Component::yaw) continue;  // turns a body inside its own ball
+    const double slack = 1e-9 * unknown.range();
+    if (!(value >= unknown.lower - slack && value <= unknown.upper + slack)) return false;
+  }
+  return true;
+}
+
+bool PlanOverrides::switched_on(Term term) const { return std::ranges::find(on, term) != on.end(); }
+
+bool PlanOverrides::switched_off(Term term) const {
+  return std::ranges::find(off, term) != off.end();
+}
+
+const PlanDecision& TransportPlan::decision(Term term) const {
+  const auto found = std::ranges::find(decisions, term, &PlanDecision::term);
+  if (found == decisions.end())
+    throw Error("transport plan", "no decision about the term asked for");
+  return *found;
+}
+
+void TransportPlan::decide(PlanDecision made) {
+  const auto found = std::ranges::find(decisions, made.term, &PlanDecision::term);
+  if (found == decisions.end()) {
+    decisions.push_back(std::move(made));
+  } else {
+    *found = std::move(made);
+  }
+}
+
+std::vector<OccluderFace> body_faces(const Shape& shape, const Transform& T_world_shape,
+                                     double size) {
+  std::vector<OccluderFace> faces;
+  const auto* mesh = std::get_if<MeshShape>(&shape);
+  const bool closed =
+      mesh != nullptr ? mesh->mesh->closed : !std::holds_alternative<RectangleShape>(shape);
+  for (const Triangle& t : triangulate(shape, T_world_shape, size, kBodySegments)) {
+    // Triangles at the poles of a round shape have no area.
+    const Vector3d u = t[1] - t[0];
+    const Vector3d v = t[2] - t[0];
+    if (u.cross(v).norm() <= 1e-9 * (u.squaredNorm() + v.squaredNorm())) continue;
+    faces.push_back({{t[0], t[1], t[2], 0.5 * (t[2] + t[0])}, closed});
+  }
+  return faces;
+}
+
+void decide_view(TransportPlan& plan, const Scene& scene, const std::vector<Vector3d>& seen) {
+  std::vector<Vector3d> region;
+  for (int i = 0; i < object_count(scene); ++i) {
+    const std::vector<Vector3d> corners = region_corners(scene, i);
+    region.insert(region.end(), corners.begin(), corners.end());
+  }
+  const bool apart = separated(seen, region, 0.0);
+  plan.decide({Term::object_in_view, "object before the sensor", false,
+               apart
+                   ? "a plane separates the search region from all that the sensor lights and sees"
+                   : "at some poses the object may stand in the light or in the view: that it is "
+                     "then seen directly, and shades the relay, is not modelled",
+               apart ? 0.0 : std::numeric_limits<double>::infinity()});
+}
+
+TransportPlan make_plan(const Scene& scene, const std::vector<Vector3d>& relay_points,
+                        double lit_extent, const PlanOverrides& overrides) {
+  TransportPlan plan;
+  std::vector<Vector3d> points;
+  double farthest = 0;
+  for (int i = 0; i < object_count(scene); ++i) {
+    const HiddenObject& object = hidden_object(scene, i);
+    const std::vector<Placement> probes = probe_placements(scene, i);
+    for (const Placement& probe : probes) {
+      const Vector3d middle = object_to_world(object.shape, object.anchor, probe).translation();
+      for (const Vector3d& relay : relay_points) {
+        farthest = std::max(farthest, (relay - middle).norm());
+      }
+    }
+    const std::vector<Vector3d> corners = region_corners(scene, i);
+    points.insert(points.end(), corners.begin(), corners.end());
+  }
+  points.insert(points.end(), relay_points.begin(), relay_points.end());
+  decide_occlusion(plan, scene, std::move(points), overrides);
+  plan.decide({Term::self_shadowing, "self-shadowing of the object", false,
+               "a convex body hides nothing from its own surface"});
+  decide_kernel(plan, scene, farthest, lit_extent, overrides);
+  const bool spills = !scene.sensor.crosstalk.empty();
+  plan.decide({Term::crosstalk, "crosstalk between zones", spills,
+               spills ? "the sensor states it" : "the sensor states none"});
+  if (scene.sensor.pile_up_cycles > 0) {
+    plan.decide(
+        {Term::pile_up, "pile-up", true,
+         "the sensor records one photon a cycle; captures in which more than 1 % of the light "
+         "is hidden are corrected"});
+  }
+  if (scene.sensor.saturation > 0) {
+    plan.decide(
+        {Term::saturation, "bins that fill up", true,
+         "the sensor states how much a bin holds; a fit leaves out bins that captures fill up"});
+  }
+  return plan;
+}
+
+}  // namespace blindcorner

@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Shapes of surfaces and hidden objects, and their division into small flat cells.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <memory>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "blindcorner/forward/scene/pose.h"
+
+namespace blindcorner {
+
+/// Flat rectangle in its own y-z plane, normal +x; reflects on the normal's side only.
+struct RectangleShape {
+  double width = 1.0;   ///< m, along its own y
+  double height = 1.0;  ///< m, along its own z
+};
+/// Box with edges along its own axes.
+struct BoxShape {
+  Eigen::Vector3d size = Eigen::Vector3d::Ones();  ///< m
+};
+struct SphereShape {
+  double radius = 0.5;  ///< m
+};
+/// Vertical cylinder, closed at top and bottom.
+struct CylinderShape {
+  double radius = 0.5;  ///< m
+  double height = 1.0;  ///< m, along z
+};
+
+/// Triangles about the centroid of their area, m. Made by `make_mesh`.
+struct TriangleMesh {
+  std::vector<Eigen::Vector3d> vertices;
+  std::vector<std::array<int, 3>> triangles;         ///< counter-clockwise seen from outside
+  Eigen::Vector3d origin = Eigen::Vector3d::Zero();  ///< of the given vertices' own coordinates
+  Eigen::Vector3d extent = Eigen::Vector3d::Zero();  ///< m, of the bounding box along its own axes
+  Eigen::Vector3d lowest = Eigen::Vector3d::Zero();  ///< corner of the bounding box
+  double radius = 0.0;                               ///< m, farthest vertex from the centroid
+  bool closed = false;  ///< every edge joins two triangles that run along it in opposite directions
+  bool convex = false;  ///< closed, and no vertex lies outside of any face
+};
+
+/// Moves the vertices to the centroid and finds out the rest. Throws Error when there is no
+/// triangle of an area, a vertex is not finite or an index is out of range.
+std::shared_ptr<const TriangleMesh> make_mesh(std::vector<Eigen::Vector3d> vertices,
+                                              std::vector<std::array<int, 3>> triangles);
+
+/// Body or sheet made of triangles.
+struct MeshShape {
+  std::shared_ptr<const TriangleMesh> mesh;
+  bool two_sided = false;  ///< reflects on both sides, else on the outer one; both block
+};
+
+using Shape = std::variant<RectangleShape, BoxShape, SphereShape, CylinderShape, MeshShape>;
+
+/// "rectangle", "box", "sphere", "cylinder" or "mesh".
+std::string shape_name(const Shape& shape);
+
+/// Which point of the shape its position names: the centre, or the centre of its footprint.
+enum class Anchor { center, base };
+
+/// `base` for shapes that stand (box, cylinder), `center` otherwise.
+Anchor default_anchor(const Shape& shape);
+
+/// Whether no line between two points of the shape leaves it: it cannot shadow itself.
+bool is_convex(const Shape& shape);
+
+/// Period in radians after which a yaw turn looks the same: 2 pi for a rectangle, pi for a box,
+/// pi/2 for a box of square footprint, 2 pi for a mesh, 0 for shapes that yaw does not change.
+double yaw_period(const Shape& shape);
+
+/// Largest distance of a point of the shape from its anchor, m.
+double bounding_radius(const Shape& shape, Anchor anchor);
+
+/// Small flat piece of a surface, in world coordinates (m). For curved shapes it lies in the
+/// tangent plane and its area is that of the curved piece.
+struct SurfaceCell {
+  Eigen::Vector3d center;
+  Eigen::Vector3d normal;  ///< unit, outward
+  Eigen::Vector3d half_u;  ///< half edge
+  Eigen::Vector3d half_v;  ///< half edge
+  double area = 0.0;       ///< m^2
+};
+
+/// Takes the shape's own centred coordinates to the world, for a placement of its anchor. Lengths
+/// are scaled by `placement.size` separately.
+Transform object_to_world(const Shape& shape, Anchor anchor, const Placement& placement);
+
+/// Divides the placed shape into flat cells whose edges are at most `max_edge` metres (before the
+/// factor `size`), and at least `min_divisions` along each edge. The number and the order of cells
+/// depend only on the shape and these two numbers, never on the placement, so that sums over cells
+/// are smooth in the placement. Cells of a curved shape carry the area of the curved piece.
+std::vector<SurfaceCell> divide(const Shape& shape, const Transform& T_world_shape, double size,
+                                double max_edge, int min_divisions = 1);
+
+/// Point of a surface (m) and the area that it stands for (m^2).
+struct SurfacePoint {
+  Eigen::Vector3d center;
+  Eigen::Vector3d normal;  ///< unit, outward
+  double area = 0.0;
+};
+
+/// Quadrature points of the shape in its own coordinates, no farther apart than about `spacing`
+/// metres: Gauss-Legendre rules over flat faces, heights and radii, even steps around a circle,
+/// three points (degree 2) for each part of a triangle. Smooth functions of the surface are
+/// integrated with an error that falls exponentially in 1 / spacing (mesh: with its third power).
+std::vector<SurfacePoint> quadrature(const Shape& shape, double spacing);
+
+using Triangle = std::array<Eigen::Vector3d, 3>;
+
+/// Triangles of the placed shape for ray tracing, counter-clockwise seen from outside. Curved
+/// shapes are tessellated with `segments` steps around.
+std::vector<Triangle> triangulate(const Shape& shape, const Transform& T_world_shape, double size,
+                                  int segments = 48);
+
+/// Flat faces of a rectangle (1), a box (6) or a mesh as planar quads, corners counter-clockwise
+/// seen from outside (of a triangle, the third corner is in the middle of an edge); throws Error
+/// for curved shapes.
+std::vector<std::array<Eigen::Vector3d, 4>> flat_faces(const Shape& shape,
+                                                       const Transform& T_world_shape, double size);
+
+/// Unit normal of such a face, towards the side from which its corners run counter-clockwise.
+Eigen::Vector3d face_normal(const std::array<Eigen::Vector3d, 4>& corners);
+
+}  // namespace blindcorner

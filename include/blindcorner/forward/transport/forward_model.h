@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Pose in, expected histogram out: one interface, two models behind it.
+#pragma once
+
+#include <Eigen/Core>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "blindcorner/forward/scene/scene.h"
+#include "blindcorner/forward/sensor/capture.h"
+#include "blindcorner/forward/transport/transport_plan.h"
+
+namespace blindcorner {
+
+/// Where the sensor stood, as far as a capture says so.
+struct SensorPlacement {
+  Transform T_world_sensor = Transform::Identity();
+  std::vector<Eigen::Vector3d> relay_points;  ///< [zones] m, world; empty: from the footprints
+};
+
+/// Sensor placement of a capture: its own where it carries one, else the scene's.
+SensorPlacement sensor_placement(const Scene& scene, const Capture* capture = nullptr);
+
+/// Throws Error when the sensor lights or sees no relay surface, a stated relay point is far from
+/// all, or a measured law has zones that are no points. Points that captures bring are not checked.
+void check_relay_visible(const Scene& scene);
+
+/// How coarsely the fast model samples, in units of what closed-form estimates ask for.
+struct Fidelity {
+  double relay = 1.0;
+  double object = 1.0;
+  /// Light of narrow lobes from pairs of relay patches, where one sum leaves out too much.
+  bool lobe_pairs = false;
+};
+
+/// Size of a model's sums.
+struct ModelSize {
+  int lit_points = 0;     ///< of the relay, as the source sees it
+  int seen_points = 0;    ///< of all zones
+  int object_points = 0;  ///< at the scene's own placement
+};
+
+/// Expected light of a scene. Thread safe: all methods are const and keep no state.
+class ForwardModel {
+ public:
+  virtual ~ForwardModel() = default;
+
+  /// Light that went source, relay, object, relay, detector, W/m^2 per bin for a zone that weighs
+  /// all its directions alike: the sum over lit points p, object points q and seen points r of
+  ///   I dOmega_p (rho_p / pi) cos cos / |pq|^2 * f dA_q * cos cos / |qr|^2 (rho_r / pi) dOmega_r
+  /// where p, q and r see each other, each a pulse at its whole path's time; I the source's radiant
+  /// intensity, f the object's BRDF, dOmega_r as the detector sees it. Gains and linear unknowns
+  /// are not applied. `out` is resized to [rows, columns, bins]. The pose holds the scene's
+  /// unknowns in order, SI units.
+  virtual void three_bounce(const PoseVector& pose, HistogramCube& out) const = 0;
+
+  HistogramCube three_bounce(const PoseVector& pose) const {
+    HistogramCube out;
+    three_bounce(pose, out);
+    return out;
+  }
+
+  /// Light of the known scene alone: source, surface, detector, and where it matters the two- and
+  /// three-bounce returns of known surfaces; same unit. Zero when path lengths count from the relay
+  /// (the first bounce is then no part of a capture).
+  virtual const HistogramCube& direct_return() const = 0;
+
+  /// With the hidden objects in the way of the later bounces: the reference renderer's alone.
+  virtual HistogramCube static_return(const PoseVector& /*pose*/) const { return direct_return(); }
+
+  virtual const TransportPlan& plan() const = 0;
+
+  /// Sampling that the fast model chose; nothing for the reference renderer.
+  virtual std::optional<Fidelity> fidelity() const { return std::nullopt; }
+  /// Nothing for the reference renderer, nor for several objects.
+  virtual std::optional<ModelSize> size() const { return std::nullopt; }
+};
+
+/// Sampling of the reference renderer: uniform, denser than and different from the fast model's.
+/// Flat cells, of relay and object, have 2 x 2 Gauss-Legendre nodes each; cells of curved objects
+/// and lit cells that resolve a lobe have one.
+struct ReferenceOptions {
+  int zone_divisions = 4;    ///< relay cells along each side of a zone
+  int field_divisions = 12;  ///< relay cells along each side of the field (rings of a cone)
+  int object_divisions = 5;  ///< least cells along each edge of the object
+  double object_edge = 0.4;  ///< m, largest cell edge on the object
+
+  void validate() const;
+};
+
+/// The reference renderer's sampling, `scale` times as dense along each axis as by default.
+ReferenceOptions reference_sampling(double scale);
+
+/// The sum of `three_bounce`, pair by pair: any material, point-to-point visibility rays, no
+/// moments.
+std::unique_ptr<ForwardModel> make_reference_renderer(const Scene& scene,
+                                                      const SensorPlacement& placement,
+                                                      const ReferenceOptions& options = {});
+
+struct FastModelOptions {
+  /// Largest error of a bin relative to the pose's peak. The model takes the coarsest sampling
+  /// whose error, estimated by going on to at least twice as many cells at eight poses of the
+  /// search region, is below this: an estimate, not a bound for every pose.
+  double tolerance = 0.01;
+  /// Standard deviation of an extra Gaussian pulse, s: widens the basins of attraction.
+  double extra_pulse_sigma = 0.0;
+  /// Sampling found for a like placement of the same scene, to save the search for it.
+  std::optional<Fidelity> fidelity;
+  /// Terms evaluated, or not, against the plan: for measuring what the plan's decisions are worth.
+  PlanOverrides overrides;
+
+  void validate() const;
+};
+
+/// Sums over light arriving and light leaving instead of pairs: of a Lambertian object, convolved
+/// on a grid of paths; of a narrow lobe, one sum over the relay where that meets the tolerance,
+/// else pairs within the lobe's reach. Smooth in the pose.
+std::unique_ptr<ForwardModel> make_fast_model(const Scene& scene, const SensorPlacement& placement,
+                                              const FastModelOptions& options = {});
+
+}  // namespace blindcorner

@@ -1,0 +1,153 @@
+// SPDX-License-Identifier: Apache-2.0
+/// A moving object in a sequence of frames: prediction, rival modes, presence.
+///
+/// Multiple-hypothesis filter (Reid 1979; Bar-Shalom, Li & Kirubarajan 2001, chapters 5, 6 and 11).
+/// A hypothesis is a normal distribution over pose, brightness and velocity. Each frame splits it:
+/// the frame shows the object where it was predicted; the frame shows something else or nothing, so
+/// the hypothesis is only predicted; or the object is elsewhere, and a new hypothesis starts there.
+/// Evidences weigh them; like ones are merged, negligible ones dropped.
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "blindcorner/forward/scene/motion.h"
+#include "blindcorner/forward/scene/scene.h"
+#include "blindcorner/inverse/tracking/frame_likelihood.h"
+
+namespace blindcorner {
+
+/// How hypotheses are kept. What is known about the object's motion is in Motion.
+struct TrackerOptions {
+  /// Probability that a frame shows nothing of an object that is there, or something else.
+  double missed_probability = 0.01;
+  /// Probability per frame that the object is where the track did not expect it.
+  double lost_probability = 1e-4;
+  /// Chance of an innovation as improbable as this asks for a search of the whole region.
+  double gate_probability = 1e-3;
+  /// Time after which the whole region is searched in any case, s.
+  double search_interval = 2.0;
+  /// Hypotheses closer than this (squared Mahalanobis distance under the wider one) are one.
+  double merge_distance2 = 1.0;
+  /// Hypotheses with less weight are dropped; at most `max_modes` are kept.
+  double negligible_weight = 1e-4;
+  int max_modes = 8;
+  /// Mean time that an object stays, and, at a prior probability of presence of one half, stays
+  /// away, s.
+  double dwell_time = 60.0;
+  /// Time constant with which the inflation of the measurement's covariance follows the normalised
+  /// innovations, s.
+  double inflation_time = 5.0;
+  double max_inflation = 10.0;
+
+  /// Throws Error naming the field that is out of range.
+  void validate() const;
+};
+
+/// Where the pieces of a track's state lie: unknowns, log brightness, velocities.
+struct TrackLayout {
+  TrackLayout(const Scene& scene, const Motion& motion);
+
+  Eigen::Index poses = 0;            ///< unknowns of the scene
+  Eigen::Index measured = 0;         ///< of them and the brightness, where it is shared
+  Eigen::Index size = 0;             ///< with the velocities
+  std::vector<Eigen::Index> moving;  ///< the unknown that velocity `measured + i` belongs to
+  Eigen::VectorXd drift;             ///< [measured] random walk, unit/sqrt(s)
+  Eigen::VectorXd period;            ///< [measured] of circular unknowns, else 0
+
+  /// b - a, the short way around on circles.
+  Eigen::VectorXd difference(const Eigen::VectorXd& a, const Eigen::VectorXd& b) const;
+};
+
+/// Transition over `dt`: x -> F x, covariance P -> F P F' + Q. Positions move with their velocity,
+/// which white acceleration of spectral density q changes:
+/// Q = q [dt^3/3 dt^2/2; dt^2/2 dt]; all else walks at random.
+void predict(const TrackLayout& layout, const Motion& motion, double dt, Gaussian& state);
+
+/// Carries the posterior of the measured part over to the whole state. Exact where frame and
+/// prediction are normal: then it is the Kalman update.
+void condition(const TrackLayout& layout, const Gaussian& measured, Gaussian& state);
+
+/// Squared innovation in units of its covariance, and how many directions the frame measured.
+struct Innovation {
+  double squared = 0;
+  double freedom = 0;
+};
+Innovation innovation(const TrackLayout& layout, const Gaussian& predicted,
+                      const Gaussian& measured);
+
+/// One explanation of the frames so far.
+struct TrackMode {
+  double weight = 0;
+  Gaussian state;
+  double log_likelihood = 0;
+  int age = 0;      ///< frames since it began
+  int coasted = 0;  ///< frames since one last showed it
+  int node = -1;    ///< of the history
+};
+
+/// What is known after a frame, from this frame and the ones before.
+struct TrackPoint {
+  std::vector<TrackMode> modes;  ///< heaviest first; empty: nothing is tracked
+  double presence_probability = 0;
+  double inflation = 1;   ///< of the measurement's covariance, from the innovations so far
+  Innovation innovation;  ///< of the heaviest mode's prediction
+  bool searched = false;  ///< the whole region was searched
+};
+
+/// Filters frame by frame, and smooths what was filtered. Not thread safe.
+class Tracker {
+ public:
+  Tracker(const Scene& scene, const Motion& motion, TrackerOptions options = {});
+
+  /// Takes in the next frame, `dt` seconds after the one before (ignored for the first).
+  TrackPoint advance(double dt, const FrameLikelihood& frame);
+
+  /// The state at each frame given all frames, before and after: Rauch-Tung-Striebel smoothing
+  /// along the hypotheses that survived. Empty where nothing was tracked.
+  std::vector<std::optional<Gaussian>> smoothed() const;
+
+  const TrackLayout& layout() const { return layout_; }
+  const Motion& motion() const { return motion_; }
+
+ private:
+  struct Node {
+    int parent = -1;
+    int frame = 0;
+    double dt = 0;
+    Gaussian predicted, filtered;
+  };
+  struct Hypothesis;
+
+  void predict_all(double dt);
+  std::vector<Hypothesis> explain(const FrameLikelihood& frame, TrackPoint& point);
+  void search(const FrameLikelihood& frame, double share, std::vector<Hypothesis>& hypotheses);
+  void keep(std::vector<Hypothesis> hypotheses);
+  void adapt(const Innovation& innovation, double dt);
+  bool too_close(const Hypothesis& a, const Hypothesis& b) const;
+
+  TrackLayout layout_;
+  Motion motion_;
+  TrackerOptions options_;
+  double presence_prior_;
+  Gaussian unknown_;  ///< the measured part before anything is known
+  std::vector<TrackMode> modes_;
+  std::vector<Node> history_;
+  std::vector<int> heaviest_;  ///< node of the heaviest mode after each frame; -1: none
+  double presence_ = 0;
+  double inflation_ = 1;
+  double since_search_ = 0;
+  int frames_ = 0;
+};
+
+/// One frame of a sequence as a result. The modes are the track's, after this frame: means and
+/// covariances of the filter, the latter with the motion's position error. Its `track` lacks what
+/// later frames add.
+FitResult track_frame(const Fitter& fitter, Tracker& tracker, const Capture& capture, double dt);
+
+/// Fills in what the tracker's smoother knows of the results of all its frames, in their order.
+void add_smoothed(const Scene& scene, const Tracker& tracker, std::span<FitResult> results);
+
+}  // namespace blindcorner

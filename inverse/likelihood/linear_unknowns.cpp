@@ -1,0 +1,539 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "inverse/likelihood/linear_unknowns.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "blindcorner/forward/constants.h"
+
+namespace blindcorner {
+namespace {
+
+constexpr int kMaxIterations = 100;
+/// Newton decrement below which one more full step reaches machine precision.
+constexpr double kQuadratic = 1e-6;
+/// Expected photons at which the ambient light of a whole zone is taken as none.
+constexpr double kAmbientFloor = 1e-6;
+
+double half_deviance(const BinLikelihood& law, const ObservedZone& zone, std::size_t bin,
+                     double m) {
+  const double n = zone.counts[bin];
+  if (!law.poisson()) return law.value(n, m) - zone.least[bin];
+  return law.scale() * (n > 0 ? m - n + n * std::log(n / std::max(m, 1e-300)) : m);
+}
+
+/// Censored bins in [begin, end), counted from begin.
+std::span<const int> censored_between(const ObservedZone& zone, int begin, int end) {
+  thread_local std::vector<int> censored;
+  censored.clear();
+  for (auto it = std::lower_bound(zone.censored.begin(), zone.censored.end(), begin);
+       it != zone.censored.end() && *it < end; ++it) {
+    censored.push_back(*it - begin);
+  }
+  return censored;
+}
+
+double log_normal_prior(double log_a, const AmplitudePrior& prior) {
+  const double u = (log_a - std::log(prior.median)) / prior.sigma_log;
+  return -0.5 * u * u - std::log(prior.sigma_log * std::sqrt(2 * kPi));
+}
+
+}  // namespace
+
+/// Derivatives of one zone's negative log likelihood in (a, c, b).
+struct LinearSolver::Local {
+  double ga = 0, gc = 0, gb = 0;
+  double haa = 0, hac = 0, hab = 0, hcc = 0, hcb = 0, hbb = 0;
+};
+
+LinearSolver::LinearSolver(const Observation& observation, const LinearUnknowns& unknowns)
+    : observation_(observation),
+      unknowns_(unknowns),
+      has_direct_(unknowns.direct == LinearMode::per_zone) {
+  for (const ObservedZone& zone : observation_.zones) {
+    const BinLikelihood& law = observation_.law(zone);
+    const double all_bins = zone.bins() + zone.outside_bins;
+    ambient_floor_.push_back(law.poisson() ? kAmbientFloor / (all_bins * law.scale()) : -1e300);
+    residual_count_ += zone.bins() + (law.poisson() && zone.outside_bins > 0 ? 1 : 0);
+    std::vector<Prefix> prefix(1);
+    for (std::size_t k = 0; k < zone.counts.size(); ++k) {
+      const double n = zone.counts[k];
+      Prefix next = prefix.back();
+      next.count += n;
+      next.square += n * n;
+      if (law.poisson()) {
+        next.constant += n > 0 ? law.scale() * (n * std::log(n) - n) : 0.0;
+      } else {
+        next.constant -= zone.least[k];
+      }
+      if (unknowns_.ambient == LinearMode::fixed) {
+        next.fixed += half_deviance(law, zone, k, unknowns_.fixed_ambient);
+      }
+      prefix.push_back(next);
+    }
+    prefix_.push_back(std::move(prefix));
+  }
+  unknowns_.fixed_direct = 1;  // what is fixed is part of the shape
+  if (unknowns_.ambient != LinearMode::per_zone) unknowns_.ambient_prior.clear();
+  if (!unknowns_.ambient_prior.empty()) {
+    residual_count_ += static_cast<int>(observation_.zones.size());
+  }
+  const std::size_t amplitudes =
+      unknowns_.amplitude == LinearMode::shared
+          ? 1
+          : (unknowns_.amplitude == LinearMode::per_zone ? observation_.zones.size() : 0);
+  residual_count_ += static_cast<int>(amplitudes);
+}
+
+bool LinearSolver::summable(const ObservedZone& zone) const {
+  return unknowns_.ambient == LinearMode::fixed || !observation_.law(zone).censored();
+}
+
+LinearSolver::Lit LinearSolver::lit(std::size_t zone, const ZoneShapes& shapes) const {
+  Lit result;
+  const ObservedZone& observed = observation_.zones[zone];
+  if (!summable(observed)) {
+    result.ranges[0] = {0, observed.bins()};
+    result.count = 1;
+    return result;
+  }
+  std::pair<int, int> first{shapes.object_first, shapes.object_end};
+  std::pair<int, int> second{shapes.direct_first, shapes.direct_end};
+  if (first > second) std::swap(first, second);
+  if (first.first < first.second) result.ranges[result.count++] = first;
+  if (second.first < second.second) {
+    if (result.count > 0 && second.first <= first.second) {
+      result.ranges[0].second = std::max(first.second, second.second);
+    } else {
+      result.ranges[result.count++] = second;
+    }
+  }
+  const std::vector<Prefix>& prefix = prefix_[zone];
+  result.rest = prefix.back();
+  result.rest_bins = observed.bins();
+  for (std::size_t r = 0; r < result.count; ++r) {
+    const Prefix& begin = prefix[static_cast<std::size_t>(result.ranges[r].first)];
+    const Prefix& end = prefix[static_cast<std::size_t>(result.ranges[r].second)];
+    result.rest_bins -= result.ranges[r].second - result.ranges[r].first;
+    result.rest.count -= end.count - begin.count;
+    result.rest.square -= end.square - begin.square;
+    result.rest.constant -= end.constant - begin.constant;
+    result.rest.fixed -= end.fixed - begin.fixed;
+  }
+  return result;
+}
+
+LinearSolver::Local LinearSolver::local(std::size_t z, const ZoneShapes& shapes, double amplitude,
+                                        double ambient, double direct) const {
+  Local h;
+  const ObservedZone& zone = observation_.zones[z];
+  const BinLikelihood& law = observation_.law(zone);
+  const double* s = shapes.object;
+  const double* t = shapes.direct;
+  const double* n = zone.counts.data();
+  const Lit bins = lit(z, shapes);
+  if (law.poisson()) {
+    double ga = 0, gc = 0, gb = 0, haa = 0, hac = 0, hab = 0, hcc = 0, hcb = 0, hbb = 0;
+    const double k = law.scale();
+    for (std::size_t r = 0; r < bins.count; ++r) {
+      const auto [begin, end] = bins.ranges[r];
+      if (t == nullptr) {
+        for (int i = begin; i < end; ++i) {
+          const double si = s != nullptr ? s[i] : 0.0;
+          const double inverse = 1 / std::max(amplitude * si + ambient, 1e-300);
+          const double ratio = n[i] * inverse;
+          const double d1 = 1 - ratio;
+          const double d2 = ratio * inverse;
+          ga += d1 * si;
+          gc += d1;
+          haa += d2 * si * si;
+          hac += d2 * si;
+          hcc += d2;
+        }
+      } else {
+        for (int i = begin; i < end; ++i) {
+          const double si = s != nullptr ? s[i] : 0.0;
+          const double inverse = 1 / std::max(amplitude * si + direct * t[i] + ambient, 1e-300);
+          const double ratio = n[i] * inverse;
+          const double d1 = 1 - ratio;
+          const double d2 = ratio * inverse;
+          ga += d1 * si;
+          gc += d1;
+          gb += d1 * t[i];
+          haa += d2 * si * si;
+          hac += d2 * si;
+          hab += d2 * si * t[i];
+          hcc += d2;
+          hcb += d2 * t[i];
+          hbb += d2 * t[i] * t[i];
+        }
+      }
+    }
+    const double dark_bins = zone.outside_bins + bins.rest_bins;
+    const double dark_count = zone.outside_count + bins.rest.count;
+    if (dark_bins > 0 && ambient > 0) {
+      gc += dark_bins - dark_count / ambient;
+      hcc += dark_count / (ambient * ambient);
+    }
+    return {k * ga, k * gc, k * gb, k * haa, k * hac, k * hab, k * hcc, k * hcb, k * hbb};
+  }
+  thread_local std::vector<double> mean, first, second;
+  for (auto* v : {&mean, &first, &second}) {
+    if (v->size() < zone.counts.size()) v->resize(zone.counts.size());
+  }
+  for (std::size_t r = 0; r < bins.count; ++r) {
+    const auto [begin, end] = bins.ranges[r];
+    expected(shapes, amplitude, ambient, direct, begin, end, mean.data());
+    law.slopes(n + begin, mean.data(), end - begin, censored_between(zone, begin, end),
+               first.data(), second.data());
+    for (int i = begin; i < end; ++i) {
+      const auto k = static_cast<std::size_t>(i - begin);
+      const double si = s != nullptr ? s[i] : 0.0;
+      const double ti = t != nullptr ? t[i] : 0.0;
+      const double d1 = first[k];
+      const double d2 = second[k];
+      h.ga += d1 * si;
+      h.gc += d1;
+      h.gb += d1 * ti;
+      h.haa += d2 * si * si;
+      h.hac += d2 * si;
+      h.hab += d2 * si * ti;
+      h.hcc += d2;
+      h.hcb += d2 * ti;
+      h.hbb += d2 * ti * ti;
+    }
+  }
+  if (bins.rest_bins > 0 && unknowns_.ambient == LinearMode::per_zone) {
+    const BinLikelihood::Terms rest =
+        law.equal_bins(bins.rest_bins, bins.rest.count, bins.rest.square, ambient);
+    h.gc += rest.first;
+    h.hcc += rest.second;
+  }
+  return h;
+}
+
+void LinearSolver::start(std::span<const ZoneShapes> shapes, LinearSolution& solution) const {
+  const std::size_t zones = observation_.zones.size();
+  solution.ambient.assign(zones, unknowns_.fixed_ambient);
+  solution.direct.assign(zones, unknowns_.direct == LinearMode::fixed ? unknowns_.fixed_direct : 1);
+  solution.amplitude.assign(zones, unknowns_.amplitude == LinearMode::fixed
+                                       ? unknowns_.fixed_amplitude
+                                       : unknowns_.amplitude_prior.median);
+  double numerator = 0;
+  double denominator = 0;
+  for (std::size_t z = 0; z < zones; ++z) {
+    const ObservedZone& zone = observation_.zones[z];
+    if (unknowns_.ambient == LinearMode::per_zone) {
+      // The mean of the lower half: the object and the direct return only add.
+      std::vector<double> sorted = zone.counts;
+      std::sort(sorted.begin(), sorted.end());
+      const std::size_t half = std::max<std::size_t>(1, sorted.size() / 2);
+      double level =
+          std::accumulate(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(half), 0.0) /
+          static_cast<double>(half);
+      const double all = zone.bins() + zone.outside_bins;
+      if (zone.outside_bins > 0) level = std::max(level, zone.outside_count / zone.outside_bins);
+      solution.ambient[z] =
+          std::max({level, 0.5 / (all * std::max(observation_.law(zone).scale(), 1e-12)),
+                    ambient_floor_[z]});
+      if (!observation_.law(zone).poisson()) solution.ambient[z] = level;
+    }
+    if (shapes[z].object == nullptr || unknowns_.amplitude == LinearMode::fixed) continue;
+    double zone_numerator = 0;
+    double zone_denominator = 0;
+    const double* t = shapes[z].direct;
+    for (int i = shapes[z].object_first; i < shapes[z].object_end; ++i) {
+      const double s = shapes[z].object[i];
+      const double n = zone.counts[static_cast<std::size_t>(i)];
+      const double base = solution.ambient[z] + (t != nullptr ? solution.direct[z] * t[i] : 0.0);
+      const double weight = 1 / std::max(observation_.law(zone).variance(std::max(base, n)), 1e-30);
+      zone_numerator += s * (n - base) * weight;
+      zone_denominator += s * s * weight;
+    }
+    if (unknowns_.amplitude == LinearMode::per_zone && zone_numerator > 0) {
+      solution.amplitude[z] = zone_numerator / zone_denominator;
+    }
+    numerator += zone_numerator;
+    denominator += zone_denominator;
+  }
+  if (unknowns_.amplitude == LinearMode::shared && denominator > 0) {
+    const double low =
+        unknowns_.amplitude_prior.median * std::exp(-3 * unknowns_.amplitude_prior.sigma_log);
+    std::fill(solution.amplitude.begin(), solution.amplitude.end(),
+              std::max(numerator / denominator, low));
+  }
+}
+
+/// Newton for zones [begin, end) that share one amplitude. Unknowns: u = log a, and (c, b) of each
+/// zone, whose blocks are eliminated (the Hessian is an arrow).
+void LinearSolver::solve_shared(std::span<const ZoneShapes> shapes, std::size_t begin,
+                                std::size_t end, LinearSolution& solution, double accuracy) const {
+  const bool ambient_free = unknowns_.ambient == LinearMode::per_zone;
+  bool object = false;
+  for (std::size_t z = begin; z < end; ++z) object = object || shapes[z].object != nullptr;
+  const bool amplitude_free = object && unknowns_.amplitude != LinearMode::fixed;
+  const double prior_mean = std::log(unknowns_.amplitude_prior.median);
+  const double prior_weight = std::pow(unknowns_.amplitude_prior.sigma_log, -2);
+
+  struct Block {
+    double gc, gb, hcc, hcb, hbb, hac, hab;  // inverse of the local block in hcc, hcb, hbb
+    bool c_free, b_free;
+  };
+  thread_local std::vector<Block> blocks;
+  blocks.resize(end - begin);
+  double u = amplitude_free ? std::log(solution.amplitude[begin]) : 0.0;
+  double log_det = 0;
+  int dimension = 0;
+  bool last = false;
+  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+    const double a = amplitude_free ? std::exp(u) : solution.amplitude[begin];
+    double gradient = amplitude_free ? (u - prior_mean) * prior_weight : 0.0;
+    double hessian = amplitude_free ? prior_weight : 1.0;
+    double positive = hessian;  // without the sign-indefinite part
+    double schur = 0;
+    double reduced = 0;
+    double decrement = 0;
+    log_det = 0;
+    dimension = 0;
+    for (std::size_t z = begin; z < end; ++z) {
+      Local h = local(z, shapes[z], a, solution.ambient[z], solution.direct[z]);
+      if (const NormalPrior* prior = ambient_prior(z)) {
+        h.gc += (solution.ambient[z] - prior->mean) / (prior->sigma * prior->sigma);
+        h.hcc += 1 / (prior->sigma * prior->sigma);
+      }
+      Block& block = blocks[z - begin];
+      block.c_free =
+          ambient_free && !(solution.ambient[z] <= ambient_floor_[z] * (1 + 1e-9) && h.gc > 0);
+      block.b_free =
+          has_direct_ && shapes[z].direct != nullptr && !(solution.direct[z] <= 0 && h.gb > 0);
+      block.gc = h.gc;
+      block.gb = h.gb;
+      block.hac = a * h.hac;
+      block.hab = a * h.hab;
+      double i_cc = 0, i_cb = 0, i_bb = 0;
+      if (block.c_free && block.b_free) {
+        const double det = h.hcc * h.hbb - h.hcb * h.hcb;
+        if (det > 1e-14 * h.hcc * h.hbb) {
+          i_cc = h.hbb / det;
+          i_cb = -h.hcb / det;
+          i_bb = h.hcc / det;
+          log_det += std::log(det);
+        } else {
+          block.b_free = false;
+        }
+      }
+      if (block.c_free && !block.b_free) {
+        i_cc = h.hcc > 0 ? 1 / h.hcc : 0;
+        if (h.hcc > 0) log_det += std::log(h.hcc);
+      } else if (!block.c_free && block.b_free) {
+        i_bb = h.hbb > 0 ? 1 / h.hbb : 0;
+        if (h.hbb > 0) log_det += std::log(h.hbb);
+      }
+      dimension += (block.c_free ? 1 : 0) + (block.b_free ? 1 : 0);
+      block.hcc = i_cc;
+      block.hcb = i_cb;
+      block.hbb = i_bb;
+      // H_z^-1 g and H_z^-1 h.
+      const double xc = i_cc * h.gc + i_cb * h.gb;
+      const double xb = i_cb * h.gc + i_bb * h.gb;
+      decrement += h.gc * xc + h.gb * xb;
+      if (amplitude_free) {
+        gradient += a * h.ga;
+        hessian += a * a * h.haa + a * h.ga;
+        positive += a * a * h.haa;
+        const double yc = i_cc * block.hac + i_cb * block.hab;
+        const double yb = i_cb * block.hac + i_bb * block.hab;
+        schur += block.hac * yc + block.hab * yb;
+        reduced += block.hac * xc + block.hab * xb;
+      }
+    }
+    double du = 0;
+    if (amplitude_free) {
+      double curvature = hessian - schur;
+      if (!(curvature > 0.1 * prior_weight)) curvature = std::max(positive - schur, prior_weight);
+      const double force = gradient - reduced;
+      du = -force / curvature;
+      decrement += force * force / curvature;
+      log_det += std::log(curvature);
+      dimension += 1;
+    }
+    if (last) break;
+    // Half the squared decrement is what the log posterior still lacks.
+    const double lambda = std::sqrt(std::max(decrement, 0.0));
+    if (0.5 * lambda * lambda < accuracy) {
+      last = true;
+      break;
+    }
+    last = lambda < kQuadratic;
+    double step = lambda > 0.25 ? 1 / (1 + lambda) : 1.0;
+    // Far from the optimum damping by the decrement alone is slow for bright data; relative changes
+    // up to a factor of three are safe as well.
+    double largest = std::abs(du) / 1.1;
+    for (std::size_t z = begin; z < end; ++z) {
+      const Block& block = blocks[z - begin];
+      const double rc = block.c_free ? block.gc + block.hac * du : 0;
+      const double rb = block.b_free ? block.gb + block.hab * du : 0;
+      const double dc = -(block.hcc * rc + block.hcb * rb);
+      const double db = -(block.hcb * rc + block.hbb * rb);
+      if (observation_.law(observation_.zones[z]).poisson()) {
+        if (block.c_free) largest = std::max(largest, std::abs(dc) / (0.7 * solution.ambient[z]));
+        if (block.b_free)
+          largest = std::max(largest, std::abs(db) / (0.7 * std::max(solution.direct[z], 1e-3)));
+      }
+    }
+    step = std::max(step, std::min(1.0, 0.5 / largest));
+    for (std::size_t z = begin; z < end; ++z) {
+      const Block& block = blocks[z - begin];
+      const double rc = block.c_free ? block.gc + block.hac * du : 0;
+      const double rb = block.b_free ? block.gb + block.hab * du : 0;
+      if (block.c_free) {
+        const double moved = solution.ambient[z] - step * (block.hcc * rc + block.hcb * rb);
+        const bool positive_only = observation_.law(observation_.zones[z]).poisson();
+        solution.ambient[z] =
+            positive_only ? std::max({moved, 0.1 * solution.ambient[z], ambient_floor_[z]}) : moved;
+        if (positive_only && solution.ambient[z] < 4 * ambient_floor_[z] && moved < 0) {
+          solution.ambient[z] = ambient_floor_[z];
+        }
+      }
+      if (block.b_free) {
+        const double moved = solution.direct[z] - step * (block.hcb * rc + block.hbb * rb);
+        solution.direct[z] =
+            moved > 0 ? moved : (solution.direct[z] > 1e-9 ? 0.1 * solution.direct[z] : 0);
+      }
+    }
+    if (amplitude_free) u += std::clamp(step * du, -2.0, 2.0);
+  }
+  solution.converged = solution.converged && last;
+  if (amplitude_free) {
+    const double a = std::exp(u);
+    std::fill(solution.amplitude.begin() + static_cast<std::ptrdiff_t>(begin),
+              solution.amplitude.begin() + static_cast<std::ptrdiff_t>(end), a);
+    solution.log_prior += log_normal_prior(u, unknowns_.amplitude_prior);
+  }
+  solution.log_volume += -0.5 * log_det + 0.5 * dimension * std::log(2 * kPi);
+}
+
+void LinearSolver::eliminate(std::span<const ZoneShapes> shapes, LinearSolution& solution,
+                             bool warm, double accuracy) const {
+  const std::size_t zones = observation_.zones.size();
+  if (!warm || solution.ambient.size() != zones) start(shapes, solution);
+  solution.log_prior = 0;
+  solution.log_volume = 0;
+  solution.converged = true;
+  if (unknowns_.amplitude == LinearMode::per_zone) {
+    for (std::size_t z = 0; z < zones; ++z) solve_shared(shapes, z, z + 1, solution, accuracy);
+  } else {
+    solve_shared(shapes, 0, zones, solution, accuracy);
+  }
+}
+
+void LinearSolver::solve(std::span<const ZoneShapes> shapes, LinearSolution& solution, bool warm,
+                         double accuracy) const {
+  eliminate(shapes, solution, warm, accuracy);
+  double loss = 0;
+  for (std::size_t z = 0; z < observation_.zones.size(); ++z) {
+    if (const NormalPrior* prior = ambient_prior(z)) {
+      const double u = (solution.ambient[z] - prior->mean) / prior->sigma;
+      solution.log_prior -= 0.5 * u * u + std::log(prior->sigma * std::sqrt(2 * kPi));
+    }
+    const ObservedZone& zone = observation_.zones[z];
+    const BinLikelihood& law = observation_.law(zone);
+    const double a = solution.amplitude[z];
+    const double b = solution.direct[z];
+    const double c = solution.ambient[z];
+    const Lit bins = lit(z, shapes[z]);
+    for (std::size_t r = 0; r < bins.count; ++r) {
+      const auto [begin, end] = bins.ranges[r];
+      thread_local std::vector<double> mean;
+      mean.resize(static_cast<std::size_t>(end - begin));
+      expected(shapes[z], a, c, b, begin, end, mean.data());
+      if (law.poisson()) {
+        for (int i = begin; i < end; ++i) {
+          loss += half_deviance(law, zone, static_cast<std::size_t>(i),
+                                mean[static_cast<std::size_t>(i - begin)]);
+        }
+      } else {
+        loss += law.sum(zone.counts.data() + begin, mean.data(), zone.counted.data() + begin,
+                        end - begin, censored_between(zone, begin, end)) +
+                prefix_[z][static_cast<std::size_t>(end)].constant -
+                prefix_[z][static_cast<std::size_t>(begin)].constant;
+      }
+    }
+    if (bins.rest_bins > 0) {
+      loss += unknowns_.ambient == LinearMode::fixed
+                  ? bins.rest.fixed
+                  : bins.rest.constant + law.equal_bins(bins.rest_bins, bins.rest.count,
+                                                        bins.rest.square,
+                                                        std::max(c, law.poisson() ? 1e-300 : c))
+                                             .value;
+    }
+    if (law.poisson() && zone.outside_bins > 0) {
+      const double m = zone.outside_bins * c;
+      const double n = zone.outside_count;
+      loss += law.scale() * (n > 0 ? m - n + n * std::log(n / std::max(m, 1e-300)) : m);
+    }
+  }
+  solution.log_likelihood = -loss;
+}
+
+void LinearSolver::expected(const ObservedZone& zone, const ZoneShapes& shapes, double amplitude,
+                            double ambient, double direct, double* out) const {
+  expected(shapes, amplitude, ambient, direct, 0, zone.bins(), out);
+}
+
+void LinearSolver::expected(const ZoneShapes& shapes, double amplitude, double ambient,
+                            double direct, int begin, int end, double* out) {
+  const double* s = shapes.object;
+  const double* t = shapes.direct;
+  for (int i = begin; i < end; ++i) {
+    out[i - begin] =
+        (s != nullptr ? amplitude * s[i] : 0.0) + (t != nullptr ? direct * t[i] : 0.0) + ambient;
+  }
+}
+
+void LinearSolver::residuals(std::span<const ZoneShapes> shapes, const LinearSolution& solution,
+                             double* out) const {
+  thread_local std::vector<double> mean;
+  const double prior_mean = std::log(unknowns_.amplitude_prior.median);
+  const double sigma = unknowns_.amplitude_prior.sigma_log;
+  for (std::size_t z = 0; z < observation_.zones.size(); ++z) {
+    const ObservedZone& zone = observation_.zones[z];
+    const BinLikelihood& law = observation_.law(zone);
+    mean.resize(zone.counts.size());
+    expected(zone, shapes[z], solution.amplitude[z], solution.ambient[z], solution.direct[z],
+             mean.data());
+    // Bins without object light keep their residual when nothing else is unknown.
+    const bool known_dark = unknowns_.ambient == LinearMode::fixed && shapes[z].direct == nullptr;
+    const std::size_t lit_first =
+        shapes[z].object != nullptr ? static_cast<std::size_t>(shapes[z].object_first) : 0;
+    const std::size_t lit_end =
+        shapes[z].object != nullptr ? static_cast<std::size_t>(shapes[z].object_end) : 0;
+    for (std::size_t k = 0; k < zone.counts.size(); ++k) {
+      if (known_dark && (k < lit_first || k >= lit_end)) {
+        const double half = prefix_[z][k + 1].fixed - prefix_[z][k].fixed;
+        const double root = std::sqrt(std::max(2 * half, 0.0));
+        *out++ = unknowns_.fixed_ambient >= zone.best[k] ? root : -root;
+        continue;
+      }
+      const double m = law.poisson() ? std::max(mean[k], 1e-300) : mean[k];
+      *out++ = law.residual(zone.counts[k], m, zone.least[k], zone.best[k]);
+    }
+    if (law.poisson() && zone.outside_bins > 0) {
+      *out++ = law.residual(zone.outside_count,
+                            std::max(zone.outside_bins * solution.ambient[z], 1e-300), 0,
+                            zone.outside_count);
+    }
+    if (const NormalPrior* prior = ambient_prior(z)) {
+      *out++ = (solution.ambient[z] - prior->mean) / prior->sigma;
+    }
+    if (unknowns_.amplitude == LinearMode::per_zone) {
+      *out++ = (std::log(solution.amplitude[z]) - prior_mean) / sigma;
+    }
+  }
+  if (unknowns_.amplitude == LinearMode::shared) {
+    *out++ = (std::log(solution.amplitude.front()) - prior_mean) / sigma;
+  }
+}
+
+}  // namespace blindcorner

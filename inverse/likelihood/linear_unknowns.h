@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Elimination of the linear unknowns (variable projection): for a given pose, the amplitude,
+/// ambient light and direct return that explain the counts best.
+#pragma once
+
+#include <array>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "blindcorner/forward/scene/scene.h"
+#include "inverse/likelihood/observation.h"
+
+namespace blindcorner {
+
+/// Expected shapes of one observed zone, counts at unit amplitude, aligned with its window.
+struct ZoneShapes {
+  const double* object = nullptr;  ///< gain * S, [window]; null: no object
+  const double* direct = nullptr;  ///< static_light(), [window]; null: none
+  int object_first = 0;            ///< bins of the window that the object lights: [first, end)
+  int object_end = 0;
+  int direct_first = 0;  ///< bins that the direct return lights: [first, end)
+  int direct_end = 0;
+};
+
+/// Values that minimise the negative log posterior for given shapes.
+struct LinearSolution {
+  std::vector<double> amplitude;  ///< [observed zones] (equal ones when shared)
+  std::vector<double> ambient;    ///< [observed zones] counts per bin
+  std::vector<double> direct;     ///< [observed zones] scale of the static light; 1 if not free
+  double log_likelihood = 0;      ///< relative to the best attainable one: minus half the deviance
+  double log_prior = 0;           ///< of the amplitude, normalised density in log a
+  /// log of the integral over the linear unknowns around the maximum, by Laplace's method, minus
+  /// the maximum itself: -log det(H)/2 + (dimension/2) log(2 pi).
+  double log_volume = 0;
+  bool converged = false;
+};
+
+/// Solver for one observation. Keeps no state between calls; pass `warm` from a nearby pose to
+/// start there. Newton's method, damped by the Newton decrement.
+class LinearSolver {
+ public:
+  /// The observation must outlive the solver.
+  LinearSolver(const Observation& observation, const LinearUnknowns& unknowns);
+
+  /// `shapes` is [observed zones]. Without an object (all `object` null) the amplitude is left out.
+  /// `accuracy` is the tolerated error of the log posterior; zero goes to machine precision.
+  void solve(std::span<const ZoneShapes> shapes, LinearSolution& solution, bool warm,
+             double accuracy = 0) const;
+
+  /// The same without `log_likelihood`, for those who want residuals.
+  void eliminate(std::span<const ZoneShapes> shapes, LinearSolution& solution, bool warm,
+                 double accuracy = 0) const;
+
+  /// Expected counts of one zone for a solution, [window].
+  void expected(const ObservedZone& zone, const ZoneShapes& shapes, double amplitude,
+                double ambient, double direct, double* out) const;
+
+  /// Signed deviance residuals of all windows, of the ambient light outside them, and of the
+  /// amplitude's prior, [residual_count()]. Half their squared sum is minus (log_likelihood +
+  /// log_prior) up to a constant.
+  void residuals(std::span<const ZoneShapes> shapes, const LinearSolution& solution,
+                 double* out) const;
+  int residual_count() const { return residual_count_; }
+
+  const Observation& observation() const { return observation_; }
+  const LinearUnknowns& unknowns() const { return unknowns_; }
+
+ private:
+  struct Local;
+  /// Sums over the bins before one.
+  struct Prefix {
+    double count = 0, square = 0;  ///< n and n^2
+    double constant = 0;           ///< of the deviance, in n alone
+    double fixed = 0;              ///< half deviance at the fixed ambient light
+  };
+  /// Bins that object or direct return light: at most two ranges; and the sums over the rest, where
+  /// ambient light alone is expected.
+  struct Lit {
+    std::array<std::pair<int, int>, 2> ranges;
+    std::size_t count = 0;
+    double rest_bins = 0;
+    Prefix rest;
+  };
+  /// Expected counts of the bins from `begin` to before `end`.
+  static void expected(const ZoneShapes& shapes, double amplitude, double ambient, double direct,
+                       int begin, int end, double* out);
+  /// Prior of the ambient light of an observed zone; null: none.
+  const NormalPrior* ambient_prior(std::size_t zone) const {
+    if (unknowns_.ambient_prior.empty()) return nullptr;
+    return &unknowns_.ambient_prior[static_cast<std::size_t>(observation_.zones[zone].zone)];
+  }
+  Lit lit(std::size_t zone, const ZoneShapes& shapes) const;
+  /// Whether bins with ambient light alone can be taken together.
+  bool summable(const ObservedZone& zone) const;
+  Local local(std::size_t z, const ZoneShapes& shapes, double amplitude, double ambient,
+              double direct) const;
+  void start(std::span<const ZoneShapes> shapes, LinearSolution& solution) const;
+  void solve_shared(std::span<const ZoneShapes> shapes, std::size_t begin, std::size_t end,
+                    LinearSolution& solution, double accuracy) const;
+
+  const Observation& observation_;
+  LinearUnknowns unknowns_;
+  std::vector<double> ambient_floor_;        // [observed zones]
+  std::vector<std::vector<Prefix>> prefix_;  // [observed zones][bins + 1]
+  int residual_count_ = 0;
+  bool has_direct_ = false;
+};
+
+}  // namespace blindcorner

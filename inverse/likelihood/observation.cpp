@@ -1,0 +1,235 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "inverse/likelihood/observation.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <string>
+
+#include "blindcorner/forward/error.h"
+#include "blindcorner/forward/sensor/photon_noise.h"
+
+namespace blindcorner {
+
+namespace {
+
+/// Exposures that stand for none: a thousand standard deviations tell nothing.
+constexpr double kNoExposure = 1e-6;
+
+/// Pile-up that hides less than this share of the light is left as it is.
+constexpr double kPileUpMatters = 0.01;
+
+/// Counts as they would be without pile-up, and the share of the light that was recorded.
+struct Unpiled {
+  HistogramCube counts;
+  double live = 1;
+};
+
+/// Coates' correction. Given the earlier bins, a bin's count is binomial; its likelihood in the
+/// expected light m has its maximum at the corrected count n / e and, for a light of l photons per
+/// cycle and bin, its curvature within l^2 / 12 of e times a Poisson law's, e being the share of
+/// the light that was recorded. So the corrected counts follow a Poisson law with e as exposure,
+/// which is convex in the linear unknowns. e hardly changes behind the first bounce, where the
+/// object's light is: its mean over bins and zones stands for all of them.
+Unpiled without_pile_up(const Sensor& sensor, const Capture& capture) {
+  Unpiled result{capture.counts, 1.0};
+  if (sensor.pile_up_cycles <= 0 || !std::holds_alternative<PoissonNoise>(sensor.noise)) {
+    return result;
+  }
+  const int bins = capture.counts.bins;
+  HistogramCube corrected = capture.counts;
+  std::vector<double> live(static_cast<std::size_t>(bins));
+  double sum = 0;
+  double least = 1;
+  int count = 0;
+  for (int z = 0; z < corrected.zones(); ++z) {
+    if (sensor.zones[static_cast<std::size_t>(z)].dead) continue;
+    undo_pile_up(sensor.pile_up_cycles, capture.counts.zone(z), bins, corrected.zone(z),
+                 live.data());
+    sum += std::accumulate(live.begin(), live.end(), 0.0);
+    least = std::min(least, *std::min_element(live.begin(), live.end()));
+    count += bins;
+  }
+  if (count == 0 || least > 1 - kPileUpMatters) return result;
+  return {std::move(corrected), sum / count};
+}
+
+/// Share of captures that may saturate a bin before it is left out of all.
+constexpr double kRarelySaturated = 0.05;
+
+/// Longest run of bins that are not `full` in [first, end); the later one of two.
+BinWindow longest_run(const std::vector<bool>& full, int first, int end) {
+  BinWindow longest, run{first, first};
+  for (int k = first; k < end; ++k) {
+    if (full[static_cast<std::size_t>(k)]) {
+      run = {k + 1, k + 1};
+    } else {
+      run.end = k + 1;
+      if (run.end - run.first >= longest.end - longest.first) longest = run;
+    }
+  }
+  return longest;
+}
+
+}  // namespace
+
+std::string leave_out_saturated_bins(Sensor& sensor, std::span<const Capture* const> captures) {
+  if (sensor.saturation <= 0) return {};
+  std::vector<const HistogramCube*> cubes;
+  for (const Capture* capture : captures) {
+    const HistogramCube& counts = capture->counts;
+    const bool suits = counts.rows == sensor.rows && counts.columns == sensor.columns &&
+                       counts.bins == sensor.bins;
+    if (suits) cubes.push_back(&counts);
+  }
+  int zones = 0, dead = 0, bins = 0;
+  for (int z = 0; z < sensor.zone_count(); ++z) {
+    Zone& zone = sensor.zones[static_cast<std::size_t>(z)];
+    if (zone.dead) continue;
+    const int first = zone.first_valid_bin;
+    const int end = sensor.valid_end(z);
+    std::vector<bool> full(static_cast<std::size_t>(sensor.bins));
+    for (int k = first; k < end; ++k) {
+      const auto count = std::ranges::count_if(
+          cubes, [&](const HistogramCube* counts) { return sensor.saturates(counts->zone(z)[k]); });
+      full[static_cast<std::size_t>(k)] =
+          static_cast<double>(count) > kRarelySaturated * static_cast<double>(cubes.size());
+    }
+    const BinWindow kept = longest_run(full, first, end);
+    const int lost = end - first - (kept.end - kept.first);
+    if (lost == 0) continue;
+    ++zones;
+    bins += lost;
+    zone.dead = kept.first == kept.end;
+    dead += zone.dead ? 1 : 0;
+    if (zone.dead) continue;
+    zone.first_valid_bin = kept.first;
+    zone.last_valid_bin = kept.end - 1;
+  }
+  if (zones == 0) return {};
+  std::string line = "saturation: left out " + std::to_string(bins) + " bins of " +
+                     std::to_string(zones) + " zones, at and beside those that captures fill up";
+  if (dead > 0) line += "; nothing is left of " + std::to_string(dead) + " zones";
+  return line;
+}
+
+bool saturates(const Sensor& sensor, const Capture& capture) {
+  for (int z = 0; z < sensor.zone_count(); ++z) {
+    const Zone& zone = sensor.zones[static_cast<std::size_t>(z)];
+    if (zone.dead) continue;
+    const double* counts = capture.counts.zone(z);
+    if (std::any_of(counts + zone.first_valid_bin, counts + sensor.valid_end(z),
+                    [&](double value) { return sensor.saturates(value); })) {
+      return true;
+    }
+  }
+  return false;
+}
+
+double Observation::total_count() const {
+  double total = 0;
+  for (const ObservedZone& zone : zones) {
+    total += zone.outside_count + std::accumulate(zone.counts.begin(), zone.counts.end(), 0.0);
+  }
+  return total;
+}
+
+void check_capture(const Scene& scene, const Capture& capture) {
+  const Sensor& sensor = scene.sensor;
+  const HistogramCube& counts = capture.counts;
+  const std::string where = capture.source + " capture " + std::to_string(capture.index);
+  const auto shape = [](int rows, int columns, int bins) {
+    return std::to_string(rows) + " x " + std::to_string(columns) + " zones of " +
+           std::to_string(bins) + " bins";
+  };
+  if (counts.rows != sensor.rows || counts.columns != sensor.columns ||
+      counts.bins != sensor.bins) {
+    throw Error(where, "counts: found " + shape(counts.rows, counts.columns, counts.bins) +
+                           ", accepted: the scene's " +
+                           shape(sensor.rows, sensor.columns, sensor.bins));
+  }
+  if (!(capture.exposures > 0) || !std::isfinite(capture.exposures)) {
+    throw Error(where, "exposures: found " + std::to_string(capture.exposures) + ", accepted: > 0");
+  }
+  if (capture.zone_exposures &&
+      capture.zone_exposures->size() != static_cast<std::size_t>(counts.zones())) {
+    throw Error(where, "zone_exposures: found " + std::to_string(capture.zone_exposures->size()) +
+                           " numbers, accepted: one per zone");
+  }
+  if (capture.dispersion && !(*capture.dispersion > 0 && std::isfinite(*capture.dispersion))) {
+    throw Error(where,
+                "dispersion: found " + std::to_string(*capture.dispersion) + ", accepted: > 0");
+  }
+  const bool poisson = std::holds_alternative<PoissonNoise>(sensor.noise);
+  for (int z = 0; z < counts.zones(); ++z) {
+    const Zone& zone = sensor.zones[static_cast<std::size_t>(z)];
+    if (zone.dead) continue;
+    for (int k = zone.first_valid_bin; k < sensor.valid_end(z); ++k) {
+      const double value = counts.zone(z)[k];
+      if (std::isfinite(value) && (value >= 0 || !poisson) && !sensor.saturates(value)) continue;
+      std::string accepted = poisson ? "finite counts >= 0 (Poisson law)" : "finite values";
+      if (sensor.saturation > 0) {
+        accepted += " below the saturation of " + std::to_string(sensor.saturation);
+      }
+      throw Error(where, "counts[zone " + std::to_string(z) + "][bin " + std::to_string(k) +
+                             "]: found " + std::to_string(value) + ", accepted: " + accepted);
+    }
+  }
+}
+
+Observation observe(const Scene& scene, std::span<const Capture> captures,
+                    const std::vector<std::vector<BinWindow>>& windows) {
+  const Sensor& sensor = scene.sensor;
+  Observation observation;
+  observation.captures = static_cast<int>(captures.size());
+  for (std::size_t c = 0; c < captures.size(); ++c) {
+    const Capture& capture = captures[c];
+    const double dispersion = capture.dispersion.value_or(sensor.dispersion);
+    const Unpiled unpiled = without_pile_up(sensor, capture);
+    const bool own_laws = capture.zone_exposures || sensor.zones_have_noise_floors();
+    if (!own_laws) {
+      observation.likelihood.emplace_back(sensor.noise, dispersion,
+                                          capture.exposures * unpiled.live);
+    }
+    for (int z = 0; z < sensor.zone_count(); ++z) {
+      const Zone& zone = sensor.zones[static_cast<std::size_t>(z)];
+      const int valid_first = zone.first_valid_bin;
+      const int valid_end = sensor.valid_end(z);
+      BinWindow window = windows[c][static_cast<std::size_t>(z)];
+      window.first = std::max(window.first, valid_first);
+      window.end = std::min(window.end, valid_end);
+      if (zone.dead || window.first >= window.end) continue;
+      if (own_laws) {
+        // A zone without data keeps its place among the rows of the compiled scene.
+        observation.likelihood.emplace_back(
+            sensor.noise_of(z), dispersion,
+            std::max(capture.exposures_of(z) * unpiled.live, kNoExposure));
+      }
+      const BinLikelihood& law = observation.likelihood.back();
+      ObservedZone observed;
+      observed.capture = static_cast<int>(c);
+      observed.zone = z;
+      observed.law = observation.likelihood.size() - 1;
+      observed.first = window.first;
+      observed.gain = zone.gain;
+      const double* counts = unpiled.counts.zone(z);
+      observed.counts.assign(counts + window.first, counts + window.end);
+      for (int k = 0; k < observed.bins(); ++k) {
+        const bool censored = law.censored() && observed.counts[static_cast<std::size_t>(k)] <= 0;
+        if (censored) observed.censored.push_back(k);
+        observed.counted.push_back(censored ? 0.0 : 1.0);
+      }
+      for (const double n : observed.counts) {
+        observed.best.push_back(law.best(n));
+        observed.least.push_back(law.poisson() ? 0.0 : law.least(n));
+      }
+      observed.outside_bins = valid_end - valid_first - (window.end - window.first);
+      observed.outside_count = std::accumulate(counts + valid_first, counts + window.first, 0.0) +
+                               std::accumulate(counts + window.end, counts + valid_end, 0.0);
+      observation.zones.push_back(std::move(observed));
+    }
+  }
+  return observation;
+}
+
+}  // namespace blindcorner

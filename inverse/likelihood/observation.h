@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Captures made ready for the likelihood: which bins of which zones count.
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "blindcorner/forward/scene/scene.h"
+#include "blindcorner/forward/sensor/capture.h"
+#include "inverse/likelihood/likelihood.h"
+
+namespace blindcorner {
+
+/// One zone of one capture. Bins in which neither the object nor the direct return can put light
+/// hold only ambient light; under a Poisson law their sum says all that they know.
+struct ObservedZone {
+  int capture = 0;  ///< index among the captures of a joint fit
+  int zone = 0;
+  std::size_t law = 0;          ///< index into Observation::likelihood
+  int first = 0;                ///< first bin of the window
+  std::vector<double> counts;   ///< [window]
+  std::vector<double> least;    ///< [window] best attainable negative log likelihood
+  std::vector<int> censored;    ///< bins of the window whose count stands for "zero or less"
+  std::vector<double> counted;  ///< [window] 0 in those bins, else 1
+  std::vector<double> best;     ///< [window] the mean that attains it
+  double outside_bins = 0;      ///< valid bins outside the window
+  double outside_count = 0;     ///< their total count
+  double gain = 1;              ///< counts per W/m^2
+
+  int bins() const { return static_cast<int>(counts.size()); }
+};
+
+/// Window of bins per zone: [first, end).
+struct BinWindow {
+  int first = 0, end = 0;
+};
+
+/// All zones of one or several captures, with the likelihood of each capture.
+struct Observation {
+  std::vector<ObservedZone> zones;
+  /// One per capture, or one per observed zone where exposures or noise differ from zone to zone.
+  std::vector<BinLikelihood> likelihood;
+  int captures = 0;
+
+  double total_count() const;
+  const BinLikelihood& law(const ObservedZone& zone) const { return likelihood[zone.law]; }
+};
+
+/// A bin that captures fill up to the sensor's `saturation` tells no more than that there was much
+/// light. Takes bins that more than one in twenty of the captures fill from the zones' valid
+/// bins: of what is left each zone keeps the longest run, the later one of two; without any it is
+/// dead. Captures of another shape are passed over. Returns one line that says what was left out;
+/// empty: nothing.
+std::string leave_out_saturated_bins(Sensor& sensor, std::span<const Capture* const> captures);
+
+/// Whether a valid bin of the capture is full; of a capture that suits the sensor.
+bool saturates(const Sensor& sensor, const Capture& capture);
+
+/// Throws Error when a capture does not suit the scene: zones, bins, NaN or infinite values,
+/// negative counts under a Poisson law, valid bins that saturate.
+void check_capture(const Scene& scene, const Capture& capture);
+
+/// Cuts captures to their windows. `windows` is [captures][zones]; an empty window drops the zone.
+Observation observe(const Scene& scene, std::span<const Capture> captures,
+                    const std::vector<std::vector<BinWindow>>& windows);
+
+}  // namespace blindcorner

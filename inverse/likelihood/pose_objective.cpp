@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "inverse/likelihood/pose_objective.h"
+
+#include <algorithm>
+#include <tuple>
+
+namespace blindcorner {
+namespace {
+
+ShapeBuffer& scratch() {
+  thread_local ShapeBuffer buffer;
+  return buffer;
+}
+
+}  // namespace
+
+PoseObjective::PoseObjective(const CompiledScene& compiled, const Observation& observation)
+    : compiled_(compiled), solver_(observation, compiled.scene.linear) {
+  for (const ObservedZone& zone : observation.zones) {
+    std::pair<int, int> lit{0, 0};
+    if (!compiled.direct.empty()) {
+      const double* direct = compiled.direct.data() + rows_;
+      lit.second = zone.bins();
+      while (lit.first < lit.second && direct[lit.first] == 0) ++lit.first;
+      while (lit.second > lit.first && direct[lit.second - 1] == 0) --lit.second;
+    }
+    direct_range_.push_back(lit);
+    rows_ += zone.bins();
+  }
+}
+
+void PoseObjective::point(ShapeBuffer& buffer, bool object) const {
+  const auto& zones = solver_.observation().zones;
+  buffer.shapes.resize(zones.size());
+  std::size_t row = 0;
+  for (std::size_t z = 0; z < zones.size(); ++z) {
+    ZoneShapes& shapes = buffer.shapes[z];
+    const int bins = zones[z].bins();
+    shapes.object = object ? buffer.object.data() + row : nullptr;
+    shapes.direct = compiled_.direct.empty() ? nullptr : compiled_.direct.data() + row;
+    shapes.object_first = 0;
+    shapes.object_end = object ? bins : 0;
+    if (object) {
+      while (shapes.object_first < shapes.object_end && shapes.object[shapes.object_first] <= 0) {
+        ++shapes.object_first;
+      }
+      while (shapes.object_end > shapes.object_first && shapes.object[shapes.object_end - 1] <= 0) {
+        --shapes.object_end;
+      }
+    }
+    std::tie(shapes.direct_first, shapes.direct_end) = direct_range_[z];
+    row += static_cast<std::size_t>(bins);
+  }
+}
+
+void PoseObjective::shapes(const LightSource& light, const PoseVector& pose,
+                           ShapeBuffer& buffer) const {
+  buffer.object.resize(static_cast<std::size_t>(rows_));
+  if (light.spline != nullptr) {
+    light.spline->evaluate(pose, buffer.object.data());
+    if (light.correction != nullptr) {
+      for (std::size_t r = 0; r < buffer.object.size(); ++r) {
+        buffer.object[r] = std::max(buffer.object[r] + (*light.correction)[r], 0.0);
+      }
+    }
+    point(buffer, true);
+    return;
+  }
+  thread_local HistogramCube cube;
+  double* out = buffer.object.data();
+  int current = -1;
+  for (const ObservedZone& zone : solver_.observation().zones) {
+    if (zone.capture != current) {
+      current = zone.capture;
+      (*light.models)[static_cast<std::size_t>(current)]->three_bounce(pose, cube);
+    }
+    const double* values = cube.zone(zone.zone) + zone.first;
+    for (int k = 0; k < zone.bins(); ++k) *out++ = zone.gain * values[k];
+  }
+  point(buffer, true);
+}
+
+void PoseObjective::empty_shapes(ShapeBuffer& buffer) const { point(buffer, false); }
+
+PoseValue PoseObjective::evaluate(const ShapeBuffer& buffer, const PoseVector& pose,
+                                  LinearSolution& solution, bool warm, double accuracy) const {
+  solver_.solve(buffer.shapes, solution, warm, accuracy);
+  PoseValue value;
+  value.log_likelihood = solution.log_likelihood;
+  value.log_posterior =
+      solution.log_likelihood + solution.log_prior + log_pose_prior(compiled_.scene, pose);
+  value.log_integrand = value.log_posterior + solution.log_volume;
+  return value;
+}
+
+PoseValue PoseObjective::evaluate(const LightSource& light, const PoseVector& pose,
+                                  LinearSolution& solution, bool warm, double accuracy) const {
+  ShapeBuffer& buffer = scratch();
+  shapes(light, pose, buffer);
+  return evaluate(buffer, pose, solution, warm, accuracy);
+}
+
+PoseValue PoseObjective::evaluate_template(int index, LinearSolution& solution, bool warm,
+                                           double accuracy) const {
+  ShapeBuffer& buffer = scratch();
+  buffer.object.resize(static_cast<std::size_t>(rows_));
+  const float* column = compiled_.templates.col(index).data();
+  for (std::size_t i = 0; i < buffer.object.size(); ++i) buffer.object[i] = column[i];
+  point(buffer, true);
+  return evaluate(buffer, compiled_.poses[static_cast<std::size_t>(index)], solution, warm,
+                  accuracy);
+}
+
+PoseValue PoseObjective::evaluate_empty(LinearSolution& solution) const {
+  ShapeBuffer buffer;
+  point(buffer, false);
+  solver_.solve(buffer.shapes, solution, false);
+  PoseValue value;
+  value.log_likelihood = solution.log_likelihood;
+  value.log_posterior = solution.log_likelihood;
+  value.log_integrand = value.log_posterior + solution.log_volume;
+  return value;
+}
+
+}  // namespace blindcorner

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "inverse/posterior/fitted_histograms.h"
+
+#include <algorithm>
+
+#include "blindcorner/forward/sensor/photon_noise.h"
+
+namespace blindcorner {
+
+FittedHistograms fitted_histograms(const PoseObjective& objective, const Refined& best,
+                                   const Capture& capture, int index) {
+  const Scene& scene = objective.compiled().scene;
+  const Sensor& sensor = scene.sensor;
+  FittedHistograms h;
+  h.measured = capture.counts;
+  h.model = HistogramCube(sensor.rows, sensor.columns, sensor.bins);
+  h.object = h.model;
+  h.zone_used.assign(static_cast<std::size_t>(sensor.zone_count()), false);
+  h.amplitude.assign(h.zone_used.size(), 0.0);
+  h.ambient.assign(h.zone_used.size(), 0.0);
+  h.direct.assign(h.zone_used.size(), 0.0);
+  h.first_bin = sensor.bins;
+  const auto& model = objective.compiled().models()[static_cast<std::size_t>(index)];
+  const HistogramCube light = model->three_bounce(best.pose);
+  const HistogramCube known = static_light(scene, model->direct_return());
+  const auto& zones = objective.solver().observation().zones;
+  for (std::size_t i = 0; i < zones.size(); ++i) {
+    if (zones[i].capture != index) continue;
+    const auto z = static_cast<std::size_t>(zones[i].zone);
+    h.zone_used[z] = true;
+    h.amplitude[z] = best.linear.amplitude[i];
+    h.ambient[z] = best.linear.ambient[i];
+    const double scale = objective.compiled().direct.empty() ? 0.0 : best.linear.direct[i];
+    h.direct[z] =
+        scene.linear.direct == LinearMode::fixed ? scale * scene.linear.fixed_direct : scale;
+    h.first_bin = std::min(h.first_bin, zones[i].first);
+    h.end_bin = std::max(h.end_bin, zones[i].first + zones[i].bins());
+    for (int k = 0; k < sensor.bins; ++k) {
+      const double object = zones[i].gain * h.amplitude[z] * light.zone(zones[i].zone)[k];
+      h.object.zone(zones[i].zone)[k] = object;
+      h.model.zone(zones[i].zone)[k] = object + h.ambient[z] + scale * known.zone(zones[i].zone)[k];
+    }
+  }
+  return h;
+}
+
+}  // namespace blindcorner

@@ -1,0 +1,321 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "inverse/posterior/importance.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <random>
+
+#include "blindcorner/forward/constants.h"
+
+namespace blindcorner {
+namespace {
+
+/// Degrees of freedom of the proposal's Student t: tails heavier than any posterior's.
+constexpr double kTailFreedom = 5;
+/// Share of the first samples that are drawn over the scored grid's cells; least share later on.
+constexpr double kGridShare = 0.4;
+constexpr double kLeastGridShare = 0.1;
+/// The grid's scores are flattened by this power before they are sampled.
+constexpr double kGridTemper = 0.7;
+/// Accuracy of a sample's log posterior.
+constexpr double kAccuracy = 1e-2;
+constexpr int kStages = 3;     ///< that make up the samples asked for
+constexpr int kMostTimes = 4;  ///< as many samples as asked for, when few are effective
+
+double log_student(const Peak& peak, double distance2) {
+  const auto n = static_cast<double>(peak.center.size());
+  return std::lgamma((kTailFreedom + n) / 2) - std::lgamma(kTailFreedom / 2) -
+         0.5 * n * std::log(kTailFreedom * kPi) - 0.5 * peak.log_det -
+         0.5 * (kTailFreedom + n) * std::log1p(distance2 / kTailFreedom);
+}
+
+/// Cells of the scored grid, drawn in proportion to a power of the gain that their pose promises.
+class GridProposal {
+ public:
+  GridProposal(const CompiledScene& compiled, const Scored& scored, double inflation)
+      : compiled_(compiled), density_(compiled.poses.size()), cumulative_(compiled.poses.size()) {
+    // The filter's promises, brought to the level of the exact values that are known.
+    Eigen::VectorXd gain = scored.scores.cast<double>();
+    std::vector<double> shifts;
+    for (const Candidate& c : scored.exact) {
+      shifts.push_back(c.log_posterior - scored.empty - gain[c.index]);
+    }
+    const auto middle = shifts.begin() + static_cast<std::ptrdiff_t>(shifts.size() / 2);
+    std::nth_element(shifts.begin(), middle, shifts.end());
+    gain.array() += *middle;
+    for (const Candidate& c : scored.exact) gain[c.index] = c.log_posterior - scored.empty;
+    const double best = gain.maxCoeff();
+    double sum = 0;
+    for (std::size_t i = 0; i < density_.size(); ++i) {
+      const double p =
+          std::exp(kGridTemper * (gain[static_cast<Eigen::Index>(i)] - best) / inflation);
+      density_[i] = p;
+      cumulative_[i] = sum += p;
+    }
+    const double volume = compiled.spacing.prod();
+    for (std::size_t i = 0; i < density_.size(); ++i) {
+      density_[i] /= sum * volume;
+      cumulative_[i] /= sum;
+    }
+  }
+
+  PoseVector draw(std::mt19937_64& random) const {
+    std::uniform_real_distribution<double> uniform;
+    const auto it = std::lower_bound(cumulative_.begin(), cumulative_.end(), uniform(random));
+    const auto cell =
+        std::min(static_cast<std::size_t>(it - cumulative_.begin()), cumulative_.size() - 1);
+    PoseVector pose = compiled_.poses[cell];
+    for (Eigen::Index k = 0; k < pose.size(); ++k) {
+      pose[k] += (uniform(random) - 0.5) * compiled_.spacing[k];
+    }
+    return pose;
+  }
+
+  double density(const PoseVector& pose) const {
+    std::size_t index = 0;
+    for (std::size_t i = 0; i < compiled_.axes.size(); ++i) {
+      const GridAxis& axis = compiled_.axes[i];
+      const double x = (pose[static_cast<Eigen::Index>(i)] - axis.first) / axis.spacing;
+      int at = static_cast<int>(std::floor(x + 0.5));
+      if (axis.periodic) at = (at % axis.count + axis.count) % axis.count;
+      if (at < 0 || at >= axis.count) return 0;
+      index = index * static_cast<std::size_t>(axis.count) + static_cast<std::size_t>(at);
+    }
+    return density_[index];
+  }
+
+ private:
+  const CompiledScene& compiled_;
+  std::vector<double> density_;
+  std::vector<double> cumulative_;
+};
+
+PoseVector draw_student(const Peak& peak, std::mt19937_64& random) {
+  std::normal_distribution<double> normal;
+  std::gamma_distribution<double> gamma(kTailFreedom / 2, 2 / kTailFreedom);
+  PoseVector z(peak.center.size());
+  for (Eigen::Index k = 0; k < z.size(); ++k) z[k] = normal(random);
+  return peak.center + peak.root * z / std::sqrt(gamma(random));
+}
+
+/// The state of one run.
+class Sampler {
+ public:
+  Sampler(const PoseObjective& objective, const LightSource& light, const std::vector<Peak>& peaks,
+          const std::vector<const Refined*>& optima, const Scored& scored,
+          const SamplingOptions& options)
+      : objective_(objective),
+        scene_(objective.compiled().scene),
+        light_(light),
+        peaks_(peaks),
+        optima_(optima),
+        inflation_(options.inflation),
+        random_(options.seed),
+        grid_(objective.compiled(), scored, options.inflation),
+        components_(peaks) {
+    double best = -std::numeric_limits<double>::infinity();
+    for (const Peak& peak : peaks) best = std::max(best, peak.log_evidence);
+    double total = 0;
+    shares_.push_back(0);
+    for (const Peak& peak : peaks) {
+      // No mode is starved: its Laplace evidence may be far off.
+      shares_.push_back(std::max(std::exp(peak.log_evidence - best), 1e-2));
+      total += shares_.back();
+    }
+    for (double& share : shares_) share *= (1 - kGridShare) / total;
+    shares_[0] = kGridShare;
+    drawn_.assign(shares_.size(), 0.0);
+  }
+
+  void stage(int count) {
+    for (int i = 0; i < count; ++i) draw();
+    for (std::size_t c = 0; c < shares_.size(); ++c) drawn_[c] += count * shares_[c];
+    weigh();
+  }
+
+  /// New shares: how much of the posterior each component stands for, by the samples so far.
+  void adapt() {
+    if (!extended_) extend();
+    std::vector<double> next(shares_.size(), 0.0);
+    for (std::size_t i = 0; i < samples_.size(); ++i) {
+      double density = 0;
+      for (std::size_t c = 0; c < drawn_.size(); ++c) density += drawn_[c] * densities_[i][c];
+      if (!(density > 0)) continue;
+      for (std::size_t c = 0; c < next.size(); ++c) {
+        // A component that has not been drawn from yet counts as if it had its present share.
+        const double amount = drawn_[c] > 0 ? drawn_[c] : shares_[c] * total_drawn();
+        next[c] += samples_[i].weight * amount * densities_[i][c] / density;
+      }
+    }
+    double sum = 0;
+    for (double& share : next) {
+      share = std::max(share, 1e-12);
+      sum += share;
+    }
+    const double floor = 0.1 / static_cast<double>(next.size());
+    double rest = 0;
+    for (std::size_t c = 1; c < next.size(); ++c) {
+      next[c] = floor + next[c] / sum;
+      rest += next[c];
+    }
+    next[0] = std::clamp(next[0] / sum, kLeastGridShare, 0.9);
+    for (std::size_t c = 1; c < next.size(); ++c) next[c] *= (1 - next[0]) / rest;
+    shares_ = std::move(next);
+  }
+
+  double effective() const { return effective_; }
+  int count() const { return static_cast<int>(samples_.size()); }
+
+  PosteriorSamples result() && { return {std::move(samples_), log_evidence_, effective_}; }
+
+ private:
+  double total_drawn() const { return static_cast<double>(samples_.size()); }
+
+  void draw() {
+    std::uniform_real_distribution<double> uniform;
+    double pick = uniform(random_);
+    std::size_t c = 0;
+    while (c + 1 < shares_.size() && pick > shares_[c]) pick -= shares_[c++];
+    PosteriorSample sample;
+    sample.pose = c == 0 ? grid_.draw(random_) : draw_student(components_[c - 1], random_);
+    wrap_pose(scene_, sample.pose);
+    sample.log_target = -std::numeric_limits<double>::infinity();
+    sample.log_posterior = sample.log_target;
+    std::vector<double> densities{grid_.density(sample.pose)};
+    double nearest = std::numeric_limits<double>::infinity();
+    for (std::size_t j = 0; j < components_.size(); ++j) {
+      const double distance2 = mahalanobis2(scene_, components_[j], sample.pose);
+      densities.push_back(std::exp(log_student(components_[j], distance2)));
+      if (j < peaks_.size() && distance2 < nearest) {
+        nearest = distance2;
+        sample.peak = j;
+      }
+    }
+    if (std::isfinite(log_pose_prior(scene_, sample.pose))) {
+      LinearSolution linear = optima_[sample.peak]->linear;  // warm start
+      const PoseValue value = objective_.evaluate(light_, sample.pose, linear, true, kAccuracy);
+      sample.log_posterior = value.log_posterior;
+      sample.log_target = tempered(value, inflation_);
+    }
+    samples_.push_back(std::move(sample));
+    densities_.push_back(std::move(densities));
+  }
+
+  void weigh() {
+    std::vector<double> logs(samples_.size());
+    double top = -std::numeric_limits<double>::infinity();
+    for (std::size_t i = 0; i < samples_.size(); ++i) {
+      double density = 0;
+      for (std::size_t c = 0; c < drawn_.size(); ++c) density += drawn_[c] * densities_[i][c];
+      logs[i] = samples_[i].log_target - std::log(density / total_drawn());
+      top = std::max(top, logs[i]);
+    }
+    double sum = 0;
+    double squares = 0;
+    for (std::size_t i = 0; i < samples_.size(); ++i) {
+      const double weight = std::isfinite(logs[i]) ? std::exp(logs[i] - top) : 0.0;
+      samples_[i].weight = weight;
+      sum += weight;
+      squares += weight * weight;
+    }
+    if (!(sum > 0)) return;
+    log_evidence_ = top + std::log(sum / total_drawn());
+    effective_ = squares > 0 ? sum * sum / squares : 0;
+    for (PosteriorSample& sample : samples_) sample.weight /= sum;
+  }
+
+  /// One more component with the samples' own moments, a little wider.
+  void extend() {
+    const auto n = static_cast<Eigen::Index>(scene_.unknowns.size());
+    if (effective_ < 2.0 * static_cast<double>(n + 1)) return;
+    extended_ = true;
+    const PoseVector reference =
+        std::max_element(samples_.begin(), samples_.end(), [](const auto& a, const auto& b) {
+          return a.weight < b.weight;
+        })->pose;
+    std::vector<const PosteriorSample*> weighty;
+    for (const PosteriorSample& sample : samples_) {
+      if (sample.weight > 0) weighty.push_back(&sample);
+    }
+    Peak peak;
+    moments(scene_, weighty, reference, peak.center, peak.covariance);
+    peak.covariance *= 1.3;
+    for (Eigen::Index i = 0; i < n; ++i) {
+      peak.covariance(i, i) += 1e-4 * std::pow(objective_.compiled().spacing[i], 2);
+    }
+    peak.root = peak.covariance.llt().matrixL();
+    peak.log_det = 2 * peak.root.diagonal().array().log().sum();
+    for (std::size_t i = 0; i < samples_.size(); ++i) {
+      densities_[i].push_back(
+          std::exp(log_student(peak, mahalanobis2(scene_, peak, samples_[i].pose))));
+    }
+    components_.push_back(std::move(peak));
+    for (double& share : shares_) share *= 0.7;
+    shares_.push_back(0.3);
+    drawn_.push_back(0);
+  }
+
+  const PoseObjective& objective_;
+  const Scene& scene_;
+  const LightSource& light_;
+  const std::vector<Peak>& peaks_;
+  const std::vector<const Refined*>& optima_;
+  double inflation_;
+  std::mt19937_64 random_;
+  GridProposal grid_;
+  std::vector<Peak> components_;  // Student t: the peaks, then the samples' moments
+  std::vector<double> shares_;    // of the grid, then of the components; sums to one
+  std::vector<double> drawn_;     // expected number of samples from each so far
+  std::vector<PosteriorSample> samples_;
+  std::vector<std::vector<double>> densities_;  // [sample][grid, components]
+  double log_evidence_ = 0;
+  double effective_ = 0;
+  bool extended_ = false;
+};
+
+}  // namespace
+
+double mahalanobis2(const Scene& scene, const Peak& peak, const PoseVector& pose) {
+  const PoseVector d = pose_difference(scene, peak.center, pose);
+  return peak.root.triangularView<Eigen::Lower>().solve(d).squaredNorm();
+}
+
+double tempered(const PoseValue& value, double inflation) {
+  return value.log_integrand - value.log_likelihood * (1 - 1 / inflation);
+}
+
+void moments(const Scene& scene, const std::vector<const PosteriorSample*>& samples,
+             const PoseVector& reference, PoseVector& mean, Eigen::MatrixXd& covariance) {
+  PoseVector shift = PoseVector::Zero(reference.size());
+  double total = 0;
+  for (const PosteriorSample* s : samples) {
+    shift += s->weight * pose_difference(scene, reference, s->pose);
+    total += s->weight;
+  }
+  shift /= total;
+  covariance.setZero(reference.size(), reference.size());
+  for (const PosteriorSample* s : samples) {
+    const PoseVector d = pose_difference(scene, reference, s->pose) - shift;
+    covariance += s->weight / total * d * d.transpose();
+  }
+  mean = reference + shift;
+  wrap_pose(scene, mean);
+}
+
+PosteriorSamples sample_posterior(const PoseObjective& objective, const LightSource& light,
+                                  const std::vector<Peak>& peaks,
+                                  const std::vector<const Refined*>& optima, const Scored& scored,
+                                  const SamplingOptions& options) {
+  Sampler sampler(objective, light, peaks, optima, scored, options);
+  const int stage = std::max(options.samples / kStages, 1);
+  do {
+    if (sampler.count() > 0) sampler.adapt();
+    sampler.stage(stage);
+  } while (sampler.effective() < options.samples / 3.0 &&
+           sampler.count() < kMostTimes * options.samples);
+  return std::move(sampler).result();
+}
+
+}  // namespace blindcorner

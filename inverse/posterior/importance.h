@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Importance sampling of the pose's posterior, for where a Gaussian does not describe it.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "inverse/search/refine.h"
+#include "inverse/search/scoring.h"
+
+namespace blindcorner {
+
+/// A mode of the posterior before its weight is known.
+struct Peak {
+  PoseVector center;
+  Eigen::MatrixXd covariance;
+  Eigen::MatrixXd root;     ///< Cholesky factor
+  double log_det = 0;       ///< of the covariance
+  double log_evidence = 0;  ///< Laplace
+};
+
+/// Squared distance of a pose from a peak in units of its covariance.
+double mahalanobis2(const Scene& scene, const Peak& peak, const PoseVector& pose);
+
+/// Log posterior integrand with the likelihood tempered by the inflation.
+double tempered(const PoseValue& value, double inflation);
+
+struct PosteriorSample {
+  PoseVector pose;
+  double log_target = 0;  ///< tempered log integrand; -infinity outside of the prior
+  double log_posterior = 0;
+  double weight = 0;     ///< sum to one
+  std::size_t peak = 0;  ///< nearest one
+};
+
+struct PosteriorSamples {
+  std::vector<PosteriorSample> samples;
+  double log_evidence = 0;
+  double effective = 0;  ///< (sum w)^2 / sum w^2
+};
+
+/// Weighted mean and covariance of samples; differences are taken from `reference`, on circles.
+void moments(const Scene& scene, const std::vector<const PosteriorSample*>& samples,
+             const PoseVector& reference, PoseVector& mean, Eigen::MatrixXd& covariance);
+
+struct SamplingOptions {
+  int samples = 256;  ///< enough when they are worth a third as many independent ones
+  double inflation = 1.0;
+  std::uint64_t seed = 1;
+};
+
+/// Draws from a mixture of Student t about the peaks and of the scored grid's cells, each about as
+/// often as the filter's score says that the posterior lives there. The mixture's shares, and one
+/// more t with the samples' own moments, are adapted as samples come in (population Monte Carlo);
+/// all samples are weighted by the density of the whole mixture, so every stage counts. Stops when
+/// enough samples are effective, at the latest after four times as many as asked for.
+PosteriorSamples sample_posterior(const PoseObjective& objective, const LightSource& light,
+                                  const std::vector<Peak>& peaks,
+                                  const std::vector<const Refined*>& optima, const Scored& scored,
+                                  const SamplingOptions& options);
+
+}  // namespace blindcorner

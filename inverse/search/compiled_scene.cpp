@@ -1,0 +1,348 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "inverse/search/compiled_scene.h"
+
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "blindcorner/forward/constants.h"
+#include "blindcorner/forward/sensor/photon_noise.h"
+#include "inverse/search/difference_steps.h"
+
+namespace blindcorner {
+namespace {
+
+using Eigen::Vector3d;
+
+/// Grid step in units of the pulse's path standard deviation: half a step off, a matched filter
+/// still keeps exp(-0.5^2 / 4 * 1.2^2) = 0.91 of its response.
+constexpr double kGridStep = 1.2;
+/// Finite-difference step in the same unit: truncation (h / sigma)^2 / 6 = 1.5e-4.
+constexpr double kDifferenceStep = 0.03;
+/// Largest yaw steps, rad: cosines change even where no path does.
+constexpr double kYawGrid = kPi / 8;
+constexpr double kYawDifference = 0.01;
+/// Light below this share of the brightest bin does not count as reaching a bin.
+constexpr double kReach = 1e-5;
+/// Tolerance of the models that score and steer; the last steps are taken with the caller's.
+constexpr double kCheapTolerance = 0.1;
+/// Most memory for the scored poses' histograms.
+constexpr double kTemplateBytes = 6e8;
+/// Grid step for a spline, in units of the pulse: its error is then 0.25 %.
+constexpr double kSplineStep = 0.75;
+/// Limits of the spline through them: it touches 4^unknowns histograms for one pose.
+constexpr std::size_t kSplineUnknowns = 3;
+constexpr double kSplineBytes = 4e8;
+
+/// Root mean square over the search region of how fast the path from relay to object and back
+/// changes with each unknown, m per unit.
+PoseVector path_rates(const Scene& scene, const std::vector<Vector3d>& relay) {
+  const auto n = static_cast<Eigen::Index>(scene.unknowns.size());
+  PoseVector rates = PoseVector::Zero(n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const Unknown& unknown = scene.unknowns[static_cast<std::size_t>(i)];
+    const HiddenObject& object = hidden_object(scene, unknown.object);
+    const double radius = bounding_radius(object.shape, Anchor::center);
+    int count = 0;
+    for (const Placement& probe : probe_placements(scene, unknown.object)) {
+      const Vector3d q = object_to_world(object.shape, object.anchor, probe).translation();
+      for (const Vector3d& r : relay) {
+        const Vector3d direction = (q - r).normalized();
+        const Component component = unknown.component;
+        const bool position = component <= Component::z;
+        rates[i] += position ? std::pow(2 * direction[static_cast<int>(component)], 2)
+                             : std::pow(2 * radius * probe.size * 0.5, 2);
+        ++count;
+      }
+    }
+    rates[i] = std::max(std::sqrt(rates[i] / count), 0.2);
+  }
+  return rates;
+}
+
+std::vector<Vector3d> relay_sample(const Scene& scene, const SensorPlacement& placement) {
+  if (!placement.relay_points.empty()) {
+    std::vector<Vector3d> points;
+    for (const Vector3d& p : placement.relay_points) {
+      if (p.allFinite()) points.push_back(p);
+    }
+    return points;
+  }
+  std::vector<Vector3d> points;
+  for (const Surface& surface : scene.surfaces) {
+    if (surface.relay) points.push_back(surface.T_world_surface.translation());
+  }
+  return points;
+}
+
+/// Points along one unknown, both bounds among them, at least the four that a cubic needs.
+GridAxis grid_axis(const Scene& scene, std::size_t unknown, double step) {
+  const Unknown& u = scene.unknowns[unknown];
+  GridAxis axis;
+  axis.first = u.lower;
+  axis.periodic = period_of(scene, unknown) > 0;
+  const double period = axis.periodic ? period_of(scene, unknown) : u.range();
+  const int intervals = static_cast<int>(std::ceil(period / step - 1e-9));
+  axis.count = std::max(4, axis.periodic ? intervals : intervals + 1);
+  axis.spacing = period / (axis.periodic ? axis.count : axis.count - 1);
+  return axis;
+}
+
+void make_grid(CompiledScene& compiled, const PoseVector& rates, double pulse,
+               double yaw_scale = 1) {
+  const std::size_t n = compiled.scene.unknowns.size();
+  compiled.axes.clear();
+  compiled.spacing.resize(static_cast<Eigen::Index>(n));
+  for (std::size_t i = 0; i < n; ++i) {
+    const auto k = static_cast<Eigen::Index>(i);
+    double step = kGridStep * pulse / rates[k];
+    const Unknown& unknown = compiled.scene.unknowns[i];
+    if (unknown.component == Component::yaw) step = std::min(step, kYawGrid * yaw_scale);
+    compiled.axes.push_back(grid_axis(compiled.scene, i, step));
+    compiled.spacing[k] = compiled.axes.back().spacing;
+  }
+}
+
+double grid_size(const CompiledScene& compiled) {
+  double size = 1;
+  for (const GridAxis& axis : compiled.axes) size *= axis.count;
+  return size;
+}
+
+/// Bins that light from the search region or the direct return can reach.
+std::vector<std::vector<BinWindow>> reach(const CompiledScene& compiled) {
+  const Scene& scene = compiled.scene;
+  const Sensor& sensor = scene.sensor;
+  const bool summarise = std::holds_alternative<PoissonNoise>(sensor.noise);
+  std::vector<PoseVector> probes;
+  for (int object = 0; object < object_count(scene); ++object) {
+    std::vector<Placement> placements = stated_placements(scene);
+    for (const Placement& p : probe_placements(scene, object)) {
+      placements[static_cast<std::size_t>(object)] = p;
+      probes.push_back(pose_of(placements, scene.unknowns));
+    }
+  }
+  const std::size_t stride = std::max<std::size_t>(1, compiled.poses.size() / 400);
+  for (std::size_t i = 0; i < compiled.poses.size(); i += stride)
+    probes.push_back(compiled.poses[i]);
+
+  std::vector<std::vector<BinWindow>> windows;
+  for (const auto& model : compiled.cheap_models()) {
+    HistogramCube brightest(sensor.rows, sensor.columns, sensor.bins);
+    HistogramCube light;
+    for (const PoseVector& pose : probes) {
+      model->three_bounce(pose, light);
+      for (std::size_t i = 0; i < light.values.size(); ++i) {
+        brightest.values[i] = std::max(brightest.values[i], light.values[i]);
+      }
+    }
+    const HistogramCube direct = static_light(scene, model->direct_return());
+    const double object_peak = *std::max_element(brightest.values.begin(), brightest.values.end());
+    const double direct_peak = *std::max_element(direct.values.begin(), direct.values.end());
+    std::vector<BinWindow> zone_windows;
+    for (int z = 0; z < sensor.zone_count(); ++z) {
+      const Zone& zone = sensor.zones[static_cast<std::size_t>(z)];
+      BinWindow window{zone.first_valid_bin, sensor.valid_end(z)};
+      if (zone.dead) window = {0, 0};
+      if (summarise && !zone.dead) {
+        const auto reached = [&](int k) {
+          return brightest.zone(z)[k] > kReach * object_peak ||
+                 std::abs(direct.zone(z)[k]) > 1e-7 * direct_peak;
+        };
+        while (window.first < window.end && !reached(window.first)) ++window.first;
+        while (window.first < window.end && !reached(window.end - 1)) --window.end;
+        // Interior poses may reach a little further than the probed ones.
+        window.first = std::max(zone.first_valid_bin, window.first - 2);
+        window.end = std::min(sensor.valid_end(z), window.end + 2);
+      }
+      zone_windows.push_back(window);
+    }
+    windows.push_back(std::move(zone_windows));
+  }
+  return windows;
+}
+
+/// Rows of the template matrix for the windows.
+int window_rows(const CompiledScene& compiled) {
+  int rows = 0;
+  for (const auto& zones : compiled.windows) {
+    for (const BinWindow& window : zones) rows += std::max(0, window.end - window.first);
+  }
+  return rows;
+}
+
+}  // namespace
+
+double period_of(const Scene& scene, std::size_t unknown) {
+  const Unknown& u = scene.unknowns[unknown];
+  if (u.component != Component::yaw) return 0;
+  const double period = yaw_period(hidden_object(scene, u.object).shape);
+  return period > 0 && u.range() >= period * (1 - 1e-9) ? period : 0;
+}
+
+PoseVector pose_difference(const Scene& scene, const PoseVector& a, const PoseVector& b) {
+  PoseVector d = b - a;
+  for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
+    const double period = period_of(scene, i);
+    auto& value = d[static_cast<Eigen::Index>(i)];
+    if (period > 0) value -= period * std::round(value / period);
+  }
+  return d;
+}
+
+void wrap_pose(const Scene& scene, PoseVector& pose) {
+  for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
+    const double period = period_of(scene, i);
+    if (period <= 0) continue;
+    auto& value = pose[static_cast<Eigen::Index>(i)];
+    const double lower = scene.unknowns[i].lower;
+    value -= period * std::floor((value - lower) / period);
+  }
+}
+
+double log_pose_prior(const Scene& scene, const PoseVector& pose) {
+  double log_density = 0;
+  for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
+    const Unknown& unknown = scene.unknowns[i];
+    const double value = pose[static_cast<Eigen::Index>(i)];
+    const double period = period_of(scene, i);
+    const double range = period > 0 ? period : unknown.range();
+    if (period <= 0 && (value < unknown.lower || value > unknown.upper)) {
+      return -std::numeric_limits<double>::infinity();
+    }
+    log_density -= std::log(range);
+    if (unknown.prior) {
+      const double u = (value - unknown.prior->mean) / unknown.prior->sigma;
+      log_density -= 0.5 * u * u;
+    }
+  }
+  return log_density;
+}
+
+PoseVector difference_steps(const Scene& scene, const SensorPlacement& placement) {
+  const double pulse_path = kSpeedOfLight * std::hypot(scene.sensor.response.core_sigma(),
+                                                       scene.sensor.bin_width / std::sqrt(12.0));
+  const PoseVector rates = path_rates(scene, relay_sample(scene, placement));
+  PoseVector steps(rates.size());
+  for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
+    const auto k = static_cast<Eigen::Index>(i);
+    double step = kDifferenceStep * pulse_path * 2 / rates[k];
+    if (scene.unknowns[i].component == Component::yaw) step = std::min(step, kYawDifference);
+    if (scene.unknowns[i].component == Component::size) step = std::min(step, 0.01);
+    steps[k] = std::min(step, 0.01 * scene.unknowns[i].range());
+  }
+  return steps;
+}
+
+std::unique_ptr<CompiledScene> compile(const Scene& scene,
+                                       const std::vector<SensorPlacement>& placements,
+                                       const FitOptions& options, const GridOptions& grid) {
+  auto compiled = std::make_unique<CompiledScene>();
+  compiled->scene = scene;
+  const double pulse_time =
+      std::hypot(scene.sensor.response.core_sigma(), scene.sensor.bin_width / std::sqrt(12.0));
+  compiled->pulse_path = kSpeedOfLight * pulse_time;
+  const PoseVector rates = path_rates(scene, relay_sample(scene, placements.front()));
+
+  const auto models = [&](double extra_sigma, double tolerance,
+                          const std::optional<Fidelity>& fidelity = std::nullopt) {
+    ModelSet set;
+    FastModelOptions fast;
+    fast.fidelity = fidelity;
+    fast.tolerance = tolerance;
+    fast.extra_pulse_sigma = extra_sigma;
+    for (const SensorPlacement& placement : placements) {
+      set.push_back(make_fast_model(scene, placement, fast));
+      fast.fidelity = set.front()->fidelity();
+    }
+    return set;
+  };
+  const double features =
+      static_cast<double>(placements.size()) * scene.sensor.zone_count() * scene.sensor.bins * 0.6;
+  const double most = std::min<double>(grid.max_poses, kTemplateBytes / (4 * features));
+  // A grid fine enough for a spline, where that is affordable.
+  bool spline = false;
+  if (grid.spline && scene.unknowns.size() <= kSplineUnknowns) {
+    make_grid(*compiled, rates, kSplineStep / kGridStep * compiled->pulse_path,
+              kSplineStep / kGridStep);
+    spline = grid_size(*compiled) <= most && 4 * features * grid_size(*compiled) < kSplineBytes;
+  }
+  // Else widen the pulse until the grid is small enough.
+  double widening = 1;
+  if (!spline) {
+    make_grid(*compiled, rates, compiled->pulse_path / grid.density, 1 / grid.density);
+    while (grid_size(*compiled) > most && widening < 64) {
+      widening *= 1.1;
+      make_grid(*compiled, rates, widening * compiled->pulse_path / grid.density,
+                widening / grid.density);
+    }
+  }
+  const double widest = grid.widen ? pulse_time * std::sqrt(widening * widening - 1) : 0.0;
+  const double cheap = std::max(kCheapTolerance, options.model_tolerance);
+  for (double sigma = widest; sigma > 0.5 * pulse_time; sigma /= 2) {
+    compiled->ladder.push_back(models(sigma, cheap));
+  }
+  compiled->ladder.push_back(models(0, cheap));
+  const auto found = compiled->ladder.back().front()->fidelity();
+  compiled->ladder.push_back(
+      models(0, options.model_tolerance, cheap > options.model_tolerance ? std::nullopt : found));
+
+  compiled->step = difference_steps(scene, placements.front());
+
+  const auto count = static_cast<std::size_t>(grid_size(*compiled));
+  for (std::size_t index = 0; index < count; ++index) {
+    PoseVector pose(rates.size());
+    std::size_t rest = index;
+    for (std::size_t i = scene.unknowns.size(); i-- > 0;) {
+      const GridAxis& axis = compiled->axes[i];
+      const auto along = static_cast<std::size_t>(axis.count);
+      const auto k = static_cast<Eigen::Index>(i);
+      pose[k] = axis.first + static_cast<double>(rest % along) * axis.spacing;
+      if (!axis.periodic) pose[k] = std::min(pose[k], scene.unknowns[i].upper);
+      rest /= along;
+    }
+    compiled->log_prior.push_back(static_cast<float>(log_pose_prior(scene, pose)));
+    compiled->poses.push_back(pose);
+  }
+  compiled->windows = reach(*compiled);
+
+  const int rows = window_rows(*compiled);
+  compiled->templates.resize(rows, static_cast<Eigen::Index>(count));
+  const ModelSet& coarse = grid.sharp || spline ? compiled->models() : compiled->ladder.front();
+  // Isolated: whoever waits here must not pick up another fit that waits for this compilation.
+  const auto render = [&](std::size_t index) {
+    HistogramCube light;
+    float* out = compiled->templates.col(static_cast<Eigen::Index>(index)).data();
+    for (std::size_t c = 0; c < coarse.size(); ++c) {
+      coarse[c]->three_bounce(compiled->poses[index], light);
+      for (int z = 0; z < light.zones(); ++z) {
+        const BinWindow& window = compiled->windows[c][static_cast<std::size_t>(z)];
+        const double gain = scene.sensor.zones[static_cast<std::size_t>(z)].gain;
+        for (int k = window.first; k < window.end; ++k) {
+          *out++ = static_cast<float>(gain * light.zone(z)[k]);
+        }
+      }
+    }
+  };
+  tbb::this_task_arena::isolate([&] { tbb::parallel_for(std::size_t{0}, count, render); });
+  if (spline) compiled->spline = std::make_unique<SplineGrid>(compiled->templates, compiled->axes);
+  if (has_static_light(scene)) {
+    for (std::size_t c = 0; c < compiled->models().size(); ++c) {
+      const HistogramCube direct = static_light(scene, compiled->models()[c]->direct_return());
+      for (int z = 0; z < direct.zones(); ++z) {
+        const BinWindow& window = compiled->windows[c][static_cast<std::size_t>(z)];
+        compiled->direct.insert(compiled->direct.end(), direct.zone(z) + window.first,
+                                direct.zone(z) + std::max(window.first, window.end));
+      }
+    }
+    const bool any = std::any_of(compiled->direct.begin(), compiled->direct.end(),
+                                 [](double v) { return v != 0; });
+    if (!any) compiled->direct.clear();
+  }
+  return compiled;
+}
+
+}  // namespace blindcorner

@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+/// What a fit needs and no capture changes: models for the sensor placements, the bins that
+/// matter, and the scored poses with their expected histograms.
+#pragma once
+
+#include <Eigen/Core>
+#include <memory>
+#include <vector>
+
+#include "blindcorner/forward/transport/forward_model.h"
+#include "blindcorner/inverse/fit.h"
+#include "inverse/likelihood/observation.h"
+#include "inverse/search/spline_grid.h"
+
+namespace blindcorner {
+
+/// Models of all captures of a joint fit at one pulse width.
+using ModelSet = std::vector<std::unique_ptr<ForwardModel>>;  // [captures]
+
+struct CompiledScene {
+  Scene scene;
+  /// Coarse to fine: cheap models with a widened pulse first (where the grid asks for it), the
+  /// cheap model with the true pulse next to last, the model of the wanted tolerance last.
+  std::vector<ModelSet> ladder;
+  std::vector<std::vector<BinWindow>> windows;  ///< [captures][zones]
+  double pulse_path = 0.0;        ///< m, standard deviation of pulse and bin as optical path
+  PoseVector step;                ///< [n] finite-difference steps
+  PoseVector spacing;             ///< [n] of the axes
+  std::vector<GridAxis> axes;     ///< [n] of the scored grid, bounds included
+  std::vector<PoseVector> poses;  ///< scored poses, last unknown fastest
+  std::vector<float> log_prior;   ///< [poses] log density of their prior
+  /// gain * S inside the windows, one column per scored pose, rows as in Observation::zones.
+  Eigen::MatrixXf templates;
+  /// Between the scored poses; null where the pulse had to be widened, or the grid is too large.
+  std::unique_ptr<SplineGrid> spline;
+  /// static_light() inside the windows, rows as above; empty when absent.
+  std::vector<double> direct;
+
+  const ModelSet& models() const { return ladder.back(); }
+  const ModelSet& cheap_models() const { return ladder[ladder.size() - 2]; }
+  int unknown_count() const { return static_cast<int>(scene.unknowns.size()); }
+};
+
+/// The grid of scored poses.
+struct GridOptions {
+  double density = 1.0;  ///< grid points per 1.2 path standard deviations of the pulse
+  int max_poses = 20'000;
+  bool widen = true;   ///< widen the pulse when the grid must be coarser than that
+  bool spline = true;  ///< lay a spline through the histograms
+  bool sharp = false;  ///< histograms from the model of the wanted tolerance, not the cheap one
+};
+
+/// Compiles the scene for the captures' sensor placements. Takes seconds for large search regions.
+std::unique_ptr<CompiledScene> compile(const Scene& scene,
+                                       const std::vector<SensorPlacement>& placements,
+                                       const FitOptions& options, const GridOptions& grid);
+
+/// Period of an unknown if it is a yaw whose range covers a full turn of the shape, else 0.
+double period_of(const Scene& scene, std::size_t unknown);
+
+/// Smallest difference b - a, circular where the unknown is.
+PoseVector pose_difference(const Scene& scene, const PoseVector& a, const PoseVector& b);
+
+/// Brings circular unknowns back into [lower, lower + period).
+void wrap_pose(const Scene& scene, PoseVector& pose);
+
+/// Log density of the pose prior (uniform times the normal priors, not renormalised by them);
+/// -infinity outside.
+double log_pose_prior(const Scene& scene, const PoseVector& pose);
+
+}  // namespace blindcorner

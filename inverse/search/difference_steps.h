@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Steps of the numeric derivatives.
+#pragma once
+
+#include "blindcorner/forward/transport/forward_model.h"
+
+namespace blindcorner {
+
+/// Finite-difference step of each unknown, m, rad or 1, for central differences of the expected
+/// histogram: 3 % of the pulse's width in path length, so that truncation is (h / sigma)^2 / 6 =
+/// 1.5e-4 and steps are far above the model's rounding and kinks.
+PoseVector difference_steps(const Scene& scene, const SensorPlacement& placement);
+
+}  // namespace blindcorner

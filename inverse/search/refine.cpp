@@ -1,0 +1,296 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "inverse/search/refine.h"
+
+#include <ceres/ceres.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace blindcorner {
+namespace {
+
+/// When to stop. Tolerances are relative decreases of half the deviance, which is of the order of
+/// the number of bins (1e3): 1e-2 in log likelihood to tell basins apart, 1e-3 at the end.
+struct Stop {
+  int iterations;
+  double function_tolerance;
+  bool central = false;  ///< central differences; forward ones are good enough to find a basin
+};
+constexpr Stop kApproach{12, 1e-5};
+constexpr Stop kApproachSpline{40, 1e-6};
+constexpr Stop kPolish{25, 1e-6, true};
+/// The most that a compass search has gained after least squares was 0.5 in log posterior: optima
+/// farther than this below the best do not become the best by it.
+constexpr double kMostGain = 1.0;
+/// Corrections of the spline by the model, and the gain in log posterior that calls for another.
+constexpr int kMostCorrections = 5;
+constexpr double kWorthCorrecting = 0.01;
+
+/// What the linear unknowns may lack in log posterior: the residuals then lie within
+/// sqrt(2 * kAccuracy) = 1.4e-5 of where they should be, a thousandth of what a difference step of
+/// a fiftieth of the pose's uncertainty moves them.
+constexpr double kAccuracy = 1e-10;
+
+/// Residuals of a pose with the linear unknowns eliminated, differentiated numerically.
+class ResidualCost final : public ceres::CostFunction {
+ public:
+  ResidualCost(const PoseObjective& objective, const LightSource& light, bool central,
+               LinearSolution& linear, int& evaluations)
+      : objective_(objective),
+        light_(light),
+        central_(central),
+        linear_(linear),
+        evaluations_(evaluations) {
+    const auto& unknowns = objective.compiled().scene.unknowns;
+    priors_ = static_cast<int>(std::count_if(unknowns.begin(), unknowns.end(),
+                                             [](const Unknown& u) { return u.prior.has_value(); }));
+    set_num_residuals(objective.solver().residual_count() + priors_);
+    mutable_parameter_block_sizes()->push_back(objective.compiled().unknown_count());
+  }
+
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override {
+    const int n = objective_.compiled().unknown_count();
+    PoseVector pose = Eigen::Map<const PoseVector>(parameters[0], n);
+    compute(pose, residuals);
+    if (jacobians == nullptr || jacobians[0] == nullptr) return true;
+    Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> jacobian(
+        jacobians[0], num_residuals(), n);
+    const Scene& scene = objective_.compiled().scene;
+    const Eigen::Map<const Eigen::VectorXd> here(residuals, num_residuals());
+    Eigen::VectorXd plus(num_residuals());
+    Eigen::VectorXd minus(num_residuals());
+    for (int i = 0; i < n; ++i) {
+      const double step = objective_.compiled().step[i];
+      const Unknown& unknown = scene.unknowns[static_cast<std::size_t>(i)];
+      // Sizes must stay positive; other bounds may be overstepped by a difference step.
+      PoseVector up = pose;
+      PoseVector down = pose;
+      up[i] += step;
+      down[i] -= step;
+      if (unknown.component == Component::size) down[i] = std::max(down[i], 0.5 * unknown.lower);
+      compute(up, plus.data());
+      if (central_) {
+        compute(down, minus.data());
+        jacobian.col(i) = (plus - minus) / (up[i] - down[i]);
+      } else {
+        jacobian.col(i) = (plus - here) / step;
+      }
+    }
+    return true;
+  }
+
+ private:
+  void compute(const PoseVector& pose, double* residuals) const {
+    ++evaluations_;
+    objective_.shapes(light_, pose, buffer_);
+    objective_.solver().eliminate(buffer_.shapes, linear_, !linear_.ambient.empty(), kAccuracy);
+    objective_.solver().residuals(buffer_.shapes, linear_, residuals);
+    double* out = residuals + objective_.solver().residual_count();
+    const auto& unknowns = objective_.compiled().scene.unknowns;
+    for (std::size_t i = 0; i < unknowns.size(); ++i) {
+      if (!unknowns[i].prior) continue;
+      *out++ =
+          (pose[static_cast<Eigen::Index>(i)] - unknowns[i].prior->mean) / unknowns[i].prior->sigma;
+    }
+  }
+
+  const PoseObjective& objective_;
+  const LightSource& light_;
+  const bool central_;
+  LinearSolution& linear_;
+  int& evaluations_;
+  int priors_ = 0;
+  mutable ShapeBuffer buffer_;
+};
+
+/// Ceres on one model set, from and to `result`.
+void minimise(const PoseObjective& objective, const LightSource& light, const Stop& stop,
+              Refined& result) {
+  const Scene& scene = objective.compiled().scene;
+  ResidualCost cost(objective, light, stop.central, result.linear, result.evaluations);
+  ceres::Problem::Options ownership;
+  ownership.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  ceres::Problem problem(ownership);
+  double* x = result.pose.data();
+  problem.AddResidualBlock(&cost, nullptr, x);
+  for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
+    if (period_of(scene, i) > 0) continue;
+    problem.SetParameterLowerBound(x, static_cast<int>(i), scene.unknowns[i].lower);
+    problem.SetParameterUpperBound(x, static_cast<int>(i), scene.unknowns[i].upper);
+  }
+  ceres::Solver::Options options;
+  options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
+  options.max_num_iterations = stop.iterations;
+  options.function_tolerance = stop.function_tolerance;
+  options.parameter_tolerance = 1e-7;
+  options.gradient_tolerance = 1e-9;
+  // At a bound Ceres searches along the projected step: a few values will do, no gradients.
+  options.line_search_interpolation_type = ceres::QUADRATIC;
+  options.max_num_line_search_step_size_iterations = 4;
+  options.logging_type = ceres::SILENT;
+  options.num_threads = 1;
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, &problem, &summary);
+  result.converged = summary.IsSolutionUsable();
+}
+
+Refined finish(const PoseObjective& objective, const LightSource& light, Refined result) {
+  wrap_pose(objective.compiled().scene, result.pose);
+  result.value = objective.evaluate(light, result.pose, result.linear, true);
+  return result;
+}
+
+/// The model's value at the pose, and what the spline lacks of its light there.
+Refined finish_corrected(const PoseObjective& objective, Refined result) {
+  const CompiledScene& compiled = objective.compiled();
+  wrap_pose(compiled.scene, result.pose);
+  ShapeBuffer model;
+  ShapeBuffer spline;
+  objective.shapes(compiled.models(), result.pose, model);
+  objective.shapes(*compiled.spline, result.pose, spline);
+  result.correction.resize(model.object.size());
+  for (std::size_t r = 0; r < model.object.size(); ++r) {
+    result.correction[r] = model.object[r] - spline.object[r];
+  }
+  result.value = objective.evaluate(model, result.pose, result.linear, true);
+  return result;
+}
+
+/// Least squares on the model with the spline's derivatives: minimises on the spline as the model
+/// corrects it at the last pose, until that gains no more. Where it stops, J'r = 0 holds with the
+/// spline's Jacobian instead of the model's; if their columns differ by a share e, the log
+/// posterior lacks e^2 / 2 an unknown there, times the misfit (chi squared a degree of freedom).
+Refined polish_on_spline(const PoseObjective& objective, Refined start) {
+  const CompiledScene& compiled = objective.compiled();
+  Refined best = finish_corrected(objective, std::move(start));
+  for (int k = 0; k < kMostCorrections; ++k) {
+    Refined next = best;
+    minimise(objective, {*compiled.spline, best.correction}, kApproachSpline, next);
+    next = finish_corrected(objective, std::move(next));
+    const double gain = next.value.log_posterior - best.value.log_posterior;
+    if (gain > 0) best = std::move(next);
+    if (gain < kWorthCorrecting) break;
+  }
+  return best;
+}
+
+/// Compass search about an optimum of least squares: shadow edges leave kinks on which a quadratic
+/// model can stop short. Returns whether anything was gained worth another descent.
+bool compass(const PoseObjective& objective, const ModelSet& models, Refined& result) {
+  constexpr int kMostEvaluations = 40;
+  constexpr double kWorthwhile = 0.05;
+  const CompiledScene& compiled = objective.compiled();
+  const double before = result.value.log_posterior;
+  int evaluations = 0;
+  for (double scale = 0.2; scale > 0.01 && evaluations < kMostEvaluations; scale *= 0.4) {
+    bool moved = true;
+    while (moved && evaluations < kMostEvaluations) {
+      moved = false;
+      for (Eigen::Index i = 0; i < result.pose.size(); ++i) {
+        for (const double sign : {1.0, -1.0}) {
+          PoseVector pose = result.pose;
+          pose[i] += sign * scale * compiled.spacing[i];
+          LinearSolution linear = result.linear;
+          ++evaluations;
+          if (!std::isfinite(log_pose_prior(compiled.scene, pose))) continue;
+          const PoseValue value = objective.evaluate(models, pose, linear, true);
+          if (value.log_posterior <= result.value.log_posterior) continue;
+          result.pose = pose;
+          result.value = value;
+          result.linear = std::move(linear);
+          moved = true;
+          break;
+        }
+      }
+    }
+  }
+  result.evaluations += evaluations;
+  return result.value.log_posterior > before + kWorthwhile;
+}
+
+/// Past the kinks that shadow edges leave about an optimum of least squares.
+void search_on(const PoseObjective& objective, Refined& optimum) {
+  const CompiledScene& compiled = objective.compiled();
+  const PoseVector before = optimum.pose;
+  if (compass(objective, compiled.models(), optimum)) {
+    Refined again = optimum;
+    minimise(objective, compiled.models(), kPolish, again);
+    again = finish(objective, compiled.models(), std::move(again));
+    if (again.value.log_posterior > optimum.value.log_posterior) optimum = std::move(again);
+  }
+  // The correction belongs to the pose.
+  const bool moved = optimum.pose != before;
+  if (compiled.spline && moved) optimum = finish_corrected(objective, std::move(optimum));
+  optimum.searched = true;
+}
+
+}  // namespace
+
+LightSource light_near(const CompiledScene& compiled, const Refined& refined) {
+  if (compiled.spline && !refined.correction.empty()) {
+    return {*compiled.spline, refined.correction};
+  }
+  return compiled.models();
+}
+
+Refined approach(const PoseObjective& objective, const PoseVector& start) {
+  const CompiledScene& compiled = objective.compiled();
+  Refined result;
+  result.pose = start;
+  if (compiled.spline) {
+    minimise(objective, *compiled.spline, kApproachSpline, result);
+    return finish(objective, *compiled.spline, std::move(result));
+  }
+  for (std::size_t rung = 0; rung + 1 < compiled.ladder.size(); ++rung) {
+    minimise(objective, compiled.ladder[rung], kApproach, result);
+  }
+  return finish(objective, compiled.cheap_models(), std::move(result));
+}
+
+Refined polish(const PoseObjective& objective, const PoseVector& start) {
+  const CompiledScene& compiled = objective.compiled();
+  Refined result;
+  result.pose = start;
+  if (compiled.spline) return polish_on_spline(objective, std::move(result));
+  minimise(objective, compiled.models(), kPolish, result);
+  return finish(objective, compiled.models(), std::move(result));
+}
+
+std::vector<Refined> merge(const CompiledScene& compiled, std::vector<Refined> optima,
+                           double negligible) {
+  std::stable_sort(optima.begin(), optima.end(), [](const Refined& a, const Refined& b) {
+    return a.value.log_posterior > b.value.log_posterior;
+  });
+  std::vector<Refined> kept;
+  for (Refined& optimum : optima) {
+    if (!std::isfinite(optimum.value.log_posterior)) continue;
+    if (!kept.empty() &&
+        optimum.value.log_posterior < kept.front().value.log_posterior - negligible) {
+      break;
+    }
+    const bool known = std::any_of(kept.begin(), kept.end(), [&](const Refined& other) {
+      const PoseVector d = pose_difference(compiled.scene, other.pose, optimum.pose);
+      return (d.array().abs() < 0.25 * compiled.spacing.array()).all();
+    });
+    if (!known) kept.push_back(std::move(optimum));
+  }
+  return kept;
+}
+
+std::vector<Refined> find_optima(const PoseObjective& objective,
+                                 const std::vector<PoseVector>& starts, double negligible,
+                                 std::vector<Refined> optima) {
+  const CompiledScene& compiled = objective.compiled();
+  for (const PoseVector& start : starts) optima.push_back(polish(objective, start));
+  optima = merge(compiled, std::move(optima), negligible);
+  const bool kinks = !compiled.models().front()->plan().occluders.empty();
+  if (!kinks || optima.empty()) return optima;
+  const double least = optima.front().value.log_posterior - kMostGain;
+  for (Refined& optimum : optima) {
+    if (!optimum.searched && optimum.value.log_posterior >= least) search_on(objective, optimum);
+  }
+  return merge(compiled, std::move(optima), negligible);
+}
+
+}  // namespace blindcorner

@@ -1,0 +1,358 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "inverse/search/scoring.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+#include "blindcorner/forward/constants.h"
+#include "forward/support/multiversion.h"
+
+namespace blindcorner {
+namespace {
+
+/// Poses scored exactly: this many times the wanted starts, but at least `kLeastExact`.
+constexpr int kExactPerStart = 8;
+constexpr int kLeastExact = 64;
+/// Gain in log likelihood over the empty scene below which an object is faint: about a hundred
+/// photons on a background of as many.
+constexpr double kFaint = 100;
+/// Accuracy of a template's log posterior, far below what half a grid step does to it.
+constexpr double kAccuracy = 1e-2;
+/// Starts that are refined even when the grid has fewer local maxima.
+constexpr std::size_t kLeastStarts = 2;
+
+/// Gain in log likelihood of the best amplitude that is not negative.
+float gain(float projection, float norm) {
+  const float positive = std::max(projection, 0.0F);
+  return 0.5F * positive * positive / std::max(norm, 1e-30F);
+}
+
+constexpr int kLanes = 16;
+
+/// sum t a
+BLINDCORNER_MULTIVERSION float dot(const float* t, const float* a, int count) {
+  float lanes[kLanes] = {};
+  int i = 0;
+  for (; i + kLanes <= count; i += kLanes) {
+    for (int k = 0; k < kLanes; ++k) lanes[k] += t[i + k] * a[i + k];
+  }
+  for (int k = 0; i < count; ++i, ++k) lanes[k] += t[i] * a[i];
+  return std::accumulate(lanes, lanes + kLanes, 0.0F);
+}
+
+/// out += sum t a for several a, whose elements lie side by side: [count][sets].
+BLINDCORNER_MULTIVERSION void add_dots(const float* t, const float* a, int count, int sets,
+                                       float* out) {
+  for (int i = 0; i < count; ++i) {
+    if (t[i] == 0) continue;
+    for (int set = 0; set < sets; ++set) out[set] += t[i] * a[i * sets + set];
+  }
+}
+
+/// sum t^2 w
+BLINDCORNER_MULTIVERSION float weighted_square(const float* t, const float* w, int count) {
+  float lanes[kLanes] = {};
+  int i = 0;
+  for (; i + kLanes <= count; i += kLanes) {
+    for (int k = 0; k < kLanes; ++k) lanes[k] += t[i + k] * (t[i + k] * w[i + k]);
+  }
+  for (int k = 0; i < count; ++i, ++k) lanes[k] += t[i] * (t[i] * w[i]);
+  return std::accumulate(lanes, lanes + kLanes, 0.0F);
+}
+
+/// The poses with the `count` highest scores, best first.
+std::vector<int> best_first(const Eigen::VectorXf& scores, std::size_t count) {
+  std::vector<int> order(static_cast<std::size_t>(scores.size()));
+  std::iota(order.begin(), order.end(), 0);
+  count = std::min(count, order.size());
+  std::partial_sort(
+      order.begin(), order.begin() + static_cast<std::ptrdiff_t>(count), order.end(),
+      [&](int a, int b) { return scores[a] != scores[b] ? scores[a] > scores[b] : a < b; });
+  order.resize(count);
+  return order;
+}
+
+}  // namespace
+
+// max over u of p e^u - n e^2u / 2 - (u - mu)^2 / 2 s^2, by Newton's method from both sides: there
+// may be a maximum at what the data say and one at what the prior says.
+Eigen::VectorXf gain_under_prior(const GainOfAmplitude& gains, const AmplitudePrior& prior) {
+  constexpr int kSteps = 3;
+  using Array = Eigen::ArrayXf;
+  const Array p = gains.projection.array();
+  const Array n = gains.norm.array().max(1e-30F);
+  const auto mu = static_cast<float>(std::log(prior.median));
+  const auto precision = static_cast<float>(std::pow(prior.sigma_log, -2));
+  const auto climb = [&](Array u) -> Array {
+    for (int k = 0; k < kSteps; ++k) {
+      const Array a = u.exp();
+      const Array curvature = (a * (2 * n * a - p)).max(0) + precision;
+      u += ((a * (p - n * a) - precision * (u - mu)) / curvature).max(-1).min(1);
+    }
+    const Array a = u.exp();
+    return a * (p - 0.5F * n * a) - 0.5F * precision * (u - mu).square();
+  };
+  // With the quadratic term alone the maximum is at mu - W(2 s^2 n e^2mu) / 2, with a negative
+  // linear one alone at mu - W(-s^2 p e^mu), W being Lambert's function.
+  const auto lambert = [](const Array& x) -> Array {
+    const Array w = x.log1p();
+    return w * (1 - w.log1p() / (2 + w));
+  };
+  const auto median = static_cast<float>(prior.median);
+  const Array dark = mu - (0.5F * lambert(n * (2 * median * median / precision)))
+                              .max(lambert((-p).max(0) * (median / precision)));
+  const Array peak = (p / n).max(1e-30F).log();
+  return climb(dark.max(peak.min(mu))).max(climb(dark.max(peak)));
+}
+
+MatchedFilter::MatchedFilter(const PoseObjective& objective, const LinearSolution& empty,
+                             Weights weights, Priors priors)
+    : objective_(objective), priors_(priors) {
+  const Observation& observation = objective.solver().observation();
+  ShapeBuffer buffer;
+  objective.empty_shapes(buffer);
+  mean_.resize(objective.rows());
+  counts_.resize(objective.rows());
+  weight_.resize(objective.rows());
+  basis_ = Eigen::MatrixXf::Zero(objective.rows(), 2);
+  pull_ = Eigen::MatrixXf::Zero(static_cast<Eigen::Index>(observation.zones.size()), 2);
+  const LinearUnknowns& unknowns = objective.solver().unknowns();
+  std::vector<double> mean;
+  int row = 0;
+  for (std::size_t z = 0; z < observation.zones.size(); ++z) {
+    const ObservedZone& zone = observation.zones[z];
+    const BinLikelihood& law = observation.law(zone);
+    const int bins = zone.bins();
+    zone_begin_.push_back(row);
+    mean.resize(static_cast<std::size_t>(bins));
+    objective.solver().expected(zone, buffer.shapes[z], empty.amplitude[z], empty.ambient[z],
+                                empty.direct[z], mean.data());
+    for (int k = 0; k < bins; ++k) {
+      const auto i = static_cast<std::size_t>(k);
+      double level = std::max(mean[i], 1e-12);
+      if (weights == Weights::observed) {
+        const double before = zone.counts[static_cast<std::size_t>(std::max(k - 1, 0))];
+        const double after = zone.counts[static_cast<std::size_t>(std::min(k + 1, bins - 1))];
+        level = std::max(level, 0.25 * before + 0.5 * zone.counts[i] + 0.25 * after);
+      }
+      mean_[row + k] = static_cast<float>(mean[i]);
+      counts_[row + k] = static_cast<float>(zone.counts[i]);
+      weight_[row + k] = static_cast<float>(1 / std::max(law.variance(level), 1e-12));
+    }
+    // Nuisance directions: the ambient light (its prior and its bins outside the window count as
+    // well), then the direct return, orthogonal in the weighted inner product.
+    const auto w = weight_.segment(row, bins);
+    const auto zone_index = static_cast<Eigen::Index>(z);
+    double beyond = 0;  // information about the ambient light from elsewhere, and its slope there
+    double slope = 0;
+    if (unknowns.ambient == LinearMode::per_zone) {
+      const double c = empty.ambient[z];
+      const double weight = 1 / std::max(law.variance(std::max(c, 1e-12)), 1e-12);
+      beyond = zone.outside_bins * weight;
+      if (priors == Priors::used) {
+        slope = (zone.outside_count - zone.outside_bins * c) * weight;
+        if (!unknowns.ambient_prior.empty()) {
+          const NormalPrior& prior = unknowns.ambient_prior[static_cast<std::size_t>(zone.zone)];
+          const double precision = std::pow(prior.sigma, -2);
+          beyond += precision;
+          slope += (prior.mean - c) * precision;
+        }
+      }
+      const auto norm = static_cast<float>(static_cast<double>(w.sum()) + beyond);
+      basis_.block(row, 0, bins, 1).setConstant(1 / std::sqrt(norm));
+      pull_(zone_index, 0) = static_cast<float>(slope) / std::sqrt(norm);
+    }
+    if (unknowns.direct == LinearMode::per_zone && buffer.shapes[z].direct != nullptr) {
+      Eigen::VectorXf t(bins);
+      for (int k = 0; k < bins; ++k) t[k] = static_cast<float>(buffer.shapes[z].direct[k]);
+      const Eigen::VectorXf e = basis_.block(row, 0, bins, 1);
+      const float before = (t.array() * t.array() * w.array()).sum();
+      const float along = (t.array() * e.array() * w.array()).sum();
+      t -= e * along;
+      const float norm = (t.array() * t.array() * w.array()).sum();
+      if (norm > 1e-6F * before) {
+        basis_.block(row, 1, bins, 1) = t / std::sqrt(norm);
+        pull_(zone_index, 1) = -along * pull_(zone_index, 0) / std::sqrt(norm);
+      }
+    }
+    row += bins;
+  }
+  zone_begin_.push_back(row);
+}
+
+Eigen::MatrixXf MatchedFilter::scores_of(const Eigen::MatrixXf& counts,
+                                         GainOfAmplitude* gains) const {
+  const Eigen::MatrixXf& templates = objective_.compiled().templates;
+  const Eigen::Index sets = counts.cols();
+  const bool shared = objective_.solver().unknowns().amplitude != LinearMode::per_zone;
+  const bool nuisance = (basis_.array() != 0).any();
+
+  // What the nuisance does not explain, weighted; [sets, rows].
+  const Eigen::MatrixXf weighted_basis = weight_.asDiagonal() * basis_;
+  Eigen::MatrixXf residual = (counts.colwise() - mean_).transpose();
+  for (std::size_t z = 0; z + 1 < zone_begin_.size() && nuisance; ++z) {
+    const int begin = zone_begin_[z];
+    const int bins = zone_begin_[z + 1] - begin;
+    auto r = residual.middleCols(begin, bins);
+    Eigen::MatrixXf along = r * weighted_basis.middleRows(begin, bins);
+    along.rowwise() += pull_.row(static_cast<Eigen::Index>(z));
+    r -= along * basis_.middleRows(begin, bins).transpose();
+  }
+  residual = residual * weight_.asDiagonal();
+
+  // Zones may be taken together when they have the amplitude in common and nothing else.
+  const std::vector<int> whole{0, objective_.rows()};
+  const std::vector<int>& borders = shared && !nuisance ? whole : zone_begin_;
+  Eigen::MatrixXf scores(templates.cols(), sets);
+  Eigen::VectorXf along(sets);
+  Eigen::VectorXf projection(sets);
+  Eigen::VectorXf total(sets);
+  if (gains != nullptr) {
+    gains->projection.resize(templates.cols());
+    gains->norm.resize(templates.cols());
+  }
+  for (Eigen::Index pose = 0; pose < templates.cols(); ++pose) {
+    projection.setZero();
+    total.setZero();
+    float norm = 0;
+    for (std::size_t z = 0; z + 1 < borders.size(); ++z) {
+      const int begin = borders[z];
+      const int bins = borders[z + 1] - begin;
+      const float* t = templates.col(pose).data() + begin;
+      float square = weighted_square(t, weight_.data() + begin, bins);
+      for (Eigen::Index k = 0; k < basis_.cols() && nuisance; ++k) {
+        const float explained = dot(t, weighted_basis.col(k).data() + begin, bins);
+        square -= explained * explained;
+      }
+      if (sets == 1) {
+        along[0] = dot(t, residual.data() + begin, bins);
+      } else {
+        along.setZero();
+        add_dots(t, residual.col(begin).data(), bins, static_cast<int>(sets), along.data());
+      }
+      norm += square;
+      projection += along;
+      if (!shared) total += along.unaryExpr([&](float a) { return gain(a, square); });
+    }
+    if (shared) total = projection.unaryExpr([&](float p) { return gain(p, norm); });
+    scores.row(pose) = total;
+    if (gains != nullptr) {
+      gains->projection[pose] = projection[0];
+      gains->norm[pose] = norm;
+    }
+  }
+  return scores;
+}
+
+Eigen::VectorXf MatchedFilter::scores() const {
+  const LinearUnknowns& unknowns = objective_.solver().unknowns();
+  if (priors_ == Priors::ignored || unknowns.amplitude == LinearMode::per_zone) {
+    return scores_of(counts_).col(0);
+  }
+  GainOfAmplitude gains;
+  scores_of(counts_, &gains);
+  if (unknowns.amplitude == LinearMode::fixed) {
+    const auto a = static_cast<float>(unknowns.fixed_amplitude);
+    return a * (gains.projection - 0.5F * a * gains.norm);
+  }
+  return gain_under_prior(gains, unknowns.amplitude_prior);
+}
+
+Eigen::VectorXf MatchedFilter::largest_scores(const Eigen::MatrixXf& counts) const {
+  return scores_of(counts).colwise().maxCoeff().transpose();
+}
+
+Scored score(const PoseObjective& objective, const LinearSolution& empty, int count,
+             double negligible) {
+  const CompiledScene& compiled = objective.compiled();
+  const LinearUnknowns& unknowns = objective.solver().unknowns();
+  Scored result;
+  result.empty = empty.log_likelihood + empty.log_prior;
+  if (unknowns.amplitude != LinearMode::fixed) {
+    const double amplitudes =
+        unknowns.amplitude == LinearMode::shared ? 1.0 : static_cast<double>(empty.ambient.size());
+    result.empty -= amplitudes * std::log(unknowns.amplitude_prior.sigma_log * std::sqrt(2 * kPi));
+  }
+  const Eigen::Map<const Eigen::VectorXf> prior(compiled.log_prior.data(),
+                                                std::ssize(compiled.log_prior));
+  const auto scores_with = [&](MatchedFilter::Weights weights) -> Eigen::VectorXf {
+    return MatchedFilter(objective, empty, weights, MatchedFilter::Priors::used).scores() + prior;
+  };
+  std::vector<Candidate>& scored = result.exact;
+  const auto gain_of = [&](const Candidate& c) {
+    return c.log_posterior - result.empty - static_cast<double>(prior[c.index]);
+  };
+  const auto wanted = static_cast<std::size_t>(std::max(kLeastExact, kExactPerStart * count));
+  std::vector<bool> known(compiled.poses.size());
+  double best = -std::numeric_limits<double>::infinity();
+  double gain = 0;  // of the best, over the empty scene
+  // A template half a step off keeps at least 0.8 of its gain over the empty scene.
+  const auto cut = [&] { return best - negligible - 0.25 * gain; };
+  // Exact scores of poses that a filter thinks best. Its score approximates the gain over the empty
+  // scene; when even half as much again falls short of what a start needs, the rest does too.
+  const auto evaluate_best = [&](const Eigen::VectorXf& scores, const std::vector<int>& order,
+                                 std::size_t end) {
+    for (std::size_t i = 0; i < order.size() && scored.size() < end; ++i) {
+      const int pose = order[i];
+      if (known[static_cast<std::size_t>(pose)]) continue;
+      const auto score = static_cast<double>(scores[pose]);
+      const double doubt = 0.5 * std::abs(score - static_cast<double>(prior[pose]));
+      if (i >= kLeastExact / 2 && result.empty + score + doubt < cut()) break;
+      known[static_cast<std::size_t>(pose)] = true;
+      LinearSolution solution;
+      scored.push_back(
+          {pose, objective.evaluate_template(pose, solution, false, kAccuracy).log_posterior});
+      if (scored.back().log_posterior > best) {
+        best = scored.back().log_posterior;
+        gain = std::max(gain_of(scored.back()), 0.0);
+      }
+    }
+  };
+  // A bright object's photons raise the variance of their bins; where a few photons lie on a faint
+  // background, taking each for a bright object's would rob it of its weight.
+  using Weights = MatchedFilter::Weights;
+  result.scores = scores_with(Weights::observed);
+  const std::vector<int> order = best_first(result.scores, wanted);
+  evaluate_best(result.scores, order, wanted / 2);
+  if (gain < kFaint) {
+    const Eigen::VectorXf faint = scores_with(Weights::expected);
+    evaluate_best(faint, best_first(faint, wanted), wanted);
+  } else {
+    evaluate_best(result.scores, order, wanted);
+  }
+  std::sort(scored.begin(), scored.end(), [](const Candidate& a, const Candidate& b) {
+    return a.log_posterior != b.log_posterior ? a.log_posterior > b.log_posterior
+                                              : a.index < b.index;
+  });
+  const auto near = [&](const Candidate& a, const Candidate& b) {
+    const PoseVector d =
+        pose_difference(compiled.scene, compiled.poses[static_cast<std::size_t>(a.index)],
+                        compiled.poses[static_cast<std::size_t>(b.index)]);
+    return (d.array().abs() < 1.1 * compiled.spacing.array()).all();
+  };
+  // Local maxima of the grid first; then the best of what lies on slopes, in case a ridge runs
+  // between the grid points.
+  std::vector<Candidate>& chosen = result.starts;
+  std::vector<Candidate> slopes;
+  for (std::size_t i = 0; i < scored.size(); ++i) {
+    if (scored[i].log_posterior < cut()) break;
+    const auto better = scored.begin() + static_cast<std::ptrdiff_t>(i);
+    if (std::none_of(scored.begin(), better, [&](const auto& c) { return near(c, scored[i]); })) {
+      if (static_cast<int>(chosen.size()) < count) chosen.push_back(scored[i]);
+    } else if (slopes.size() < kLeastStarts * 8) {
+      slopes.push_back(scored[i]);
+    }
+  }
+  for (const Candidate& slope : slopes) {
+    if (chosen.size() >= std::min<std::size_t>(kLeastStarts, static_cast<std::size_t>(count)))
+      break;
+    if (std::none_of(chosen.begin(), chosen.end(), [&](const auto& c) { return near(c, slope); })) {
+      chosen.push_back(slope);
+    }
+  }
+  return result;
+}
+
+}  // namespace blindcorner

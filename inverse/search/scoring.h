@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Exhaustive scoring of precomputed poses: a matched filter for all, the likelihood for the best.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "inverse/likelihood/pose_objective.h"
+
+namespace blindcorner {
+
+/// Gain of each pose at a shared amplitude a: a * projection - a^2 * norm / 2.
+struct GainOfAmplitude {
+  Eigen::VectorXf projection, norm;  ///< [poses]
+};
+
+/// Log posterior of each pose at its amplitude's mode, up to the prior's constant.
+Eigen::VectorXf gain_under_prior(const GainOfAmplitude& gains, const AmplitudePrior& prior);
+
+/// Score statistic of every pose against the empty scene: the gain that a quadratic expansion about
+/// the empty fit promises, with the ambient light and the direct return projected out. Computed for
+/// many realisations of the counts at once.
+class MatchedFilter {
+ public:
+  enum class Weights {
+    expected,  ///< variances of the empty fit: the score test, for detection
+    observed   ///< variances of the smoothed counts where these are larger: for bright objects
+  };
+  enum class Priors {
+    ignored,  ///< of brightness and ambient light: for detection
+    used      ///< for where the posterior lives
+  };
+
+  MatchedFilter(const PoseObjective& objective, const LinearSolution& empty, Weights weights,
+                Priors priors);
+
+  /// Score of each pose for the observation's own counts: gain in log likelihood (>= 0), where
+  /// priors are used in log posterior, of which the pose's prior and the constant of the shared
+  /// amplitude's are left out.
+  Eigen::VectorXf scores() const;
+
+  /// Largest gain in log likelihood over all poses for each column of `counts`
+  /// [rows, realisations].
+  Eigen::VectorXf largest_scores(const Eigen::MatrixXf& counts) const;
+
+  /// Mean counts of the empty fit, [rows].
+  const Eigen::VectorXf& mean() const { return mean_; }
+  /// The observation's counts, [rows].
+  const Eigen::VectorXf& counts() const { return counts_; }
+
+ private:
+  /// Free amplitudes' gains for each realisation; of the first one their quadratic as well.
+  Eigen::MatrixXf scores_of(const Eigen::MatrixXf& counts, GainOfAmplitude* gains = nullptr) const;
+
+  const PoseObjective& objective_;
+  Priors priors_;
+  Eigen::VectorXf mean_, counts_, weight_;
+  Eigen::MatrixXf basis_;        // [rows, 2] orthonormal nuisance directions within each zone
+  Eigen::MatrixXf pull_;         // [zones, 2] along them, of priors and of bins outside the window
+  std::vector<int> zone_begin_;  // [zones + 1]
+};
+
+/// A pose worth refining.
+struct Candidate {
+  int index = 0;             ///< into CompiledScene::poses
+  double log_posterior = 0;  ///< of the template
+};
+
+/// What exhaustive scoring found.
+struct Scored {
+  /// [poses] log posterior above `empty` that the filter with observed weights promises.
+  Eigen::VectorXf scores;
+  /// Log posterior without an object; of an amplitude's prior its value at the mode is in it.
+  double empty = 0;
+  std::vector<Candidate> exact;   ///< the matched filter's best poses with their log posterior
+  std::vector<Candidate> starts;  ///< separated ones among them, worth refining
+};
+
+/// Scores all poses with the matched filter (faint objects with both weights) and its best ones
+/// exactly, both lists best first. At most `count` starts, none next to a better one on the grid.
+Scored score(const PoseObjective& objective, const LinearSolution& empty, int count,
+             double negligible);
+
+}  // namespace blindcorner

@@ -1,0 +1,294 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "inverse/tracking/capture_likelihood.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "blindcorner/forward/constants.h"
+#include "blindcorner/forward/error.h"
+#include "inverse/posterior/fitted_histograms.h"
+#include "inverse/posterior/uncertainty.h"
+#include "inverse/search/refine.h"
+#include "inverse/search/scoring.h"
+
+namespace blindcorner {
+namespace {
+
+/// Fisher scoring stops when a step promises less than this in log posterior.
+constexpr double kWorthAStep = 2e-3;
+constexpr int kMostSteps = 12;
+constexpr int kMostHalvings = 5;
+/// Starts that are followed when nothing is known.
+constexpr std::size_t kMostStarts = 6;
+
+bool has_amplitude(const Scene& scene) { return scene.linear.amplitude == LinearMode::shared; }
+
+/// The amplitude, where it is shared, is one of the frame's unknowns: it scales the light, and is
+/// none of the linear unknowns that are eliminated.
+LinearUnknowns without_amplitude(const Scene& scene) {
+  LinearUnknowns linear = scene.linear;
+  if (has_amplitude(scene)) {
+    linear.amplitude = LinearMode::fixed;
+    linear.fixed_amplitude = 1;
+  }
+  return linear;
+}
+
+class CaptureLikelihood final : public FrameLikelihood {
+ public:
+  CaptureLikelihood(const CompiledScene& compiled, const Capture& capture,
+                    const FitOptions& options)
+      : compiled_(compiled),
+        options_(options),
+        capture_(capture),
+        observation_(observe(compiled.scene, {&capture_, 1}, compiled.windows)),
+        objective_(compiled, observation_),
+        solver_(observation_, without_amplitude(compiled.scene)) {
+    if (observation_.zones.empty()) {
+      throw Error(capture.source, "found no zone with valid bins, accepted: at least one");
+    }
+    ShapeBuffer nothing;
+    objective_.empty_shapes(nothing);
+    solver_.solve(nothing.shapes, empty_, false);
+  }
+
+  Update update(const Gaussian& prior, const Eigen::VectorXd& start,
+                double inflation) const override {
+    // The spline finds the optimum, the model settles it.
+    Eigen::VectorXd at = start;
+    if (compiled_.spline) at = descend(*compiled_.spline, prior, at, inflation).at;
+    const State best = descend(compiled_.models(), prior, at, inflation);
+    Update result;
+    result.posterior.mean = best.at;
+    result.posterior.covariance = best.covariance;
+    result.log_likelihood = best.linear.log_likelihood;
+    const auto n = static_cast<double>(best.at.size());
+    result.log_evidence =
+        best.log_posterior + 0.5 * n * std::log(2 * kPi) + 0.5 * log_determinant(best.covariance);
+    return result;
+  }
+
+  std::vector<Eigen::VectorXd> starts() const override {
+    LinearSolution empty;
+    objective_.evaluate_empty(empty);
+    const Scored scored =
+        score(objective_, empty, options_.max_starts, options_.negligible_log_posterior);
+    std::vector<Refined> basins;
+    for (const Candidate& start : scored.starts) {
+      if (basins.size() >= kMostStarts) break;
+      basins.push_back(
+          approach(objective_, compiled_.poses[static_cast<std::size_t>(start.index)]));
+    }
+    basins = merge(compiled_, std::move(basins), options_.negligible_log_posterior);
+    std::vector<Eigen::VectorXd> result;
+    for (const Refined& basin : basins) {
+      Eigen::VectorXd at(size());
+      at.head(poses()) = basin.pose;
+      if (size() > poses()) at[poses()] = std::log(basin.linear.amplitude.front());
+      result.push_back(std::move(at));
+    }
+    return result;
+  }
+
+  double log_evidence_empty(double inflation) const override {
+    return empty_.log_likelihood / inflation + empty_.log_volume;
+  }
+
+  void describe(const Eigen::VectorXd& at, FitResult& result) const override {
+    Refined fitted;
+    fitted.pose = at.head(poses());
+    ShapeBuffer light;
+    fill(compiled_.models(), at, light);
+    solver_.solve(light.shapes, fitted.linear, false);
+    fitted.value.log_likelihood = fitted.linear.log_likelihood;
+    if (size() > poses()) {
+      std::fill(fitted.linear.amplitude.begin(), fitted.linear.amplitude.end(),
+                std::exp(at[poses()]));
+    }
+    result.goodness_of_fit = goodness_of_fit(objective_, fitted);
+    result.histograms.push_back(fitted_histograms(objective_, fitted, capture_, 0));
+  }
+
+ private:
+  struct State {
+    Eigen::VectorXd at;
+    LinearSolution linear;
+    double log_posterior = -std::numeric_limits<double>::infinity();
+    Eigen::MatrixXd covariance;
+    Eigen::VectorXd gradient;  ///< of the log posterior
+  };
+
+  Eigen::Index poses() const { return compiled_.unknown_count(); }
+  Eigen::Index size() const { return poses() + (has_amplitude(compiled_.scene) ? 1 : 0); }
+  double amplitude(const Eigen::VectorXd& at) const {
+    return size() > poses() ? std::exp(at[poses()]) : 1.0;
+  }
+
+  static double log_determinant(const Eigen::MatrixXd& covariance) {
+    const Eigen::MatrixXd root = covariance.llt().matrixL();
+    return 2 * root.diagonal().array().log().sum();
+  }
+
+  /// Expected light at a state, amplitude included.
+  void fill(const LightSource& source, const Eigen::VectorXd& at, ShapeBuffer& light) const {
+    const PoseVector pose = at.head(poses());
+    objective_.shapes(source, pose, light);
+    const double a = amplitude(at);
+    for (double& value : light.object) value *= a;
+  }
+
+  Eigen::VectorXd from_mean(const Gaussian& prior, const Eigen::VectorXd& at) const {
+    Eigen::VectorXd d = at - prior.mean;
+    d.head(poses()) = pose_difference(compiled_.scene, prior.mean.head(poses()), at.head(poses()));
+    return d;
+  }
+
+  /// Keeps a state inside the search region.
+  void clamp(Eigen::VectorXd& at) const {
+    for (std::size_t i = 0; i < compiled_.scene.unknowns.size(); ++i) {
+      if (period_of(compiled_.scene, i) > 0) continue;
+      const Unknown& unknown = compiled_.scene.unknowns[i];
+      double& value = at[static_cast<Eigen::Index>(i)];
+      value = std::clamp(value, unknown.lower, unknown.upper);
+    }
+  }
+
+  /// Log posterior of a state; `light` is filled.
+  void evaluate(const LightSource& source, const Gaussian& prior, const Eigen::MatrixXd& precision,
+                double log_norm, double inflation, State& state, ShapeBuffer& light) const {
+    fill(source, state.at, light);
+    solver_.solve(light.shapes, state.linear, !state.linear.ambient.empty(), 1e-6);
+    const Eigen::VectorXd d = from_mean(prior, state.at);
+    state.log_posterior = state.linear.log_likelihood / inflation + state.linear.log_prior +
+                          state.linear.log_volume + log_norm - 0.5 * d.dot(precision * d);
+  }
+
+  /// Gradient of the log likelihood and expected information, the zones' own linear unknowns
+  /// eliminated by the Schur complement.
+  void linearise(const LightSource& source, const State& state, const ShapeBuffer& light,
+                 Eigen::VectorXd& gradient, Eigen::MatrixXd& information) const {
+    const Eigen::Index n = size();
+    const int rows = objective_.rows();
+    Eigen::MatrixXd slope(rows, n);
+    ShapeBuffer plus;
+    ShapeBuffer minus;
+    const double a = amplitude(state.at);
+    for (Eigen::Index i = 0; i < poses(); ++i) {
+      PoseVector up = state.at.head(poses());
+      PoseVector down = up;
+      up[i] += compiled_.step[i];
+      down[i] -= compiled_.step[i];
+      objective_.shapes(source, up, plus);
+      objective_.shapes(source, down, minus);
+      const Eigen::Map<const Eigen::VectorXd> p(plus.object.data(), rows);
+      const Eigen::Map<const Eigen::VectorXd> m(minus.object.data(), rows);
+      slope.col(i) = (p - m) * (a / (2 * compiled_.step[i]));
+    }
+    if (n > poses()) {
+      slope.col(poses()) = Eigen::Map<const Eigen::VectorXd>(light.object.data(), rows);
+    }
+    gradient.setZero(n);
+    information.setZero(n, n);
+    Eigen::Index row = 0;
+    for (std::size_t z = 0; z < observation_.zones.size(); ++z) {
+      add_zone(z, light, state, slope.middleRows(row, observation_.zones[z].bins()), gradient,
+               information);
+      row += observation_.zones[z].bins();
+    }
+  }
+
+  void add_zone(std::size_t z, const ShapeBuffer& light, const State& state,
+                const Eigen::Ref<const Eigen::MatrixXd>& slope, Eigen::VectorXd& gradient,
+                Eigen::MatrixXd& information) const {
+    const ObservedZone& zone = observation_.zones[z];
+    const BinLikelihood& law = observation_.law(zone);
+    const LinearUnknowns& linear = solver_.unknowns();
+    const ZoneShapes& shapes = light.shapes[z];
+    const OwnUnknowns own(linear, shapes);
+    const double a = state.linear.amplitude[z];
+    const int bins = zone.bins();
+    Eigen::VectorXd mean(bins);
+    solver_.expected(zone, shapes, a, state.linear.ambient[z], state.linear.direct[z], mean.data());
+    Eigen::VectorXd weight(bins);
+    Eigen::VectorXd first(bins);
+    Eigen::MatrixXd local = Eigen::MatrixXd::Zero(bins, 3);
+    for (int k = 0; k < bins; ++k) {
+      const double m = law.poisson() ? std::max(mean[k], 1e-12) : mean[k];
+      weight[k] = law.information(m);
+      first[k] = law.terms(zone.counts[static_cast<std::size_t>(k)], m).first;
+      if (own.amplitude) local(k, 0) = a * shapes.object[k];
+      if (own.ambient) local(k, 1) = 1;
+      if (own.direct) local(k, 2) = shapes.direct[k];
+    }
+    const Eigen::MatrixXd weighted = weight.asDiagonal() * slope * a;
+    gradient -= a * slope.transpose() * first;
+    information += a * slope.transpose() * weighted;
+    if (!own.amplitude && !own.ambient && !own.direct) return;
+    const Eigen::MatrixXd cross = weighted.transpose() * local;
+    Eigen::Matrix3d within = local.transpose() * weight.asDiagonal() * local;
+    complete_own_information(zone, law, linear, own, state.linear.ambient[z], within);
+    information -= cross * within.ldlt().solve(cross.transpose());
+  }
+
+  /// Fisher scoring, damped by halving steps that lead downhill.
+  State descend(const LightSource& source, const Gaussian& prior, const Eigen::VectorXd& start,
+                double inflation) const {
+    const Eigen::Index n = size();
+    const Eigen::MatrixXd precision = prior.covariance.llt().solve(Eigen::MatrixXd::Identity(n, n));
+    const double log_norm =
+        -0.5 * (static_cast<double>(n) * std::log(2 * kPi) + log_determinant(prior.covariance));
+    State state;
+    state.at = start;
+    clamp(state.at);
+    ShapeBuffer light;
+    evaluate(source, prior, precision, log_norm, inflation, state, light);
+    for (int i = 0; i < kMostSteps; ++i) {
+      Eigen::VectorXd gradient;
+      Eigen::MatrixXd information;
+      linearise(source, state, light, gradient, information);
+      const Eigen::LDLT<Eigen::MatrixXd> curvature(information / inflation + precision);
+      gradient = gradient / inflation - precision * from_mean(prior, state.at);
+      state.covariance = curvature.solve(Eigen::MatrixXd::Identity(n, n));
+      state.covariance = 0.5 * (state.covariance + state.covariance.transpose().eval());
+      const Eigen::VectorXd step = curvature.solve(gradient);
+      if (0.5 * step.dot(gradient) < kWorthAStep) break;
+      State next = state;
+      double scale = 1;
+      for (int half = 0; half < kMostHalvings; ++half, scale *= 0.5) {
+        next.at = state.at + scale * step;
+        clamp(next.at);
+        evaluate(source, prior, precision, log_norm, inflation, next, light);
+        if (next.log_posterior > state.log_posterior) break;
+      }
+      if (!(next.log_posterior > state.log_posterior)) break;
+      const double gain = next.log_posterior - state.log_posterior;
+      state = std::move(next);
+      if (gain < kWorthAStep) break;
+    }
+    PoseVector pose = state.at.head(poses());
+    wrap_pose(compiled_.scene, pose);
+    state.at.head(poses()) = pose;
+    return state;
+  }
+
+  const CompiledScene& compiled_;
+  const FitOptions options_;
+  const Capture capture_;
+  const Observation observation_;
+  const PoseObjective objective_;
+  const LinearSolver solver_;
+  LinearSolution empty_;
+};
+
+}  // namespace
+
+std::unique_ptr<FrameLikelihood> make_capture_likelihood(const CompiledScene& compiled,
+                                                         const Capture& capture,
+                                                         const FitOptions& options) {
+  return std::make_unique<CaptureLikelihood>(compiled, capture, options);
+}
+
+}  // namespace blindcorner

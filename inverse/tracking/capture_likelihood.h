@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: Apache-2.0
+/// A capture's likelihood for the tracker: Fisher scoring about a predicted pose.
+#pragma once
+
+#include <memory>
+
+#include "blindcorner/inverse/tracking/frame_likelihood.h"
+#include "inverse/search/compiled_scene.h"
+
+namespace blindcorner {
+
+/// `compiled` must outlive what is returned; the capture is copied. Throws Error when the capture
+/// does not suit the scene.
+std::unique_ptr<FrameLikelihood> make_capture_likelihood(const CompiledScene& compiled,
+                                                         const Capture& capture,
+                                                         const FitOptions& options);
+
+}  // namespace blindcorner

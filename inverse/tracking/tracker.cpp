@@ -1,0 +1,511 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "blindcorner/inverse/tracking/tracker.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <string>
+#include <utility>
+
+#include "blindcorner/forward/constants.h"
+#include "blindcorner/forward/error.h"
+#include "inverse/posterior/uncertainty.h"
+#include "inverse/search/compiled_scene.h"
+
+namespace blindcorner {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+/// A direction counts as measured when the frame took away this share of its variance.
+constexpr double kMeasured = 0.02;
+/// One innovation counts at most this much when the inflation is adapted: it may be an outlier.
+constexpr double kMostSurprise = 9;
+/// Below this probability of presence a track ends.
+constexpr double kGone = 0.5;
+
+double log_sum(double a, double b) {
+  const double top = std::max(a, b);
+  if (!std::isfinite(top)) return top;
+  return top + std::log(std::exp(a - top) + std::exp(b - top));
+}
+
+/// Probability that chi-square with `freedom` degrees exceeds `value` (Wilson & Hilferty 1931).
+double chi_square_tail(double value, double freedom) {
+  if (freedom <= 0) return 1;
+  const double spread = 2 / (9 * freedom);
+  const double z = (std::cbrt(std::max(value, 0.0) / freedom) - (1 - spread)) / std::sqrt(spread);
+  return 0.5 * std::erfc(z / std::sqrt(2.0));
+}
+
+void symmetrise(MatrixXd& m) { m = 0.5 * (m + m.transpose().eval()); }
+
+MatrixXd transition(const TrackLayout& layout, double dt) {
+  MatrixXd F = MatrixXd::Identity(layout.size, layout.size);
+  for (std::size_t i = 0; i < layout.moving.size(); ++i) {
+    F(layout.moving[i], layout.measured + static_cast<Index>(i)) = dt;
+  }
+  return F;
+}
+
+Gaussian measured_part(const TrackLayout& layout, const Gaussian& state) {
+  return {state.mean.head(layout.measured),
+          state.covariance.topLeftCorner(layout.measured, layout.measured)};
+}
+
+bool is_position(Component component) {
+  return component == Component::x || component == Component::y || component == Component::z;
+}
+
+/// The measured part before anything is known: normal with the height that a uniform density on
+/// the range has, times the normal prior.
+Gaussian unknown_state(const Scene& scene, const TrackLayout& layout) {
+  Gaussian prior{VectorXd::Zero(layout.measured), MatrixXd::Zero(layout.measured, layout.measured)};
+  for (Index i = 0; i < layout.poses; ++i) {
+    const Unknown& unknown = scene.unknowns[static_cast<std::size_t>(i)];
+    const double range = layout.period[i] > 0 ? layout.period[i] : unknown.range();
+    double precision = 2 * kPi / (range * range);
+    double mean = 0.5 * (unknown.lower + unknown.upper) * precision;
+    if (unknown.prior) {
+      const double own = std::pow(unknown.prior->sigma, -2);
+      precision += own;
+      mean += unknown.prior->mean * own;
+    }
+    prior.mean[i] = mean / precision;
+    prior.covariance(i, i) = 1 / precision;
+  }
+  if (layout.measured > layout.poses) {
+    const AmplitudePrior& amplitude = scene.linear.amplitude_prior;
+    prior.mean[layout.poses] = std::log(amplitude.median);
+    prior.covariance(layout.poses, layout.poses) = amplitude.sigma_log * amplitude.sigma_log;
+  }
+  return prior;
+}
+
+double drift_of(const Motion& motion, Component component) {
+  switch (component) {
+    case Component::yaw:
+      return motion.yaw_drift;
+    case Component::size:
+      return motion.size_drift;
+    case Component::z:
+      return motion.height_drift;
+    default:
+      return 0;
+  }
+}
+
+}  // namespace
+
+void TrackerOptions::validate() const {
+  const auto require = [](bool condition, const char* field, const char* accepted) {
+    if (!condition)
+      throw Error(std::string("TrackerOptions.") + field, std::string("accepted: ") + accepted);
+  };
+  const auto probability = [](double p) { return p > 0 && p < 1; };
+  require(probability(missed_probability), "missed_probability", "between 0 and 1");
+  require(probability(lost_probability), "lost_probability", "between 0 and 1");
+  require(probability(gate_probability), "gate_probability", "between 0 and 1");
+  require(search_interval > 0, "search_interval", "above 0");
+  require(merge_distance2 >= 0, "merge_distance2", "at least 0");
+  require(negligible_weight >= 0 && negligible_weight < 1, "negligible_weight", "0 to below 1");
+  require(max_modes >= 1, "max_modes", "at least 1");
+  require(dwell_time > 0, "dwell_time", "above 0");
+  require(inflation_time > 0, "inflation_time", "above 0");
+  require(max_inflation >= 1, "max_inflation", "at least 1");
+}
+
+TrackLayout::TrackLayout(const Scene& scene, const Motion& motion) {
+  poses = static_cast<Index>(scene.unknowns.size());
+  measured = poses + (scene.linear.amplitude == LinearMode::shared ? 1 : 0);
+  drift = VectorXd::Zero(measured);
+  period = VectorXd::Zero(measured);
+  if (measured > poses) drift[poses] = motion.brightness_drift;
+  for (Index i = 0; i < poses; ++i) {
+    const Unknown& unknown = scene.unknowns[static_cast<std::size_t>(i)];
+    drift[i] = drift_of(motion, unknown.component);
+    period[i] = period_of(scene, static_cast<std::size_t>(i));
+    if (unknown.component == Component::x || unknown.component == Component::y) {
+      moving.push_back(i);
+    }
+  }
+  size = measured + static_cast<Index>(moving.size());
+}
+
+VectorXd TrackLayout::difference(const VectorXd& a, const VectorXd& b) const {
+  VectorXd d = b - a;
+  for (Index i = 0; i < std::min(d.size(), measured); ++i) {
+    if (period[i] > 0) d[i] -= period[i] * std::round(d[i] / period[i]);
+  }
+  return d;
+}
+
+void predict(const TrackLayout& layout, const Motion& motion, double dt, Gaussian& state) {
+  const MatrixXd F = transition(layout, dt);
+  state.mean = F * state.mean;
+  state.covariance = F * state.covariance * F.transpose();
+  const double q = motion.acceleration_density;
+  for (std::size_t i = 0; i < layout.moving.size(); ++i) {
+    const Index p = layout.moving[i];
+    const Index v = layout.measured + static_cast<Index>(i);
+    state.covariance(p, p) += q * dt * dt * dt / 3;
+    state.covariance(p, v) += q * dt * dt / 2;
+    state.covariance(v, p) += q * dt * dt / 2;
+    state.covariance(v, v) += q * dt;
+  }
+  for (Index i = 0; i < layout.measured; ++i) {
+    state.covariance(i, i) += layout.drift[i] * layout.drift[i] * dt;
+  }
+  symmetrise(state.covariance);
+}
+
+void condition(const TrackLayout& layout, const Gaussian& measured, Gaussian& state) {
+  const Index m = layout.measured;
+  const Gaussian before = measured_part(layout, state);
+  // Gain of the whole state on its measured part; the identity for that part itself.
+  const MatrixXd gain = before.covariance.ldlt().solve(state.covariance.topRows(m)).transpose();
+  state.mean += gain * layout.difference(before.mean, measured.mean);
+  state.covariance -= gain * (before.covariance - measured.covariance) * gain.transpose();
+  state.mean.head(m) = measured.mean;
+  symmetrise(state.covariance);
+}
+
+Innovation innovation(const TrackLayout& layout, const Gaussian& predicted,
+                      const Gaussian& measured) {
+  // With prior P = L L' and posterior C the update moves the mean by a vector of covariance P - C.
+  const Eigen::LLT<MatrixXd> root(predicted.covariance);
+  const auto L = root.matrixL();
+  MatrixXd left = L.solve(measured.covariance);
+  MatrixXd known = MatrixXd::Identity(left.rows(), left.cols()) - L.solve(left.transpose().eval());
+  symmetrise(known);
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(known);
+  const VectorXd moved =
+      eigen.eigenvectors().transpose() * L.solve(layout.difference(predicted.mean, measured.mean));
+  Innovation result;
+  for (Index i = 0; i < moved.size(); ++i) {
+    if (eigen.eigenvalues()[i] < kMeasured) continue;
+    result.squared += moved[i] * moved[i] / eigen.eigenvalues()[i];
+    result.freedom += 1;
+  }
+  return result;
+}
+
+/// A mode of the next frame, before it is known which are kept.
+struct Tracker::Hypothesis {
+  double log_weight = 0;
+  Gaussian predicted, filtered;
+  double log_likelihood = 0;
+  int age = 0;
+  int coasted = 0;
+  int parent = -1;  ///< node
+};
+
+Tracker::Tracker(const Scene& scene, const Motion& motion, TrackerOptions options)
+    : layout_(scene, motion),
+      motion_(motion),
+      options_(options),
+      presence_prior_(scene.presence_prior),
+      unknown_(unknown_state(scene, layout_)),
+      presence_(scene.presence_prior) {
+  options_.validate();
+}
+
+TrackPoint Tracker::advance(double dt, const FrameLikelihood& frame) {
+  if (frames_ == 0) dt = 0;
+  predict_all(dt);
+  TrackPoint point;
+  point.inflation = inflation_;
+  keep(explain(frame, point));
+  if (presence_ < kGone) modes_.clear();
+  for (TrackMode& mode : modes_) {
+    history_[static_cast<std::size_t>(mode.node)].dt = dt;
+  }
+  heaviest_.push_back(modes_.empty() ? -1 : modes_.front().node);
+  if (!modes_.empty() && modes_.front().coasted == 0) adapt(point.innovation, dt);
+  ++frames_;
+  point.modes = modes_;
+  point.presence_probability = presence_;
+  return point;
+}
+
+void Tracker::predict_all(double dt) {
+  for (TrackMode& mode : modes_) predict(layout_, motion_, dt, mode.state);
+  since_search_ += dt;
+  // An object comes and goes at random, at rates that keep the prior probability in the long run.
+  const double leave = 1 - std::exp(-dt / options_.dwell_time);
+  const double come = std::min(1.0, leave * presence_prior_ / (1 - presence_prior_));
+  presence_ = presence_ * (1 - leave) + (1 - presence_) * come;
+}
+
+/// All explanations of a frame with their weights; updates the probability of presence.
+std::vector<Tracker::Hypothesis> Tracker::explain(const FrameLikelihood& frame, TrackPoint& point) {
+  const double log_empty = frame.log_evidence_empty(inflation_);
+  std::vector<Hypothesis> shown;
+  bool surprised = false;
+  for (const TrackMode& mode : modes_) {
+    const Gaussian prior = measured_part(layout_, mode.state);
+    const FrameLikelihood::Update update = frame.update(prior, prior.mean, inflation_);
+    Hypothesis next;
+    next.log_weight = std::log(mode.weight) + update.log_evidence;
+    next.predicted = next.filtered = mode.state;
+    condition(layout_, update.posterior, next.filtered);
+    next.log_likelihood = update.log_likelihood;
+    next.age = mode.age + 1;
+    next.parent = mode.node;
+    if (shown.empty()) {
+      point.innovation = innovation(layout_, prior, update.posterior);
+      const double tail = chi_square_tail(point.innovation.squared, point.innovation.freedom);
+      surprised = surprised || tail < options_.gate_probability || update.log_evidence < log_empty;
+    }
+    shown.push_back(std::move(next));
+  }
+  std::vector<Hypothesis> all;
+  double log_other = log_empty;
+  if (surprised || modes_.empty() || since_search_ >= options_.search_interval) {
+    since_search_ = 0;
+    point.searched = true;
+    const double share = modes_.empty() ? 1.0 : options_.lost_probability;
+    search(frame, share, all);
+    // When the frame is not what was predicted: what a new object would explain, a disturbance may
+    // explain as well.
+    for (const Hypothesis& h : all) {
+      if (surprised) log_other = log_sum(log_other, h.log_weight - std::log(share));
+    }
+  }
+  for (std::size_t i = 0; i < shown.size(); ++i) {
+    Hypothesis missed;
+    missed.log_weight =
+        std::log(modes_[i].weight) + std::log(options_.missed_probability) + log_other;
+    missed.predicted = missed.filtered = modes_[i].state;
+    missed.age = modes_[i].age + 1;
+    missed.coasted = modes_[i].coasted + 1;
+    missed.log_likelihood = modes_[i].log_likelihood;
+    missed.parent = modes_[i].node;
+    shown[i].log_weight += std::log1p(-options_.missed_probability);
+    all.push_back(std::move(shown[i]));
+    all.push_back(std::move(missed));
+  }
+  double log_present = -std::numeric_limits<double>::infinity();
+  for (const Hypothesis& h : all) log_present = log_sum(log_present, h.log_weight);
+  // With a prior of one there is no doubt; logs of zero are meant.
+  const double odds = std::log(1 - presence_) + log_empty - std::log(presence_) - log_present;
+  presence_ = 1 / (1 + std::exp(odds));
+  return all;
+}
+
+/// New hypotheses from the whole search region; `share` is their prior weight together.
+void Tracker::search(const FrameLikelihood& frame, double share,
+                     std::vector<Hypothesis>& hypotheses) {
+  for (const VectorXd& start : frame.starts()) {
+    const FrameLikelihood::Update update = frame.update(unknown_, start, inflation_);
+    Hypothesis born;
+    born.log_weight = std::log(share) + update.log_evidence;
+    born.log_likelihood = update.log_likelihood;
+    born.filtered.mean = VectorXd::Zero(layout_.size);
+    born.filtered.mean.head(layout_.measured) = update.posterior.mean;
+    born.filtered.covariance = motion_.initial_speed * motion_.initial_speed *
+                               MatrixXd::Identity(layout_.size, layout_.size);
+    born.filtered.covariance.topLeftCorner(layout_.measured, layout_.measured) =
+        update.posterior.covariance;
+    born.predicted = born.filtered;
+    // Starts that led to the same optimum are one explanation, not two.
+    const bool known = std::any_of(hypotheses.begin(), hypotheses.end(),
+                                   [&](const Hypothesis& h) { return too_close(h, born); });
+    if (!known) hypotheses.push_back(std::move(born));
+  }
+}
+
+bool Tracker::too_close(const Hypothesis& a, const Hypothesis& b) const {
+  const Index n = layout_.size;
+  const VectorXd d = layout_.difference(a.filtered.mean, b.filtered.mean);
+  const MatrixXd spread = 0.5 * (a.filtered.covariance + b.filtered.covariance);
+  return d.head(n).dot(spread.ldlt().solve(d)) < options_.merge_distance2;
+}
+
+/// Merges, prunes and normalises; what is left are the modes.
+void Tracker::keep(std::vector<Hypothesis> hypotheses) {
+  std::stable_sort(
+      hypotheses.begin(), hypotheses.end(),
+      [](const Hypothesis& a, const Hypothesis& b) { return a.log_weight > b.log_weight; });
+  modes_.clear();
+  if (hypotheses.empty()) return;
+  const double top = hypotheses.front().log_weight;
+  std::vector<Hypothesis> kept;
+  std::vector<double> weights;
+  for (const Hypothesis& next : hypotheses) {
+    const double weight = std::exp(next.log_weight - top);
+    if (!(weight > options_.negligible_weight)) break;
+    const auto like = std::find_if(kept.begin(), kept.end(),
+                                   [&](const Hypothesis& h) { return too_close(h, next); });
+    if (like == kept.end()) {
+      if (static_cast<int>(kept.size()) < options_.max_modes) {
+        kept.push_back(next);
+        weights.push_back(weight);
+      }
+      continue;
+    }
+    double& own = weights[static_cast<std::size_t>(like - kept.begin())];
+    const double part = weight / (own + weight);
+    Gaussian& state = like->filtered;
+    const VectorXd d = layout_.difference(state.mean, next.filtered.mean);
+    state.mean += part * d;
+    state.covariance = (1 - part) * state.covariance + part * next.filtered.covariance +
+                       part * (1 - part) * d * d.transpose();
+    symmetrise(state.covariance);
+    own += weight;
+  }
+  double total = 0;
+  for (const double weight : weights) total += weight;
+  for (std::size_t i = 0; i < kept.size(); ++i) {
+    Hypothesis& h = kept[i];
+    Node node;
+    node.parent = h.parent;
+    node.frame = frames_;
+    node.predicted = std::move(h.predicted);
+    node.filtered = h.filtered;
+    history_.push_back(std::move(node));
+    modes_.push_back({weights[i] / total, std::move(h.filtered), h.log_likelihood, h.age, h.coasted,
+                      static_cast<int>(history_.size()) - 1});
+  }
+  std::stable_sort(modes_.begin(), modes_.end(),
+                   [](const TrackMode& a, const TrackMode& b) { return a.weight > b.weight; });
+}
+
+/// The measurement's covariance follows the innovations: their normalised squares should be one per
+/// degree of freedom.
+void Tracker::adapt(const Innovation& innovation, double dt) {
+  if (innovation.freedom < 1) return;
+  const double surprise = std::min(innovation.squared / innovation.freedom, kMostSurprise);
+  inflation_ *= std::exp((surprise - 1) * std::min(dt / options_.inflation_time, 0.1));
+  inflation_ = std::clamp(inflation_, 1.0, options_.max_inflation);
+}
+
+std::vector<std::optional<Gaussian>> Tracker::smoothed() const {
+  std::vector<std::optional<Gaussian>> result(static_cast<std::size_t>(frames_));
+  for (int frame = frames_ - 1; frame >= 0; --frame) {
+    int at = heaviest_[static_cast<std::size_t>(frame)];
+    if (at < 0 || result[static_cast<std::size_t>(frame)]) continue;
+    // A chain of hypotheses that no later one continues.
+    Gaussian smooth = history_[static_cast<std::size_t>(at)].filtered;
+    while (at >= 0 &&
+           !result[static_cast<std::size_t>(history_[static_cast<std::size_t>(at)].frame)]) {
+      const Node& node = history_[static_cast<std::size_t>(at)];
+      result[static_cast<std::size_t>(node.frame)] = smooth;
+      at = node.parent;
+      if (at < 0) break;
+      const Gaussian& before = history_[static_cast<std::size_t>(at)].filtered;
+      const MatrixXd gain = node.predicted.covariance.ldlt()
+                                .solve(transition(layout_, node.dt) * before.covariance)
+                                .transpose();
+      const Gaussian after = smooth;
+      smooth.mean = before.mean + gain * layout_.difference(node.predicted.mean, after.mean);
+      smooth.covariance = before.covariance +
+                          gain * (after.covariance - node.predicted.covariance) * gain.transpose();
+      symmetrise(smooth.covariance);
+    }
+  }
+  return result;
+}
+
+namespace {
+
+/// Pose part of a state as it is reported: wrapped, with the model's position error.
+void report(const Scene& scene, const Motion& motion, const Gaussian& state, PoseVector& pose,
+            MatrixXd& covariance) {
+  const auto n = static_cast<Index>(scene.unknowns.size());
+  pose = state.mean.head(n);
+  wrap_pose(scene, pose);
+  covariance = state.covariance.topLeftCorner(n, n);
+  for (Index i = 0; i < n; ++i) {
+    if (!is_position(scene.unknowns[static_cast<std::size_t>(i)].component)) continue;
+    covariance(i, i) += motion.position_error * motion.position_error;
+  }
+}
+
+PoseMixture mixture_of(const Scene& scene, const Motion& motion, const TrackPoint& point) {
+  PoseMixture mixture;
+  mixture.presence_probability = point.presence_probability;
+  for (const TrackMode& mode : point.modes) {
+    PoseMode reported;
+    reported.weight = mode.weight;
+    report(scene, motion, mode.state, reported.pose, reported.covariance);
+    reported.optimum = reported.pose;
+    reported.log_likelihood = mode.log_likelihood;
+    mixture.modes.push_back(std::move(reported));
+  }
+  if (!mixture.modes.empty()) set_moments(scene, mixture);
+  return mixture;
+}
+
+TrackSummary summary_of(const TrackLayout& layout, const TrackPoint& point) {
+  TrackSummary summary;
+  summary.searched = point.searched;
+  summary.innovation = point.innovation.squared;
+  summary.freedom = point.innovation.freedom;
+  summary.inflation = point.inflation;
+  const double none = std::numeric_limits<double>::quiet_NaN();
+  summary.velocity = PoseVector::Constant(layout.poses, none);
+  summary.amplitude = summary.amplitude_sigma_log = none;
+  if (point.modes.empty()) return summary;
+  const TrackMode& mode = point.modes.front();
+  summary.coasted = mode.coasted;
+  for (std::size_t i = 0; i < layout.moving.size(); ++i) {
+    summary.velocity[layout.moving[i]] = mode.state.mean[layout.measured + static_cast<Index>(i)];
+  }
+  if (layout.measured > layout.poses) {
+    summary.amplitude = std::exp(mode.state.mean[layout.poses]);
+    summary.amplitude_sigma_log = std::sqrt(mode.state.covariance(layout.poses, layout.poses));
+  }
+  return summary;
+}
+
+double milliseconds_since(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start)
+      .count();
+}
+
+}  // namespace
+
+FitResult track_frame(const Fitter& fitter, Tracker& tracker, const Capture& capture, double dt) {
+  const auto start = std::chrono::steady_clock::now();
+  FitResult result;
+  result.sources = {capture.source};
+  result.indices = {capture.index};
+  result.truth = capture.truth;
+  const auto frame = fitter.frame(capture);
+  result.time_ms.prepare = milliseconds_since(start);
+  const TrackPoint point = tracker.advance(dt, *frame);
+  result.posterior = mixture_of(fitter.scene(), tracker.motion(), point);
+  result.track = summary_of(tracker.layout(), point);
+  if (point.modes.empty()) {
+    result.flags.emplace_back("nothing_detected");
+    const double none = std::numeric_limits<double>::quiet_NaN();
+    result.goodness_of_fit = {none, none, none, point.inflation};
+  } else {
+    const TrackMode& mode = point.modes.front();
+    frame->describe(mode.state.mean.head(tracker.layout().measured), result);
+    result.goodness_of_fit.inflation = point.inflation;
+    if (point.modes.size() > 1 && mode.weight < 0.9) result.flags.emplace_back("multimodal");
+    if (mode.coasted > 0) result.flags.emplace_back("predicted");
+    if (mode.age == 0) result.flags.emplace_back("track_started");
+  }
+  result.time_ms.total = milliseconds_since(start);
+  result.time_ms.refine = result.time_ms.total - result.time_ms.prepare;
+  return result;
+}
+
+void add_smoothed(const Scene& scene, const Tracker& tracker, std::span<FitResult> results) {
+  const std::vector<std::optional<Gaussian>> smoothed = tracker.smoothed();
+  for (std::size_t i = 0; i < std::min(smoothed.size(), results.size()); ++i) {
+    if (!smoothed[i] || !results[i].track) continue;
+    report(scene, tracker.motion(), *smoothed[i], results[i].track->smoothed_pose,
+           results[i].track->smoothed_covariance);
+  }
+}
+
+}  // namespace blindcorner

@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "blindcorner/simulation/synthetic.h"
+
+#include <algorithm>
+#include <functional>
+#include <numeric>
+
+#include "blindcorner/forward/error.h"
+#include "blindcorner/forward/sensor/photon_noise.h"
+
+namespace blindcorner {
+namespace {
+
+/// Bins, brightest first, that together hold this share of the light are its time gate.
+constexpr double kGateShare = 0.9;
+
+int gate_bins(const Scene& scene, const HistogramCube& light) {
+  std::vector<double> values;
+  for (int z = 0; z < light.zones(); ++z) {
+    if (scene.sensor.zones[static_cast<std::size_t>(z)].dead) continue;
+    values.insert(values.end(), light.zone(z), light.zone(z) + light.bins);
+  }
+  std::sort(values.begin(), values.end(), std::greater<>());
+  const double total = std::accumulate(values.begin(), values.end(), 0.0);
+  double sum = 0;
+  int count = 0;
+  while (sum < kGateShare * total) sum += values[static_cast<std::size_t>(count++)];
+  return std::max(count, 1);
+}
+
+}  // namespace
+
+PoseVector draw_pose(const Scene& scene, std::mt19937_64& random) {
+  PoseVector pose(static_cast<Eigen::Index>(scene.unknowns.size()));
+  for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
+    const Unknown& unknown = scene.unknowns[i];
+    auto& value = pose[static_cast<Eigen::Index>(i)];
+    std::uniform_real_distribution<double> uniform(unknown.lower, unknown.upper);
+    value = uniform(random);
+    if (!unknown.prior) continue;
+    std::normal_distribution<double> normal(unknown.prior->mean, unknown.prior->sigma);
+    for (int attempt = 0; attempt < 1000; ++attempt) {
+      const double drawn = normal(random);
+      if (drawn < unknown.lower || drawn > unknown.upper) continue;
+      value = drawn;
+      break;
+    }
+  }
+  return pose;
+}
+
+double total_light(const ForwardModel& model, const PoseVector& pose) {
+  const HistogramCube light = model.three_bounce(pose);
+  return std::accumulate(light.values.begin(), light.values.end(), 0.0);
+}
+
+Capture make_capture(const Scene& scene, const ForwardModel& model, const PoseVector& pose,
+                     const LightBudget& budget, std::uint64_t seed) {
+  Capture capture;
+  HistogramCube light = model.three_bounce(pose);
+  LinearValues linear;
+  linear.amplitude = budget.amplitude * scene.linear.fixed_amplitude;
+  linear.ambient = scene.linear.fixed_ambient;
+  linear.direct = scene.linear.fixed_direct;
+  if (budget.third_bounce_photons) {
+    double counts = 0;
+    for (int z = 0; z < light.zones(); ++z) {
+      const Zone& zone = scene.sensor.zones[static_cast<std::size_t>(z)];
+      if (zone.dead) continue;
+      for (int k = 0; k < light.bins; ++k) counts += zone.gain * light.zone(z)[k];
+    }
+    counts *= linear.amplitude;
+    if (!(counts > 0)) {
+      throw Error("synthetic capture",
+                  "the object at this pose sends the sensor no light, "
+                  "accepted: a pose that some exposure can show");
+    }
+    capture.exposures = *budget.third_bounce_photons / counts;
+    linear.ambient = budget.background_ratio * kGateShare * counts / gate_bins(scene, light);
+  }
+  const HistogramCube expected = expected_counts(scene, light, model.static_return(pose), linear);
+  capture.counts = draw_counts(scene, expected, capture.exposures, seed);
+  const std::vector<std::string> names = unknown_names(scene);
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    capture.truth[names[i]] = pose[static_cast<Eigen::Index>(i)];
+  }
+  return capture;
+}
+
+}  // namespace blindcorner

@@ -1,0 +1,278 @@
+// SPDX-License-Identifier: Apache-2.0
+/// The solver as a whole: captures of the reference renderer in, poses out.
+#include "blindcorner/inverse/fit.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <functional>
+#include <limits>
+
+#include "blindcorner/forward/error.h"
+#include "blindcorner/forward/sensor/photon_noise.h"
+#include "blindcorner/forward/transport/forward_model.h"
+#include "blindcorner/io/scene_file.h"
+#include "inverse/search/exhaustive.h"
+#include "unit/test_scenes.h"
+
+namespace blindcorner {
+namespace {
+
+using testing_scenes::reference_capture;
+
+using testing::Contains;
+using testing::HasSubstr;
+
+/// A small, quick scene: the DENALI-like wall with two unknowns.
+Scene quick_scene() { return read_scene(SOURCE_DIR "/scenes/denali_like.json"); }
+
+FitOptions quick_options() {
+  FitOptions options;
+  options.max_starts = 8;
+  options.importance_samples = 128;
+  options.empty_captures = 32;
+  return options;
+}
+
+Capture blank(const Scene& scene) {
+  Capture capture;
+  capture.counts = HistogramCube(scene.sensor.rows, scene.sensor.columns, scene.sensor.bins);
+  capture.source = "blank";
+  return capture;
+}
+
+PoseVector middle(const Scene& scene) {
+  PoseVector pose(static_cast<Eigen::Index>(scene.unknowns.size()));
+  for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
+    pose[static_cast<Eigen::Index>(i)] = scene.unknowns[i].lower + 0.4 * scene.unknowns[i].range();
+  }
+  return pose;
+}
+
+std::string message_of(const std::function<void()>& action) {
+  try {
+    action();
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "no error";
+}
+
+TEST(Fit, FindsABrightObjectWithinItsOwnErrorBars) {
+  const Scene scene = quick_scene();
+  const PoseVector truth = middle(scene);
+  const FitResult result = fit(scene, reference_capture(scene, truth, 3000, 1), quick_options());
+  const PoseMode& mode = result.posterior.modes.front();
+  const PoseVector d = mode.pose - truth;
+  // chi-square of two unknowns exceeds 18.4 once in ten thousand.
+  EXPECT_LT(d.dot(mode.covariance.inverse() * d), 18.4);
+  EXPECT_LT(d.norm(), 0.05);
+  EXPECT_GT(result.posterior.presence_probability, 0.999);
+  EXPECT_LT(result.false_alarm_probability.value(), 0.01);
+  EXPECT_GT(mode.weight, 0.99);
+}
+
+TEST(Fit, ReachesTheExhaustiveOptimum) {
+  const Scene scene = quick_scene();
+  const Fitter fitter(scene, quick_options());
+  const ExhaustiveSearch exhaustive(scene);
+  for (const double photons : {15.0, 60.0, 400.0}) {
+    const Capture capture = reference_capture(scene, middle(scene), photons, 7);
+    const FitResult result = fitter.fit(capture);
+    double best = -std::numeric_limits<double>::infinity();
+    for (const PoseMode& mode : result.posterior.modes) {
+      best = std::max(best, exhaustive.log_posterior(capture, mode.optimum));
+    }
+    EXPECT_GT(best, exhaustive.search(capture).log_posterior - 0.1) << photons << " photons";
+  }
+}
+
+TEST(Fit, AnEmptySceneIsNotAnObject) {
+  const Scene scene = quick_scene();
+  const Fitter fitter(scene, quick_options());
+  const auto model = make_reference_renderer(scene, sensor_placement(scene));
+  const HistogramCube nothing(scene.sensor.rows, scene.sensor.columns, scene.sensor.bins);
+  int alarms = 0;
+  for (std::uint64_t seed = 1; seed <= 40; ++seed) {
+    Capture capture = blank(scene);
+    capture.counts = draw_counts(
+        scene, expected_counts(scene, nothing, model->direct_return(), {0.0, 5.0, 1.0}), 1.0, seed);
+    if (fitter.fit(capture).false_alarm_probability.value() < 0.05) ++alarms;
+  }
+  // Binomial(40, 0.05): more than 8 with probability 1e-4.
+  EXPECT_LE(alarms, 8);
+}
+
+TEST(Fit, FalseAlarmsAreUnknownWhenNotAskedFor) {
+  const Scene scene = quick_scene();
+  FitOptions options = quick_options();
+  options.empty_captures = 0;
+  EXPECT_FALSE(fit(scene, reference_capture(scene, middle(scene), 40, 3), options)
+                   .false_alarm_probability.has_value());
+}
+
+TEST(Fit, SameSeedSameAnswer) {
+  const Scene scene = quick_scene();
+  const Capture capture = reference_capture(scene, middle(scene), 40, 3);
+  const FitResult a = fit(scene, capture, quick_options());
+  const FitResult b = fit(scene, capture, quick_options());
+  ASSERT_EQ(a.posterior.modes.size(), b.posterior.modes.size());
+  for (std::size_t i = 0; i < a.posterior.modes.size(); ++i) {
+    EXPECT_EQ(a.posterior.modes[i].weight, b.posterior.modes[i].weight);
+    EXPECT_EQ(a.posterior.modes[i].pose, b.posterior.modes[i].pose);
+  }
+  EXPECT_EQ(a.false_alarm_probability, b.false_alarm_probability);
+}
+
+TEST(Fit, CovarianceShrinksWithLight) {
+  const Scene scene = quick_scene();
+  const Fitter fitter(scene, quick_options());
+  const FitResult dim = fitter.fit(reference_capture(scene, middle(scene), 200, 5));
+  const FitResult bright = fitter.fit(reference_capture(scene, middle(scene), 5000, 5));
+  // 25 times the light: variances 25 times smaller, within the scatter of one realisation.
+  const double ratio = dim.posterior.covariance.trace() / bright.posterior.covariance.trace();
+  EXPECT_GT(ratio, 8);
+}
+
+// A disturbed capture says nothing: its share of the answer is the prior, the normal one if given.
+TEST(Fit, OutliersHaveThePriorsMeanAndSpread) {
+  Scene scene = quick_scene();
+  const double share = 0.2;
+  Unknown& x = scene.unknowns[0];
+  const NormalPrior prior{x.lower + 0.55 * x.range(), 0.04 * x.range()};
+  x.prior = prior;
+  const Capture capture = reference_capture(scene, middle(scene), 3000, 1);
+  const PoseMixture clean = fit(scene, capture, quick_options()).posterior;
+  scene.outlier_probability = share;
+  const PoseMixture mixed = fit(scene, capture, quick_options()).posterior;
+  const Unknown& y = scene.unknowns[1];
+  const double even = y.range() * y.range() / 12;
+  const Eigen::Vector2d center(prior.mean, 0.5 * (y.lower + y.upper));
+  const Eigen::Vector2d variance(prior.sigma * prior.sigma, even);
+  for (Eigen::Index i = 0; i < 2; ++i) {
+    const double d = center[i] - clean.mean[i];
+    EXPECT_NEAR(mixed.mean[i], clean.mean[i] + share * d, 1e-5);
+    const double want =
+        (1 - share) * clean.covariance(i, i) + share * variance[i] + share * (1 - share) * d * d;
+    EXPECT_NEAR(mixed.covariance(i, i), want, 1e-3 * want);
+  }
+}
+
+TEST(Fit, JointFitIsSharperThanEachCapture) {
+  const Scene scene = quick_scene();
+  const Fitter fitter(scene, quick_options());
+  const std::vector<Capture> captures = {reference_capture(scene, middle(scene), 300, 11),
+                                         reference_capture(scene, middle(scene), 300, 12)};
+  const FitResult joint = fitter.fit_joint(captures);
+  const FitResult one = fitter.fit(captures.front());
+  EXPECT_EQ(joint.histograms.size(), 2U);
+  EXPECT_LT(joint.posterior.covariance.trace(), 0.8 * one.posterior.covariance.trace());
+}
+
+TEST(BadCapture, NoPhotonsIsNothingDetectedNotAnError) {
+  const Scene scene = quick_scene();
+  const FitResult result = fit(scene, blank(scene), quick_options());
+  EXPECT_TRUE(result.error.empty());
+  EXPECT_THAT(result.flags, Contains("nothing_detected"));
+  EXPECT_LE(result.posterior.presence_probability, scene.presence_prior);
+  ASSERT_EQ(result.posterior.modes.size(), 1U);
+  EXPECT_TRUE(result.posterior.modes.front().covariance.allFinite());
+  EXPECT_EQ(result.posterior.modes.front().undetermined.size(), scene.unknowns.size());
+}
+
+TEST(BadCapture, WrongValuesAreNamed) {
+  const Scene scene = quick_scene();
+  const Fitter fitter(scene, quick_options());
+  for (const double value :
+       {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity(), -1.0}) {
+    Capture capture = blank(scene);
+    capture.counts.zone(3)[17] = value;
+    const std::string message = message_of([&] { fitter.fit(capture); });
+    EXPECT_THAT(message, HasSubstr("blank"));
+    EXPECT_THAT(message, HasSubstr("counts[zone 3][bin 17]"));
+    EXPECT_THAT(message, HasSubstr("accepted"));
+  }
+}
+
+TEST(BadCapture, NegativeCountsAreDataUnderAGaussianLaw) {
+  Scene scene = quick_scene();
+  scene.sensor.noise = GaussianNoise{25.0, 1.0, false};
+  scene.linear.direct = LinearMode::fixed;
+  scene.linear.fixed_direct = 0;
+  const auto model = make_reference_renderer(scene, sensor_placement(scene));
+  const PoseVector truth = middle(scene);
+  Capture capture = blank(scene);
+  const HistogramCube light = model->three_bounce(truth);
+  const double peak = *std::max_element(light.values.begin(), light.values.end());
+  for (Zone& zone : scene.sensor.zones) zone.gain = 200 / peak;
+  capture.counts = draw_counts(
+      scene, expected_counts(scene, light, model->direct_return(), {1.0, 0.0, 0.0}), 1.0, 2);
+  ASSERT_LT(*std::min_element(capture.counts.values.begin(), capture.counts.values.end()), 0.0);
+  const FitResult result = fit(scene, capture, quick_options());
+  EXPECT_LT((result.posterior.modes.front().pose - truth).norm(), 0.05);
+}
+
+// Crosstalk as bright as the object, near where its light is: known, it does no harm; and a fit
+// that knows of none is the same as ever after one that does.
+TEST(Fit, MeasuredBackgroundIsNoObject) {
+  const Scene plain = quick_scene();
+  Scene scene = plain;
+  const PoseVector truth = middle(scene);
+  const auto model = make_reference_renderer(scene, sensor_placement(scene));
+  const HistogramCube light = model->three_bounce(truth);
+  for (int z = 0; z < light.zones(); ++z) {
+    Zone& zone = scene.sensor.zones[static_cast<std::size_t>(z)];
+    const double* row = light.zone(z);
+    zone.background.assign(row, row + light.bins);
+    for (double& counts : zone.background) counts *= zone.gain;
+    std::rotate(zone.background.begin(), zone.background.end() - 6, zone.background.end());
+  }
+  const Capture capture = reference_capture(scene, truth, 3000, 4);
+  const Capture without = reference_capture(plain, truth, 3000, 4);
+  const PoseVector alone = fit(plain, without, quick_options()).posterior.mean;
+  const FitResult known = fit(scene, capture, quick_options());
+  EXPECT_LT((known.posterior.mean - truth).norm(), 0.05);
+  EXPECT_LT(known.goodness_of_fit.inflation, 1.1);
+  EXPECT_EQ(fit(plain, without, quick_options()).posterior.mean, alone);
+  const FitResult unknown = fit(plain, capture, quick_options());
+  EXPECT_GT((unknown.posterior.mean - truth).norm(), 2 * (known.posterior.mean - truth).norm());
+}
+
+TEST(BadCapture, WrongShapeIsNamed) {
+  const Scene scene = quick_scene();
+  const Fitter fitter(scene, quick_options());
+  Capture zones = blank(scene);
+  zones.counts = HistogramCube(4, 4, scene.sensor.bins);
+  EXPECT_THAT(message_of([&] { fitter.fit(zones); }), HasSubstr("4 x 4 zones"));
+  Capture bins = blank(scene);
+  bins.counts = HistogramCube(scene.sensor.rows, scene.sensor.columns, 64);
+  EXPECT_THAT(message_of([&] { fitter.fit(bins); }), HasSubstr("64 bins"));
+}
+
+TEST(BadScene, InvisibleRelayIsNamed) {
+  Scene scene = quick_scene();
+  scene.T_world_sensor.linear() =
+      Eigen::AngleAxisd(3.14159, Eigen::Vector3d::UnitZ()) * scene.T_world_sensor.linear();
+  EXPECT_THAT(message_of([&] { Fitter fitter(scene, quick_options()); }), HasSubstr("relay"));
+}
+
+TEST(BadOptions, FieldIsNamed) {
+  FitOptions options;
+  options.max_starts = 0;
+  EXPECT_THAT(message_of([&] { Fitter fitter(quick_scene(), options); }),
+              HasSubstr("FitOptions.max_starts"));
+}
+
+TEST(Fit, SensorPoseUncertaintyWidensTheAnswer) {
+  Scene scene = quick_scene();
+  const Capture capture = reference_capture(scene, middle(scene), 2000, 4);
+  const FitResult exact = fit(scene, capture, quick_options());
+  scene.sensor_covariance = Eigen::Matrix<double, 6, 6>::Zero();
+  scene.sensor_covariance->topLeftCorner(3, 3).diagonal().setConstant(0.02 * 0.02);
+  const FitResult vague = fit(scene, capture, quick_options());
+  EXPECT_GT(vague.posterior.covariance.trace(), 1.5 * exact.posterior.covariance.trace());
+}
+
+}  // namespace
+}  // namespace blindcorner

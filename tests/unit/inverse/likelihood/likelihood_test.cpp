@@ -1,0 +1,273 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "inverse/likelihood/likelihood.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "blindcorner/forward/constants.h"
+
+namespace blindcorner {
+namespace {
+
+struct LawCase {
+  std::string name;
+  NoiseLaw law;
+  double dispersion = 1;
+  double exposures = 1;
+
+  BinLikelihood likelihood() const { return {law, dispersion, exposures}; }
+  bool poisson() const { return std::holds_alternative<PoissonNoise>(law); }
+  bool censored() const {
+    const auto* gaussian = std::get_if<GaussianNoise>(&law);
+    return gaussian != nullptr && gaussian->censored_at_zero;
+  }
+};
+void PrintTo(const LawCase& c, std::ostream* out) { *out << c.name; }
+
+std::vector<LawCase> law_cases() {
+  return {{"poisson", PoissonNoise{}, 1, 1},
+          {"poisson_averaged", PoissonNoise{}, 2.5, 40},
+          {"gaussian", GaussianNoise{100, 0, false}, 1, 1},
+          {"gaussian_shot", GaussianNoise{100, 15, false}, 1, 4},
+          {"censored", GaussianNoise{100, 0, true}, 1, 1},
+          {"censored_shot", GaussianNoise{100, 3, true}, 1, 2}};
+}
+
+class EveryLaw : public testing::TestWithParam<LawCase> {
+ protected:
+  BinLikelihood law_ = GetParam().likelihood();
+  /// Counts and means that occur together, none of them at a kink (m = 0).
+  std::vector<std::pair<double, double>> points() const {
+    std::vector<std::pair<double, double>> list;
+    for (const double n : {0.0, 1.0, 7.0, 60.0, 900.0}) {
+      for (const double m : {0.3, 2.0, 8.0, 55.0, 1000.0}) list.emplace_back(n, m);
+    }
+    if (!GetParam().poisson()) {
+      list.insert(list.end(), {{5.0, -3.0}, {30.0, -12.0}, {0.0, -15.0}});
+      if (!GetParam().censored()) list.insert(list.end(), {{-14.0, 6.0}, {-8.0, -9.0}});
+    }
+    return list;
+  }
+};
+
+// Newton's method and the gradient of the fit rest on these derivatives. A central difference of
+// step h is right to h^2 / 6 of the third derivative and to rounding / h.
+TEST_P(EveryLaw, DerivativesAgreeWithDifferences) {
+  for (const auto& [n, m] : points()) {
+    const double h = 1e-4 * std::max(std::abs(m), 0.1);
+    const BinLikelihood::Terms t = law_.terms(n, m);
+    EXPECT_EQ(t.value, law_.value(n, m));
+    const double first = (law_.value(n, m + h) - law_.value(n, m - h)) / (2 * h);
+    const double second = (law_.terms(n, m + h).first - law_.terms(n, m - h).first) / (2 * h);
+    const double rounding = 1e-15 * std::abs(t.value) / h;
+    EXPECT_NEAR(t.first, first, 1e-6 * std::abs(first) + 10 * rounding + 1e-9)
+        << "n " << n << " m " << m;
+    EXPECT_NEAR(t.second, second, 1e-5 * std::abs(second) + 1e-9) << "n " << n << " m " << m;
+  }
+}
+
+// Rows of bins are what the solver works with; bin by bin they must say the same.
+TEST_P(EveryLaw, RowsAgreeWithBins) {
+  if (GetParam().poisson()) return;  // rows are for the Gaussian law
+  std::vector<double> n, m, counted;
+  std::vector<int> censored;
+  double sum = 0;
+  for (const auto& [count, mean] : points()) {
+    const bool cut = GetParam().censored() && count <= 0;
+    if (cut) censored.push_back(static_cast<int>(n.size()));
+    counted.push_back(cut ? 0.0 : 1.0);
+    n.push_back(count);
+    m.push_back(mean);
+    sum += law_.value(count, mean);
+  }
+  const int bins = static_cast<int>(n.size());
+  EXPECT_NEAR(law_.sum(n.data(), m.data(), counted.data(), bins, censored), sum,
+              1e-7 * std::abs(sum));
+  std::vector<double> first(n.size()), second(n.size());
+  law_.slopes(n.data(), m.data(), bins, censored, first.data(), second.data());
+  for (std::size_t i = 0; i < n.size(); ++i) {
+    const BinLikelihood::Terms t = law_.terms(n[i], m[i]);
+    EXPECT_NEAR(first[i], t.first, 1e-6 * std::abs(t.first) + 1e-9) << n[i] << " " << m[i];
+    const double expected = t.second > 0 ? t.second : law_.information(m[i]);
+    EXPECT_NEAR(second[i], expected, 1e-6 * std::abs(expected) + 1e-9) << n[i] << " " << m[i];
+  }
+}
+
+// Bins that expect the same are summed without looking at them one by one.
+TEST_P(EveryLaw, EqualBinsAgreeWithBins) {
+  if (GetParam().censored()) return;
+  const std::vector<double> counts{3, 8, 0, 5, 5, 12};
+  for (const double m : {0.4, 5.0, 90.0}) {
+    double sum = 0, squares = 0, value = 0, first = 0, second = 0;
+    for (const double n : counts) {
+      const BinLikelihood::Terms t = law_.terms(n, m);
+      sum += n;
+      squares += n * n;
+      value += t.value;
+      first += t.first;
+      second += t.second;
+    }
+    const BinLikelihood::Terms all = law_.equal_bins(6, sum, squares, m);
+    EXPECT_NEAR(all.value, value, 1e-9 * (1 + std::abs(value)));
+    EXPECT_NEAR(all.first, first, 1e-9 * (1 + std::abs(first)));
+    if (second > 0) {
+      EXPECT_NEAR(all.second, second, 1e-9 * (1 + std::abs(second)));
+    } else {
+      EXPECT_GT(all.second, 0);
+    }
+  }
+}
+
+// The least value is a bound that the best mean attains: the deviance is never negative, whatever
+// mean the fit tries (a sensor that subtracts its background may have a negative one).
+TEST_P(EveryLaw, LeastIsTheMinimumOverAllMeans) {
+  for (const double n : {0.0, 0.5, 1.0, 7.0, 60.0, 900.0, -14.0}) {
+    if (n < 0 && (GetParam().poisson() || GetParam().censored())) continue;
+    const double least = law_.least(n);
+    if (n > 0 || !GetParam().poisson()) {
+      EXPECT_NEAR(law_.value(n, law_.best(n)), least, 1e-9 * (1 + std::abs(least)));
+    }
+    double lowest = 1e300;
+    double where = 0;
+    for (double m = GetParam().poisson() ? 0.01 : -60; m < 1100; m += 0.37) {
+      const double value = law_.value(n, m);
+      if (value < lowest) where = m;
+      lowest = std::min(lowest, value);
+    }
+    EXPECT_GE(lowest, least - 1e-9 * (1 + std::abs(least))) << "n " << n << " m " << where;
+  }
+}
+
+// Least squares on the residuals is maximum likelihood only if half the square is the deviance.
+TEST_P(EveryLaw, HalfTheSquaredResidualIsTheExcess) {
+  for (const auto& [n, m] : points()) {
+    const double least = GetParam().poisson() ? 0 : law_.least(n);
+    const double best = law_.best(n);
+    const double residual = law_.residual(n, m, least, best);
+    const double excess = law_.value(n, m) - law_.least(n);
+    if (std::isfinite(excess)) {
+      EXPECT_NEAR(0.5 * residual * residual, excess, 1e-9 * (1 + std::abs(law_.value(n, m))))
+          << "n " << n << " m " << m;
+    }
+    if (std::abs(residual) > 1e-9) {
+      EXPECT_EQ(residual > 0, m >= best);
+    }
+  }
+}
+
+// Smooth through its zero: the root of a small difference must not lose its digits.
+TEST_P(EveryLaw, ResidualIsSmoothAtTheBestMean) {
+  const double n = 80;
+  const double best = law_.best(n);
+  const double least = GetParam().poisson() ? 0 : law_.least(n);
+  const double h = 0.02 * best;
+  const double slope =
+      (law_.residual(n, best + h, least, best) - law_.residual(n, best - h, least, best)) / (2 * h);
+  // Near the optimum the residual is sqrt(second derivative) times the distance.
+  EXPECT_NEAR(slope, std::sqrt(law_.terms(n, best).second), 0.02 * slope);
+  if (GetParam().poisson()) {
+    for (const double x : {-2e-3, -0.9999e-3, -1e-6, 1e-6, 1.0001e-3}) {
+      const double m = n * (1 + x);
+      const double series = std::sqrt(law_.scale() * n) * x * (1 - x / 3 + 7 * x * x / 36);
+      // The next term of the series is of the order of x^3.
+      const double tolerance = (1e-9 + std::pow(std::abs(x), 3)) * std::abs(series);
+      EXPECT_NEAR(law_.residual(n, m, 0, n), series, tolerance) << x;
+    }
+  }
+}
+
+/// Expected squared score by summing over counts or integrating over values.
+double expected_information(const LawCase& law_case, double m) {
+  const BinLikelihood law = law_case.likelihood();
+  double sum = 0;
+  if (law_case.poisson()) {
+    const double photons = law.scale() * m;
+    const double most = photons + 12 * std::sqrt(photons) + 30;
+    for (int j = 0; j < most; ++j) {
+      const double probability = std::exp(j * std::log(photons) - photons - std::lgamma(j + 1.0));
+      sum += probability * std::pow(law.terms(j / law.scale(), m).first, 2);
+    }
+    return sum;
+  }
+  const double sigma = std::sqrt(law.variance(m));
+  constexpr int kSteps = 20000;
+  const double step = 16 * sigma / kSteps;
+  double below = 1;
+  for (int i = 0; i < kSteps; ++i) {
+    const double u = -8 + 16 * (i + 0.5) / kSteps;
+    const double n = m + u * sigma;
+    if (law_case.censored() && n <= 0) continue;
+    const double probability = std::exp(-0.5 * u * u) / std::sqrt(2 * kPi) * step / sigma;
+    sum += probability * std::pow(law.terms(n, m).first, 2);
+    below -= probability;
+  }
+  if (law_case.censored()) {
+    below = 0.5 * std::erfc(m / sigma / std::sqrt(2.0));
+    sum += below * std::pow(law.terms(0, m).first, 2);
+  }
+  return sum;
+}
+
+// Fisher information is the variance of the score. The quadrature is good to 1e-3 where censoring
+// cuts a step in two, and exact otherwise.
+TEST_P(EveryLaw, InformationIsTheExpectedSquaredScore) {
+  for (const double m : {0.2, 3.0, 12.0, 40.0, 500.0}) {
+    const double exact = expected_information(GetParam(), m);
+    EXPECT_NEAR(law_.information(m), exact, 2e-3 * exact) << "m " << m;
+  }
+}
+
+TEST_P(EveryLaw, VarianceIsThatOfTheCounts) {
+  const LawCase& c = GetParam();
+  for (const double m : {0.5, 20.0, 300.0}) {
+    const auto* g = std::get_if<GaussianNoise>(&c.law);
+    const double want = g == nullptr
+                            ? c.dispersion * m / c.exposures
+                            : (g->variance_floor + g->variance_per_count * m) / c.exposures;
+    EXPECT_NEAR(law_.variance(m), want, 1e-12 * want);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Likelihood, EveryLaw, testing::ValuesIn(law_cases()),
+                         [](const auto& tested) { return tested.param.name; });
+
+// No counts at all is the commonest datum of a single-photon sensor.
+TEST(LikelihoodTest, ZeroCountsGiveFiniteTerms) {
+  const BinLikelihood poisson(PoissonNoise{}, 1, 1);
+  for (const double m : {1e-300, 1e-9, 1.0}) {
+    const BinLikelihood::Terms t = poisson.terms(0, m);
+    EXPECT_NEAR(t.value, m, 1e-15 * m);
+    EXPECT_EQ(t.first, 1);
+    EXPECT_EQ(t.second, 0);
+    EXPECT_NEAR(poisson.residual(0, m, 0, 0), std::sqrt(2 * m), 1e-12 * std::sqrt(m));
+  }
+}
+
+// Far below and far above zero the censored terms come from an asymptotic series: no overflow, and
+// no step where it takes over (20 standard deviations).
+TEST(LikelihoodTest, CensoredTermsAreFiniteAndContinuousInTheTails) {
+  const BinLikelihood law(GaussianNoise{1, 0, true}, 1, 1);
+  for (const double m : {-40.0, -25.0, 25.0, 1e3, 1e6}) {
+    const BinLikelihood::Terms t = law.terms(0, m);
+    EXPECT_TRUE(std::isfinite(t.value) && std::isfinite(t.first) && std::isfinite(t.second)) << m;
+    EXPECT_GE(t.value, 0);
+    EXPECT_GE(t.first, 0);
+    // Deep in the tail -log Phi(-m) is m^2/2 + log(m) + ..., of slope m.
+    if (m > 0) {
+      EXPECT_NEAR(t.first, m, 0.05 * m);
+      EXPECT_NEAR(t.second, 1, 0.05);
+    }
+    EXPECT_TRUE(std::isfinite(law.information(m)));
+  }
+  const auto before = law.terms(0, 20 - 1e-9);
+  const auto after = law.terms(0, 20 + 1e-9);
+  EXPECT_NEAR(before.value, after.value, 1e-6 * after.value);
+  EXPECT_NEAR(before.first, after.first, 1e-5 * after.first);
+  EXPECT_NEAR(before.second, after.second, 1e-3);
+}
+
+}  // namespace
+}  // namespace blindcorner

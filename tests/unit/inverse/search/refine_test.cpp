@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "inverse/search/refine.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <memory>
+#include <random>
+#include <string>
+
+#include "blindcorner/io/scene_file.h"
+#include "inverse/likelihood/pose_objective.h"
+#include "inverse/posterior/uncertainty.h"
+#include "inverse/search/compiled_scene.h"
+#include "unit/test_scenes.h"
+
+namespace blindcorner {
+namespace {
+
+/// One scene with a spline through its scored poses, and without, on the same captures of the
+/// reference renderer.
+class PolishOnSpline : public testing::TestWithParam<std::string> {
+ protected:
+  static constexpr int kCaptures = 4;
+
+  void SetUp() override {
+    scene_ = read_scene(std::string(SOURCE_DIR) + "/scenes/" + GetParam() + ".json");
+    const SensorPlacement sensor = sensor_placement(scene_);
+    GridOptions without;
+    without.spline = false;
+    with_ = compile(scene_, {sensor}, {}, {});
+    without_ = compile(scene_, {sensor}, {}, without);
+    ASSERT_NE(with_->spline, nullptr);
+    ASSERT_EQ(without_->spline, nullptr);
+    std::mt19937_64 random(7);
+    for (int i = 0; i < kCaptures; ++i) {
+      truths_.push_back(testing_scenes::random_pose(scene_, random));
+      const double photons = 60.0 * (1 << (2 * i));  // 60 to 3840
+      captures_.push_back(testing_scenes::reference_capture(scene_, truths_.back(), photons,
+                                                            static_cast<std::uint64_t>(i + 1)));
+    }
+  }
+
+  Scene scene_;
+  std::unique_ptr<CompiledScene> with_, without_;
+  std::vector<PoseVector> truths_;
+  std::vector<Capture> captures_;
+};
+
+// The spline's derivatives lead to the model's optimum, and say how sharp it is.
+TEST_P(PolishOnSpline, FindsTheModelsOptimumAndItsWidth) {
+  for (std::size_t i = 0; i < captures_.size(); ++i) {
+    const Observation observed = observe(scene_, {&captures_[i], 1}, with_->windows);
+    const Observation plainly = observe(scene_, {&captures_[i], 1}, without_->windows);
+    const PoseObjective on_spline(*with_, observed);
+    const PoseObjective on_model(*without_, plainly);
+    const Refined b = polish(on_model, truths_[i]);
+    PoseVector start = b.pose - 0.3 * with_->spacing;
+    for (Eigen::Index k = 0; k < start.size(); ++k) {
+      const Unknown& unknown = scene_.unknowns[static_cast<std::size_t>(k)];
+      start[k] = std::clamp(start[k], unknown.lower, unknown.upper);
+    }
+    const Refined a = polish(on_spline, start);
+    EXPECT_FALSE(a.correction.empty());
+    EXPECT_TRUE(b.correction.empty());
+    LinearSolution linear = b.linear;
+    const double found = on_model.evaluate(without_->models(), a.pose, linear, true).log_posterior;
+    EXPECT_GT(found, b.value.log_posterior - 0.02) << GetParam() << " " << i;
+    if ((a.pose - b.pose).norm() > 0.01) continue;  // another, better optimum
+    const Eigen::MatrixXd spline = information(on_spline, a).pose;
+    const Eigen::MatrixXd model = information(on_model, b).pose;
+    EXPECT_LT((spline - model).norm(), 0.1 * model.norm()) << GetParam() << " " << i;
+  }
+}
+
+// At the pose where it was corrected, the spline gives the model's own light.
+TEST_P(PolishOnSpline, CorrectionIsExactAtItsPose) {
+  const Observation observed = observe(scene_, {captures_.data(), 1}, with_->windows);
+  const PoseObjective objective(*with_, observed);
+  const Refined optimum = polish(objective, truths_[0]);
+  ShapeBuffer corrected;
+  ShapeBuffer model;
+  objective.shapes(light_near(*with_, optimum), optimum.pose, corrected);
+  objective.shapes(with_->models(), optimum.pose, model);
+  const double peak = *std::max_element(model.object.begin(), model.object.end());
+  for (std::size_t r = 0; r < model.object.size(); ++r) {
+    EXPECT_NEAR(corrected.object[r], model.object[r], 1e-12 * peak);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Refine, PolishOnSpline, testing::Values("denali_like", "person_vl53l8ch"),
+                         [](const auto& tested) { return std::string(tested.param); });
+
+}  // namespace
+}  // namespace blindcorner

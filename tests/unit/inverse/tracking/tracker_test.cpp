@@ -1,0 +1,464 @@
+// SPDX-License-Identifier: Apache-2.0
+/// The tracker against closed forms: with linear frames and normal noise it has to be the Kalman
+/// filter, its smoother the joint normal distribution of all frames.
+#include "blindcorner/inverse/tracking/tracker.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <random>
+#include <string>
+
+#include "blindcorner/forward/constants.h"
+#include "blindcorner/forward/error.h"
+#include "blindcorner/forward/sensor/photon_noise.h"
+#include "blindcorner/forward/transport/forward_model.h"
+#include "blindcorner/io/scene_file.h"
+
+namespace blindcorner {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+/// An object on a floor of 8 m x 8 m whose light has a known brightness.
+Scene floor_scene() {
+  Scene scene;
+  scene.unknowns = {{Component::x, -4, 4, std::nullopt}, {Component::y, -4, 4, std::nullopt}};
+  scene.linear.amplitude = LinearMode::fixed;
+  return scene;
+}
+
+Motion walking() {
+  Motion motion;
+  motion.acceleration_density = 0.7;
+  motion.initial_speed = 1.3;
+  return motion;
+}
+
+VectorXd vector(std::initializer_list<double> values) {
+  VectorXd v(static_cast<Eigen::Index>(values.size()));
+  std::copy(values.begin(), values.end(), v.data());
+  return v;
+}
+
+double log_normal(const VectorXd& d, const MatrixXd& covariance) {
+  const Eigen::LLT<MatrixXd> root(covariance);
+  const MatrixXd L = root.matrixL();
+  return -0.5 * d.dot(root.solve(d)) - L.diagonal().array().log().sum() -
+         0.5 * static_cast<double>(d.size()) * std::log(2 * kPi);
+}
+
+/// A frame that measures the unknowns themselves, at one of several places: the likelihood is a sum
+/// of normal densities. A descent ends at the peak nearest to its start.
+class LinearFrame final : public FrameLikelihood {
+ public:
+  LinearFrame(const TrackLayout& layout, std::vector<VectorXd> peaks, MatrixXd noise)
+      : layout_(layout), peaks_(std::move(peaks)), noise_(std::move(noise)) {}
+
+  Update update(const Gaussian& prior, const VectorXd& start, double inflation) const override {
+    const VectorXd& peak =
+        *std::min_element(peaks_.begin(), peaks_.end(), [&](const auto& a, const auto& b) {
+          return layout_.difference(start, a).norm() < layout_.difference(start, b).norm();
+        });
+    const MatrixXd S = prior.covariance + inflation * noise_;
+    const MatrixXd gain = prior.covariance * S.inverse();
+    const VectorXd d = layout_.difference(prior.mean, peak);
+    Update result;
+    result.posterior = {prior.mean + gain * d, prior.covariance - gain * prior.covariance};
+    result.log_evidence = log_normal(d, S);
+    return result;
+  }
+  std::vector<VectorXd> starts() const override { return peaks_; }
+  double log_evidence_empty(double) const override { return -60; }
+  void describe(const VectorXd&, FitResult&) const override {}
+
+ private:
+  const TrackLayout& layout_;
+  std::vector<VectorXd> peaks_;
+  MatrixXd noise_;
+};
+
+/// A frame that shows no object: any pose explains it worse than an empty scene does.
+class EmptyFrame final : public FrameLikelihood {
+ public:
+  Update update(const Gaussian& prior, const VectorXd&, double) const override {
+    return {prior, -50, -50};
+  }
+  std::vector<VectorXd> starts() const override { return {}; }
+  double log_evidence_empty(double) const override { return 0; }
+  void describe(const VectorXd&, FitResult&) const override {}
+};
+
+/// Never surprised and never in doubt: the Kalman filter's own assumptions.
+TrackerOptions certain() {
+  TrackerOptions options;
+  options.missed_probability = 1e-12;
+  options.gate_probability = 1e-300;
+  options.search_interval = 1e9;
+  options.max_inflation = 1;
+  return options;
+}
+
+/// Kalman filter of one frame after the other, written out for two positions and velocities.
+struct Kalman {
+  VectorXd x = VectorXd::Zero(4);
+  MatrixXd P = MatrixXd::Zero(4, 4);
+
+  void predict(double dt, double q) {
+    MatrixXd F = MatrixXd::Identity(4, 4);
+    F(0, 2) = F(1, 3) = dt;
+    MatrixXd Q = MatrixXd::Zero(4, 4);
+    Q(0, 0) = Q(1, 1) = q * dt * dt * dt / 3;
+    Q(0, 2) = Q(2, 0) = Q(1, 3) = Q(3, 1) = q * dt * dt / 2;
+    Q(2, 2) = Q(3, 3) = q * dt;
+    x = F * x;
+    P = F * P * F.transpose() + Q;
+  }
+  void update(const VectorXd& z, const MatrixXd& R) {
+    MatrixXd H = MatrixXd::Zero(2, 4);
+    H(0, 0) = H(1, 1) = 1;
+    const MatrixXd S = H * P * H.transpose() + R;
+    const MatrixXd K = P * H.transpose() * S.inverse();
+    x += K * (z - H * x);
+    P -= K * H * P;
+  }
+};
+
+struct Walk {
+  std::vector<double> dt;
+  std::vector<VectorXd> seen;
+  MatrixXd noise;
+};
+
+Walk random_walk(int frames) {
+  std::mt19937_64 random(3);
+  std::normal_distribution<double> normal;
+  Walk walk;
+  walk.noise = (MatrixXd(2, 2) << 0.04, 0.015, 0.015, 0.02).finished();
+  const MatrixXd root = walk.noise.llt().matrixL();
+  VectorXd at = vector({-1.0, 0.5});
+  const VectorXd speed = vector({0.6, -0.2});
+  for (int i = 0; i < frames; ++i) {
+    walk.dt.push_back(i == 0 ? 0.0 : 0.05 + 0.1 * (i % 3));
+    at += walk.dt.back() * speed;
+    walk.seen.push_back(at + root * vector({normal(random), normal(random)}));
+  }
+  return walk;
+}
+
+Kalman kalman_before_first() {
+  Kalman kalman;
+  // Normal with the height that the uniform density on 8 m has: sigma = 8 / sqrt(2 pi).
+  kalman.P.diagonal() << 64 / (2 * kPi), 64 / (2 * kPi), std::pow(walking().initial_speed, 2),
+      std::pow(walking().initial_speed, 2);
+  return kalman;
+}
+
+TEST(Tracker, IsTheKalmanFilterForLinearFrames) {
+  const Scene scene = floor_scene();
+  const Walk walk = random_walk(25);
+  Tracker tracker(scene, walking(), certain());
+  Kalman kalman = kalman_before_first();
+  for (std::size_t i = 0; i < walk.seen.size(); ++i) {
+    const LinearFrame frame(tracker.layout(), {walk.seen[i]}, walk.noise);
+    const TrackPoint point = tracker.advance(walk.dt[i], frame);
+    if (i > 0) kalman.predict(walk.dt[i], walking().acceleration_density);
+    kalman.update(walk.seen[i], walk.noise);
+    ASSERT_EQ(point.modes.size(), 1U);
+    EXPECT_LT((point.modes[0].state.mean - kalman.x).cwiseAbs().maxCoeff(), 1e-10);
+    EXPECT_LT((point.modes[0].state.covariance - kalman.P).cwiseAbs().maxCoeff(), 1e-10);
+    EXPECT_GT(point.presence_probability, 0.999);
+  }
+}
+
+/// All states as one normal vector: precision from the prior, the steps and the frames.
+TEST(Tracker, SmootherIsTheJointPosteriorOfAllFrames) {
+  const Scene scene = floor_scene();
+  const Walk walk = random_walk(12);
+  const auto frames = static_cast<Eigen::Index>(walk.seen.size());
+  Tracker tracker(scene, walking(), certain());
+  MatrixXd precision = MatrixXd::Zero(4 * frames, 4 * frames);
+  VectorXd right = VectorXd::Zero(4 * frames);
+  precision.topLeftCorner(4, 4) = kalman_before_first().P.inverse();
+  for (Eigen::Index i = 0; i < frames; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    tracker.advance(walk.dt[k], LinearFrame(tracker.layout(), {walk.seen[k]}, walk.noise));
+    precision.block(4 * i, 4 * i, 2, 2) += walk.noise.inverse();
+    right.segment(4 * i, 2) += walk.noise.inverse() * walk.seen[k];
+    if (i == 0) continue;
+    Kalman step;
+    step.predict(walk.dt[k], walking().acceleration_density);
+    MatrixXd difference = MatrixXd::Zero(4, 8);  // x_i - F x_{i-1}
+    difference.leftCols(4) = -MatrixXd::Identity(4, 4);
+    difference(0, 2) = difference(1, 3) = -walk.dt[k];
+    difference.rightCols(4) = MatrixXd::Identity(4, 4);
+    precision.block(4 * (i - 1), 4 * (i - 1), 8, 8) +=
+        difference.transpose() * step.P.inverse() * difference;
+  }
+  const MatrixXd covariance = precision.inverse();
+  const VectorXd mean = covariance * right;
+  const auto smoothed = tracker.smoothed();
+  ASSERT_EQ(smoothed.size(), walk.seen.size());
+  for (Eigen::Index i = 0; i < frames; ++i) {
+    const auto& state = smoothed[static_cast<std::size_t>(i)];
+    ASSERT_TRUE(state.has_value());
+    EXPECT_LT((state->mean - mean.segment(4 * i, 4)).cwiseAbs().maxCoeff(), 1e-8) << i;
+    EXPECT_LT((state->covariance - covariance.block(4 * i, 4 * i, 4, 4)).cwiseAbs().maxCoeff(),
+              1e-8)
+        << i;
+  }
+}
+
+TEST(Tracker, InnovationIsThatOfTheMeasurement) {
+  const Scene scene = floor_scene();
+  const TrackLayout layout(scene, walking());
+  const MatrixXd P = (MatrixXd(2, 2) << 0.3, 0.1, 0.1, 0.2).finished();
+  const MatrixXd R = (MatrixXd(2, 2) << 0.05, -0.01, -0.01, 0.02).finished();
+  const Gaussian prior{vector({0.2, -0.4}), P};
+  const VectorXd z = vector({0.9, -0.1});
+  const auto update = LinearFrame(layout, {z}, R).update(prior, prior.mean, 1);
+  const Innovation got = innovation(layout, prior, update.posterior);
+  const VectorXd d = z - prior.mean;
+  EXPECT_NEAR(got.squared, d.dot((P + R).inverse() * d), 1e-9);
+  EXPECT_EQ(got.freedom, 2);
+}
+
+TEST(Tracker, RivalModesAreKeptUntilFramesDecide) {
+  const Scene scene = floor_scene();
+  Tracker tracker(scene, walking());
+  const MatrixXd noise = 0.01 * MatrixXd::Identity(2, 2);
+  const VectorXd left = vector({-1, 0.5});
+  const VectorXd right = vector({1, 0.5});
+  TrackPoint point;
+  for (int i = 0; i < 6; ++i) {
+    point = tracker.advance(0.1, LinearFrame(tracker.layout(), {left, right}, noise));
+    ASSERT_EQ(point.modes.size(), 2U) << i;
+    EXPECT_NEAR(point.modes[0].weight, 0.5, 0.02) << i;
+  }
+  for (int i = 0; i < 3; ++i) {
+    point = tracker.advance(0.1, LinearFrame(tracker.layout(), {right}, noise));
+  }
+  EXPECT_GT(point.modes[0].weight, 0.99);
+  EXPECT_NEAR(point.modes[0].state.mean[0], 1, 0.1);
+}
+
+TEST(Tracker, MissedDetectionOnlyPredicts) {
+  const Scene scene = floor_scene();
+  const Walk walk = random_walk(10);
+  Tracker tracker(scene, walking());
+  TrackPoint before;
+  for (std::size_t i = 0; i < walk.seen.size(); ++i) {
+    before = tracker.advance(walk.dt[i], LinearFrame(tracker.layout(), {walk.seen[i]}, walk.noise));
+  }
+  Gaussian expected = before.modes[0].state;
+  predict(tracker.layout(), walking(), 0.1, expected);
+  const TrackPoint after = tracker.advance(0.1, EmptyFrame());
+  ASSERT_FALSE(after.modes.empty());
+  EXPECT_EQ(after.modes[0].coasted, 1);
+  EXPECT_LT((after.modes[0].state.mean - expected.mean).norm(), 1e-12);
+  EXPECT_LT((after.modes[0].state.covariance - expected.covariance).norm(), 1e-12);
+  // Bayes: the object is there and the frame missed it (1 %), or it has left since.
+  const double leave = 1 - std::exp(-0.1 / TrackerOptions{}.dwell_time);
+  const double there = (1 - leave) * TrackerOptions{}.missed_probability;
+  EXPECT_NEAR(after.presence_probability, there / (there + leave), 1e-3);
+}
+
+TEST(Tracker, EndsWhenTheObjectHasLeftAndStartsAgain) {
+  const Scene scene = floor_scene();
+  const MatrixXd noise = 0.01 * MatrixXd::Identity(2, 2);
+  Tracker tracker(scene, walking());
+  const VectorXd place = vector({1, 1});
+  EXPECT_TRUE(tracker.advance(0.1, EmptyFrame()).modes.empty());
+  for (int i = 0; i < 5; ++i) {
+    tracker.advance(0.1, LinearFrame(tracker.layout(), {place}, noise));
+  }
+  TrackPoint point;
+  for (int i = 0; i < 6; ++i) point = tracker.advance(0.1, EmptyFrame());
+  EXPECT_TRUE(point.modes.empty());
+  EXPECT_LT(point.presence_probability, 0.1);
+  point = tracker.advance(0.1, LinearFrame(tracker.layout(), {place}, noise));
+  ASSERT_EQ(point.modes.size(), 1U);
+  EXPECT_EQ(point.modes[0].age, 0);
+  const auto smoothed = tracker.smoothed();
+  EXPECT_FALSE(smoothed.front().has_value());
+  EXPECT_TRUE(smoothed[3].has_value());
+  EXPECT_TRUE(smoothed.back().has_value());
+}
+
+TEST(Tracker, OneFrameElsewhereDoesNotMoveTheTrackButSeveralDo) {
+  const Scene scene = floor_scene();
+  const MatrixXd noise = 1e-4 * MatrixXd::Identity(2, 2);
+  const VectorXd here = vector({1, 1});
+  const VectorXd there = vector({-1.5, 0});
+  Tracker tracker(scene, walking());
+  TrackPoint point;
+  const auto see = [&](const VectorXd& place) {
+    point = tracker.advance(0.1, LinearFrame(tracker.layout(), {place}, noise));
+  };
+  for (int i = 0; i < 8; ++i) see(here);
+  see(there);
+  EXPECT_TRUE(point.searched);
+  EXPECT_LT((point.modes[0].state.mean.head(2) - here).norm(), 0.05);
+  see(here);
+  EXPECT_EQ(point.modes[0].coasted, 0);
+  EXPECT_LT((point.modes[0].state.mean.head(2) - here).norm(), 0.05);
+  for (int i = 0; i < 3; ++i) see(there);
+  EXPECT_LT((point.modes[0].state.mean.head(2) - there).norm(), 0.05);
+}
+
+TEST(Tracker, YawGoesAroundTheCircle) {
+  Scene scene;
+  scene.hidden.shape = RectangleShape{1, 1};
+  scene.unknowns = {{Component::yaw, -kPi, kPi, std::nullopt}};
+  scene.linear.amplitude = LinearMode::fixed;
+  Motion turning;
+  turning.yaw_drift = 1.5;
+  Tracker tracker(scene, turning);
+  const MatrixXd noise = 1e-3 * MatrixXd::Identity(1, 1);
+  for (int i = 0; i < 40; ++i) {
+    const double yaw = std::remainder(2.6 + 0.1 * i, 2 * kPi);  // passes pi after six frames
+    const TrackPoint point =
+        tracker.advance(0.1, LinearFrame(tracker.layout(), {vector({yaw})}, noise));
+    ASSERT_EQ(point.modes.size(), 1U) << i;
+    EXPECT_EQ(point.modes[0].coasted, 0);
+    EXPECT_LT(std::abs(std::remainder(point.modes[0].state.mean[0] - yaw, 2 * kPi)), 0.05) << i;
+    EXPECT_LT(point.modes[0].state.covariance(0, 0), 1.01e-3) << i;
+  }
+}
+
+TEST(Tracker, InflationFollowsNoiseThatIsLargerThanSaid) {
+  const Scene scene = floor_scene();
+  TrackerOptions options;
+  options.inflation_time = 2;
+  Tracker tracker(scene, walking(), options);
+  const MatrixXd said = 0.01 * MatrixXd::Identity(2, 2);
+  std::mt19937_64 random(5);
+  std::normal_distribution<double> normal(0, 0.2);  // four times the variance
+  double sum = 0;
+  for (int i = 0; i < 600; ++i) {
+    const VectorXd z = vector({normal(random), normal(random)});
+    const TrackPoint point = tracker.advance(0.1, LinearFrame(tracker.layout(), {z}, said));
+    if (i >= 200) sum += point.inflation / 400;
+  }
+  EXPECT_NEAR(sum, 4, 1.0);
+}
+
+TEST(Tracker, OptionsAreChecked) {
+  TrackerOptions options;
+  options.gate_probability = 0;
+  EXPECT_THROW(Tracker(floor_scene(), walking(), options), Error);
+}
+
+// ---- The scene's field
+// ---------------------------------------------------------------------------
+
+class MotionField : public testing::Test {
+ protected:
+  void SetUp() override {
+    path_ = (std::filesystem::temp_directory_path() / "blindcorner_motion_XXXXXX").string();
+    const int file = mkstemp(path_.data());
+    ASSERT_GE(file, 0);
+    close(file);
+  }
+  void TearDown() override { std::filesystem::remove(path_); }
+
+  Motion read(const std::string& json) {
+    std::ofstream(path_) << json;
+    return read_motion(path_);
+  }
+
+  std::string path_;
+};
+
+TEST_F(MotionField, IsReadWithItsUnits) {
+  const Motion motion =
+      read(R"({"motion": {"frame_interval_s": 0.04, "yaw_drift_deg_per_sqrt_s": 90}})");
+  EXPECT_EQ(motion.frame_interval, 0.04);
+  EXPECT_NEAR(motion.yaw_drift, kPi / 2, 1e-12);
+  EXPECT_EQ(motion.acceleration_density, Motion{}.acceleration_density);
+  EXPECT_EQ(read("{}").frame_interval, Motion{}.frame_interval);
+}
+
+TEST_F(MotionField, MistakesAreNamed) {
+  const auto message = [&](const std::string& json) -> std::string {
+    try {
+      read(json);
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_THAT(message(R"({"motion": {"frame_interval_s": 0}})"),
+              testing::HasSubstr("motion.frame_interval_s: found 0"));
+  EXPECT_THAT(message(R"({"motion": {"speed": 1}})"), testing::HasSubstr("motion.speed"));
+}
+
+// ---- The likelihood of a capture ----------------------------------------------------------------
+
+Capture noiseless(const Scene& scene, const PoseVector& pose, double amplitude) {
+  const auto model = make_fast_model(scene, sensor_placement(scene));
+  Capture capture;
+  const LinearValues linear{amplitude, 50.0, scene.linear.fixed_direct};
+  capture.counts =
+      expected_counts(scene, model->three_bounce(pose), model->direct_return(), linear);
+  capture.source = "noiseless";
+  return capture;
+}
+
+TEST(CaptureLikelihood, FindsPoseAndBrightnessFromAPredictionNearby) {
+  const Scene scene = read_scene(SOURCE_DIR "/scenes/denali_like.json");
+  FitOptions options;
+  options.empty_captures = 0;
+  const Fitter fitter(scene, options);
+  const TrackLayout layout(scene, walking());
+  ASSERT_EQ(layout.measured, layout.poses + 1);
+  PoseVector pose(layout.poses);
+  for (Eigen::Index i = 0; i < pose.size(); ++i) {
+    const Unknown& unknown = scene.unknowns[static_cast<std::size_t>(i)];
+    pose[i] = 0.5 * (unknown.lower + unknown.upper);
+  }
+  const double amplitude = 1.7;
+  const auto frame = fitter.frame(noiseless(scene, pose, amplitude));
+  Gaussian wide{VectorXd::Zero(layout.measured), MatrixXd::Identity(3, 3)};
+  wide.mean.head(2) = pose + PoseVector::Constant(2, 0.02);
+  const auto update = frame->update(wide, wide.mean, 1);
+  EXPECT_LT((update.posterior.mean.head(2) - pose).norm(), 2e-3);
+  EXPECT_NEAR(update.posterior.mean[2], std::log(amplitude), 0.01);
+  EXPECT_GT(update.log_evidence, frame->log_evidence_empty(1));
+
+  // Linear-normal theory: a prior as sure as the frame, displaced by one of its standard
+  // deviations, leaves the estimate half way, with half the variance.
+  Gaussian equal = update.posterior;
+  const VectorXd shift = MatrixXd(equal.covariance.llt().matrixL()).col(0);
+  equal.mean += shift;
+  const auto both = frame->update(equal, equal.mean, 1);
+  EXPECT_LT((both.posterior.mean - update.posterior.mean - 0.5 * shift).norm(), 0.1 * shift.norm());
+  EXPECT_LT((both.posterior.covariance - 0.5 * update.posterior.covariance).norm(),
+            0.1 * update.posterior.covariance.norm());
+}
+
+TEST(CaptureLikelihood, StartsHoldTheTruth) {
+  const Scene scene = read_scene(SOURCE_DIR "/scenes/denali_like.json");
+  FitOptions options;
+  options.empty_captures = 0;
+  const Fitter fitter(scene, options);
+  PoseVector pose(2);
+  for (Eigen::Index i = 0; i < 2; ++i) {
+    const Unknown& unknown = scene.unknowns[static_cast<std::size_t>(i)];
+    pose[i] = unknown.lower + 0.3 * unknown.range();
+  }
+  const auto starts = fitter.frame(noiseless(scene, pose, 1.0))->starts();
+  ASSERT_FALSE(starts.empty());
+  EXPECT_LT((starts.front().head(2) - pose).norm(), 0.01);
+}
+
+}  // namespace
+}  // namespace blindcorner
