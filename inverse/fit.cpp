@@ -12,7 +12,10 @@
 #include "blindcorner/forward/error.h"
 #include "inverse/posterior/detection.h"
 #include "inverse/posterior/fitted_histograms.h"
-#include "inverse/posterior/uncertainty.h"
+#include "inverse/posterior/goodness_of_fit.h"
+#include "inverse/posterior/mode_merging.h"
+#include "inverse/posterior/posterior.h"
+#include "inverse/posterior/prior_moments.h"
 #include "inverse/search/compiled_scene.h"
 #include "inverse/search/refine.h"
 #include "inverse/search/scoring.h"
@@ -102,9 +105,9 @@ void answer_darkness(const CompiledScene& compiled, const Observation& observati
   mode.pose.resize(n);
   mode.covariance.setZero(n, n);
   for (Eigen::Index i = 0; i < n; ++i) {
-    const Unknown& unknown = scene.unknowns[static_cast<std::size_t>(i)];
-    mode.pose[i] = 0.5 * (unknown.lower + unknown.upper);
-    mode.covariance(i, i) = unknown.range() * unknown.range() / 12;
+    const PriorMoments prior = prior_moments(scene, static_cast<std::size_t>(i));
+    mode.pose[i] = prior.mean;
+    mode.covariance(i, i) = prior.variance;
     mode.undetermined.push_back(static_cast<int>(i));
   }
   mode.optimum = mode.pose;
@@ -132,26 +135,6 @@ void answer_darkness(const CompiledScene& compiled, const Observation& observati
   result.flags = {"no_photons", "nothing_detected"};
 }
 
-/// Mean and variance of an unknown's prior: even over its range, times the normal one if given.
-NormalPrior prior_moments(const Unknown& unknown) {
-  constexpr int kSteps = 400;
-  double weight = 0;
-  double first = 0;
-  double second = 0;
-  for (int i = 0; i < kSteps; ++i) {
-    const double value = unknown.lower + unknown.range() * (i + 0.5) / kSteps;
-    const double u = unknown.prior ? (value - unknown.prior->mean) / unknown.prior->sigma : 0.0;
-    const double density = std::exp(-0.5 * u * u);
-    weight += density;
-    first += density * value;
-    second += density * value * value;
-  }
-  const double even = unknown.range() / std::sqrt(12.0);
-  if (!(weight > 0)) return {0.5 * (unknown.lower + unknown.upper), even};
-  const double mean = first / weight;
-  return {mean, std::sqrt(std::max(second / weight - mean * mean, 0.0))};
-}
-
 /// Mixes the prior into mean and covariance of the whole posterior, for captures that something
 /// unknown has disturbed: no small covariance may come of a capture that the model does not
 /// explain.
@@ -162,12 +145,12 @@ void allow_for_outliers(const Scene& scene, PoseMixture& mixture) {
   PoseVector difference(n);
   Eigen::MatrixXd spread = Eigen::MatrixXd::Zero(n, n);
   for (Eigen::Index i = 0; i < n; ++i) {
-    const Unknown& unknown = scene.unknowns[static_cast<std::size_t>(i)];
-    const NormalPrior prior = prior_moments(unknown);
+    const auto k = static_cast<std::size_t>(i);
+    const PriorMoments prior = prior_moments(scene, k);
     // On a circle the prior has no mean: only its spread counts.
-    const bool circular = period_of(scene, static_cast<std::size_t>(i)) > 0;
+    const bool circular = period_of(scene, k) > 0;
     difference[i] = circular ? 0.0 : prior.mean - mixture.mean[i];
-    spread(i, i) = prior.sigma * prior.sigma;
+    spread(i, i) = prior.variance;
   }
   mixture.mean += share * difference;
   mixture.covariance = (1 - share) * mixture.covariance + share * spread +

@@ -11,6 +11,10 @@
 
 namespace blindcorner {
 
+/// Accuracy of a sample's log posterior: its weight is right to a thousandth, far below what 256
+/// samples can tell.
+constexpr double kSampleAccuracy = 1e-3;
+
 /// A mode of the posterior before its weight is known.
 struct Peak {
   PoseVector center;

@@ -6,7 +6,8 @@
 #include <limits>
 
 #include "blindcorner/forward/error.h"
-#include "inverse/posterior/uncertainty.h"
+#include "inverse/posterior/mode_merging.h"
+#include "inverse/posterior/posterior.h"
 #include "inverse/search/compiled_scene.h"
 
 namespace blindcorner {

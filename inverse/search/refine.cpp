@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "inverse/posterior/mode_merging.h"
+
 namespace blindcorner {
 namespace {
 
@@ -19,9 +21,6 @@ struct Stop {
 constexpr Stop kApproach{12, 1e-5};
 constexpr Stop kApproachSpline{40, 1e-6};
 constexpr Stop kPolish{25, 1e-6, true};
-/// The most that a compass search has gained after least squares was 0.5 in log posterior: optima
-/// farther than this below the best do not become the best by it.
-constexpr double kMostGain = 1.0;
 /// Corrections of the spline by the model, and the gain in log posterior that calls for another.
 constexpr int kMostCorrections = 5;
 constexpr double kWorthCorrecting = 0.01;
@@ -175,56 +174,6 @@ Refined polish_on_spline(const PoseObjective& objective, Refined start) {
   return best;
 }
 
-/// Compass search about an optimum of least squares: shadow edges leave kinks on which a quadratic
-/// model can stop short. Returns whether anything was gained worth another descent.
-bool compass(const PoseObjective& objective, const ModelSet& models, Refined& result) {
-  constexpr int kMostEvaluations = 40;
-  constexpr double kWorthwhile = 0.05;
-  const CompiledScene& compiled = objective.compiled();
-  const double before = result.value.log_posterior;
-  int evaluations = 0;
-  for (double scale = 0.2; scale > 0.01 && evaluations < kMostEvaluations; scale *= 0.4) {
-    bool moved = true;
-    while (moved && evaluations < kMostEvaluations) {
-      moved = false;
-      for (Eigen::Index i = 0; i < result.pose.size(); ++i) {
-        for (const double sign : {1.0, -1.0}) {
-          PoseVector pose = result.pose;
-          pose[i] += sign * scale * compiled.spacing[i];
-          LinearSolution linear = result.linear;
-          ++evaluations;
-          if (!std::isfinite(log_pose_prior(compiled.scene, pose))) continue;
-          const PoseValue value = objective.evaluate(models, pose, linear, true);
-          if (value.log_posterior <= result.value.log_posterior) continue;
-          result.pose = pose;
-          result.value = value;
-          result.linear = std::move(linear);
-          moved = true;
-          break;
-        }
-      }
-    }
-  }
-  result.evaluations += evaluations;
-  return result.value.log_posterior > before + kWorthwhile;
-}
-
-/// Past the kinks that shadow edges leave about an optimum of least squares.
-void search_on(const PoseObjective& objective, Refined& optimum) {
-  const CompiledScene& compiled = objective.compiled();
-  const PoseVector before = optimum.pose;
-  if (compass(objective, compiled.models(), optimum)) {
-    Refined again = optimum;
-    minimise(objective, compiled.models(), kPolish, again);
-    again = finish(objective, compiled.models(), std::move(again));
-    if (again.value.log_posterior > optimum.value.log_posterior) optimum = std::move(again);
-  }
-  // The correction belongs to the pose.
-  const bool moved = optimum.pose != before;
-  if (compiled.spline && moved) optimum = finish_corrected(objective, std::move(optimum));
-  optimum.searched = true;
-}
-
 }  // namespace
 
 LightSource light_near(const CompiledScene& compiled, const Refined& refined) {
@@ -257,40 +206,11 @@ Refined polish(const PoseObjective& objective, const PoseVector& start) {
   return finish(objective, compiled.models(), std::move(result));
 }
 
-std::vector<Refined> merge(const CompiledScene& compiled, std::vector<Refined> optima,
-                           double negligible) {
-  std::stable_sort(optima.begin(), optima.end(), [](const Refined& a, const Refined& b) {
-    return a.value.log_posterior > b.value.log_posterior;
-  });
-  std::vector<Refined> kept;
-  for (Refined& optimum : optima) {
-    if (!std::isfinite(optimum.value.log_posterior)) continue;
-    if (!kept.empty() &&
-        optimum.value.log_posterior < kept.front().value.log_posterior - negligible) {
-      break;
-    }
-    const bool known = std::any_of(kept.begin(), kept.end(), [&](const Refined& other) {
-      const PoseVector d = pose_difference(compiled.scene, other.pose, optimum.pose);
-      return (d.array().abs() < 0.25 * compiled.spacing.array()).all();
-    });
-    if (!known) kept.push_back(std::move(optimum));
-  }
-  return kept;
-}
-
 std::vector<Refined> find_optima(const PoseObjective& objective,
                                  const std::vector<PoseVector>& starts, double negligible,
                                  std::vector<Refined> optima) {
-  const CompiledScene& compiled = objective.compiled();
   for (const PoseVector& start : starts) optima.push_back(polish(objective, start));
-  optima = merge(compiled, std::move(optima), negligible);
-  const bool kinks = !compiled.models().front()->plan().occluders.empty();
-  if (!kinks || optima.empty()) return optima;
-  const double least = optima.front().value.log_posterior - kMostGain;
-  for (Refined& optimum : optima) {
-    if (!optimum.searched && optimum.value.log_posterior >= least) search_on(objective, optimum);
-  }
-  return merge(compiled, std::move(optima), negligible);
+  return merge(objective.compiled(), std::move(optima), negligible);
 }
 
 }  // namespace blindcorner

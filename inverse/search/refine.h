@@ -16,7 +16,6 @@ struct Refined {
   std::vector<double> correction;
   int evaluations = 0;
   bool converged = false;
-  bool searched = false;  ///< by find_optima(), past the kinks of shadow edges
 };
 
 /// Minimises the deviance from `start` with Ceres (Levenberg-Marquardt, bounds, forward
@@ -29,14 +28,8 @@ Refined approach(const PoseObjective& objective, const PoseVector& start);
 /// the derivatives and the model the residuals.
 Refined polish(const PoseObjective& objective, const PoseVector& start);
 
-/// Merges refined starts that ended at the same optimum, best first; drops those `negligible` or
-/// more in log posterior below the best.
-std::vector<Refined> merge(const CompiledScene& compiled, std::vector<Refined> optima,
-                           double negligible);
-
 /// Optima from starts in the right basins, and `optima` that are known already: polished and
-/// merged. Where shadow edges leave kinks on which least squares can stop short, a compass search
-/// goes on from those that may be the best.
+/// merged, best first.
 std::vector<Refined> find_optima(const PoseObjective& objective,
                                  const std::vector<PoseVector>& starts, double negligible,
                                  std::vector<Refined> optima = {});

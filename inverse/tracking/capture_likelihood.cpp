@@ -9,8 +9,10 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
+#include "inverse/posterior/fisher_information.h"
 #include "inverse/posterior/fitted_histograms.h"
-#include "inverse/posterior/uncertainty.h"
+#include "inverse/posterior/goodness_of_fit.h"
+#include "inverse/posterior/mode_merging.h"
 #include "inverse/search/refine.h"
 #include "inverse/search/scoring.h"
 
@@ -167,70 +169,17 @@ class CaptureLikelihood final : public FrameLikelihood {
   }
 
   /// Gradient of the log likelihood and expected information, the zones' own linear unknowns
-  /// eliminated by the Schur complement.
+  /// eliminated.
   void linearise(const LightSource& source, const State& state, const ShapeBuffer& light,
                  Eigen::VectorXd& gradient, Eigen::MatrixXd& information) const {
-    const Eigen::Index n = size();
-    const int rows = objective_.rows();
-    Eigen::MatrixXd slope(rows, n);
-    ShapeBuffer plus;
-    ShapeBuffer minus;
-    const double a = amplitude(state.at);
-    for (Eigen::Index i = 0; i < poses(); ++i) {
-      PoseVector up = state.at.head(poses());
-      PoseVector down = up;
-      up[i] += compiled_.step[i];
-      down[i] -= compiled_.step[i];
-      objective_.shapes(source, up, plus);
-      objective_.shapes(source, down, minus);
-      const Eigen::Map<const Eigen::VectorXd> p(plus.object.data(), rows);
-      const Eigen::Map<const Eigen::VectorXd> m(minus.object.data(), rows);
-      slope.col(i) = (p - m) * (a / (2 * compiled_.step[i]));
+    Eigen::MatrixXd slope(objective_.rows(), size());
+    slope.leftCols(poses()) =
+        amplitude(state.at) * light_slope(objective_, source, state.at.head(poses()));
+    if (size() > poses()) {
+      slope.rightCols(1) =
+          Eigen::Map<const Eigen::VectorXd>(light.object.data(), objective_.rows());
     }
-    if (n > poses()) {
-      slope.col(poses()) = Eigen::Map<const Eigen::VectorXd>(light.object.data(), rows);
-    }
-    gradient.setZero(n);
-    information.setZero(n, n);
-    Eigen::Index row = 0;
-    for (std::size_t z = 0; z < observation_.zones.size(); ++z) {
-      add_zone(z, light, state, slope.middleRows(row, observation_.zones[z].bins()), gradient,
-               information);
-      row += observation_.zones[z].bins();
-    }
-  }
-
-  void add_zone(std::size_t z, const ShapeBuffer& light, const State& state,
-                const Eigen::Ref<const Eigen::MatrixXd>& slope, Eigen::VectorXd& gradient,
-                Eigen::MatrixXd& information) const {
-    const ObservedZone& zone = observation_.zones[z];
-    const BinLikelihood& law = observation_.law(zone);
-    const LinearUnknowns& linear = solver_.unknowns();
-    const ZoneShapes& shapes = light.shapes[z];
-    const OwnUnknowns own(linear, shapes);
-    const double a = state.linear.amplitude[z];
-    const int bins = zone.bins();
-    Eigen::VectorXd mean(bins);
-    solver_.expected(zone, shapes, a, state.linear.ambient[z], state.linear.direct[z], mean.data());
-    Eigen::VectorXd weight(bins);
-    Eigen::VectorXd first(bins);
-    Eigen::MatrixXd local = Eigen::MatrixXd::Zero(bins, 3);
-    for (int k = 0; k < bins; ++k) {
-      const double m = law.poisson() ? std::max(mean[k], 1e-12) : mean[k];
-      weight[k] = law.information(m);
-      first[k] = law.terms(zone.counts[static_cast<std::size_t>(k)], m).first;
-      if (own.amplitude) local(k, 0) = a * shapes.object[k];
-      if (own.ambient) local(k, 1) = 1;
-      if (own.direct) local(k, 2) = shapes.direct[k];
-    }
-    const Eigen::MatrixXd weighted = weight.asDiagonal() * slope * a;
-    gradient -= a * slope.transpose() * first;
-    information += a * slope.transpose() * weighted;
-    if (!own.amplitude && !own.ambient && !own.direct) return;
-    const Eigen::MatrixXd cross = weighted.transpose() * local;
-    Eigen::Matrix3d within = local.transpose() * weight.asDiagonal() * local;
-    complete_own_information(zone, law, linear, own, state.linear.ambient[z], within);
-    information -= cross * within.ldlt().solve(cross.transpose());
+    information = fisher_information(solver_, light.shapes, state.linear, slope, &gradient);
   }
 
   /// Fisher scoring, damped by halving steps that lead downhill.

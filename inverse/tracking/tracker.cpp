@@ -10,9 +10,9 @@
 #include <string>
 #include <utility>
 
-#include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
-#include "inverse/posterior/uncertainty.h"
+#include "inverse/posterior/posterior.h"
+#include "inverse/posterior/prior_moments.h"
 #include "inverse/search/compiled_scene.h"
 
 namespace blindcorner {
@@ -62,22 +62,13 @@ bool is_position(Component component) {
   return component == Component::x || component == Component::y || component == Component::z;
 }
 
-/// The measured part before anything is known: normal with the height that a uniform density on
-/// the range has, times the normal prior.
+/// The measured part before anything is known: normal with the prior's moments.
 Gaussian unknown_state(const Scene& scene, const TrackLayout& layout) {
   Gaussian prior{VectorXd::Zero(layout.measured), MatrixXd::Zero(layout.measured, layout.measured)};
   for (Index i = 0; i < layout.poses; ++i) {
-    const Unknown& unknown = scene.unknowns[static_cast<std::size_t>(i)];
-    const double range = layout.period[i] > 0 ? layout.period[i] : unknown.range();
-    double precision = 2 * kPi / (range * range);
-    double mean = 0.5 * (unknown.lower + unknown.upper) * precision;
-    if (unknown.prior) {
-      const double own = std::pow(unknown.prior->sigma, -2);
-      precision += own;
-      mean += unknown.prior->mean * own;
-    }
-    prior.mean[i] = mean / precision;
-    prior.covariance(i, i) = 1 / precision;
+    const PriorMoments moments = prior_moments(scene, static_cast<std::size_t>(i));
+    prior.mean[i] = moments.mean;
+    prior.covariance(i, i) = moments.variance;
   }
   if (layout.measured > layout.poses) {
     const AmplitudePrior& amplitude = scene.linear.amplitude_prior;

@@ -10,7 +10,7 @@
 
 #include "blindcorner/io/scene_file.h"
 #include "inverse/likelihood/pose_objective.h"
-#include "inverse/posterior/uncertainty.h"
+#include "inverse/posterior/fisher_information.h"
 #include "inverse/search/compiled_scene.h"
 #include "unit/test_scenes.h"
 
@@ -67,8 +67,8 @@ TEST_P(PolishOnSpline, FindsTheModelsOptimumAndItsWidth) {
     const double found = on_model.evaluate(without_->models(), a.pose, linear, true).log_posterior;
     EXPECT_GT(found, b.value.log_posterior - 0.02) << GetParam() << " " << i;
     if ((a.pose - b.pose).norm() > 0.01) continue;  // another, better optimum
-    const Eigen::MatrixXd spline = information(on_spline, a).pose;
-    const Eigen::MatrixXd model = information(on_model, b).pose;
+    const Eigen::MatrixXd spline = pose_information(on_spline, a).pose;
+    const Eigen::MatrixXd model = pose_information(on_model, b).pose;
     EXPECT_LT((spline - model).norm(), 0.1 * model.norm()) << GetParam() << " " << i;
   }
 }

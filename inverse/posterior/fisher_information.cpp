@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "inverse/posterior/fisher_information.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+namespace blindcorner {
+namespace {
+
+using LightMap = Eigen::Map<const Eigen::VectorXd>;
+
+LightMap light_of(const ShapeBuffer& buffer) {
+  return {buffer.object.data(), static_cast<Eigen::Index>(buffer.object.size())};
+}
+
+/// Which linear unknowns a zone has for itself.
+struct OwnUnknowns {
+  bool amplitude, ambient, direct;
+
+  OwnUnknowns(const LinearUnknowns& unknowns, const ZoneShapes& shapes)
+      : amplitude(unknowns.amplitude == LinearMode::per_zone),
+        ambient(unknowns.ambient == LinearMode::per_zone),
+        direct(unknowns.direct == LinearMode::per_zone && shapes.direct != nullptr) {}
+
+  bool any() const { return amplitude || ambient || direct; }
+};
+
+/// Completes the information [3, 3] of a zone's own linear unknowns from the bins of its time gate:
+/// adds the bins outside of it and the priors, and makes those that it does not have neutral.
+void complete(const ObservedZone& zone, const BinLikelihood& law, const LinearUnknowns& unknowns,
+              const OwnUnknowns& own, double ambient, Eigen::Matrix3d& information) {
+  if (own.ambient && zone.outside_bins > 0) {
+    information(1, 1) += zone.outside_bins * law.information(std::max(ambient, 1e-12));
+  }
+  if (own.ambient && !unknowns.ambient_prior.empty()) {
+    information(1, 1) +=
+        std::pow(unknowns.ambient_prior[static_cast<std::size_t>(zone.zone)].sigma, -2);
+  }
+  if (own.amplitude) information(0, 0) += std::pow(unknowns.amplitude_prior.sigma_log, -2);
+  // The share that keeps a singular matrix (light as even as the ambient one) invertible is far
+  // above rounding and far below what any count can tell.
+  for (int i = 0; i < 3; ++i) {
+    double& term = information(i, i);
+    term = term > 0 ? term * (1 + 1e-12) : 1.0;
+  }
+}
+
+}  // namespace
+
+Eigen::MatrixXd light_slope(const PoseObjective& objective, const LightSource& source,
+                            const PoseVector& pose) {
+  const PoseVector& step = objective.compiled().step;
+  Eigen::MatrixXd slope(objective.rows(), pose.size());
+  ShapeBuffer plus;
+  ShapeBuffer minus;
+  for (Eigen::Index i = 0; i < pose.size(); ++i) {
+    PoseVector up = pose;
+    PoseVector down = pose;
+    up[i] += step[i];
+    down[i] -= step[i];
+    objective.shapes(source, up, plus);
+    objective.shapes(source, down, minus);
+    slope.col(i) = (light_of(plus) - light_of(minus)) / (2 * step[i]);
+  }
+  return slope;
+}
+
+Eigen::MatrixXd fisher_information(const LinearSolver& solver, std::span<const ZoneShapes> shapes,
+                                   const LinearSolution& linear, const Eigen::MatrixXd& slope,
+                                   Eigen::VectorXd* gradient) {
+  const Observation& observation = solver.observation();
+  Eigen::MatrixXd total = Eigen::MatrixXd::Zero(slope.cols(), slope.cols());
+  if (gradient != nullptr) gradient->setZero(slope.cols());
+  Eigen::Index row = 0;
+  for (std::size_t z = 0; z < observation.zones.size(); ++z) {
+    const ObservedZone& zone = observation.zones[z];
+    const BinLikelihood& law = observation.law(zone);
+    const OwnUnknowns own(solver.unknowns(), shapes[z]);
+    const double a = linear.amplitude[z];
+    const int bins = zone.bins();
+    const Eigen::MatrixXd counts = a * slope.middleRows(row, bins);
+    row += bins;
+    Eigen::VectorXd mean(bins);
+    solver.expected(zone, shapes[z], a, linear.ambient[z], linear.direct[z], mean.data());
+    if (law.poisson()) mean = mean.cwiseMax(1e-12);
+    Eigen::VectorXd weight(bins);
+    Eigen::MatrixXd local = Eigen::MatrixXd::Zero(bins, 3);
+    for (int k = 0; k < bins; ++k) {
+      weight[k] = law.information(mean[k]);
+      if (own.amplitude) local(k, 0) = a * shapes[z].object[k];
+      if (own.ambient) local(k, 1) = 1;
+      if (own.direct) local(k, 2) = shapes[z].direct[k];
+    }
+    if (gradient != nullptr) {
+      Eigen::VectorXd first(bins);
+      for (int k = 0; k < bins; ++k) {
+        first[k] = law.terms(zone.counts[static_cast<std::size_t>(k)], mean[k]).first;
+      }
+      *gradient -= counts.transpose() * first;
+    }
+    const Eigen::MatrixXd weighted = weight.asDiagonal() * counts;
+    total += counts.transpose() * weighted;
+    if (!own.any()) continue;
+    const Eigen::MatrixXd cross = weighted.transpose() * local;
+    Eigen::Matrix3d within = local.transpose() * weight.asDiagonal() * local;
+    complete(zone, law, solver.unknowns(), own, linear.ambient[z], within);
+    total -= cross * within.ldlt().solve(cross.transpose());
+  }
+  return total;
+}
+
+PoseInformation pose_information(const PoseObjective& objective, const Refined& optimum,
+                                 const MovedModels* moved) {
+  const LinearUnknowns& unknowns = objective.solver().unknowns();
+  const Eigen::Index n = optimum.pose.size();
+  const Eigen::Index sensor = moved != nullptr ? 6 : 0;
+  const bool shared = unknowns.amplitude == LinearMode::shared;
+  const LightSource source = light_near(objective.compiled(), optimum);
+  ShapeBuffer at;
+  objective.shapes(source, optimum.pose, at);
+
+  // Columns: the pose, the sensor's pose, the logarithm of a shared amplitude.
+  Eigen::MatrixXd slope(objective.rows(), n + sensor + (shared ? 1 : 0));
+  slope.leftCols(n) = light_slope(objective, source, optimum.pose);
+  ShapeBuffer plus;
+  ShapeBuffer minus;
+  for (Eigen::Index i = 0; i < sensor; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    objective.shapes(moved->plus[k], optimum.pose, plus);
+    objective.shapes(moved->minus[k], optimum.pose, minus);
+    slope.col(n + i) = (light_of(plus) - light_of(minus)) / (2 * moved->step[k]);
+  }
+  if (shared) slope.rightCols(1) = light_of(at);
+  Eigen::MatrixXd total = fisher_information(objective.solver(), at.shapes, optimum.linear, slope);
+  if (shared) {
+    const Eigen::Index last = total.cols() - 1;
+    const double own = total(last, last) + std::pow(unknowns.amplitude_prior.sigma_log, -2);
+    const Eigen::VectorXd cross = total.col(last);
+    total -= cross * cross.transpose() / own;
+  }
+  PoseInformation info;
+  info.pose = total.topLeftCorner(n, n);
+  if (moved != nullptr) info.pose_sensor = total.block(0, n, n, 6);
+  return info;
+}
+
+}  // namespace blindcorner

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Expected (Fisher) information of a capture about poses, the linear unknowns eliminated.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <span>
+
+#include "inverse/search/refine.h"
+
+namespace blindcorner {
+
+/// [rows, unknowns] Derivatives of the object's light at unit amplitude in the pose, by central
+/// differences in steps of CompiledScene::step.
+Eigen::MatrixXd light_slope(const PoseObjective& objective, const LightSource& source,
+                            const PoseVector& pose);
+
+/// Sum of (dm/du)(dm/du)' / variance over all bins, m the expected counts and u any unknowns; the
+/// linear unknowns that a zone has for itself are eliminated by the Schur complement. `slope`
+/// [rows, n] holds the derivatives of the object's light in u at unit amplitude. `gradient`, unless
+/// null, becomes that of the log likelihood in u, [n].
+Eigen::MatrixXd fisher_information(const LinearSolver& solver, std::span<const ZoneShapes> shapes,
+                                   const LinearSolution& linear, const Eigen::MatrixXd& slope,
+                                   Eigen::VectorXd* gradient = nullptr);
+
+/// Models compiled with the sensor moved by +-step along each of x, y, z (m) and turned about each
+/// world axis (rad).
+struct MovedModels {
+  std::array<ModelSet, 6> plus, minus;
+  std::array<double, 6> step{};
+};
+
+/// Information about the pose at an optimum; pose priors not included.
+struct PoseInformation {
+  Eigen::MatrixXd pose;         ///< [n, n]
+  Eigen::MatrixXd pose_sensor;  ///< [n, 6] with the sensor pose; empty without moved models
+};
+
+/// All linear unknowns eliminated, a shared amplitude with them.
+PoseInformation pose_information(const PoseObjective& objective, const Refined& optimum,
+                                 const MovedModels* moved = nullptr);
+
+}  // namespace blindcorner

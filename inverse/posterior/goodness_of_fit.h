@@ -1,0 +1,13 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Does the model explain the capture to its noise?
+#pragma once
+
+#include "blindcorner/inverse/fit.h"
+#include "inverse/search/refine.h"
+
+namespace blindcorner {
+
+/// Deviance at an optimum against its expectation for counts as small as these are.
+GoodnessOfFit goodness_of_fit(const PoseObjective& objective, const Refined& optimum);
+
+}  // namespace blindcorner

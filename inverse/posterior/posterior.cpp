@@ -1,0 +1,280 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "inverse/posterior/posterior.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "blindcorner/forward/constants.h"
+#include "inverse/posterior/importance.h"
+#include "inverse/posterior/mode_merging.h"
+#include "inverse/posterior/prior_moments.h"
+
+namespace blindcorner {
+namespace {
+
+/// An unknown is called undetermined when its posterior keeps this share of the prior's width: less
+/// than a third of a bit was learned about it (log2 of 0.8 is -0.32).
+constexpr double kUndetermined = 0.8;
+/// Laplace holds when the posterior 1.5 sigma from the optimum has fallen by 1.5^2/2, give or take
+/// this factor, in every direction: its width is then right to the factor's root, 22 %.
+constexpr double kSigmaPoint = 1.5;
+constexpr double kLaplaceFactor = 1.5;
+/// A mode with less than exp(-7) = 0.1 % of the evidence need not follow Laplace.
+constexpr double kMinorEvidence = 7.0;
+/// A sample this much above the best optimum shows a local optimum that was missed: twenty times
+/// the accuracy of a sample.
+constexpr double kBetter = 20 * kSampleAccuracy;
+/// One apart from every optimum and at most this much below the best may lie near such a one: least
+/// squares gains about that much on a sample. Descents on a spline are so cheap, and so many, that
+/// there only a better sample counts.
+constexpr double kPromising = 1.0;
+/// Places that sampling proposes at once; there are further rounds.
+constexpr std::size_t kMaxPromising = 3;
+
+Eigen::MatrixXd prior_precision(const Scene& scene) {
+  const auto n = static_cast<Eigen::Index>(scene.unknowns.size());
+  Eigen::MatrixXd precision = Eigen::MatrixXd::Zero(n, n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    precision(i, i) = 1 / prior_moments(scene, static_cast<std::size_t>(i)).variance;
+  }
+  return precision;
+}
+
+Peak make_peak(const PoseObjective& objective, const Refined& optimum, const MovedModels* moved,
+               double inflation, Eigen::MatrixXd* sensor_covariance) {
+  const Scene& scene = objective.compiled().scene;
+  const PoseInformation info = pose_information(objective, optimum, moved);
+  Peak peak;
+  peak.center = optimum.pose;
+  const Eigen::MatrixXd precision = info.pose / inflation + prior_precision(scene);
+  peak.covariance =
+      precision.ldlt().solve(Eigen::MatrixXd::Identity(precision.rows(), precision.cols()));
+  peak.covariance = 0.5 * (peak.covariance + peak.covariance.transpose().eval());
+  peak.root = peak.covariance.llt().matrixL();
+  peak.log_det = 2 * peak.root.diagonal().array().log().sum();
+  peak.log_evidence = tempered(optimum.value, inflation) +
+                      0.5 * static_cast<double>(peak.center.size()) * std::log(2 * kPi) +
+                      0.5 * peak.log_det;
+  if (moved != nullptr && sensor_covariance != nullptr && scene.sensor_covariance) {
+    // The optimum moves by -I_tt^-1 I_ts ds when the sensor is not where it was said to be.
+    const Eigen::MatrixXd gain = peak.covariance * info.pose_sensor / inflation;
+    *sensor_covariance = gain * *scene.sensor_covariance * gain.transpose();
+  }
+  return peak;
+}
+
+/// Whether the posterior falls as the Gaussian says, in every principal direction.
+bool laplace_holds(const PoseObjective& objective, const Refined& optimum, const Peak& peak,
+                   double inflation) {
+  const Scene& scene = objective.compiled().scene;
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(peak.covariance);
+  const LightSource light = light_near(objective.compiled(), optimum);
+  const double top = tempered(optimum.value, inflation);
+  const double expected = 0.5 * kSigmaPoint * kSigmaPoint;
+  for (Eigen::Index i = 0; i < peak.center.size(); ++i) {
+    const PoseVector step = kSigmaPoint * std::sqrt(std::max(eigen.eigenvalues()[i], 0.0)) *
+                            eigen.eigenvectors().col(i);
+    for (const double sign : {-1.0, 1.0}) {
+      PoseVector pose = optimum.pose + sign * step;
+      if (!std::isfinite(log_pose_prior(scene, pose))) return false;
+      LinearSolution linear = optimum.linear;
+      const PoseValue value = objective.evaluate(light, pose, linear, true);
+      const double drop = top - tempered(value, inflation);
+      if (drop > expected * kLaplaceFactor || drop < expected / kLaplaceFactor) return false;
+    }
+  }
+  return true;
+}
+
+/// The spline where it agrees with the model about the peaks' shapes and differences, else the
+/// model.
+LightSource sample_light(const PoseObjective& objective, const std::vector<const Refined*>& optima,
+                         const std::vector<Peak>& peaks, double inflation) {
+  constexpr double kAgreement = 0.25;
+  const CompiledScene& compiled = objective.compiled();
+  if (!compiled.spline) return compiled.models();
+  double low = std::numeric_limits<double>::infinity();
+  double high = -low;
+  const auto value = [&](const LightSource& light, const PoseVector& pose, LinearSolution linear) {
+    return tempered(objective.evaluate(light, pose, linear, true, kSampleAccuracy), inflation);
+  };
+  const auto note = [&](double difference) {
+    low = std::min(low, difference);
+    high = std::max(high, difference);
+  };
+  for (std::size_t j = 0; j < peaks.size() && high - low < kAgreement; ++j) {
+    const Refined& top = *optima[j];
+    note(value(*compiled.spline, top.pose, top.linear) - tempered(top.value, inflation));
+    for (Eigen::Index i = 0; i < peaks[j].center.size(); ++i) {
+      const PoseVector pose = top.pose + (i % 2 == 0 ? 1 : -1) * peaks[j].root.col(i);
+      if (!std::isfinite(log_pose_prior(compiled.scene, pose))) continue;
+      note(value(*compiled.spline, pose, top.linear) - value(compiled.models(), pose, top.linear));
+    }
+  }
+  if (high - low < kAgreement) return *compiled.spline;
+  return compiled.models();
+}
+
+void finish_mixture(const Scene& scene, PoseMixture& mixture) {
+  double total = 0;
+  for (const PoseMode& mode : mixture.modes) total += mode.weight;
+  for (PoseMode& mode : mixture.modes) mode.weight /= total;
+  std::stable_sort(mixture.modes.begin(), mixture.modes.end(),
+                   [](const PoseMode& a, const PoseMode& b) { return a.weight > b.weight; });
+  for (PoseMode& mode : mixture.modes) {
+    mode.undetermined.clear();
+    for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
+      const auto k = static_cast<Eigen::Index>(i);
+      if (mode.covariance(k, k) >
+          kUndetermined * kUndetermined * prior_moments(scene, i).variance) {
+        mode.undetermined.push_back(static_cast<int>(i));
+      }
+    }
+  }
+  set_moments(scene, mixture);
+}
+
+/// The best samples at which least squares might end somewhere new.
+std::vector<PoseVector> promising(const PoseObjective& objective, const LightSource& light,
+                                  const std::vector<const Refined*>& optima,
+                                  const std::vector<PosteriorSample>& samples) {
+  const CompiledScene& compiled = objective.compiled();
+  // The light may be the spline's: compare with what it says of the optima.
+  double known = -std::numeric_limits<double>::infinity();
+  std::vector<PoseVector> taken;
+  for (const Refined* optimum : optima) {
+    LinearSolution linear = optimum->linear;
+    known = std::max(
+        known,
+        objective.evaluate(light, optimum->pose, linear, true, kSampleAccuracy).log_posterior);
+    taken.push_back(optimum->pose);
+  }
+  const double least = compiled.spline ? known + kBetter : known - kPromising;
+  std::vector<const PosteriorSample*> order;
+  for (const PosteriorSample& sample : samples) {
+    if (sample.log_posterior > least) order.push_back(&sample);
+  }
+  std::stable_sort(order.begin(), order.end(),
+                   [](auto* a, auto* b) { return a->log_posterior > b->log_posterior; });
+  std::vector<PoseVector> result;
+  for (const PosteriorSample* sample : order) {
+    const bool apart = std::none_of(taken.begin(), taken.end(), [&](const PoseVector& other) {
+      return (pose_difference(compiled.scene, other, sample->pose).array().abs() <
+              compiled.spacing.array())
+          .all();
+    });
+    if (!apart && sample->log_posterior < known + kBetter) continue;
+    result.push_back(sample->pose);
+    taken.push_back(sample->pose);
+    if (result.size() == kMaxPromising) break;
+  }
+  return result;
+}
+
+}  // namespace
+
+void set_moments(const Scene& scene, PoseMixture& mixture) {
+  const PoseVector& reference = mixture.modes.front().pose;
+  PoseVector shift = PoseVector::Zero(reference.size());
+  for (const PoseMode& mode : mixture.modes) {
+    shift += mode.weight * pose_difference(scene, reference, mode.pose);
+  }
+  mixture.covariance.setZero(reference.size(), reference.size());
+  for (const PoseMode& mode : mixture.modes) {
+    const PoseVector d = pose_difference(scene, reference, mode.pose) - shift;
+    mixture.covariance += mode.weight * (mode.covariance + d * d.transpose());
+  }
+  mixture.mean = reference + shift;
+  wrap_pose(scene, mixture.mean);
+}
+
+Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& optima,
+                    const Scored* scored, const MovedModels* moved,
+                    const PosteriorOptions& options) {
+  const Scene& scene = objective.compiled().scene;
+  Posterior result;
+  std::vector<Peak> peaks;
+  std::vector<const Refined*> tops;
+  std::vector<Eigen::MatrixXd> sensor_part;
+  for (const Refined& optimum : optima) {
+    Eigen::MatrixXd extra = Eigen::MatrixXd::Zero(optimum.pose.size(), optimum.pose.size());
+    Peak peak = make_peak(objective, optimum, moved, options.inflation, &extra);
+    if (within_better(scene, peaks, peak.center)) continue;
+    peaks.push_back(std::move(peak));
+    tops.push_back(&optimum);
+    sensor_part.push_back(std::move(extra));
+  }
+  double best = -std::numeric_limits<double>::infinity();
+  for (const Peak& peak : peaks) best = std::max(best, peak.log_evidence);
+  const bool may_sample = scored != nullptr && options.samples > 0;
+  bool laplace = true;
+  for (std::size_t j = 0; may_sample && j < peaks.size() && laplace; ++j) {
+    if (peaks[j].log_evidence < best - kMinorEvidence) continue;
+    laplace = laplace_holds(objective, *tops[j], peaks[j], options.inflation);
+  }
+
+  const auto add_mode = [&](std::size_t j, double weight, const PoseVector& mean,
+                            const Eigen::MatrixXd& covariance) {
+    PoseMode mode;
+    mode.weight = weight;
+    mode.pose = mean;
+    mode.covariance = covariance + sensor_part[j];
+    mode.log_likelihood = tops[j]->value.log_likelihood;
+    mode.optimum = tops[j]->pose;
+    result.mixture.modes.push_back(std::move(mode));
+  };
+
+  PosteriorSamples drawn;
+  if (may_sample && !laplace) {
+    const LightSource light = sample_light(objective, tops, peaks, options.inflation);
+    drawn = sample_posterior(objective, light, peaks, tops, *scored,
+                             {options.samples, options.inflation, options.seed});
+    result.promising = promising(objective, light, tops, drawn.samples);
+  }
+  if (!(drawn.effective > 1)) {
+    double sum = 0;
+    for (const Peak& peak : peaks) sum += std::exp(peak.log_evidence - best);
+    result.log_evidence = best + std::log(sum);
+    for (std::size_t j = 0; j < peaks.size(); ++j) {
+      const double weight = std::exp(peaks[j].log_evidence - best) / sum;
+      if (j == 0 || weight > std::exp(-options.negligible)) {
+        add_mode(j, weight, peaks[j].center, peaks[j].covariance);
+      }
+    }
+    finish_mixture(scene, result.mixture);
+    return result;
+  }
+
+  result.sampled = true;
+  result.effective_samples = drawn.effective;
+  result.log_evidence = drawn.log_evidence;
+  const std::vector<std::size_t> head = connect(objective, tops, options.inflation);
+  for (std::size_t j = 0; j < peaks.size(); ++j) {
+    if (head[j] != j) continue;
+    std::vector<const PosteriorSample*> own;
+    double weight = 0;
+    double squares = 0;
+    for (const PosteriorSample& sample : drawn.samples) {
+      if (head[sample.peak] != j || sample.weight <= 0) continue;
+      own.push_back(&sample);
+      weight += sample.weight;
+      squares += sample.weight * sample.weight;
+    }
+    if (weight <= 0) continue;
+    PoseVector mean = peaks[j].center;
+    Eigen::MatrixXd covariance = peaks[j].covariance;
+    // Moments need several samples per dimension; with fewer the Laplace shape is kept.
+    if (weight * weight / squares > 2.0 * static_cast<double>(mean.size())) {
+      moments(scene, own, peaks[j].center, mean, covariance);
+      covariance += 1e-4 * peaks[j].covariance;
+    }
+    if (weight > std::exp(-options.negligible)) add_mode(j, weight, mean, covariance);
+  }
+  finish_mixture(scene, result.mixture);
+  return result;
+}
+
+}  // namespace blindcorner

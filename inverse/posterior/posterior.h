@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+/// From optima to a posterior: evidences by Laplace's method, importance sampling where that fails.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "blindcorner/forward/scene/pose_mixture.h"
+#include "inverse/posterior/fisher_information.h"
+#include "inverse/search/refine.h"
+#include "inverse/search/scoring.h"
+
+namespace blindcorner {
+
+/// Mean and covariance of a mixture from its modes, whose weights sum to one; circular unknowns
+/// are unrolled about the first mode.
+void set_moments(const Scene& scene, PoseMixture& mixture);
+
+struct PosteriorOptions {
+  double negligible = 12.0;  ///< modes below the heaviest's weight by exp(-negligible) are dropped
+  int samples = 256;         ///< of the importance sampler; 0: Laplace everywhere
+  double inflation = 1.0;    ///< of covariances and of the information, from the goodness of fit
+  std::uint64_t seed = 1;
+};
+
+struct Posterior {
+  PoseMixture mixture;      ///< presence_probability not filled in
+  double log_evidence = 0;  ///< log integral of likelihood times priors over all unknowns
+  bool sampled = false;     ///< importance sampling replaced Laplace's approximation
+  double effective_samples = 0;
+  /// The best samples that lie apart from every optimum that was found and are about as good: each
+  /// may stand in a basin that was missed.
+  std::vector<PoseVector> promising;
+};
+
+/// Modes with weights, means and covariances from refined optima (best first, duplicates merged).
+/// Laplace's approximation is kept where the posterior at the sigma points agrees with it;
+/// elsewhere (bounds, flat directions, skew, overlapping modes) the posterior is sampled. Optima
+/// with no valley between them are one mode. Without `scored`, Laplace everywhere, one mode each.
+Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& optima,
+                    const Scored* scored, const MovedModels* moved,
+                    const PosteriorOptions& options);
+
+}  // namespace blindcorner
