@@ -7,12 +7,21 @@
 namespace blindcorner {
 namespace {
 
+/// Scales beyond this are no correction of a light that is roughly right.
+constexpr double kMaxScale = 4;
+
 ShapeBuffer& scratch() {
   thread_local ShapeBuffer buffer;
   return buffer;
 }
 
 }  // namespace
+
+std::optional<LightSource> steering_light(const CompiledScene& compiled) {
+  if (compiled.spline) return LightSource(*compiled.spline);
+  if (!compiled.coarse.empty()) return LightSource(compiled.coarse);
+  return std::nullopt;
+}
 
 PoseObjective::PoseObjective(const CompiledScene& compiled, const Observation& observation)
     : compiled_(compiled), solver_(observation, compiled.scene.linear) {
@@ -56,28 +65,68 @@ void PoseObjective::point(ShapeBuffer& buffer, bool object) const {
 void PoseObjective::shapes(const LightSource& light, const PoseVector& pose,
                            ShapeBuffer& buffer) const {
   buffer.object.resize(static_cast<std::size_t>(rows_));
-  if (light.spline != nullptr) {
+  if (light.linear != nullptr) {
+    const Linearisation& at = *light.linear;
+    const Eigen::VectorXd change = at.slope * pose_difference(compiled_.scene, at.pose, pose);
+    for (std::size_t r = 0; r < buffer.object.size(); ++r) {
+      buffer.object[r] = std::max(at.light[r] + change[static_cast<Eigen::Index>(r)], 0.0);
+    }
+  } else if (light.spline != nullptr) {
     light.spline->evaluate(pose, buffer.object.data());
-    if (light.correction != nullptr) {
-      for (std::size_t r = 0; r < buffer.object.size(); ++r) {
-        buffer.object[r] = std::max(buffer.object[r] + (*light.correction)[r], 0.0);
+  } else {
+    thread_local HistogramCube cube;
+    thread_local SparseLight sparse;
+    double* out = buffer.object.data();
+    int current = -1;
+    for (const ObservedZone& zone : solver_.observation().zones) {
+      if (zone.capture != current) {
+        current = zone.capture;
+        const auto c = static_cast<std::size_t>(current);
+        if (light.coarse != nullptr) {
+          (*light.coarse)[c].three_bounce(pose, light.extra_pulse_sigma, sparse);
+        } else {
+          (*light.models)[c]->three_bounce(pose, cube);
+        }
       }
+      const double* values =
+          (light.coarse != nullptr ? sparse.cube : cube).zone(zone.zone) + zone.first;
+      for (int k = 0; k < zone.bins(); ++k) *out++ = zone.gain * values[k];
     }
-    point(buffer, true);
-    return;
   }
-  thread_local HistogramCube cube;
-  double* out = buffer.object.data();
-  int current = -1;
-  for (const ObservedZone& zone : solver_.observation().zones) {
-    if (zone.capture != current) {
-      current = zone.capture;
-      (*light.models)[static_cast<std::size_t>(current)]->three_bounce(pose, cube);
-    }
-    const double* values = cube.zone(zone.zone) + zone.first;
-    for (int k = 0; k < zone.bins(); ++k) *out++ = zone.gain * values[k];
-  }
+  if (light.correction != nullptr) correct(*light.correction, buffer);
   point(buffer, true);
+}
+
+void PoseObjective::correct(const Correction& correction, ShapeBuffer& buffer) const {
+  std::size_t r = 0;
+  for (std::size_t z = 0; z < solver_.observation().zones.size(); ++z) {
+    for (int k = 0; k < solver_.observation().zones[z].bins(); ++k, ++r) {
+      buffer.object[r] =
+          std::max(correction.scale[z] * buffer.object[r] + correction.added[r], 0.0);
+    }
+  }
+}
+
+Correction PoseObjective::correction(const ShapeBuffer& light, const ShapeBuffer& cheap) const {
+  Correction c;
+  c.added.resize(light.object.size());
+  std::size_t begin = 0;
+  for (const ObservedZone& zone : solver_.observation().zones) {
+    const std::size_t end = begin + static_cast<std::size_t>(zone.bins());
+    double right = 0, cheaply = 0;
+    for (std::size_t r = begin; r < end; ++r) {
+      right += light.object[r];
+      cheaply += cheap.object[r];
+    }
+    // Zones that the cheap light leaves almost dark are corrected by what is added alone.
+    const double scale = cheaply > 0 ? right / cheaply : 1.0;
+    c.scale.push_back(scale > 1 / kMaxScale && scale < kMaxScale ? scale : 1.0);
+    for (std::size_t r = begin; r < end; ++r) {
+      c.added[r] = light.object[r] - c.scale.back() * cheap.object[r];
+    }
+    begin = end;
+  }
+  return c;
 }
 
 void PoseObjective::empty_shapes(ShapeBuffer& buffer) const { point(buffer, false); }

@@ -2,6 +2,8 @@
 /// Log posterior of a pose for one observation, linear unknowns eliminated.
 #pragma once
 
+#include <Eigen/Core>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -22,18 +24,49 @@ struct PoseValue {
   double log_integrand = 0;  ///< log_posterior plus the linear unknowns' log volume
 };
 
-/// Where expected histograms come from: models, or the spline through the scored poses, which may
-/// be corrected by what it lacks at a pose nearby.
+/// What a cheap light lacks at a pose of the model's: it is scaled zone by zone, then the rest is
+/// added. Near that pose the corrected light has the model's values and the cheap light's slopes.
+struct Correction {
+  std::vector<double> scale;  ///< [observed zones]
+  std::vector<double> added;  ///< [rows] counts at unit amplitude
+
+  bool empty() const { return added.empty(); }
+};
+
+/// The model's light and its slopes at a pose, [rows] and [rows, unknowns].
+struct Linearisation {
+  PoseVector pose;
+  std::vector<double> light;
+  Eigen::MatrixXd slope;
+};
+
+/// Where expected histograms come from: models; a cheap light (the spline through the scored poses,
+/// or closed-form models), which may be corrected by what it lacks at a pose nearby; or the model's
+/// own linearisation.
 struct LightSource {
   const ModelSet* models = nullptr;
   const SplineGrid* spline = nullptr;
-  const std::vector<double>* correction = nullptr;  ///< [rows] added to the spline's light
+  const std::vector<CoarseModel>* coarse = nullptr;
+  double extra_pulse_sigma = 0;  ///< s, of the closed-form models
+  const Linearisation* linear = nullptr;
+  const Correction* correction = nullptr;
 
   LightSource(const ModelSet& set) : models(&set) {}      // NOLINT(google-explicit-constructor)
   LightSource(const SplineGrid& grid) : spline(&grid) {}  // NOLINT(google-explicit-constructor)
-  LightSource(const SplineGrid& grid, const std::vector<double>& added)
-      : spline(&grid), correction(&added) {}
+  LightSource(const Linearisation& at) : linear(&at) {}   // NOLINT(google-explicit-constructor)
+  explicit LightSource(const std::vector<CoarseModel>& set, double extra_sigma = 0)
+      : coarse(&set), extra_pulse_sigma(extra_sigma) {}
+
+  LightSource corrected(const Correction& by) const {
+    LightSource light = *this;
+    light.correction = by.empty() ? nullptr : &by;
+    return light;
+  }
 };
+
+/// The cheap light that steers a descent on the model: the spline, or closed-form models; nothing
+/// where there is neither.
+std::optional<LightSource> steering_light(const CompiledScene& compiled);
 
 class PoseObjective {
  public:
@@ -59,12 +92,16 @@ class PoseObjective {
   void shapes(const LightSource& light, const PoseVector& pose, ShapeBuffer& buffer) const;
   void empty_shapes(ShapeBuffer& buffer) const;
 
+  /// What `cheap` lacks of `light`, both at the same pose.
+  Correction correction(const ShapeBuffer& light, const ShapeBuffer& cheap) const;
+
   const LinearSolver& solver() const { return solver_; }
   const CompiledScene& compiled() const { return compiled_; }
   int rows() const { return rows_; }
 
  private:
   void point(ShapeBuffer& buffer, bool object) const;
+  void correct(const Correction& correction, ShapeBuffer& buffer) const;
 
   const CompiledScene& compiled_;
   LinearSolver solver_;

@@ -21,6 +21,10 @@ constexpr double kLeastGridShare = 0.1;
 constexpr double kGridTemper = 0.7;
 /// Accuracy of a sample's log posterior.
 constexpr double kAccuracy = 1e-2;
+/// Samples within this many standard deviations of a peak are its own.
+constexpr double kNear = 5;
+/// Samples whose log posterior lies this far below the best optimum's count less than 1e-3 of it.
+constexpr double kFarMatters = 8;
 constexpr int kStages = 3;     ///< that make up the samples asked for
 constexpr int kMostTimes = 4;  ///< as many samples as asked for, when few are effective
 
@@ -103,12 +107,12 @@ PoseVector draw_student(const Peak& peak, std::mt19937_64& random) {
 /// The state of one run.
 class Sampler {
  public:
-  Sampler(const PoseObjective& objective, const LightSource& light, const std::vector<Peak>& peaks,
-          const std::vector<const Refined*>& optima, const Scored& scored,
-          const SamplingOptions& options)
+  Sampler(const PoseObjective& objective, const SampleLights& lights,
+          const std::vector<Peak>& peaks, const std::vector<const Refined*>& optima,
+          const Scored& scored, const SamplingOptions& options)
       : objective_(objective),
         scene_(objective.compiled().scene),
-        light_(light),
+        lights_(lights),
         peaks_(peaks),
         optima_(optima),
         inflation_(options.inflation),
@@ -195,7 +199,14 @@ class Sampler {
     }
     if (std::isfinite(log_pose_prior(scene_, sample.pose))) {
       LinearSolution linear = optima_[sample.peak]->linear;  // warm start
-      const PoseValue value = objective_.evaluate(light_, sample.pose, linear, true, kAccuracy);
+      const bool near = nearest < kNear * kNear;
+      PoseValue value = objective_.evaluate(near ? lights_.near[sample.peak] : lights_.far,
+                                            sample.pose, linear, true, kAccuracy);
+      if (!near && lights_.far_is_rough &&
+          value.log_posterior > optima_.front()->value.log_posterior - kFarMatters) {
+        value = objective_.evaluate(objective_.compiled().models(), sample.pose, linear, true,
+                                    kAccuracy);
+      }
       sample.log_posterior = value.log_posterior;
       sample.log_target = tempered(value, inflation_);
     }
@@ -259,7 +270,7 @@ class Sampler {
 
   const PoseObjective& objective_;
   const Scene& scene_;
-  const LightSource& light_;
+  const SampleLights& lights_;
   const std::vector<Peak>& peaks_;
   const std::vector<const Refined*>& optima_;
   double inflation_;
@@ -304,11 +315,11 @@ void moments(const Scene& scene, const std::vector<const PosteriorSample*>& samp
   wrap_pose(scene, mean);
 }
 
-PosteriorSamples sample_posterior(const PoseObjective& objective, const LightSource& light,
+PosteriorSamples sample_posterior(const PoseObjective& objective, const SampleLights& lights,
                                   const std::vector<Peak>& peaks,
                                   const std::vector<const Refined*>& optima, const Scored& scored,
                                   const SamplingOptions& options) {
-  Sampler sampler(objective, light, peaks, optima, scored, options);
+  Sampler sampler(objective, lights, peaks, optima, scored, options);
   const int stage = std::max(options.samples / kStages, 1);
   do {
     if (sampler.count() > 0) sampler.adapt();

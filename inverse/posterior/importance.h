@@ -48,6 +48,14 @@ struct PosteriorSamples {
 void moments(const Scene& scene, const std::vector<const PosteriorSample*>& samples,
              const PoseVector& reference, PoseVector& mean, Eigen::MatrixXd& covariance);
 
+/// What samples are evaluated with.
+struct SampleLights {
+  std::vector<LightSource> near;  ///< [peaks] about each peak
+  LightSource far;                ///< elsewhere
+  /// The far light is too rough to be believed of a sample that matters: the model decides then.
+  bool far_is_rough = false;
+};
+
 struct SamplingOptions {
   int samples = 256;  ///< enough when they are worth a third as many independent ones
   double inflation = 1.0;
@@ -59,7 +67,7 @@ struct SamplingOptions {
 /// more t with the samples' own moments, are adapted as samples come in (population Monte Carlo);
 /// all samples are weighted by the density of the whole mixture, so every stage counts. Stops when
 /// enough samples are effective, at the latest after four times as many as asked for.
-PosteriorSamples sample_posterior(const PoseObjective& objective, const LightSource& light,
+PosteriorSamples sample_posterior(const PoseObjective& objective, const SampleLights& lights,
                                   const std::vector<Peak>& peaks,
                                   const std::vector<const Refined*>& optima, const Scored& scored,
                                   const SamplingOptions& options);

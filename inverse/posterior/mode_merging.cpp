@@ -56,13 +56,13 @@ bool within_better(const Scene& scene, const std::vector<Peak>& better, const Po
 std::vector<std::size_t> connect(const PoseObjective& objective,
                                  const std::vector<const Refined*>& optima, double inflation) {
   const CompiledScene& compiled = objective.compiled();
-  const LightSource light =
-      compiled.spline ? LightSource(*compiled.spline) : LightSource(compiled.models());
-  const auto value = [&](const PoseVector& pose, LinearSolution linear) {
+  const auto value = [&](const Refined& near, const PoseVector& pose) {
+    LinearSolution linear = near.linear;
+    const LightSource light = light_near(compiled, near);
     return tempered(objective.evaluate(light, pose, linear, true, kSampleAccuracy), inflation);
   };
   std::vector<double> ends;
-  for (const Refined* optimum : optima) ends.push_back(value(optimum->pose, optimum->linear));
+  for (const Refined* optimum : optima) ends.push_back(value(*optimum, optimum->pose));
   std::vector<std::size_t> head(optima.size());
   std::vector<std::size_t> heads;
   for (std::size_t j = 0; j < optima.size(); ++j) {
@@ -74,7 +74,8 @@ std::vector<std::size_t> connect(const PoseObjective& objective,
       const bool one = std::all_of(kPlaces.begin(), kPlaces.end(), [&](double place) {
         PoseVector pose = best.pose + place * way;
         wrap_pose(compiled.scene, pose);
-        return value(pose, best.linear) >= level;
+        // A light that is corrected at one end is the less right the farther it is from there.
+        return (1 - place) * value(best, pose) + place * value(*optima[j], pose) >= level;
       });
       if (one) head[j] = heads[h];
     }

@@ -89,33 +89,46 @@ bool laplace_holds(const PoseObjective& objective, const Refined& optimum, const
   return true;
 }
 
-/// The spline where it agrees with the model about the peaks' shapes and differences, else the
-/// model.
-LightSource sample_light(const PoseObjective& objective, const std::vector<const Refined*>& optima,
-                         const std::vector<Peak>& peaks, double inflation) {
+/// What samples about each peak are evaluated with: the steering light where it agrees with the
+/// model about the peaks' shapes (and, uncorrected, about their differences), else the model.
+SampleLights sample_lights(const PoseObjective& objective,
+                           const std::vector<const Refined*>& optima,
+                           const std::vector<Peak>& peaks, double inflation) {
   constexpr double kAgreement = 0.25;
   const CompiledScene& compiled = objective.compiled();
-  if (!compiled.spline) return compiled.models();
+  SampleLights lights{{}, compiled.models()};
+  const auto steering = steering_light(compiled);
   double low = std::numeric_limits<double>::infinity();
   double high = -low;
+  double best = high;
+  for (const Peak& peak : peaks) best = std::max(best, peak.log_evidence);
   const auto value = [&](const LightSource& light, const PoseVector& pose, LinearSolution linear) {
     return tempered(objective.evaluate(light, pose, linear, true, kSampleAccuracy), inflation);
   };
-  const auto note = [&](double difference) {
-    low = std::min(low, difference);
-    high = std::max(high, difference);
-  };
-  for (std::size_t j = 0; j < peaks.size() && high - low < kAgreement; ++j) {
+  for (std::size_t j = 0; j < peaks.size() && steering && high - low < kAgreement; ++j) {
     const Refined& top = *optima[j];
-    note(value(*compiled.spline, top.pose, top.linear) - tempered(top.value, inflation));
+    const LightSource light = compiled.spline ? *steering : light_near(compiled, top);
+    lights.near.push_back(light);
+    if (!compiled.spline && peaks[j].log_evidence < best - kMinorEvidence) continue;
+    const auto note = [&](const PoseVector& pose) {
+      if (!std::isfinite(log_pose_prior(compiled.scene, pose))) return;
+      const double difference =
+          value(light, pose, top.linear) - value(compiled.models(), pose, top.linear);
+      low = std::min(low, difference);
+      high = std::max(high, difference);
+    };
+    note(top.pose);
     for (Eigen::Index i = 0; i < peaks[j].center.size(); ++i) {
-      const PoseVector pose = top.pose + (i % 2 == 0 ? 1 : -1) * peaks[j].root.col(i);
-      if (!std::isfinite(log_pose_prior(compiled.scene, pose))) continue;
-      note(value(*compiled.spline, pose, top.linear) - value(compiled.models(), pose, top.linear));
+      note(top.pose + (i % 2 == 0 ? 1 : -1) * peaks[j].root.col(i));
     }
   }
-  if (high - low < kAgreement) return *compiled.spline;
-  return compiled.models();
+  if (lights.near.size() == peaks.size() && high - low < kAgreement) {
+    lights.far = *steering;
+    lights.far_is_rough = !compiled.spline;
+  } else {
+    lights.near.assign(peaks.size(), compiled.models());
+  }
+  return lights;
 }
 
 void finish_mixture(const Scene& scene, PoseMixture& mixture) {
@@ -138,19 +151,19 @@ void finish_mixture(const Scene& scene, PoseMixture& mixture) {
 }
 
 /// The best samples at which least squares might end somewhere new.
-std::vector<PoseVector> promising(const PoseObjective& objective, const LightSource& light,
+std::vector<PoseVector> promising(const PoseObjective& objective, const SampleLights& lights,
                                   const std::vector<const Refined*>& optima,
                                   const std::vector<PosteriorSample>& samples) {
   const CompiledScene& compiled = objective.compiled();
   // The light may be the spline's: compare with what it says of the optima.
   double known = -std::numeric_limits<double>::infinity();
   std::vector<PoseVector> taken;
-  for (const Refined* optimum : optima) {
-    LinearSolution linear = optimum->linear;
-    known = std::max(
-        known,
-        objective.evaluate(light, optimum->pose, linear, true, kSampleAccuracy).log_posterior);
-    taken.push_back(optimum->pose);
+  for (std::size_t j = 0; j < optima.size(); ++j) {
+    LinearSolution linear = optima[j]->linear;
+    const PoseValue value =
+        objective.evaluate(lights.near[j], optima[j]->pose, linear, true, kSampleAccuracy);
+    known = std::max(known, value.log_posterior);
+    taken.push_back(optima[j]->pose);
   }
   const double least = compiled.spline ? known + kBetter : known - kPromising;
   std::vector<const PosteriorSample*> order;
@@ -229,10 +242,10 @@ Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& 
 
   PosteriorSamples drawn;
   if (may_sample && !laplace) {
-    const LightSource light = sample_light(objective, tops, peaks, options.inflation);
-    drawn = sample_posterior(objective, light, peaks, tops, *scored,
+    const SampleLights lights = sample_lights(objective, tops, peaks, options.inflation);
+    drawn = sample_posterior(objective, lights, peaks, tops, *scored,
                              {options.samples, options.inflation, options.seed});
-    result.promising = promising(objective, light, tops, drawn.samples);
+    result.promising = promising(objective, lights, tops, drawn.samples);
   }
   if (!(drawn.effective > 1)) {
     double sum = 0;

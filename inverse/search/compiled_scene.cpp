@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "inverse/search/compiled_scene.h"
 
+#include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 
@@ -237,7 +238,170 @@ PoseVector difference_steps(const Scene& scene, const SensorPlacement& placement
   return steps;
 }
 
-std::unique_ptr<CompiledScene> compile(const Scene& scene,
+SceneKnowledge::SceneKnowledge(const Scene& scene) : scene_(scene) {
+  bool measured = false;
+  for (int i = 0; i < object_count(scene); ++i) {
+    measured =
+        measured || std::holds_alternative<MeasuredLawMaterial>(hidden_object(scene, i).material);
+  }
+  if (!measured) coarse_ = std::make_shared<const CoarseScene>(scene);
+}
+
+std::optional<Fidelity> SceneKnowledge::fidelity(double tolerance) const {
+  const SensorPlacement own = sensor_placement(scene_);
+  const auto stated = [](const Vector3d& point) { return point.allFinite(); };
+  if (!coarse_ || !std::ranges::all_of(own.relay_points, stated)) return std::nullopt;
+  const std::scoped_lock lock(mutex_);
+  const auto known = fidelities_.find(tolerance);
+  if (known != fidelities_.end()) return known->second;
+  FastModelOptions fast;
+  fast.tolerance = tolerance;
+  // Isolated: whoever waits for the lock must not be asked to work for its holder.
+  const Fidelity found = tbb::this_task_arena::isolate(
+      [&] { return *make_fast_model(scene_, own, fast)->fidelity(); });
+  return fidelities_.emplace(tolerance, found).first->second;
+}
+
+namespace {
+
+/// Lays the grid of scored poses: its axes and points.
+void fill_grid(CompiledScene& compiled) {
+  const Scene& scene = compiled.scene;
+  const auto count = static_cast<std::size_t>(grid_size(compiled));
+  for (std::size_t index = 0; index < count; ++index) {
+    PoseVector pose(compiled.unknown_count());
+    std::size_t rest = index;
+    for (std::size_t i = scene.unknowns.size(); i-- > 0;) {
+      const GridAxis& axis = compiled.axes[i];
+      const auto along = static_cast<std::size_t>(axis.count);
+      const auto k = static_cast<Eigen::Index>(i);
+      pose[k] = axis.first + static_cast<double>(rest % along) * axis.spacing;
+      if (!axis.periodic) pose[k] = std::min(pose[k], scene.unknowns[i].upper);
+      rest /= along;
+    }
+    compiled.log_prior.push_back(static_cast<float>(log_pose_prior(scene, pose)));
+    compiled.poses.push_back(pose);
+  }
+}
+
+/// Copies the bins of the time gates of one capture's light, times the zones' gains.
+float* copy_gates(const Scene& scene, const std::vector<BinWindow>& windows,
+                  const HistogramCube& light, float* out) {
+  for (int z = 0; z < light.zones(); ++z) {
+    const BinWindow& window = windows[static_cast<std::size_t>(z)];
+    const double gain = scene.sensor.zones[static_cast<std::size_t>(z)].gain;
+    for (int k = window.first; k < window.end; ++k) {
+      *out++ = static_cast<float>(gain * light.zone(z)[k]);
+    }
+  }
+  return out;
+}
+
+/// Histograms of the scored poses from `models`.
+void render_templates(CompiledScene& compiled, const ModelSet& models) {
+  // Isolated: whoever waits here must not pick up another fit that waits for this compilation.
+  tbb::this_task_arena::isolate([&] {
+    tbb::parallel_for(std::size_t{0}, compiled.poses.size(), [&](std::size_t index) {
+      HistogramCube light;
+      float* out = compiled.templates.col(static_cast<Eigen::Index>(index)).data();
+      for (std::size_t c = 0; c < models.size(); ++c) {
+        models[c]->three_bounce(compiled.poses[index], light);
+        out = copy_gates(compiled.scene, compiled.windows[c], light, out);
+      }
+    });
+  });
+}
+
+/// Time gates and histograms of the scored poses in closed form, `extra_sigma` (s) wider.
+void render_closed_form(CompiledScene& compiled, double extra_sigma) {
+  const Scene& scene = compiled.scene;
+  const Sensor& sensor = scene.sensor;
+  const auto zones = static_cast<std::size_t>(sensor.zone_count());
+  struct Row {
+    std::vector<SparseLight::Range> lit;  // [captures * zones]
+    std::vector<float> counts;            // of the lit bins, one after the other
+  };
+  std::vector<Row> rows(compiled.poses.size());
+  tbb::this_task_arena::isolate([&] {
+    // Chunks, so that what the object's middle sees is worked out once for its yaws.
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, rows.size(), 16), [&](const auto& part) {
+      SparseLight light;
+      for (std::size_t i = part.begin(); i != part.end(); ++i) {
+        for (const CoarseModel& model : compiled.coarse) {
+          model.three_bounce(compiled.poses[i], extra_sigma, light);
+          for (std::size_t z = 0; z < zones; ++z) {
+            const double gain = sensor.zones[z].gain;
+            rows[i].lit.push_back(light.lit[z]);
+            for (int k = light.lit[z].begin; k < light.lit[z].end; ++k) {
+              rows[i].counts.push_back(
+                  static_cast<float>(gain * light.cube.zone(static_cast<int>(z))[k]));
+            }
+          }
+        }
+      }
+    });
+  });
+
+  // Gates: what any pose lights, and the tails that the closed form cuts off.
+  const auto [early, late] = sensor.response.support(kReach, 0);
+  const int before = 2 + static_cast<int>(std::ceil(std::abs(early) / sensor.bin_width));
+  const int after = 2 + static_cast<int>(std::ceil(std::abs(late) / sensor.bin_width));
+  const bool summarise = std::holds_alternative<PoissonNoise>(sensor.noise);
+  for (std::size_t c = 0; c < compiled.coarse.size(); ++c) {
+    std::vector<BinWindow> gates;
+    for (std::size_t z = 0; z < zones; ++z) {
+      const Zone& zone = sensor.zones[z];
+      const int valid_end = sensor.valid_end(static_cast<int>(z));
+      BinWindow gate{zone.first_valid_bin, valid_end};
+      if (zone.dead) gate = {0, 0};
+      if (summarise && !zone.dead) {
+        gate = {valid_end, zone.first_valid_bin};
+        for (const Row& row : rows) {
+          const SparseLight::Range& lit = row.lit[c * zones + z];
+          if (lit.begin == lit.end) continue;
+          gate.first = std::min(gate.first, lit.begin - before);
+          gate.end = std::max(gate.end, lit.end + after);
+        }
+        const double* direct = nullptr;
+        if (has_static_light(scene)) {
+          const HistogramCube& light = compiled.static_light[c];
+          direct = light.zone(static_cast<int>(z));
+          const double peak = *std::ranges::max_element(light.values);
+          for (int k = 0; k < sensor.bins; ++k) {
+            if (std::abs(direct[k]) <= 1e-7 * peak) continue;
+            gate.first = std::min(gate.first, k - 2);
+            gate.end = std::max(gate.end, k + 3);
+          }
+        }
+        gate.first = std::max(gate.first, zone.first_valid_bin);
+        gate.end = std::min(gate.end, valid_end);
+        if (gate.first >= gate.end) gate = {zone.first_valid_bin, zone.first_valid_bin};
+      }
+      gates.push_back(gate);
+    }
+    compiled.windows.push_back(std::move(gates));
+  }
+
+  compiled.templates.setZero(window_rows(compiled), static_cast<Eigen::Index>(rows.size()));
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    float* out = compiled.templates.col(static_cast<Eigen::Index>(i)).data();
+    const float* in = rows[i].counts.data();
+    for (std::size_t c = 0; c < compiled.coarse.size(); ++c) {
+      for (std::size_t z = 0; z < zones; ++z) {
+        const BinWindow& gate = compiled.windows[c][z];
+        const SparseLight::Range& lit = rows[i].lit[c * zones + z];
+        for (int k = lit.begin; k < lit.end; ++k, ++in) {
+          if (k >= gate.first && k < gate.end) out[k - gate.first] = *in;
+        }
+        out += std::max(gate.end - gate.first, 0);
+      }
+    }
+  }
+}
+
+}  // namespace
+
+std::unique_ptr<CompiledScene> compile(const Scene& scene, const SceneKnowledge& knowledge,
                                        const std::vector<SensorPlacement>& placements,
                                        const FitOptions& options, const GridOptions& grid) {
   auto compiled = std::make_unique<CompiledScene>();
@@ -246,12 +410,12 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
       std::hypot(scene.sensor.response.core_sigma(), scene.sensor.bin_width / std::sqrt(12.0));
   compiled->pulse_path = kSpeedOfLight * pulse_time;
   const PoseVector rates = path_rates(scene, relay_sample(scene, placements.front()));
+  const bool closed_form = grid.closed_form && knowledge.coarse() != nullptr;
 
-  const auto models = [&](double extra_sigma, double tolerance,
-                          const std::optional<Fidelity>& fidelity = std::nullopt) {
+  const auto models = [&](double extra_sigma, double tolerance) {
     ModelSet set;
     FastModelOptions fast;
-    fast.fidelity = fidelity;
+    fast.fidelity = knowledge.fidelity(tolerance);
     fast.tolerance = tolerance;
     fast.extra_pulse_sigma = extra_sigma;
     for (const SensorPlacement& placement : placements) {
@@ -265,7 +429,7 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
   const double most = std::min<double>(grid.max_poses, kTemplateBytes / (4 * features));
   // A grid fine enough for a spline, where that is affordable.
   bool spline = false;
-  if (grid.spline && scene.unknowns.size() <= kSplineUnknowns) {
+  if (grid.spline && !closed_form && scene.unknowns.size() <= kSplineUnknowns) {
     make_grid(*compiled, rates, kSplineStep / kGridStep * compiled->pulse_path,
               kSplineStep / kGridStep);
     spline = grid_size(*compiled) <= most && 4 * features * grid_size(*compiled) < kSplineBytes;
@@ -281,68 +445,57 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
     }
   }
   const double widest = grid.widen ? pulse_time * std::sqrt(widening * widening - 1) : 0.0;
-  const double cheap = std::max(kCheapTolerance, options.model_tolerance);
   for (double sigma = widest; sigma > 0.5 * pulse_time; sigma /= 2) {
-    compiled->ladder.push_back(models(sigma, cheap));
+    compiled->widths.push_back(sigma);
   }
-  compiled->ladder.push_back(models(0, cheap));
-  const auto found = compiled->ladder.back().front()->fidelity();
-  compiled->ladder.push_back(
-      models(0, options.model_tolerance, cheap > options.model_tolerance ? std::nullopt : found));
+  compiled->widths.push_back(0);
+  const double cheap = std::max(kCheapTolerance, options.model_tolerance);
+  if (closed_form) {
+    compiled->ladder.push_back(models(0, options.model_tolerance));
+    for (const SensorPlacement& placement : placements) {
+      compiled->coarse.emplace_back(knowledge.coarse(), placement);
+    }
+  } else {
+    for (const double sigma : compiled->widths) compiled->ladder.push_back(models(sigma, cheap));
+    compiled->ladder.push_back(models(0, options.model_tolerance));
+  }
+  if (has_static_light(scene)) {
+    for (const auto& model : compiled->models()) {
+      compiled->static_light.push_back(static_light(scene, model->direct_return()));
+    }
+  }
 
   compiled->step = difference_steps(scene, placements.front());
-
-  const auto count = static_cast<std::size_t>(grid_size(*compiled));
-  for (std::size_t index = 0; index < count; ++index) {
-    PoseVector pose(rates.size());
-    std::size_t rest = index;
-    for (std::size_t i = scene.unknowns.size(); i-- > 0;) {
-      const GridAxis& axis = compiled->axes[i];
-      const auto along = static_cast<std::size_t>(axis.count);
-      const auto k = static_cast<Eigen::Index>(i);
-      pose[k] = axis.first + static_cast<double>(rest % along) * axis.spacing;
-      if (!axis.periodic) pose[k] = std::min(pose[k], scene.unknowns[i].upper);
-      rest /= along;
-    }
-    compiled->log_prior.push_back(static_cast<float>(log_pose_prior(scene, pose)));
-    compiled->poses.push_back(pose);
+  fill_grid(*compiled);
+  if (closed_form) {
+    render_closed_form(*compiled, compiled->widths.front());
+  } else {
+    compiled->windows = reach(*compiled);
+    compiled->templates.resize(window_rows(*compiled),
+                               static_cast<Eigen::Index>(compiled->poses.size()));
+    render_templates(*compiled,
+                     grid.sharp || spline ? compiled->models() : compiled->ladder.front());
   }
-  compiled->windows = reach(*compiled);
-
-  const int rows = window_rows(*compiled);
-  compiled->templates.resize(rows, static_cast<Eigen::Index>(count));
-  const ModelSet& coarse = grid.sharp || spline ? compiled->models() : compiled->ladder.front();
-  // Isolated: whoever waits here must not pick up another fit that waits for this compilation.
-  const auto render = [&](std::size_t index) {
-    HistogramCube light;
-    float* out = compiled->templates.col(static_cast<Eigen::Index>(index)).data();
-    for (std::size_t c = 0; c < coarse.size(); ++c) {
-      coarse[c]->three_bounce(compiled->poses[index], light);
-      for (int z = 0; z < light.zones(); ++z) {
-        const BinWindow& window = compiled->windows[c][static_cast<std::size_t>(z)];
-        const double gain = scene.sensor.zones[static_cast<std::size_t>(z)].gain;
-        for (int k = window.first; k < window.end; ++k) {
-          *out++ = static_cast<float>(gain * light.zone(z)[k]);
-        }
-      }
-    }
-  };
-  tbb::this_task_arena::isolate([&] { tbb::parallel_for(std::size_t{0}, count, render); });
   if (spline) compiled->spline = std::make_unique<SplineGrid>(compiled->templates, compiled->axes);
-  if (has_static_light(scene)) {
-    for (std::size_t c = 0; c < compiled->models().size(); ++c) {
-      const HistogramCube direct = static_light(scene, compiled->models()[c]->direct_return());
-      for (int z = 0; z < direct.zones(); ++z) {
-        const BinWindow& window = compiled->windows[c][static_cast<std::size_t>(z)];
-        compiled->direct.insert(compiled->direct.end(), direct.zone(z) + window.first,
-                                direct.zone(z) + std::max(window.first, window.end));
-      }
+  for (std::size_t c = 0; c < compiled->static_light.size(); ++c) {
+    const HistogramCube& direct = compiled->static_light[c];
+    for (int z = 0; z < direct.zones(); ++z) {
+      const BinWindow& window = compiled->windows[c][static_cast<std::size_t>(z)];
+      compiled->direct.insert(compiled->direct.end(), direct.zone(z) + window.first,
+                              direct.zone(z) + std::max(window.first, window.end));
     }
-    const bool any = std::any_of(compiled->direct.begin(), compiled->direct.end(),
-                                 [](double v) { return v != 0; });
-    if (!any) compiled->direct.clear();
   }
+  const bool any = std::ranges::any_of(compiled->direct, [](double v) { return v != 0; });
+  if (!any) compiled->direct.clear();
   return compiled;
+}
+
+std::size_t CompiledScene::bytes() const {
+  const auto tables = static_cast<std::size_t>(templates.size()) * sizeof(float);
+  const std::size_t grid = poses.size() * (sizeof(PoseVector) + sizeof(double) * axes.size());
+  // Models: patches of relay and object, a few hundred bytes each, and tabulated pulses.
+  const std::size_t a_model = 2'000'000;
+  return (spline ? 3 : 1) * tables + grid + ladder.size() * models().size() * a_model;
 }
 
 }  // namespace blindcorner

@@ -4,11 +4,15 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <map>
 #include <memory>
+#include <mutex>
+#include <optional>
 #include <vector>
 
 #include "blindcorner/forward/transport/forward_model.h"
 #include "blindcorner/inverse/fit.h"
+#include "forward/transport/coarse_model.h"
 #include "inverse/likelihood/observation.h"
 #include "inverse/search/spline_grid.h"
 
@@ -22,6 +26,10 @@ struct CompiledScene {
   /// Coarse to fine: cheap models with a widened pulse first (where the grid asks for it), the
   /// cheap model with the true pulse next to last, the model of the wanted tolerance last.
   std::vector<ModelSet> ladder;
+  /// Closed-form models [captures] that steer where there is no spline; none for measured laws.
+  std::vector<CoarseModel> coarse;
+  /// Extra pulse widths (s) of theirs, wide first, on the way from a scored pose to an optimum.
+  std::vector<double> widths;
   std::vector<std::vector<BinWindow>> windows;  ///< [captures][zones]
   double pulse_path = 0.0;        ///< m, standard deviation of pulse and bin as optical path
   PoseVector step;                ///< [n] finite-difference steps
@@ -33,11 +41,15 @@ struct CompiledScene {
   Eigen::MatrixXf templates;
   /// Between the scored poses; null where the pulse had to be widened, or the grid is too large.
   std::unique_ptr<SplineGrid> spline;
-  /// static_light() inside the windows, rows as above; empty when absent.
+  std::vector<HistogramCube> static_light;  ///< [captures]; none where there is none
+  /// The same inside the windows, rows as above; empty when absent.
   std::vector<double> direct;
 
   const ModelSet& models() const { return ladder.back(); }
+  /// Without closed-form models only.
   const ModelSet& cheap_models() const { return ladder[ladder.size() - 2]; }
+  /// Memory that it keeps, bytes: tables by their size, models by an estimate.
+  std::size_t bytes() const;
   int unknown_count() const { return static_cast<int>(scene.unknowns.size()); }
 };
 
@@ -48,10 +60,30 @@ struct GridOptions {
   bool widen = true;   ///< widen the pulse when the grid must be coarser than that
   bool spline = true;  ///< lay a spline through the histograms
   bool sharp = false;  ///< histograms from the model of the wanted tolerance, not the cheap one
+  bool closed_form =
+      false;  ///< histograms from closed-form models: for few captures of a placement
+};
+
+/// What no sensor placement changes, found once for a scene. Thread safe.
+class SceneKnowledge {
+ public:
+  explicit SceneKnowledge(const Scene& scene);
+
+  /// Null where closed-form light does not apply: measured laws.
+  const std::shared_ptr<const CoarseScene>& coarse() const { return coarse_; }
+  /// The fast model's sampling for a tolerance, found at the scene's own sensor placement; nothing
+  /// where the scene does not have one (relay points come with captures).
+  std::optional<Fidelity> fidelity(double tolerance) const;
+
+ private:
+  const Scene& scene_;
+  std::shared_ptr<const CoarseScene> coarse_;
+  mutable std::mutex mutex_;
+  mutable std::map<double, Fidelity> fidelities_;
 };
 
 /// Compiles the scene for the captures' sensor placements. Takes seconds for large search regions.
-std::unique_ptr<CompiledScene> compile(const Scene& scene,
+std::unique_ptr<CompiledScene> compile(const Scene& scene, const SceneKnowledge& knowledge,
                                        const std::vector<SensorPlacement>& placements,
                                        const FitOptions& options, const GridOptions& grid);
 

@@ -2,10 +2,13 @@
 #include "inverse/search/refine.h"
 
 #include <ceres/ceres.h>
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <cmath>
 
+#include "inverse/posterior/fisher_information.h"
 #include "inverse/posterior/mode_merging.h"
 
 namespace blindcorner {
@@ -19,11 +22,16 @@ struct Stop {
   bool central = false;  ///< central differences; forward ones are good enough to find a basin
 };
 constexpr Stop kApproach{12, 1e-5};
-constexpr Stop kApproachSpline{40, 1e-6};
+constexpr Stop kApproachCheap{40, 1e-6};
 constexpr Stop kPolish{25, 1e-6, true};
-/// Corrections of the spline by the model, and the gain in log posterior that calls for another.
+/// Corrections of the steering light by the model, linearisations of the model, and the gain in log
+/// posterior that calls for another.
 constexpr int kMostCorrections = 5;
+constexpr int kMostSettlings = 3;
 constexpr double kWorthCorrecting = 0.01;
+/// Optima this far below the best in log posterior hold less than a per cent of the posterior each:
+/// the steering light's derivatives do for them.
+constexpr double kWorthSettling = 5;
 
 /// What the linear unknowns may lack in log posterior: the residuals then lie within
 /// sqrt(2 * kAccuracy) = 1.4e-5 of where they should be, a thousandth of what a difference step of
@@ -140,33 +148,33 @@ Refined finish(const PoseObjective& objective, const LightSource& light, Refined
   return result;
 }
 
-/// The model's value at the pose, and what the spline lacks of its light there.
-Refined finish_corrected(const PoseObjective& objective, Refined result) {
+/// The model's value at the pose, and what the steering light lacks there.
+Refined finish_corrected(const PoseObjective& objective, const LightSource& steering,
+                         Refined result) {
   const CompiledScene& compiled = objective.compiled();
   wrap_pose(compiled.scene, result.pose);
   ShapeBuffer model;
-  ShapeBuffer spline;
+  ShapeBuffer cheap;
   objective.shapes(compiled.models(), result.pose, model);
-  objective.shapes(*compiled.spline, result.pose, spline);
-  result.correction.resize(model.object.size());
-  for (std::size_t r = 0; r < model.object.size(); ++r) {
-    result.correction[r] = model.object[r] - spline.object[r];
-  }
-  result.value = objective.evaluate(model, result.pose, result.linear, true);
+  objective.shapes(steering, result.pose, cheap);
+  result.correction = objective.correction(model, cheap);
+  result.value =
+      objective.evaluate(model, result.pose, result.linear, !result.linear.ambient.empty());
+  ++result.evaluations;
   return result;
 }
 
-/// Least squares on the model with the spline's derivatives: minimises on the spline as the model
-/// corrects it at the last pose, until that gains no more. Where it stops, J'r = 0 holds with the
-/// spline's Jacobian instead of the model's; if their columns differ by a share e, the log
+/// Least squares on the model with a cheap light's derivatives: minimises on that light as the
+/// model corrects it at the last pose, until that gains no more. Where it stops, J'r = 0 holds with
+/// the cheap light's Jacobian instead of the model's; if their columns differ by a share e, the log
 /// posterior lacks e^2 / 2 an unknown there, times the misfit (chi squared a degree of freedom).
-Refined polish_on_spline(const PoseObjective& objective, Refined start) {
-  const CompiledScene& compiled = objective.compiled();
-  Refined best = finish_corrected(objective, std::move(start));
-  for (int k = 0; k < kMostCorrections; ++k) {
+Refined polish_steered(const PoseObjective& objective, const LightSource& steering, Refined start,
+                       int corrections) {
+  Refined best = finish_corrected(objective, steering, std::move(start));
+  for (int k = 0; k < corrections; ++k) {
     Refined next = best;
-    minimise(objective, {*compiled.spline, best.correction}, kApproachSpline, next);
-    next = finish_corrected(objective, std::move(next));
+    minimise(objective, steering.corrected(best.correction), kApproachCheap, next);
+    next = finish_corrected(objective, steering, std::move(next));
     const double gain = next.value.log_posterior - best.value.log_posterior;
     if (gain > 0) best = std::move(next);
     if (gain < kWorthCorrecting) break;
@@ -174,12 +182,28 @@ Refined polish_on_spline(const PoseObjective& objective, Refined start) {
   return best;
 }
 
+/// Least squares on the model's own linearisation, until that gains no more; keeps its slopes.
+void settle(const PoseObjective& objective, const LightSource& steering, Refined& best) {
+  const CompiledScene& compiled = objective.compiled();
+  for (int k = 0; k < kMostSettlings; ++k) {
+    ShapeBuffer light;
+    objective.shapes(compiled.models(), best.pose, light);
+    Linearisation at{best.pose, light.object, light_slope(objective, compiled.models(), best.pose)};
+    Refined next = best;
+    minimise(objective, at, kApproachCheap, next);
+    next = finish_corrected(objective, steering, std::move(next));
+    const double gain = next.value.log_posterior - best.value.log_posterior;
+    if (gain > 0) best = std::move(next);
+    best.slope = std::move(at.slope);
+    if (gain < kWorthCorrecting) break;
+  }
+}
+
 }  // namespace
 
 LightSource light_near(const CompiledScene& compiled, const Refined& refined) {
-  if (compiled.spline && !refined.correction.empty()) {
-    return {*compiled.spline, refined.correction};
-  }
+  const std::optional<LightSource> steering = steering_light(compiled);
+  if (steering && !refined.correction.empty()) return steering->corrected(refined.correction);
   return compiled.models();
 }
 
@@ -188,8 +212,14 @@ Refined approach(const PoseObjective& objective, const PoseVector& start) {
   Refined result;
   result.pose = start;
   if (compiled.spline) {
-    minimise(objective, *compiled.spline, kApproachSpline, result);
+    minimise(objective, *compiled.spline, kApproachCheap, result);
     return finish(objective, *compiled.spline, std::move(result));
+  }
+  if (!compiled.coarse.empty()) {
+    for (const double width : compiled.widths) {
+      minimise(objective, LightSource(compiled.coarse, width), kApproach, result);
+    }
+    return polish_steered(objective, LightSource(compiled.coarse), std::move(result), 1);
   }
   for (std::size_t rung = 0; rung + 1 < compiled.ladder.size(); ++rung) {
     minimise(objective, compiled.ladder[rung], kApproach, result);
@@ -201,7 +231,9 @@ Refined polish(const PoseObjective& objective, const PoseVector& start) {
   const CompiledScene& compiled = objective.compiled();
   Refined result;
   result.pose = start;
-  if (compiled.spline) return polish_on_spline(objective, std::move(result));
+  if (const auto steering = steering_light(compiled)) {
+    return polish_steered(objective, *steering, std::move(result), kMostCorrections);
+  }
   minimise(objective, compiled.models(), kPolish, result);
   return finish(objective, compiled.models(), std::move(result));
 }
@@ -209,8 +241,22 @@ Refined polish(const PoseObjective& objective, const PoseVector& start) {
 std::vector<Refined> find_optima(const PoseObjective& objective,
                                  const std::vector<PoseVector>& starts, double negligible,
                                  std::vector<Refined> optima) {
-  for (const PoseVector& start : starts) optima.push_back(polish(objective, start));
-  return merge(objective.compiled(), std::move(optima), negligible);
+  const CompiledScene& compiled = objective.compiled();
+  const std::size_t known = optima.size();
+  optima.resize(known + starts.size());
+  tbb::this_task_arena::isolate([&] {
+    tbb::parallel_for(std::size_t{0}, starts.size(),
+                      [&](std::size_t i) { optima[known + i] = polish(objective, starts[i]); });
+  });
+  optima = merge(compiled, std::move(optima), negligible);
+  if (compiled.coarse.empty() || optima.empty()) return optima;
+  const double least = optima.front().value.log_posterior - kWorthSettling;
+  for (Refined& optimum : optima) {
+    if (optimum.slope.size() == 0 && optimum.value.log_posterior >= least) {
+      settle(objective, LightSource(compiled.coarse), optimum);
+    }
+  }
+  return merge(compiled, std::move(optima), negligible);
 }
 
 }  // namespace blindcorner

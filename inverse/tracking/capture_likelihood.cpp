@@ -23,6 +23,8 @@ namespace {
 constexpr double kWorthAStep = 2e-3;
 constexpr int kMostSteps = 12;
 constexpr int kMostHalvings = 5;
+/// Times that the closed-form light is corrected by the model on the way.
+constexpr int kCorrections = 3;
 /// Starts that are followed when nothing is known.
 constexpr std::size_t kMostStarts = 6;
 
@@ -59,9 +61,19 @@ class CaptureLikelihood final : public FrameLikelihood {
 
   Update update(const Gaussian& prior, const Eigen::VectorXd& start,
                 double inflation) const override {
-    // The spline finds the optimum, the model settles it.
+    // The steering light finds the optimum, the model settles it.
     Eigen::VectorXd at = start;
-    if (compiled_.spline) at = descend(*compiled_.spline, prior, at, inflation).at;
+    if (compiled_.spline) {
+      at = descend(*compiled_.spline, prior, at, inflation).at;
+    } else if (!compiled_.coarse.empty()) {
+      for (int k = 0; k < kCorrections; ++k) {
+        const Eigen::VectorXd before = at;
+        const Correction correction = correction_at(at);
+        at = descend(LightSource(compiled_.coarse).corrected(correction), prior, at, inflation).at;
+        const auto moved = (at - before).head(poses()).cwiseAbs().array();
+        if ((moved < 2 * compiled_.step.array()).all()) break;
+      }
+    }
     const State best = descend(compiled_.models(), prior, at, inflation);
     Update result;
     result.posterior.mean = best.at;
@@ -140,6 +152,15 @@ class CaptureLikelihood final : public FrameLikelihood {
     objective_.shapes(source, pose, light);
     const double a = amplitude(at);
     for (double& value : light.object) value *= a;
+  }
+
+  Correction correction_at(const Eigen::VectorXd& at) const {
+    const PoseVector pose = at.head(poses());
+    ShapeBuffer model;
+    ShapeBuffer cheap;
+    objective_.shapes(compiled_.models(), pose, model);
+    objective_.shapes(LightSource(compiled_.coarse), pose, cheap);
+    return objective_.correction(model, cheap);
   }
 
   Eigen::VectorXd from_mean(const Gaussian& prior, const Eigen::VectorXd& at) const {

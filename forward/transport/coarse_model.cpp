@@ -1,0 +1,407 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "forward/transport/coarse_model.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <optional>
+#include <utility>
+
+#include "blindcorner/forward/constants.h"
+#include "blindcorner/forward/transport/transport_plan.h"
+#include "forward/relay/visibility.h"
+
+namespace blindcorner {
+namespace {
+
+using Eigen::Vector3d;
+
+/// Widest pulse in standard deviations of the sensor's own; what is wider is taken as this.
+constexpr double kWidest = 8;
+/// Edge of an object's cells in standard deviations of the pulse's path: even light along such an
+/// edge, seen end on (both legs), spreads paths by 2 / sqrt(12) of it, of which a Gaussian misses
+/// the fourth cumulant: 1.2 / 24 of (2 * 3 / sqrt(12))^4 / (1 + 3)^2, 3 % of the peak.
+constexpr double kObjectEdge = 9;
+/// Most cells of an object; larger ones are taken together.
+constexpr std::size_t kMostCells = 12;
+/// Paths of a zone's patches that one pulse may stand for, in the same unit.
+constexpr double kRunSpread = 3;
+/// Footprint of a lobe against the lit spot above which light comes back from elsewhere.
+constexpr double kWideLobe = 0.05;
+/// Cells along each side of a zone and of the field of illumination.
+constexpr int kZoneDivisions = 2;
+constexpr int kFieldDivisions = 4;
+
+double pulse_sigma(const Sensor& sensor) {
+  return std::hypot(sensor.response.core_sigma(), sensor.bin_width / std::sqrt(12.0));
+}
+
+/// One cell for all that face the same way, with the moments of their positions.
+SurfaceCell merged(const std::vector<SurfaceCell>& cells) {
+  SurfaceCell sum{Vector3d::Zero(), Vector3d::Zero(), Vector3d::Zero(), Vector3d::Zero(), 0};
+  for (const SurfaceCell& c : cells) {
+    sum.center += c.area * c.center;
+    sum.normal += c.area * c.normal;
+    sum.area += c.area;
+  }
+  sum.center /= sum.area;
+  // What faces aside sends less: the projected area counts.
+  sum.area = sum.normal.norm();
+  sum.normal.normalize();
+  Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
+  double area = 0;
+  for (const SurfaceCell& c : cells) {
+    const Vector3d d = c.center - sum.center;
+    spread += c.area * (d * d.transpose() +
+                        (c.half_u * c.half_u.transpose() + c.half_v * c.half_v.transpose()) / 3);
+    area += c.area;
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(3 * spread / area);
+  sum.half_u = std::sqrt(std::max(axes.eigenvalues()[2], 0.0)) * axes.eigenvectors().col(2);
+  sum.half_v = std::sqrt(std::max(axes.eigenvalues()[1], 0.0)) * axes.eigenvectors().col(1);
+  return sum;
+}
+
+/// Cells of a shape no larger than `edge`; where that gives too many, larger ones, at last one for
+/// each of the 26 directions that they face.
+std::vector<SurfaceCell> cells_of(const Shape& shape, double edge) {
+  const Transform here = Transform::Identity();
+  std::vector<SurfaceCell> cells;
+  for (int doubling = 0; doubling < 4; ++doubling, edge *= 2) {
+    cells = divide(shape, here, 1.0, edge, 1);
+    if (cells.size() <= kMostCells) return cells;
+  }
+  std::vector<std::vector<SurfaceCell>> facing(27);
+  for (const SurfaceCell& c : cells) {
+    const Vector3d n = c.normal / c.normal.cwiseAbs().maxCoeff();
+    std::size_t key = 0;
+    for (int i = 0; i < 3; ++i) key = 3 * key + static_cast<std::size_t>(std::lround(n[i]) + 1);
+    facing[key].push_back(c);
+  }
+  cells.clear();
+  for (const auto& group : facing) {
+    if (!group.empty()) cells.push_back(merged(group));
+  }
+  return cells;
+}
+
+SurfaceCell placed(const SurfaceCell& own, const Transform& T, double size) {
+  const Eigen::Matrix3d turn = T.linear();
+  return {T * Vector3d(size * own.center), turn * own.normal, size * (turn * own.half_u),
+          size * (turn * own.half_v), size * size * own.area};
+}
+
+}  // namespace
+
+CoarseScene::CoarseScene(const Scene& scene_)
+    : scene(scene_),
+      pulse_path(kSpeedOfLight * pulse_sigma(scene_.sensor)),
+      pulses(scene_.sensor.response, scene_.sensor.bin_width,
+             std::pow(kWidest * pulse_sigma(scene_.sensor), 2), 1e-3),
+      occluders(occluder_faces(scene_.surfaces)) {
+  for (int i = 0; i < object_count(scene); ++i) {
+    const HiddenObject& hidden = hidden_object(scene, i);
+    Object object;
+    object.cells = cells_of(hidden.shape, kObjectEdge * pulse_path);
+    if (const auto* retro = std::get_if<RetroreflectiveMaterial>(&hidden.material)) {
+      object.lobe_sigma = retro->lobe_sigma;
+    }
+    objects.push_back(std::move(object));
+  }
+}
+
+CoarseModel::CoarseModel(std::shared_ptr<const CoarseScene> shared,
+                         const SensorPlacement& placement)
+    : shared_(std::move(shared)),
+      confocal_(shared_->scene.sensor.illumination == Illumination::confocal),
+      way_in_(shared_->scene.sensor.path_origin == PathOrigin::sensor ? 1.0 : 0.0) {
+  static std::atomic<std::uint64_t> made{0};
+  id_ = ++made;
+  const Scene& scene = shared_->scene;
+  const RelaySetup setup(scene, placement);
+  const int zones = scene.sensor.zone_count();
+  RelaySampling sampling;
+  sampling.edge_depth = 1;
+  sampling.divisions = kZoneDivisions;
+  const auto patches_of = [&](int zone, bool lit) {
+    if (scene.sensor.zones[static_cast<std::size_t>(zone)].dead) {
+      return std::vector<WeightedPatch>{};
+    }
+    return lit ? setup.lit_by_zone(zone, sampling) : setup.seen(zone, sampling);
+  };
+  for (int z = 0; z < zones; ++z) seen_.append(patches_of(z, false), z);
+  seen_.finish();
+  seen_runs_ = seen_runs(kRunSpread * shared_->pulse_path);
+
+  const double extent = setup.lit_extent();
+  const std::vector<Vector3d> relay = setup.relay_points();
+  bool wide = false;
+  for (int i = 0; i < object_count(scene); ++i) {
+    double farthest = 0;
+    for (const Placement& probe : probe_placements(scene, i)) {
+      for (const Vector3d& r : relay) farthest = std::max(farthest, (r - probe.position).norm());
+    }
+    const double lobe = shared_->objects[static_cast<std::size_t>(i)].lobe_sigma;
+    // Spots without an extent send back what falls on them, however wide the lobe.
+    const bool wide_lobe = lobe > 0 && extent > 0 && lobe * farthest > kWideLobe * extent;
+    wide = wide || wide_lobe;
+    pairs_.push_back(lobe <= 0 || wide_lobe);
+  }
+  if (std::ranges::none_of(pairs_, [](bool p) { return p; })) return;
+  if (confocal_) {
+    for (int z = 0; z < zones; ++z) {
+      const int begin = lit_.size();
+      lit_.append(patches_of(z, true), z);
+      if (begin < lit_.size()) lit_runs_.push_back({begin, lit_.size(), z});
+    }
+  } else {
+    sampling.divisions = kFieldDivisions;
+    std::vector<WeightedPatch> patches = setup.lit(sampling);
+    // Parts of the field whose paths are near each other: quadrants, or patches for a lobe.
+    const Transform to_sensor = placement.T_world_sensor.inverse();
+    for (std::size_t i = 0; i < patches.size(); ++i) {
+      const Vector3d d = to_sensor * patches[i].patch.center;
+      patches[i].patch.group =
+          wide ? static_cast<int>(i) : (d.y() < 0 ? 1 : 0) + (d.z() < 0 ? 2 : 0);
+    }
+    std::ranges::stable_sort(patches, {}, [](const auto& p) { return p.patch.group; });
+    lit_.append(patches, -1);
+    for (int begin = 0; const int end : lit_.group_end) {
+      lit_runs_.push_back({begin, end, -1});
+      begin = end;
+    }
+  }
+  lit_.finish();
+}
+
+/// Whole zones, or single patches where a zone's paths differ too much.
+std::vector<CoarseModel::Run> CoarseModel::seen_runs(double most_spread) const {
+  std::vector<Run> runs;
+  const std::vector<Placement> probes = probe_placements(shared_->scene);
+  for (std::size_t z = 0; z < seen_.set_end.size(); ++z) {
+    const auto [first_patch, last_patch] = seen_.set(z);
+    const int begin = static_cast<int>(first_patch), end = static_cast<int>(last_patch);
+    const double n = std::max(end - begin, 1);
+    double variance = 0;
+    for (const Placement& probe : probes) {
+      double first = 0, second = 0;
+      for (int i = begin; i < end; ++i) {
+        const double path =
+            seen_.leg[static_cast<std::size_t>(i)] + (seen_.center(i) - probe.position).norm();
+        first += path / n;
+        second += path * path / n;
+      }
+      variance = std::max(variance, second - first * first);
+    }
+    const bool together = 4 * variance < most_spread * most_spread;  // both ways
+    const int step = together ? std::max(end - begin, 1) : 1;
+    for (int i = begin; i < end; i += step) runs.push_back({i, i + step, static_cast<int>(z)});
+  }
+  return runs;
+}
+
+/// Runs of patches as seen from a point, shadows taken away. `comes_back`: their radiance counts.
+void CoarseModel::see(const Vector3d& middle, const PatchArrays& patches,
+                      const std::vector<Run>& runs, bool comes_back, std::vector<End>& ends) const {
+  using Sight = ShadowView::Sight;
+  thread_local std::vector<Sight> sights;
+  sights.assign(static_cast<std::size_t>(patches.size()) + PatchArrays::kBlock, Sight::clear);
+  std::optional<ShadowView> shadows;
+  if (!shared_->occluders.empty()) {
+    shadows.emplace(shared_->occluders, middle);
+    shadows->leave_out_clear_of(patches.center_of_all, patches.radius_of_all);
+    if (shadows->empty()) shadows.reset();
+  }
+  for (const PatchArrays::Block& block : patches.blocks) {
+    if (!shadows) break;
+    Sight* own = sights.data() + block.begin;
+    const Sight all = shadows->sight(block.center, block.radius);
+    if (all == Sight::mixed) {
+      shadows->sights(patches.coordinates(), block.begin, block.end, own);
+    } else {
+      std::fill(own, own + (block.end - block.begin), all);
+    }
+  }
+  ends.assign(runs.size(), {});
+  for (std::size_t r = 0; r < runs.size(); ++r) {
+    End& end = ends[r];
+    double square = 0;
+    for (int i = runs[r].begin; i < runs[r].end; ++i) {
+      const auto k = static_cast<std::size_t>(i);
+      if (sights[k] == Sight::hidden) continue;
+      VisiblePart part;
+      if (sights[k] == Sight::mixed) {
+        part = shadows->see(patches.area_center(i), patches.half_u(i), patches.half_v(i));
+        if (part.fraction <= 0) continue;
+      }
+      const Vector3d way = patches.center(i) + part.shift - middle;
+      const double distance = way.norm();
+      const Vector3d direction = way / distance;
+      const double cosine = std::max(-direction.dot(patches.normal(i)), 0.0);
+      const double weight = part.fraction * patches.weight[k] * cosine / (distance * distance) *
+                            (comes_back ? patches.radiance[k] : 1.0);
+      const double leg = patches.leg[k] + patches.leg_direction(i).dot(part.shift);
+      const Vector3d gradient = direction + patches.leg_direction(i);
+      const Vector3d u = part.fraction * patches.half_u(i), v = part.fraction * patches.half_v(i);
+      end.weight += weight;
+      end.leg += weight * leg;
+      end.distance += weight * distance;
+      end.direction += weight * direction;
+      square += weight *
+                (std::pow(leg + distance, 2) +
+                 patches.spread[k] * (std::pow(gradient.dot(u), 2) + std::pow(gradient.dot(v), 2)));
+      end.angle2 += weight *
+                    (u.squaredNorm() - std::pow(u.dot(direction), 2) + v.squaredNorm() -
+                     std::pow(v.dot(direction), 2)) /
+                    (6 * distance * distance);
+    }
+    if (!(end.weight > 0)) continue;
+    end.leg /= end.weight;
+    end.distance /= end.weight;
+    end.angle2 /= end.weight;
+    end.variance = std::max(square / end.weight - std::pow(end.leg + end.distance, 2), 0.0);
+    const double length = end.direction.norm() / end.weight;  // below 1: directions differ
+    end.angle2 += std::max(1 - length, 0.0);
+    end.direction.normalize();
+  }
+}
+
+void CoarseModel::add(int zone, double path, double variance, double weight, double extra,
+                      SparseLight& out) const {
+  const Sensor& sensor = shared_->scene.sensor;
+  const double position =
+      (sensor.zones[static_cast<std::size_t>(zone)].time_zero + path / kSpeedOfLight) /
+      sensor.bin_width;
+  const double blur = variance / (kSpeedOfLight * kSpeedOfLight) + extra;
+  const PulseTable& pulses = shared_->pulses;
+  SparseLight::Range& lit = out.lit[static_cast<std::size_t>(zone)];
+  if (sensor.wrap(zone) > 0) {
+    std::vector<double> unfolded(static_cast<std::size_t>(unwrapped_bins(sensor)));
+    const int count = static_cast<int>(unfolded.size());
+    pulses.add(unfolded.data(), count, position, blur, weight);
+    fold(sensor, zone, unfolded.data(), count, out.cube.zone(zone));
+    lit = {0, sensor.bins};
+    return;
+  }
+  const auto [first, last] = pulses.reach(position);
+  const int begin = std::max(first, 0), end = std::min(last, sensor.bins);
+  if (begin >= end) return;
+  pulses.add(out.cube.zone(zone), sensor.bins, position, blur, weight);
+  if (lit.begin == lit.end) lit = {begin, end};
+  lit = {std::min(lit.begin, begin), std::max(lit.end, end)};
+}
+
+/// The light of one piece of an object, seen from there by correcting what its middle sees.
+void CoarseModel::render(const SurfaceCell& cell, const Vector3d& middle, const View& view,
+                         std::size_t object, double extra, SparseLight& out) const {
+  struct Seen {
+    double weight = 0;  ///< 0: behind the piece's horizon
+    double path = 0, cosine = 0;
+  };
+  const Vector3d offset = cell.center - middle;
+  const auto from_cell = [&](const End& end) -> Seen {
+    if (!(end.weight > 0)) return {};
+    const Vector3d way = end.distance * end.direction - offset;
+    const double distance = way.norm();
+    const double cosine = way.dot(cell.normal) / distance;
+    if (cosine <= 0) return {};
+    return {end.weight * std::pow(end.distance / distance, 2), end.leg + distance, cosine};
+  };
+  const auto own_variance = [&](const Vector3d& gradient) {
+    return (std::pow(gradient.dot(cell.half_u), 2) + std::pow(gradient.dot(cell.half_v), 2)) / 3;
+  };
+  const double lobe = shared_->objects[object].lobe_sigma;
+  const double scale = hidden_object(shared_->scene, static_cast<int>(object)).albedo * cell.area;
+  if (!pairs_[object]) {
+    for (std::size_t r = 0; r < seen_runs_.size(); ++r) {
+      const End& end = view.seen[r];
+      const Seen seen = from_cell(end);
+      if (seen.weight <= 0) continue;
+      // f goes with 1 / cos: of two cosines one is left. Both legs vary alike.
+      const double inner = seen.path - end.leg;
+      const double blur = std::pow(lobe * inner, 2) * (2 + 2 * way_in_);
+      add(seen_runs_[r].zone, 2 * (way_in_ * end.leg + inner),
+          4 * end.variance + blur + own_variance(2 * end.direction),
+          scale * seen.weight * seen.cosine, extra, out);
+    }
+    return;
+  }
+  thread_local std::vector<Seen> arriving;
+  arriving.clear();
+  for (const End& end : view.lit) arriving.push_back(from_cell(end));
+  for (std::size_t r = 0; r < seen_runs_.size(); ++r) {
+    const End& leaving = view.seen[r];
+    const Seen seen = from_cell(leaving);
+    if (seen.weight <= 0) continue;
+    for (std::size_t p = 0; p < lit_runs_.size(); ++p) {
+      if (arriving[p].weight <= 0 || (confocal_ && lit_runs_[p].zone != seen_runs_[r].zone)) {
+        continue;
+      }
+      const End& in = view.lit[p];
+      double weight = scale * seen.weight * arriving[p].weight;
+      if (lobe > 0) {
+        // The lobe, widened by the runs' own widths.
+        const double sigma2 = lobe * lobe + in.angle2 + leaving.angle2;
+        const double chord2 = (in.direction - leaving.direction).squaredNorm();
+        if (chord2 > 16 * sigma2) continue;
+        weight *= std::sqrt(seen.cosine * arriving[p].cosine) * std::exp(-0.5 * chord2 / sigma2) /
+                  (2 * kPi * sigma2);
+      } else {
+        weight *= seen.cosine * arriving[p].cosine / kPi;
+      }
+      add(seen_runs_[r].zone, seen.path + arriving[p].path,
+          in.variance + leaving.variance + own_variance(in.direction + leaving.direction), weight,
+          extra, out);
+    }
+  }
+}
+
+void CoarseModel::three_bounce(const PoseVector& pose, double extra_pulse_sigma,
+                               SparseLight& out) const {
+  const Scene& scene = shared_->scene;
+  const Sensor& sensor = scene.sensor;
+  const auto zones = static_cast<std::size_t>(sensor.zone_count());
+  if (out.cube.rows != sensor.rows || out.cube.columns != sensor.columns ||
+      out.cube.bins != sensor.bins) {
+    out.cube = HistogramCube(sensor.rows, sensor.columns, sensor.bins);
+    out.lit.clear();
+  }
+  for (std::size_t z = 0; z < out.lit.size(); ++z) {
+    double* row = out.cube.zone(static_cast<int>(z));
+    std::fill(row + out.lit[z].begin, row + out.lit[z].end, 0.0);
+  }
+  out.lit.assign(zones, {});
+
+  // What the middle sees does not change with yaw: of grids that vary it last, one look will do.
+  struct Kept {
+    std::uint64_t model = 0;
+    Vector3d middle = Vector3d::Zero();
+    View view;
+  };
+  thread_local std::vector<Kept> kept;
+  const std::vector<Placement> placements = placements_at(scene, pose);
+  if (kept.size() < placements.size()) kept.resize(placements.size());
+  for (std::size_t i = 0; i < placements.size(); ++i) {
+    const HiddenObject& hidden = hidden_object(scene, static_cast<int>(i));
+    const Transform T = object_to_world(hidden.shape, hidden.anchor, placements[i]);
+    const Vector3d middle = T.translation();
+    Kept& mine = kept[i];
+    if (mine.model != id_ || mine.middle != middle) {
+      mine = {id_, middle, std::move(mine.view)};
+      see(middle, seen_, seen_runs_, !pairs_[i], mine.view.seen);
+      mine.view.lit.clear();
+      if (pairs_[i]) see(middle, lit_, lit_runs_, false, mine.view.lit);
+    }
+    for (const SurfaceCell& own : shared_->objects[i].cells) {
+      const double extra = extra_pulse_sigma * extra_pulse_sigma;
+      render(placed(own, T, placements[i].size), middle, mine.view, i, extra, out);
+    }
+  }
+  if (!sensor.crosstalk.empty()) {
+    mix_zones(sensor, out.cube);
+    out.lit.assign(zones, {0, sensor.bins});
+  }
+}
+
+}  // namespace blindcorner
