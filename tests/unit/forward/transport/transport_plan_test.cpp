@@ -15,6 +15,7 @@
 #include "blindcorner/io/scene_file.h"
 #include "forward/relay/ray_scene.h"
 #include "forward/relay/relay_setup.h"
+#include "forward/relay/visibility.h"
 #include "unit/test_scenes.h"
 
 namespace blindcorner {
