@@ -162,7 +162,8 @@ void set_flags(const Scene& scene, const Posterior& posterior, FitResult& result
     if (condition) result.flags.emplace_back(word);
   };
   const PoseMixture& mixture = posterior.mixture;
-  flag(result.false_alarm_probability.value_or(1) > kAlarm && mixture.presence_probability < 0.5,
+  flag(result.false_alarm_probability.value_or(1) > kAlarm &&
+           result.posterior.presence_probability < 0.5,
        "nothing_detected");
   flag(mixture.modes.size() > 1 && mixture.modes.front().weight < 0.9, "multimodal");
   flag(!mixture.modes.front().undetermined.empty(), "undetermined");

@@ -99,6 +99,7 @@ BinLikelihood::BinLikelihood(const NoiseLaw& law, double dispersion, double expo
   if (poisson_) {
     scale_ = exposures / dispersion;
   } else {
+    scale_ = exposures;
     const auto& gaussian = std::get<GaussianNoise>(law);
     floor_ = gaussian.variance_floor / exposures;
     per_count_ = gaussian.variance_per_count / exposures;

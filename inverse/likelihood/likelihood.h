@@ -25,7 +25,7 @@ class BinLikelihood {
 
   bool poisson() const { return poisson_; }
   bool censored() const { return censored_; }
-  /// k of the Poisson law.
+  /// Effective exposures: k of the Poisson law, the exposures of the Gaussian one.
   double scale() const { return scale_; }
 
   Terms terms(double n, double m) const;

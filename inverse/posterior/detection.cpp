@@ -5,6 +5,9 @@
 #include <cmath>
 #include <numbers>
 #include <random>
+#include <utility>
+
+#include "blindcorner/forward/constants.h"
 
 namespace blindcorner {
 
@@ -21,42 +24,139 @@ double EmptyScores::exceedance(double score) const {
   return -std::expm1(-std::exp(-z));
 }
 
-double FalseAlarmCalibration::probability(const PoseObjective& objective,
-                                          const LinearSolution& empty, int captures,
-                                          std::uint64_t seed) {
-  const MatchedFilter filter(objective, empty, MatchedFilter::Weights::expected,
-                             MatchedFilter::Priors::ignored);
-  const double score = static_cast<double>(filter.scores().maxCoeff());
-  const Observation& observation = objective.solver().observation();
+namespace {
 
-  // The law depends on the light level while counts are few, so there is one per octave of the mean
-  // photons per bin. It is made from that level alone, never from the capture that asked first.
-  double scale = 0;
-  for (const BinLikelihood& law : observation.likelihood)
-    scale += law.scale() / static_cast<double>(observation.likelihood.size());
-  double level = 0;
-  for (const double ambient : empty.ambient)
-    level += ambient / static_cast<double>(empty.ambient.size());
-  const int octave = static_cast<int>(std::lround(std::log2(std::clamp(level * scale, 1e-6, 1e6))));
-  const int scale_octave = static_cast<int>(std::lround(4 * std::log2(scale)));
-  const std::scoped_lock lock(mutex_);
-  const auto [entry, is_new] = known_.try_emplace({octave, scale_octave});
-  if (is_new) entry->second = simulate(objective, empty, std::exp2(octave) / scale, captures, seed);
-  return entry->second.exceedance(score);
+/// Levels of light and exposures beyond this many octaves are taken for that many.
+constexpr double kMostOctaves = 20;
+/// Octaves between levels. An octave moves the law's location and scale by at most 0.04
+/// (DENALI-like and TMF8828 scenes, 2^-8 to 2^8 photons a bin), a third of what 128 captures leave
+/// uncertain, and all levels are simulated with the same deviates: nothing is gained by
+/// interpolating.
+constexpr int kStep = 2;
+/// A zone that has less than this share of the most exposures, in octaves, has none to speak of.
+constexpr int kLeastShare = -10;
+
+int octaves(double ratio) {
+  const double exact = std::clamp(std::log2(std::max(ratio, 1e-300)), -kMostOctaves, kMostOctaves);
+  return kStep * static_cast<int>(std::lround(exact / kStep));
 }
 
-EmptyScores FalseAlarmCalibration::simulate(const PoseObjective& objective, LinearSolution typical,
-                                            double level, int captures, std::uint64_t seed) {
+/// Expected counts that equal their own standard deviation.
+double light_unit(const BinLikelihood& law) {
+  constexpr int kIterations = 60;  // each halves the error of the logarithm
+  double counts = 1;
+  for (int i = 0; i < kIterations; ++i) counts = std::sqrt(law.variance(counts));
+  return counts;
+}
+
+EmptyLevel level_of(const PoseObjective& objective, const LinearSolution& empty) {
   const Observation& observation = objective.solver().observation();
+  const auto zones = static_cast<std::size_t>(objective.compiled().scene.sensor.zone_count());
+  EmptyLevel level;
+  double most = 0;
+  double units = 0;
+  for (std::size_t z = 0; z < observation.zones.size(); ++z) {
+    const BinLikelihood& law = observation.law(observation.zones[z]);
+    most = std::max(most, law.scale());
+    units += empty.ambient[z] / light_unit(law);
+  }
+  level.ambient = octaves(units / static_cast<double>(observation.zones.size()));
+  level.exposures = octaves(most);
+  level.share.resize(static_cast<std::size_t>(observation.captures) * zones);
+  for (const ObservedZone& zone : observation.zones) {
+    const double share = std::log2(observation.law(zone).scale() / most);
+    level.share[static_cast<std::size_t>(zone.capture) * zones +
+                static_cast<std::size_t>(zone.zone)] =
+        std::max(static_cast<int>(std::lround(share)), kLeastShare);
+  }
+  if (std::ranges::all_of(level.share, [](int share) { return share == 0; })) level.share.clear();
+  return level;
+}
+
+/// Standard normal deviates, the same with every standard library (Box and Muller).
+class NormalDeviates {
+ public:
+  explicit NormalDeviates(std::uint64_t seed) : random_(seed) {}
+
+  double next() {
+    if (std::exchange(has_second_, !has_second_)) return second_;
+    const double radius = std::sqrt(-2 * std::log(uniform()));
+    const double angle = 2 * kPi * uniform();
+    second_ = radius * std::sin(angle);
+    return radius * std::cos(angle);
+  }
+
+ private:
+  double uniform() { return (static_cast<double>(random_() >> 11) + 0.5) * 0x1p-53; }
+
+  std::mt19937_64 random_;
+  bool has_second_ = false;
+  double second_ = 0;
+};
+
+/// The photons that a Poisson law with this mean exceeds as rarely as a normal one exceeds `z`.
+double poisson_quantile(double mean, double z) {
+  // From here on Cornish and Fisher's expansion is good to a twentieth of a photon.
+  constexpr double kMany = 30;
+  if (mean > kMany) return std::max(std::round(mean + std::sqrt(mean) * z + (z * z - 1) / 6), 0.0);
+  double photons = 0;
+  double probability = std::exp(-mean);
+  double left = 0.5 * std::erfc(-z / std::numbers::sqrt2) - probability;
+  while (left > 0 && probability > 0) {
+    probability *= mean / ++photons;
+    left -= probability;
+  }
+  return photons;
+}
+
+/// A count drawn where `mean` is expected. One deviate gives counts that change little with the
+/// mean, so that distributions for neighbouring levels of light do.
+double count_at(const BinLikelihood& law, double mean, double deviate) {
+  if (law.poisson()) return poisson_quantile(mean * law.scale(), deviate) / law.scale();
+  const double count = mean + std::sqrt(law.variance(mean)) * deviate;
+  return law.censored() ? std::max(count, 0.0) : count;
+}
+
+/// Captures without a count, taken with the level's exposures.
+std::vector<Capture> blank_captures(const CompiledScene& compiled, const EmptyLevel& level) {
+  const Sensor& sensor = compiled.scene.sensor;
+  const double most = std::exp2(level.exposures);
+  std::vector<Capture> captures(compiled.windows.size());
+  auto share = level.share.begin();
+  for (Capture& capture : captures) {
+    capture.counts = HistogramCube(sensor.rows, sensor.columns, sensor.bins);
+    capture.exposures = most;
+    capture.dispersion = 1;
+    if (level.share.empty()) continue;
+    capture.zone_exposures.emplace();
+    for (int z = 0; z < sensor.zone_count(); ++z, ++share) {
+      capture.zone_exposures->push_back(most * std::exp2(*share));
+    }
+  }
+  return captures;
+}
+
+}  // namespace
+
+EmptyScores simulate_empty(const CompiledScene& compiled, const EmptyLevel& level, int captures,
+                           std::uint64_t seed) {
+  const std::vector<Capture> blank = blank_captures(compiled, level);
+  const Observation observation = observe(compiled.scene, blank, compiled.windows);
+  const PoseObjective objective(compiled, observation);
   const LinearUnknowns& unknowns = objective.solver().unknowns();
-  const bool fixed = unknowns.ambient == LinearMode::fixed;
-  std::fill(typical.ambient.begin(), typical.ambient.end(), fixed ? unknowns.fixed_ambient : level);
-  std::fill(typical.direct.begin(), typical.direct.end(),
-            unknowns.direct == LinearMode::fixed ? unknowns.fixed_direct : 1.0);
+  LinearSolution typical;
+  typical.amplitude.assign(observation.zones.size(), 0.0);
+  typical.direct.assign(observation.zones.size(), 1.0);
+  double units = 0;  // of a count in each bin
+  for (const ObservedZone& zone : observation.zones) units += 1 / light_unit(observation.law(zone));
+  const double ambient =
+      std::exp2(level.ambient) * static_cast<double>(observation.zones.size()) / units;
+  typical.ambient.assign(observation.zones.size(),
+                         unknowns.ambient == LinearMode::fixed ? unknowns.fixed_ambient : ambient);
   const MatchedFilter filter(objective, typical, MatchedFilter::Weights::expected,
                              MatchedFilter::Priors::ignored);
 
-  std::mt19937_64 random(seed);
+  NormalDeviates deviates(seed);
   Eigen::MatrixXf counts(objective.rows(), captures);
   int row = 0;
   for (const ObservedZone& zone : observation.zones) {
@@ -64,16 +164,7 @@ EmptyScores FalseAlarmCalibration::simulate(const PoseObjective& objective, Line
     for (int k = 0; k < zone.bins(); ++k, ++row) {
       const auto mean = static_cast<double>(filter.mean()[row]);
       for (int i = 0; i < captures; ++i) {
-        double value = 0;
-        if (law.poisson()) {
-          std::poisson_distribution<long long> poisson(std::max(mean, 1e-12) * law.scale());
-          value = static_cast<double>(poisson(random)) / law.scale();
-        } else {
-          std::normal_distribution<double> normal(mean, std::sqrt(law.variance(mean)));
-          value = normal(random);
-          if (law.censored()) value = std::max(value, 0.0);
-        }
-        counts(row, i) = static_cast<float>(value);
+        counts(row, i) = static_cast<float>(count_at(law, mean, deviates.next()));
       }
     }
   }
@@ -86,6 +177,20 @@ EmptyScores FalseAlarmCalibration::simulate(const PoseObjective& objective, Line
   law.scale = std::max(std::sqrt(6 * variance) / std::numbers::pi, 1e-6);
   law.location = mean - std::numbers::egamma * law.scale;
   return law;
+}
+
+double FalseAlarmCalibration::probability(const PoseObjective& objective,
+                                          const LinearSolution& empty, int captures,
+                                          std::uint64_t seed) {
+  const MatchedFilter filter(objective, empty, MatchedFilter::Weights::expected,
+                             MatchedFilter::Priors::ignored);
+  const double score = static_cast<double>(filter.scores().maxCoeff());
+  const EmptyLevel level = level_of(objective, empty);
+  const CompiledScene& compiled = home_ != nullptr ? *home_ : objective.compiled();
+  const std::scoped_lock lock(mutex_);
+  const auto [entry, is_new] = known_.try_emplace(level);
+  if (is_new) entry->second = simulate_empty(compiled, level, captures, seed);
+  return entry->second.exceedance(score);
 }
 
 }  // namespace blindcorner

@@ -2,10 +2,11 @@
 /// Is there an object at all?
 #pragma once
 
+#include <compare>
 #include <cstdint>
 #include <map>
 #include <mutex>
-#include <utility>
+#include <vector>
 
 #include "inverse/search/scoring.h"
 
@@ -24,19 +25,38 @@ struct EmptyScores {
   double exceedance(double score) const;
 };
 
-/// Keeps one distribution per light level, shared by captures. Thread safe.
+/// All that the distribution depends on beside the compiled scene. It is simulated at just these
+/// levels, with a static background as bright as the scene says, whichever capture asks first.
+struct EmptyLevel {
+  int ambient = 0;    ///< log2 of the mean ambient light of a bin over the light that equals its
+                      ///< own standard deviation (one photon under a Poisson law)
+  int exposures = 0;  ///< log2 of the most exposures of a zone, over the dispersion
+  /// [captures * zones] log2 of each zone's exposures over the most; empty: all alike.
+  std::vector<int> share;
+
+  auto operator<=>(const EmptyLevel&) const = default;
+};
+
+/// Simulates `captures` empty captures of the scene.
+EmptyScores simulate_empty(const CompiledScene& compiled, const EmptyLevel& level, int captures,
+                           std::uint64_t seed);
+
+/// Keeps one distribution per level of light, shared by captures. Thread safe; answers depend
+/// neither on the order of captures nor on the number of threads.
 class FalseAlarmCalibration {
  public:
+  /// Distributions are simulated in `home`, which must outlive this; null: in the scene of the
+  /// objective that asks, which then must be the same one for all.
+  explicit FalseAlarmCalibration(const CompiledScene* home = nullptr) : home_(home) {}
+
   /// Probability that an empty capture like this one scores at least as high as this one does.
   double probability(const PoseObjective& objective, const LinearSolution& empty, int captures,
                      std::uint64_t seed);
 
  private:
-  static EmptyScores simulate(const PoseObjective& objective, LinearSolution typical, double level,
-                              int captures, std::uint64_t seed);
-
+  const CompiledScene* home_;
   std::mutex mutex_;
-  std::map<std::pair<int, int>, EmptyScores> known_;  // by octaves of light level and exposures
+  std::map<EmptyLevel, EmptyScores> known_;
 };
 
 }  // namespace blindcorner

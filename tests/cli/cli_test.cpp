@@ -82,6 +82,7 @@ class Cli : public ::testing::Test {
       Capture capture;
       capture.counts = HistogramCube(scene.sensor.rows, scene.sensor.columns, scene.sensor.bins);
       for (double& count : capture.counts.values) count = 4600.0;
+      capture.exposures = 1 + 0.05 * i;
       file.captures.push_back(capture);
     }
     write_captures(path(name), file);

@@ -23,6 +23,7 @@ using testing_scenes::reference_capture;
 
 using testing::Contains;
 using testing::HasSubstr;
+using testing::Not;
 
 /// A small, quick scene: the DENALI-like wall with two unknowns.
 Scene quick_scene() { return read_scene(SOURCE_DIR "/scenes/denali_like.json"); }
@@ -110,6 +111,20 @@ TEST(Fit, FalseAlarmsAreUnknownWhenNotAskedFor) {
   options.empty_captures = 0;
   EXPECT_FALSE(fit(scene, reference_capture(scene, middle(scene), 40, 3), options)
                    .false_alarm_probability.has_value());
+}
+
+// Without false alarms the probability of presence alone says whether there is an object.
+TEST(Fit, PresenceDecidesWhenFalseAlarmsAreNotAskedFor) {
+  const Scene scene = quick_scene();
+  FitOptions options = quick_options();
+  options.empty_captures = 0;
+  const Fitter fitter(scene, options);
+  const FitResult bright = fitter.fit(reference_capture(scene, middle(scene), 3000, 1));
+  EXPECT_GT(bright.posterior.presence_probability, 0.999);
+  EXPECT_THAT(bright.flags, Not(Contains("nothing_detected")));
+  const FitResult dim = fitter.fit(reference_capture(scene, middle(scene), 1, 1));
+  EXPECT_LT(dim.posterior.presence_probability, 0.5);
+  EXPECT_THAT(dim.flags, Contains("nothing_detected"));
 }
 
 TEST(Fit, SameSeedSameAnswer) {
