@@ -1,11 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "blindcorner/inverse/fit.h"
 
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <limits>
 #include <list>
+#include <memory>
 #include <mutex>
 
 #include "blindcorner/forward/constants.h"
@@ -30,6 +35,11 @@ constexpr double kAlarm = 0.05;
 constexpr int kMostReturns = 3;
 /// Gain in log posterior that changes the answer.
 constexpr double kWorthAnother = 0.01;
+/// Captures of one sensor placement for which tables of exact histograms pay: they cost seconds,
+/// and save some ten milliseconds each.
+constexpr int kManyCaptures = 50;
+/// Starts that are followed at a time: more find out too late that others are better.
+constexpr std::size_t kStartsAtOnce = 4;
 /// Finite-difference steps of the sensor's own pose, m and rad.
 constexpr double kSensorStep = 2e-3;
 
@@ -47,13 +57,14 @@ class Stopwatch {
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
-/// A scene compiled for certain sensor placements, with what is learned about empty captures.
+/// A scene compiled for certain sensor placements.
 struct Prepared {
   std::vector<SensorPlacement> placements;
   std::once_flag once;
   std::unique_ptr<CompiledScene> compiled;
   std::unique_ptr<MovedModels> moved;
-  FalseAlarmCalibration false_alarms;
+  std::unique_ptr<FalseAlarmCalibration> false_alarms;  ///< null until somebody asks
+  std::atomic<std::size_t> bytes{0};                    ///< 0 until it is compiled
 };
 
 bool same(const std::vector<SensorPlacement>& a, const std::vector<SensorPlacement>& b) {
@@ -202,6 +213,8 @@ void FitOptions::validate() const {
   };
   require(model_tolerance > 0 && model_tolerance < 1, "model_tolerance", "between 0 and 1");
   require(max_scored_poses >= 1, "max_scored_poses", "at least 1");
+  require(max_closed_form_poses >= 1, "max_closed_form_poses", "at least 1");
+  require(captures_per_placement >= 1, "captures_per_placement", "at least 1");
   require(max_starts >= 1, "max_starts", "at least 1");
   require(negligible_log_posterior > 0, "negligible_log_posterior", "above 0");
   require(importance_samples >= 0, "importance_samples", "at least 0");
@@ -211,30 +224,65 @@ void FitOptions::validate() const {
 struct Fitter::Impl {
   Scene scene;
   FitOptions options;
+  std::unique_ptr<SceneKnowledge> knowledge;
   std::mutex mutex;
-  std::list<Prepared> prepared;
+  std::list<std::shared_ptr<Prepared>> prepared;  ///< last used first
+  std::shared_ptr<Prepared> home;                 ///< at the scene's own sensor placement; kept
 
   /// The scene compiled for these placements; compiled once, by whoever comes first.
-  Prepared& prepare(const std::vector<SensorPlacement>& placements) {
-    Prepared* entry = nullptr;
-    {
-      const std::scoped_lock lock(mutex);
-      for (Prepared& known : prepared) {
-        if (same(known.placements, placements)) entry = &known;
-      }
-      if (entry == nullptr) {
-        entry = &prepared.emplace_back();
-        entry->placements = placements;
-      }
-    }
+  std::shared_ptr<Prepared> prepare(const std::vector<SensorPlacement>& placements) {
+    const std::shared_ptr<Prepared> entry = find(placements);
     std::call_once(entry->once, [&] {
       GridOptions grid;
-      grid.max_poses = options.max_scored_poses;
-      entry->compiled = compile(scene, placements, options, grid);
+      grid.closed_form = options.captures_per_placement < kManyCaptures;
+      grid.max_poses = grid.closed_form && knowledge->coarse() ? options.max_closed_form_poses
+                                                               : options.max_scored_poses;
+      entry->compiled = compile(scene, *knowledge, placements, options, grid);
       if (scene.sensor_covariance)
         entry->moved = move_sensor(scene, placements, *entry->compiled, options);
+      entry->bytes = entry->compiled->bytes();
     });
-    return *entry;
+    drop_least_used();
+    return entry;
+  }
+
+  /// What is known about empty captures. Their law hardly depends on where the sensor stands: that
+  /// of the scene's own sensor placement serves all single captures of a sensor that moves.
+  FalseAlarmCalibration& false_alarms(const std::shared_ptr<Prepared>& own) {
+    std::shared_ptr<Prepared> place = own;
+    const bool moves = own->placements.size() == 1 && own->placements.front().relay_points.empty();
+    if (moves) {
+      const std::vector<SensorPlacement> at_home{sensor_placement(scene)};
+      if (at_home.front().relay_points.empty()) place = prepare(at_home);
+    }
+    const std::scoped_lock lock(mutex);
+    if (place != own || moves) home = place;
+    if (!place->false_alarms) {
+      place->false_alarms = std::make_unique<FalseAlarmCalibration>(place->compiled.get());
+    }
+    return *place->false_alarms;
+  }
+
+  std::shared_ptr<Prepared> find(const std::vector<SensorPlacement>& placements) {
+    const std::scoped_lock lock(mutex);
+    for (auto it = prepared.begin(); it != prepared.end(); ++it) {
+      if (!same((*it)->placements, placements)) continue;
+      prepared.splice(prepared.begin(), prepared, it);
+      return prepared.front();
+    }
+    prepared.push_front(std::make_shared<Prepared>());
+    prepared.front()->placements = placements;
+    return prepared.front();
+  }
+
+  void drop_least_used() {
+    const std::scoped_lock lock(mutex);
+    std::size_t bytes = 0;
+    for (auto it = prepared.begin(); it != prepared.end();) {
+      bytes += (*it)->bytes;
+      const bool keep = it == prepared.begin() || bytes <= options.cache_bytes || (*it)->bytes == 0;
+      it = keep ? std::next(it) : prepared.erase(it);
+    }
   }
 
   FitResult fit(std::span<const Capture> captures);
@@ -255,8 +303,8 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   if (!captures.empty()) result.truth = captures.front().truth;
 
   // What no capture changes: models, windows, scored poses.
-  Prepared& known = prepare(placements);
-  const CompiledScene& compiled = *known.compiled;
+  const std::shared_ptr<Prepared> known = prepare(placements);
+  const CompiledScene& compiled = *known->compiled;
   const Observation observation = observe(scene, captures, compiled.windows);
   const PoseObjective objective(compiled, observation);
   result.time_ms.prepare = stage.lap();
@@ -289,15 +337,28 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   std::vector<Refined> basins;
   double best = -std::numeric_limits<double>::infinity();
   double largest_gain = 0;
-  for (const Candidate& start : scored.starts) {
+  for (std::size_t next = 0; next < scored.starts.size();) {
     // A start that would have to gain twice what any has gained so far cannot win.
-    if (basins.size() >= 3 &&
-        start.log_posterior + 2 * largest_gain < best - 1.5 * options.negligible_log_posterior) {
-      continue;
+    std::vector<const Candidate*> chosen;
+    for (; next < scored.starts.size() && chosen.size() < kStartsAtOnce; ++next) {
+      const Candidate& start = scored.starts[next];
+      const bool hopeless = basins.size() >= 3 && start.log_posterior + 2 * largest_gain <
+                                                      best - 1.5 * options.negligible_log_posterior;
+      if (!hopeless) chosen.push_back(&start);
     }
-    basins.push_back(approach(objective, compiled.poses[static_cast<std::size_t>(start.index)]));
-    best = std::max(best, basins.back().value.log_posterior);
-    largest_gain = std::max(largest_gain, basins.back().value.log_posterior - start.log_posterior);
+    std::vector<Refined> reached(chosen.size());
+    tbb::this_task_arena::isolate([&] {
+      tbb::parallel_for(std::size_t{0}, chosen.size(), [&](std::size_t i) {
+        reached[i] =
+            approach(objective, compiled.poses[static_cast<std::size_t>(chosen[i]->index)]);
+      });
+    });
+    for (std::size_t i = 0; i < chosen.size(); ++i) {
+      const double here = reached[i].value.log_posterior;
+      best = std::max(best, here);
+      largest_gain = std::max(largest_gain, here - chosen[i]->log_posterior);
+      basins.push_back(std::move(reached[i]));
+    }
   }
   // The cheap model's own error must not decide which basins are dropped.
   basins = merge(compiled, std::move(basins), 1.5 * options.negligible_log_posterior);
@@ -316,7 +377,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   sampling.inflation = result.goodness_of_fit.inflation;
   sampling.seed = options.seed;
   const auto think = [&] {
-    return blindcorner::posterior(objective, optima, &scored, known.moved.get(), sampling);
+    return blindcorner::posterior(objective, optima, &scored, known->moved.get(), sampling);
   };
   Posterior posterior = think();
   for (int again = 0; again < kMostReturns && !posterior.promising.empty(); ++again) {
@@ -338,7 +399,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
       presence_probability(posterior.log_evidence, log_evidence_empty, scene.presence_prior);
   if (options.empty_captures > 0) {
     result.false_alarm_probability =
-        known.false_alarms.probability(objective, empty, options.empty_captures, options.seed);
+        false_alarms(known).probability(objective, empty, options.empty_captures, options.seed);
   }
   result.time_ms.detect = stage.lap();
 
@@ -355,6 +416,7 @@ Fitter::Fitter(Scene scene, FitOptions options) : impl_(std::make_unique<Impl>()
   options.validate();
   validate_scene(scene);
   impl_->scene = std::move(scene);
+  impl_->knowledge = std::make_unique<SceneKnowledge>(impl_->scene);
   impl_->options = options;
 }
 Fitter::~Fitter() = default;
@@ -370,8 +432,9 @@ FitResult Fitter::fit_joint(std::span<const Capture> captures) const {
 
 std::unique_ptr<FrameLikelihood> Fitter::frame(const Capture& capture) const {
   check_capture(impl_->scene, capture);
-  const Prepared& known = impl_->prepare({sensor_placement(impl_->scene, &capture)});
-  return make_capture_likelihood(*known.compiled, capture, impl_->options);
+  const std::shared_ptr<Prepared> known =
+      impl_->prepare({sensor_placement(impl_->scene, &capture)});
+  return make_capture_likelihood({known, known->compiled.get()}, capture, impl_->options);
 }
 
 const Scene& Fitter::scene() const { return impl_->scene; }

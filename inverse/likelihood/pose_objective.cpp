@@ -93,22 +93,41 @@ void PoseObjective::shapes(const LightSource& light, const PoseVector& pose,
       for (int k = 0; k < zone.bins(); ++k) *out++ = zone.gain * values[k];
     }
   }
-  if (light.correction != nullptr) correct(*light.correction, buffer);
+  if (light.correction != nullptr) correct(*light.correction, pose, buffer);
   point(buffer, true);
 }
 
-void PoseObjective::correct(const Correction& correction, ShapeBuffer& buffer) const {
+void PoseObjective::correct(const Correction& correction, const PoseVector& pose,
+                            ShapeBuffer& buffer) const {
+  Eigen::VectorXd change;
+  if (correction.slope.size() > 0) {
+    change = correction.slope * pose_difference(compiled_.scene, correction.pose, pose);
+  }
   std::size_t r = 0;
   for (std::size_t z = 0; z < solver_.observation().zones.size(); ++z) {
     for (int k = 0; k < solver_.observation().zones[z].bins(); ++k, ++r) {
-      buffer.object[r] =
-          std::max(correction.scale[z] * buffer.object[r] + correction.added[r], 0.0);
+      double light = correction.scale[z] * buffer.object[r] + correction.added[r];
+      if (change.size() > 0) light += change[static_cast<Eigen::Index>(r)];
+      buffer.object[r] = std::max(light, 0.0);
     }
   }
 }
 
-Correction PoseObjective::correction(const ShapeBuffer& light, const ShapeBuffer& cheap) const {
+void PoseObjective::correct_slope(const Eigen::MatrixXd& light, const Eigen::MatrixXd& cheap,
+                                  Correction& correction) const {
+  correction.slope = light;
+  Eigen::Index row = 0;
+  for (std::size_t z = 0; z < solver_.observation().zones.size(); ++z) {
+    const int bins = solver_.observation().zones[z].bins();
+    correction.slope.middleRows(row, bins) -= correction.scale[z] * cheap.middleRows(row, bins);
+    row += bins;
+  }
+}
+
+Correction PoseObjective::correction(const PoseVector& pose, const ShapeBuffer& light,
+                                     const ShapeBuffer& cheap) const {
   Correction c;
+  c.pose = pose;
   c.added.resize(light.object.size());
   std::size_t begin = 0;
   for (const ObservedZone& zone : solver_.observation().zones) {

@@ -25,10 +25,13 @@ struct PoseValue {
 };
 
 /// What a cheap light lacks at a pose of the model's: it is scaled zone by zone, then the rest is
-/// added. Near that pose the corrected light has the model's values and the cheap light's slopes.
+/// added. Near that pose the corrected light has the model's values; slopes are the model's as well
+/// where they are known, else the cheap light's.
 struct Correction {
+  PoseVector pose;
   std::vector<double> scale;  ///< [observed zones]
   std::vector<double> added;  ///< [rows] counts at unit amplitude
+  Eigen::MatrixXd slope;      ///< [rows, unknowns] of what is added; empty: none
 
   bool empty() const { return added.empty(); }
 };
@@ -92,8 +95,12 @@ class PoseObjective {
   void shapes(const LightSource& light, const PoseVector& pose, ShapeBuffer& buffer) const;
   void empty_shapes(ShapeBuffer& buffer) const;
 
-  /// What `cheap` lacks of `light`, both at the same pose.
-  Correction correction(const ShapeBuffer& light, const ShapeBuffer& cheap) const;
+  /// What `cheap` lacks of `light`, both at a pose.
+  Correction correction(const PoseVector& pose, const ShapeBuffer& light,
+                        const ShapeBuffer& cheap) const;
+  /// Adds what the slopes `cheap` lack of `light`'s, both [rows, unknowns].
+  void correct_slope(const Eigen::MatrixXd& light, const Eigen::MatrixXd& cheap,
+                     Correction& correction) const;
 
   const LinearSolver& solver() const { return solver_; }
   const CompiledScene& compiled() const { return compiled_; }
@@ -101,7 +108,7 @@ class PoseObjective {
 
  private:
   void point(ShapeBuffer& buffer, bool object) const;
-  void correct(const Correction& correction, ShapeBuffer& buffer) const;
+  void correct(const Correction& correction, const PoseVector& pose, ShapeBuffer& buffer) const;
 
   const CompiledScene& compiled_;
   LinearSolver solver_;

@@ -157,7 +157,7 @@ Refined finish_corrected(const PoseObjective& objective, const LightSource& stee
   ShapeBuffer cheap;
   objective.shapes(compiled.models(), result.pose, model);
   objective.shapes(steering, result.pose, cheap);
-  result.correction = objective.correction(model, cheap);
+  result.correction = objective.correction(result.pose, model, cheap);
   result.value =
       objective.evaluate(model, result.pose, result.linear, !result.linear.ambient.empty());
   ++result.evaluations;
@@ -182,7 +182,8 @@ Refined polish_steered(const PoseObjective& objective, const LightSource& steeri
   return best;
 }
 
-/// Least squares on the model's own linearisation, until that gains no more; keeps its slopes.
+/// Least squares on the model's own linearisation, until that gains no more; keeps its slopes,
+/// taken where the last step began.
 void settle(const PoseObjective& objective, const LightSource& steering, Refined& best) {
   const CompiledScene& compiled = objective.compiled();
   for (int k = 0; k < kMostSettlings; ++k) {
@@ -197,6 +198,7 @@ void settle(const PoseObjective& objective, const LightSource& steering, Refined
     best.slope = std::move(at.slope);
     if (gain < kWorthCorrecting) break;
   }
+  objective.correct_slope(best.slope, light_slope(objective, steering, best.pose), best.correction);
 }
 
 }  // namespace

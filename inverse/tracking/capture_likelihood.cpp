@@ -43,14 +43,15 @@ LinearUnknowns without_amplitude(const Scene& scene) {
 
 class CaptureLikelihood final : public FrameLikelihood {
  public:
-  CaptureLikelihood(const CompiledScene& compiled, const Capture& capture,
+  CaptureLikelihood(std::shared_ptr<const CompiledScene> kept, const Capture& capture,
                     const FitOptions& options)
-      : compiled_(compiled),
+      : kept_(std::move(kept)),
+        compiled_(*kept_),
         options_(options),
         capture_(capture),
-        observation_(observe(compiled.scene, {&capture_, 1}, compiled.windows)),
-        objective_(compiled, observation_),
-        solver_(observation_, without_amplitude(compiled.scene)) {
+        observation_(observe(compiled_.scene, {&capture_, 1}, compiled_.windows)),
+        objective_(compiled_, observation_),
+        solver_(observation_, without_amplitude(compiled_.scene)) {
     if (observation_.zones.empty()) {
       throw Error(capture.source, "found no zone with valid bins, accepted: at least one");
     }
@@ -160,7 +161,7 @@ class CaptureLikelihood final : public FrameLikelihood {
     ShapeBuffer cheap;
     objective_.shapes(compiled_.models(), pose, model);
     objective_.shapes(LightSource(compiled_.coarse), pose, cheap);
-    return objective_.correction(model, cheap);
+    return objective_.correction(pose, model, cheap);
   }
 
   Eigen::VectorXd from_mean(const Gaussian& prior, const Eigen::VectorXd& at) const {
@@ -244,6 +245,7 @@ class CaptureLikelihood final : public FrameLikelihood {
     return state;
   }
 
+  const std::shared_ptr<const CompiledScene> kept_;
   const CompiledScene& compiled_;
   const FitOptions options_;
   const Capture capture_;
@@ -255,10 +257,10 @@ class CaptureLikelihood final : public FrameLikelihood {
 
 }  // namespace
 
-std::unique_ptr<FrameLikelihood> make_capture_likelihood(const CompiledScene& compiled,
-                                                         const Capture& capture,
-                                                         const FitOptions& options) {
-  return std::make_unique<CaptureLikelihood>(compiled, capture, options);
+std::unique_ptr<FrameLikelihood> make_capture_likelihood(
+    std::shared_ptr<const CompiledScene> compiled, const Capture& capture,
+    const FitOptions& options) {
+  return std::make_unique<CaptureLikelihood>(std::move(compiled), capture, options);
 }
 
 }  // namespace blindcorner

@@ -2,6 +2,7 @@
 /// The facade: histograms in, pose with uncertainty out.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <map>
 #include <memory>
@@ -22,8 +23,14 @@ struct FitOptions {
   /// Tighter ones take longer and gain next to nothing (`benchmark solver --tolerance`).
   double model_tolerance = 0.1;
   /// Most poses scored exhaustively before refinement. The pulse is widened when the search region
-  /// would need more of them.
+  /// would need more of them. In closed form, a pose costs microseconds for each sensor placement.
   int max_scored_poses = 20'000;
+  int max_closed_form_poses = 3'000;
+  /// Captures to expect of each sensor placement. Where they are many, tables of exact histograms
+  /// are worth their seconds; else poses are scored in closed form.
+  int captures_per_placement = 1;
+  /// Most memory for compiled sensor placements, bytes; the least recently used go first.
+  std::size_t cache_bytes = 128'000'000;
   /// Most candidates that are refined by nonlinear least squares.
   int max_starts = 24;
   /// A candidate or mode is dropped when its log posterior is this far below the best one.
