@@ -24,6 +24,7 @@
 #include "inverse/search/compiled_scene.h"
 #include "inverse/search/refine.h"
 #include "inverse/search/scoring.h"
+#include "inverse/search/sharpen.h"
 #include "inverse/tracking/capture_likelihood.h"
 
 namespace blindcorner {
@@ -81,14 +82,13 @@ bool same(const std::vector<SensorPlacement>& a, const std::vector<SensorPlaceme
 
 std::unique_ptr<MovedModels> move_sensor(const Scene& scene,
                                          const std::vector<SensorPlacement>& placements,
-                                         const CompiledScene& compiled, const FitOptions& options) {
+                                         const CompiledScene& compiled) {
   auto moved = std::make_unique<MovedModels>();
   for (std::size_t i = 0; i < 6; ++i) {
     moved->step[i] = kSensorStep;
     for (const double sign : {1.0, -1.0}) {
       ModelSet& set = sign > 0 ? moved->plus[i] : moved->minus[i];
       FastModelOptions fast;
-      fast.tolerance = options.model_tolerance;
       fast.fidelity = compiled.models().front()->fidelity();
       for (SensorPlacement placement : placements) {
         if (i < 3) {
@@ -211,7 +211,8 @@ void FitOptions::validate() const {
     if (!condition)
       throw Error(std::string("FitOptions.") + field, std::string("accepted: ") + accepted);
   };
-  require(model_tolerance > 0 && model_tolerance < 1, "model_tolerance", "between 0 and 1");
+  require(!model_tolerance || (*model_tolerance > 0 && *model_tolerance < 1), "model_tolerance",
+          "between 0 and 1");
   require(max_scored_poses >= 1, "max_scored_poses", "at least 1");
   require(max_closed_form_poses >= 1, "max_closed_form_poses", "at least 1");
   require(captures_per_placement >= 1, "captures_per_placement", "at least 1");
@@ -238,8 +239,7 @@ struct Fitter::Impl {
       grid.max_poses = grid.closed_form && knowledge->coarse() ? options.max_closed_form_poses
                                                                : options.max_scored_poses;
       entry->compiled = compile(scene, *knowledge, placements, options, grid);
-      if (scene.sensor_covariance)
-        entry->moved = move_sensor(scene, placements, *entry->compiled, options);
+      if (scene.sensor_covariance) entry->moved = move_sensor(scene, placements, *entry->compiled);
       entry->bytes = entry->compiled->bytes();
     });
     drop_least_used();
@@ -306,7 +306,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   const std::shared_ptr<Prepared> known = prepare(placements);
   const CompiledScene& compiled = *known->compiled;
   const Observation observation = observe(scene, captures, compiled.windows);
-  const PoseObjective objective(compiled, observation);
+  PoseObjective objective(compiled, observation);
   result.time_ms.prepare = stage.lap();
   if (observation.zones.empty()) {
     throw Error(captures.front().source, "found no zone with valid bins, accepted: at least one");
@@ -367,6 +367,11 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   std::vector<Refined> optima = find_optima(objective, places, options.negligible_log_posterior);
   if (optima.empty())
     throw Error(captures.front().source, "found no finite likelihood at any pose");
+  // Models as good as the light asks for.
+  ModelError model_error;
+  if (!options.model_tolerance) {
+    model_error = sharpen(objective, optima, options.negligible_log_posterior);
+  }
   result.time_ms.refine = stage.lap();
 
   // How sure: goodness of fit, Fisher information, evidences.
@@ -376,6 +381,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   sampling.samples = options.importance_samples;
   sampling.inflation = result.goodness_of_fit.inflation;
   sampling.seed = options.seed;
+  sampling.model_error = model_error.covariance;
   const auto think = [&] {
     return blindcorner::posterior(objective, optima, &scored, known->moved.get(), sampling);
   };

@@ -102,6 +102,11 @@ class PoseObjective {
   void correct_slope(const Eigen::MatrixXd& light, const Eigen::MatrixXd& cheap,
                      Correction& correction) const;
 
+  /// The models that decide: the compiled scene's, unless others were chosen. They must outlive
+  /// this.
+  const ModelSet& models() const { return *models_; }
+  void use(const ModelSet& models) { models_ = &models; }
+
   const LinearSolver& solver() const { return solver_; }
   const CompiledScene& compiled() const { return compiled_; }
   int rows() const { return rows_; }
@@ -111,6 +116,7 @@ class PoseObjective {
   void correct(const Correction& correction, const PoseVector& pose, ShapeBuffer& buffer) const;
 
   const CompiledScene& compiled_;
+  const ModelSet* models_;
   LinearSolver solver_;
   std::vector<std::pair<int, int>> direct_range_;  // [observed zones] lit bins, [first, end)
   int rows_ = 0;

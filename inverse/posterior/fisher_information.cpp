@@ -116,39 +116,46 @@ Eigen::MatrixXd fisher_information(const LinearSolver& solver, std::span<const Z
   return total;
 }
 
+Eigen::MatrixXd sensor_slope(const PoseObjective& objective, const MovedModels& moved,
+                             const PoseVector& pose) {
+  Eigen::MatrixXd slope(objective.rows(), 6);
+  ShapeBuffer plus;
+  ShapeBuffer minus;
+  for (std::size_t k = 0; k < 6; ++k) {
+    objective.shapes(moved.plus[k], pose, plus);
+    objective.shapes(moved.minus[k], pose, minus);
+    slope.col(static_cast<Eigen::Index>(k)) =
+        (light_of(plus) - light_of(minus)) / (2 * moved.step[k]);
+  }
+  return slope;
+}
+
 PoseInformation pose_information(const PoseObjective& objective, const Refined& optimum,
-                                 const MovedModels* moved) {
+                                 const Eigen::MatrixXd& disturbance) {
   const LinearUnknowns& unknowns = objective.solver().unknowns();
   const Eigen::Index n = optimum.pose.size();
-  const Eigen::Index sensor = moved != nullptr ? 6 : 0;
-  const bool shared = unknowns.amplitude == LinearMode::shared;
-  const LightSource source = light_near(objective.compiled(), optimum);
+  const Eigen::Index k = disturbance.cols();
+  const LightSource source = light_near(objective, optimum);
   ShapeBuffer at;
   objective.shapes(source, optimum.pose, at);
 
-  // Columns: the pose, the sensor's pose, the logarithm of a shared amplitude.
-  Eigen::MatrixXd slope(objective.rows(), n + sensor + (shared ? 1 : 0));
+  // Columns: the pose, what disturbs the light, the logarithm of the amplitude.
+  Eigen::MatrixXd slope(objective.rows(), n + k + 1);
   slope.leftCols(n) =
       optimum.slope.size() > 0 ? optimum.slope : light_slope(objective, source, optimum.pose);
-  ShapeBuffer plus;
-  ShapeBuffer minus;
-  for (Eigen::Index i = 0; i < sensor; ++i) {
-    const auto k = static_cast<std::size_t>(i);
-    objective.shapes(moved->plus[k], optimum.pose, plus);
-    objective.shapes(moved->minus[k], optimum.pose, minus);
-    slope.col(n + i) = (light_of(plus) - light_of(minus)) / (2 * moved->step[k]);
-  }
-  if (shared) slope.rightCols(1) = light_of(at);
+  if (k > 0) slope.middleCols(n, k) = disturbance;
+  slope.rightCols(1) = light_of(at);
   Eigen::MatrixXd total = fisher_information(objective.solver(), at.shapes, optimum.linear, slope);
-  if (shared) {
-    const Eigen::Index last = total.cols() - 1;
+  const Eigen::Index last = total.cols() - 1;
+  PoseInformation info;
+  info.signal = total(last, last);
+  if (unknowns.amplitude == LinearMode::shared) {
     const double own = total(last, last) + std::pow(unknowns.amplitude_prior.sigma_log, -2);
     const Eigen::VectorXd cross = total.col(last);
     total -= cross * cross.transpose() / own;
   }
-  PoseInformation info;
   info.pose = total.topLeftCorner(n, n);
-  if (moved != nullptr) info.pose_sensor = total.block(0, n, n, 6);
+  info.disturbance = total.block(0, n, n, k);
   return info;
 }
 

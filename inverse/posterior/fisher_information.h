@@ -30,14 +30,22 @@ struct MovedModels {
   std::array<double, 6> step{};
 };
 
+/// [rows, 6] Derivatives of the object's light at unit amplitude in the sensor's pose.
+Eigen::MatrixXd sensor_slope(const PoseObjective& objective, const MovedModels& moved,
+                             const PoseVector& pose);
+
 /// Information about the pose at an optimum; pose priors not included.
 struct PoseInformation {
-  Eigen::MatrixXd pose;         ///< [n, n]
-  Eigen::MatrixXd pose_sensor;  ///< [n, 6] with the sensor pose; empty without moved models
+  Eigen::MatrixXd pose;  ///< [n, n]
+  /// [n, k] with what disturbs the light: where the light is disturbance * d brighter than the
+  /// model says, the optimum moves by pose^-1 * disturbance_pose * d.
+  Eigen::MatrixXd disturbance;
+  double signal = 0;  ///< squared signal-to-noise ratio of the object's light
 };
 
-/// All linear unknowns eliminated, a shared amplitude with them.
+/// All linear unknowns eliminated, a shared amplitude with them. `disturbance` is [rows, k] of
+/// light at unit amplitude.
 PoseInformation pose_information(const PoseObjective& objective, const Refined& optimum,
-                                 const MovedModels* moved = nullptr);
+                                 const Eigen::MatrixXd& disturbance = {});
 
 }  // namespace blindcorner

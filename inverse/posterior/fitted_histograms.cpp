@@ -20,9 +20,12 @@ FittedHistograms fitted_histograms(const PoseObjective& objective, const Refined
   h.ambient.assign(h.zone_used.size(), 0.0);
   h.direct.assign(h.zone_used.size(), 0.0);
   h.first_bin = sensor.bins;
-  const auto& model = objective.compiled().models()[static_cast<std::size_t>(index)];
-  const HistogramCube light = model->three_bounce(best.pose);
-  const HistogramCube known = static_light(scene, model->direct_return());
+  const auto capture_index = static_cast<std::size_t>(index);
+  const HistogramCube light = objective.models()[capture_index]->three_bounce(best.pose);
+  HistogramCube known = h.model;
+  if (!objective.compiled().static_light.empty()) {
+    known = objective.compiled().static_light[capture_index];
+  }
   const auto& zones = objective.solver().observation().zones;
   for (std::size_t i = 0; i < zones.size(); ++i) {
     if (zones[i].capture != index) continue;

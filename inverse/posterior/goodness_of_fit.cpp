@@ -79,7 +79,7 @@ GoodnessOfFit goodness_of_fit(const PoseObjective& objective, const Refined& opt
   const Observation& observation = objective.solver().observation();
   GoodnessOfFit fit;
   ShapeBuffer at;
-  objective.shapes(light_near(objective.compiled(), optimum), optimum.pose, at);
+  objective.shapes(light_near(objective, optimum), optimum.pose, at);
   std::vector<double> mean;
   double variance = 0;
   const auto add = [&](const BinLikelihood& law, double m) {

@@ -50,8 +50,9 @@ void moments(const Scene& scene, const std::vector<const PosteriorSample*>& samp
 
 /// What samples are evaluated with.
 struct SampleLights {
-  std::vector<LightSource> near;  ///< [peaks] about each peak
-  LightSource far;                ///< elsewhere
+  std::vector<LightSource> near;        ///< [peaks] about each peak
+  LightSource far;                      ///< elsewhere
+  std::vector<Correction> corrections;  ///< that the near lights use
   /// The far light is too rough to be believed of a sample that matters: the model decides then.
   bool far_is_rough = false;
 };

@@ -58,7 +58,7 @@ std::vector<std::size_t> connect(const PoseObjective& objective,
   const CompiledScene& compiled = objective.compiled();
   const auto value = [&](const Refined& near, const PoseVector& pose) {
     LinearSolution linear = near.linear;
-    const LightSource light = light_near(compiled, near);
+    const LightSource light = light_near(objective, near);
     return tempered(objective.evaluate(light, pose, linear, true, kSampleAccuracy), inflation);
   };
   std::vector<double> ends;

@@ -34,19 +34,13 @@ constexpr double kPromising = 1.0;
 /// Places that sampling proposes at once; there are further rounds.
 constexpr std::size_t kMaxPromising = 3;
 
-Eigen::MatrixXd prior_precision(const Scene& scene) {
-  const auto n = static_cast<Eigen::Index>(scene.unknowns.size());
-  Eigen::MatrixXd precision = Eigen::MatrixXd::Zero(n, n);
-  for (Eigen::Index i = 0; i < n; ++i) {
-    precision(i, i) = 1 / prior_moments(scene, static_cast<std::size_t>(i)).variance;
-  }
-  return precision;
-}
-
 Peak make_peak(const PoseObjective& objective, const Refined& optimum, const MovedModels* moved,
                double inflation, Eigen::MatrixXd* sensor_covariance) {
   const Scene& scene = objective.compiled().scene;
-  const PoseInformation info = pose_information(objective, optimum, moved);
+  const bool moves = moved != nullptr && sensor_covariance != nullptr && scene.sensor_covariance;
+  const PoseInformation info =
+      pose_information(objective, optimum,
+                       moves ? sensor_slope(objective, *moved, optimum.pose) : Eigen::MatrixXd());
   Peak peak;
   peak.center = optimum.pose;
   const Eigen::MatrixXd precision = info.pose / inflation + prior_precision(scene);
@@ -58,9 +52,9 @@ Peak make_peak(const PoseObjective& objective, const Refined& optimum, const Mov
   peak.log_evidence = tempered(optimum.value, inflation) +
                       0.5 * static_cast<double>(peak.center.size()) * std::log(2 * kPi) +
                       0.5 * peak.log_det;
-  if (moved != nullptr && sensor_covariance != nullptr && scene.sensor_covariance) {
+  if (moves) {
     // The optimum moves by -I_tt^-1 I_ts ds when the sensor is not where it was said to be.
-    const Eigen::MatrixXd gain = peak.covariance * info.pose_sensor / inflation;
+    const Eigen::MatrixXd gain = peak.covariance * info.disturbance / inflation;
     *sensor_covariance = gain * *scene.sensor_covariance * gain.transpose();
   }
   return peak;
@@ -71,7 +65,7 @@ bool laplace_holds(const PoseObjective& objective, const Refined& optimum, const
                    double inflation) {
   const Scene& scene = objective.compiled().scene;
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(peak.covariance);
-  const LightSource light = light_near(objective.compiled(), optimum);
+  const LightSource light = light_near(objective, optimum);
   const double top = tempered(optimum.value, inflation);
   const double expected = 0.5 * kSigmaPoint * kSigmaPoint;
   for (Eigen::Index i = 0; i < peak.center.size(); ++i) {
@@ -96,7 +90,7 @@ SampleLights sample_lights(const PoseObjective& objective,
                            const std::vector<Peak>& peaks, double inflation) {
   constexpr double kAgreement = 0.25;
   const CompiledScene& compiled = objective.compiled();
-  SampleLights lights{{}, compiled.models()};
+  SampleLights lights{{}, compiled.models(), {}};
   const auto steering = steering_light(compiled);
   double low = std::numeric_limits<double>::infinity();
   double high = -low;
@@ -107,13 +101,13 @@ SampleLights sample_lights(const PoseObjective& objective,
   };
   for (std::size_t j = 0; j < peaks.size() && steering && high - low < kAgreement; ++j) {
     const Refined& top = *optima[j];
-    const LightSource light = compiled.spline ? *steering : light_near(compiled, top);
+    const LightSource light = compiled.spline ? *steering : light_near(objective, top);
     lights.near.push_back(light);
     if (!compiled.spline && peaks[j].log_evidence < best - kMinorEvidence) continue;
     const auto note = [&](const PoseVector& pose) {
       if (!std::isfinite(log_pose_prior(compiled.scene, pose))) return;
       const double difference =
-          value(light, pose, top.linear) - value(compiled.models(), pose, top.linear);
+          value(light, pose, top.linear) - value(objective.models(), pose, top.linear);
       low = std::min(low, difference);
       high = std::max(high, difference);
     };
@@ -125,8 +119,19 @@ SampleLights sample_lights(const PoseObjective& objective,
   if (lights.near.size() == peaks.size() && high - low < kAgreement) {
     lights.far = *steering;
     lights.far_is_rough = !compiled.spline;
-  } else {
-    lights.near.assign(peaks.size(), compiled.models());
+    return lights;
+  }
+  // The compiled scene's own models, corrected by what they lack of better ones.
+  lights.near.clear();
+  for (const Refined* optimum : optima) {
+    ShapeBuffer right;
+    ShapeBuffer cheap;
+    objective.shapes(light_near(objective, *optimum), optimum->pose, right);
+    objective.shapes(compiled.models(), optimum->pose, cheap);
+    lights.corrections.push_back(objective.correction(optimum->pose, right, cheap));
+  }
+  for (const Correction& correction : lights.corrections) {
+    lights.near.push_back(LightSource(compiled.models()).corrected(correction));
   }
   return lights;
 }
@@ -235,6 +240,7 @@ Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& 
     mode.weight = weight;
     mode.pose = mean;
     mode.covariance = covariance + sensor_part[j];
+    if (options.model_error.size() > 0) mode.covariance += options.model_error;
     mode.log_likelihood = tops[j]->value.log_likelihood;
     mode.optimum = tops[j]->pose;
     result.mixture.modes.push_back(std::move(mode));

@@ -21,6 +21,7 @@ struct PosteriorOptions {
   int samples = 256;         ///< of the importance sampler; 0: Laplace everywhere
   double inflation = 1.0;    ///< of covariances and of the information, from the goodness of fit
   std::uint64_t seed = 1;
+  Eigen::MatrixXd model_error;  ///< [n, n] added to modes' covariances; empty: none
 };
 
 struct Posterior {

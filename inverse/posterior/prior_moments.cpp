@@ -35,4 +35,13 @@ PriorMoments prior_moments(const Scene& scene, std::size_t index) {
   return {center + sigma * shift, sigma * sigma * (second / weight - shift * shift)};
 }
 
+Eigen::MatrixXd prior_precision(const Scene& scene) {
+  const auto n = static_cast<Eigen::Index>(scene.unknowns.size());
+  Eigen::MatrixXd precision = Eigen::MatrixXd::Zero(n, n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    precision(i, i) = 1 / prior_moments(scene, static_cast<std::size_t>(i)).variance;
+  }
+  return precision;
+}
+
 }  // namespace blindcorner

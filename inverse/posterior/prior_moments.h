@@ -15,4 +15,7 @@ struct PriorMoments {
 /// one if given. Of all normal densities the one with these moments is closest to the prior.
 PriorMoments prior_moments(const Scene& scene, std::size_t unknown);
 
+/// [n, n] Inverse variances of all unknowns' priors.
+Eigen::MatrixXd prior_precision(const Scene& scene);
+
 }  // namespace blindcorner

@@ -401,6 +401,44 @@ void render_closed_form(CompiledScene& compiled, double extra_sigma) {
 
 }  // namespace
 
+namespace {
+
+/// The fast models of all captures.
+ModelSet make_models(const CompiledScene& compiled, FastModelOptions fast) {
+  ModelSet set;
+  for (const SensorPlacement& placement : compiled.placements) {
+    set.push_back(make_fast_model(compiled.scene, placement, fast));
+    fast.fidelity = set.front()->fidelity();
+  }
+  return set;
+}
+
+/// What a level asks of the fast model. The sampling that suffices for the first level is refined
+/// with the tolerance that it is given in units of; no search is made. Light of lobes comes from
+/// pairs, because one sum has an error of its own.
+FastModelOptions options_of(int level, const Fidelity& first, bool lobes) {
+  FastModelOptions fast;
+  fast.tolerance = level == 1 ? 0.01 : 0.001;
+  fast.fidelity = first;
+  if (lobes) fast.fidelity = level == 1 ? Fidelity{4.0, 5.657, true} : Fidelity{2.0, 2.828, true};
+  return fast;
+}
+
+}  // namespace
+
+const ModelSet& CompiledScene::models_at(int level) const {
+  if (level == 0) return models();
+  const std::scoped_lock lock(mutex_);
+  const auto known = finer_.find(level);
+  if (known != finer_.end()) return known->second;
+  const bool lobes = std::holds_alternative<RetroreflectiveMaterial>(scene.hidden.material);
+  const FastModelOptions fast = options_of(level, *models().front()->fidelity(), lobes);
+  // Isolated: whoever waits for the lock must not be asked to work for its holder.
+  return finer_
+      .emplace(level, tbb::this_task_arena::isolate([&] { return make_models(*this, fast); }))
+      .first->second;
+}
+
 std::unique_ptr<CompiledScene> compile(const Scene& scene, const SceneKnowledge& knowledge,
                                        const std::vector<SensorPlacement>& placements,
                                        const FitOptions& options, const GridOptions& grid) {
@@ -412,17 +450,14 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene, const SceneKnowledge&
   const PoseVector rates = path_rates(scene, relay_sample(scene, placements.front()));
   const bool closed_form = grid.closed_form && knowledge.coarse() != nullptr;
 
+  compiled->knowledge = &knowledge;
+  compiled->placements = placements;
   const auto models = [&](double extra_sigma, double tolerance) {
-    ModelSet set;
     FastModelOptions fast;
     fast.fidelity = knowledge.fidelity(tolerance);
     fast.tolerance = tolerance;
     fast.extra_pulse_sigma = extra_sigma;
-    for (const SensorPlacement& placement : placements) {
-      set.push_back(make_fast_model(scene, placement, fast));
-      fast.fidelity = set.front()->fidelity();
-    }
-    return set;
+    return make_models(*compiled, fast);
   };
   const double features =
       static_cast<double>(placements.size()) * scene.sensor.zone_count() * scene.sensor.bins * 0.6;
@@ -449,15 +484,16 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene, const SceneKnowledge&
     compiled->widths.push_back(sigma);
   }
   compiled->widths.push_back(0);
-  const double cheap = std::max(kCheapTolerance, options.model_tolerance);
+  const double tolerance = options.model_tolerance.value_or(kCheapTolerance);
+  const double cheap = std::max(kCheapTolerance, tolerance);
   if (closed_form) {
-    compiled->ladder.push_back(models(0, options.model_tolerance));
+    compiled->ladder.push_back(models(0, tolerance));
     for (const SensorPlacement& placement : placements) {
       compiled->coarse.emplace_back(knowledge.coarse(), placement);
     }
   } else {
     for (const double sigma : compiled->widths) compiled->ladder.push_back(models(sigma, cheap));
-    compiled->ladder.push_back(models(0, options.model_tolerance));
+    compiled->ladder.push_back(models(0, tolerance));
   }
   if (has_static_light(scene)) {
     for (const auto& model : compiled->models()) {

@@ -21,6 +21,11 @@ namespace blindcorner {
 /// Models of all captures of a joint fit at one pulse width.
 using ModelSet = std::vector<std::unique_ptr<ForwardModel>>;  // [captures]
 
+class SceneKnowledge;
+
+/// Levels of exactness that a fit may go through.
+inline constexpr int kModelLevels = 3;
+
 struct CompiledScene {
   Scene scene;
   /// Coarse to fine: cheap models with a widened pulse first (where the grid asks for it), the
@@ -46,11 +51,22 @@ struct CompiledScene {
   std::vector<double> direct;
 
   const ModelSet& models() const { return ladder.back(); }
+  /// Models of a level of exactness, 0 (models()) to kModelLevels - 1, made when they are asked
+  /// for. Thread safe.
+  const ModelSet& models_at(int level) const;
   /// Without closed-form models only.
   const ModelSet& cheap_models() const { return ladder[ladder.size() - 2]; }
   /// Memory that it keeps, bytes: tables by their size, models by an estimate.
   std::size_t bytes() const;
+
   int unknown_count() const { return static_cast<int>(scene.unknowns.size()); }
+
+  const SceneKnowledge* knowledge = nullptr;
+  std::vector<SensorPlacement> placements;  ///< [captures]
+
+ private:
+  mutable std::mutex mutex_;
+  mutable std::map<int, ModelSet> finer_;  ///< by level
 };
 
 /// The grid of scored poses.

@@ -26,8 +26,8 @@ constexpr Stop kApproachCheap{40, 1e-6};
 constexpr Stop kPolish{25, 1e-6, true};
 /// Corrections of the steering light by the model, linearisations of the model, and the gain in log
 /// posterior that calls for another.
-constexpr int kMostCorrections = 5;
-constexpr int kMostSettlings = 3;
+constexpr int kMaxCorrections = 5;
+constexpr int kMaxSettlings = 3;
 constexpr double kWorthCorrecting = 0.01;
 /// Optima this far below the best in log posterior hold less than a per cent of the posterior each:
 /// the steering light's derivatives do for them.
@@ -155,7 +155,7 @@ Refined finish_corrected(const PoseObjective& objective, const LightSource& stee
   wrap_pose(compiled.scene, result.pose);
   ShapeBuffer model;
   ShapeBuffer cheap;
-  objective.shapes(compiled.models(), result.pose, model);
+  objective.shapes(objective.models(), result.pose, model);
   objective.shapes(steering, result.pose, cheap);
   result.correction = objective.correction(result.pose, model, cheap);
   result.value =
@@ -185,11 +185,11 @@ Refined polish_steered(const PoseObjective& objective, const LightSource& steeri
 /// Least squares on the model's own linearisation, until that gains no more; keeps its slopes,
 /// taken where the last step began.
 void settle(const PoseObjective& objective, const LightSource& steering, Refined& best) {
-  const CompiledScene& compiled = objective.compiled();
-  for (int k = 0; k < kMostSettlings; ++k) {
+  for (int k = 0; k < kMaxSettlings; ++k) {
     ShapeBuffer light;
-    objective.shapes(compiled.models(), best.pose, light);
-    Linearisation at{best.pose, light.object, light_slope(objective, compiled.models(), best.pose)};
+    objective.shapes(objective.models(), best.pose, light);
+    Linearisation at{best.pose, light.object,
+                     light_slope(objective, objective.models(), best.pose)};
     Refined next = best;
     minimise(objective, at, kApproachCheap, next);
     next = finish_corrected(objective, steering, std::move(next));
@@ -203,10 +203,10 @@ void settle(const PoseObjective& objective, const LightSource& steering, Refined
 
 }  // namespace
 
-LightSource light_near(const CompiledScene& compiled, const Refined& refined) {
-  const std::optional<LightSource> steering = steering_light(compiled);
+LightSource light_near(const PoseObjective& objective, const Refined& refined) {
+  const std::optional<LightSource> steering = steering_light(objective.compiled());
   if (steering && !refined.correction.empty()) return steering->corrected(refined.correction);
-  return compiled.models();
+  return objective.models();
 }
 
 Refined approach(const PoseObjective& objective, const PoseVector& start) {
@@ -234,10 +234,38 @@ Refined polish(const PoseObjective& objective, const PoseVector& start) {
   Refined result;
   result.pose = start;
   if (const auto steering = steering_light(compiled)) {
-    return polish_steered(objective, *steering, std::move(result), kMostCorrections);
+    return polish_steered(objective, *steering, std::move(result), kMaxCorrections);
   }
-  minimise(objective, compiled.models(), kPolish, result);
-  return finish(objective, compiled.models(), std::move(result));
+  minimise(objective, objective.models(), kPolish, result);
+  return finish(objective, objective.models(), std::move(result));
+}
+
+void settle_again(const PoseObjective& objective, Refined& optimum) {
+  const std::optional<LightSource> steering = steering_light(objective.compiled());
+  if (!steering) {
+    minimise(objective, objective.models(), kPolish, optimum);
+    optimum = finish(objective, objective.models(), std::move(optimum));
+    return;
+  }
+  if (optimum.slope.size() == 0) {
+    optimum = polish_steered(objective, *steering, std::move(optimum), kMaxCorrections);
+    return;
+  }
+  Eigen::MatrixXd of_correction = std::move(optimum.correction.slope);
+  Refined best = finish_corrected(objective, *steering, std::move(optimum));
+  for (int k = 0; k < kMaxSettlings; ++k) {
+    ShapeBuffer light;
+    objective.shapes(light_near(objective, best), best.pose, light);
+    const Linearisation at{best.pose, light.object, best.slope};
+    Refined next = best;
+    minimise(objective, at, kApproachCheap, next);
+    next = finish_corrected(objective, *steering, std::move(next));
+    const double gain = next.value.log_posterior - best.value.log_posterior;
+    if (gain > 0) best = std::move(next);
+    if (gain < kWorthCorrecting) break;
+  }
+  best.correction.slope = std::move(of_correction);
+  optimum = std::move(best);
 }
 
 std::vector<Refined> find_optima(const PoseObjective& objective,

@@ -36,8 +36,12 @@ std::vector<Refined> find_optima(const PoseObjective& objective,
                                  const std::vector<PoseVector>& starts, double negligible,
                                  std::vector<Refined> optima = {});
 
+/// Moves an optimum to where the objective's models, which are others now but with much the same
+/// slopes, have it.
+void settle_again(const PoseObjective& objective, Refined& optimum);
+
 /// The light at and near a refined pose: the corrected steering light where there is one, else the
 /// model.
-LightSource light_near(const CompiledScene& compiled, const Refined& refined);
+LightSource light_near(const PoseObjective& objective, const Refined& refined);
 
 }  // namespace blindcorner

@@ -21,7 +21,7 @@ namespace {
 
 struct DerivativeArguments : StudyArguments {
   DerivativeArguments() { poses = 3; }
-  double tolerance = FitOptions{}.model_tolerance;
+  double tolerance = 0.1;  ///< where a fit begins
 };
 
 struct Study {

@@ -340,7 +340,7 @@ void add_solver_benchmark(CLI::App& benchmark, int& exit_code) {
       ->capture_default_str();
   command.add_option("--starts", arguments->fit.max_starts, "refined starts of the fit")
       ->capture_default_str();
-  command.add_option("--tolerance", arguments->fit.model_tolerance, "of the fast model")
+  command.add_option("--tolerance", arguments->exhaustive.model_tolerance, "of the fast model")
       ->capture_default_str();
   command
       .add_option("--density", arguments->exhaustive.density,
@@ -356,7 +356,8 @@ void add_solver_benchmark(CLI::App& benchmark, int& exit_code) {
                      "directory of captures that an earlier run with the same --seed saved: fitted "
                      "instead of new ones");
   command.callback([arguments, &exit_code] {
-    arguments->exhaustive.model_tolerance = arguments->fit.model_tolerance;
+    // Both search the likelihood of one model.
+    arguments->fit.model_tolerance = arguments->exhaustive.model_tolerance;
     arguments->fit.validate();
     exit_code = run_solver(*arguments);
   });

@@ -7,9 +7,11 @@
 #include <tbb/partitioner.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <set>
 
 #include "blindcorner/forward/error.h"
 #include "blindcorner/inverse/tracking/tracker.h"
@@ -169,6 +171,28 @@ void write_outputs(const FitArguments& arguments, const Scene& scene,
   write_result(directory.string(), scene, results);
 }
 
+/// Mean number of captures that one sensor placement took.
+int captures_per_placement(const std::vector<CaptureInput>& inputs) {
+  std::set<std::vector<double>> placements;
+  int captures = 0;
+  for (const CaptureInput& input : inputs) {
+    if (!input.capture) continue;
+    ++captures;
+    std::vector<double> placement;
+    const auto note = [&](const double* values, std::ptrdiff_t count) {
+      placement.insert(placement.end(), values, values + count);
+    };
+    if (input.capture->T_world_sensor) note(input.capture->T_world_sensor->matrix().data(), 16);
+    if (input.capture->relay_points) {
+      for (const Eigen::Vector3d& point : *input.capture->relay_points) {
+        if (point.allFinite()) note(point.data(), 3);
+      }
+    }
+    placements.insert(std::move(placement));
+  }
+  return std::max(captures / std::max(static_cast<int>(placements.size()), 1), 1);
+}
+
 int run_fit(const FitArguments& arguments) {
   arguments.options.validate();
   std::optional<tbb::global_control> threads;
@@ -184,7 +208,9 @@ int run_fit(const FitArguments& arguments) {
   std::vector<CaptureInput> inputs = read_capture_inputs(arguments.captures, nominal);
   require_readable(inputs);
   leave_out_saturated_bins(scene.sensor, inputs);
-  const Fitter fitter(scene, arguments.options);
+  FitOptions options = arguments.options;
+  options.captures_per_placement = captures_per_placement(inputs);
+  const Fitter fitter(scene, options);
   make_directory(arguments.output);
 
   const std::vector<FitResult> results =
@@ -209,10 +235,10 @@ void add_fit_options(CLI::App& command, FitArguments& arguments) {
   command
       .add_option("--scored-poses", options.max_scored_poses, "most poses scored before refinement")
       ->capture_default_str();
-  command
-      .add_option("--tolerance", options.model_tolerance,
-                  "tolerated error of the fast model, relative to the peak of the signal")
-      ->capture_default_str();
+  command.add_option(
+      "--tolerance", options.model_tolerance,
+      "tolerated error of the fast model, relative to the peak of the signal; default: as "
+      "each capture asks for");
   command
       .add_option("--importance-samples", options.importance_samples,
                   "samples where Laplace's approximation fails; 0: never")

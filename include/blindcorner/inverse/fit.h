@@ -19,9 +19,10 @@ namespace blindcorner {
 
 /// How hard the solver tries. The defaults are for use; change them to trade time for safety.
 struct FitOptions {
-  /// Tolerated error of the fast model relative to the peak of the three-bounce signal.
-  /// Tighter ones take longer and gain next to nothing (`benchmark solver --tolerance`).
-  double model_tolerance = 0.1;
+  /// Tolerated error of the fast model relative to the peak of the three-bounce signal. Empty: it
+  /// follows from each capture, so that the model's error stays small against the photon noise, and
+  /// what is left of it enters the covariance.
+  std::optional<double> model_tolerance;
   /// Most poses scored exhaustively before refinement. The pulse is widened when the search region
   /// would need more of them. In closed form, a pose costs microseconds for each sensor placement.
   int max_scored_poses = 20'000;

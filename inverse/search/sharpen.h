@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+/// How exact a model has to be follows from the capture: its error must be small against the photon
+/// noise of what is fitted.
+#pragma once
+
+#include <vector>
+
+#include "inverse/search/refine.h"
+
+namespace blindcorner {
+
+/// What is left of the model's error.
+struct ModelError {
+  Eigen::MatrixXd covariance;  ///< [n, n] of the pose
+  int level = 0;               ///< of the models that decided, CompiledScene::models_at()
+};
+
+/// Goes to tighter models for as long as the next one moves the best optimum by a noticeable part
+/// of its standard deviation: the objective then uses them, and the optima are moved to where they
+/// have them. The covariance is that of the last move, times the ratio of the levels' errors where
+/// there is no tighter model.
+ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima, double negligible);
+
+}  // namespace blindcorner
