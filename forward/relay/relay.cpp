@@ -8,6 +8,7 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
+#include "forward/scene/shapes/shape_geometry.h"
 #include "forward/transport/gauss_legendre.h"
 
 namespace blindcorner {
@@ -233,9 +234,7 @@ class Sampler {
   bool reflects(const RayHit& hit) const { return hit.normal.dot(origin_ - hit.point) > 0; }
 
   bool two_sided(const RayHit& hit) const {
-    const auto* mesh =
-        std::get_if<MeshShape>(&surfaces_[static_cast<std::size_t>(hit.surface)].shape);
-    return mesh != nullptr && mesh->two_sided;
+    return geometry_of(surfaces_[static_cast<std::size_t>(hit.surface)].shape)->two_sided();
   }
 
   /// Where a direction of the cell meets the patch's plane, at most four times as far off as the

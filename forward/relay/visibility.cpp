@@ -85,7 +85,7 @@ std::vector<OccluderFace> occluder_faces(const std::vector<Surface>& surfaces) {
   std::vector<OccluderFace> faces;
   for (const Surface& surface : surfaces) {
     if (!surface.occluder) continue;
-    const bool closed = std::holds_alternative<BoxShape>(surface.shape);
+    const bool closed = is_closed(surface.shape);
     for (const auto& quad : flat_faces(surface.shape, surface.T_world_surface, 1.0)) {
       faces.push_back({quad, closed});
     }

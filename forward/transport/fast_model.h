@@ -13,8 +13,8 @@
 #include <vector>
 
 #include "blindcorner/forward/transport/forward_model.h"
+#include "forward/relay/moving_bodies.h"
 #include "forward/relay/relay_setup.h"
-#include "forward/scene/moving_bodies.h"
 #include "forward/transport/lobe_field.h"
 #include "forward/transport/patch_light.h"
 #include "forward/transport/path_grid.h"

@@ -9,6 +9,7 @@
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/scene/shape.h"
 #include "forward/relay/relay.h"
+#include "forward/scene/shapes/shape_geometry.h"
 #include "forward/support/multiversion.h"
 #include "forward/transport/normal_density.h"
 
@@ -410,13 +411,13 @@ LobeField::LobeField(const Scene& scene, const SensorPlacement& placement)
 void LobeField::add_lit(const Scene& scene, const std::vector<Vector3d>& rays, int zone) {
   for (const Surface& surface : scene.surfaces) {
     if (!surface.relay || surface.albedo <= 0) continue;
-    const bool closed = std::holds_alternative<BoxShape>(surface.shape);
+    const bool outer_only = is_closed(surface.shape) && !geometry_of(surface.shape)->two_sided();
     for (const auto& quad : flat_faces(surface.shape, surface.T_world_surface, 1.0)) {
       LitPolygon lit;
       lit.zone = zone;
       lit.albedo = surface.albedo;
       lit.normal = face_normal(quad);
-      if (closed && lit.normal.dot(source_ - quad[0]) <= 0) continue;
+      if (outer_only && lit.normal.dot(source_ - quad[0]) <= 0) continue;
       Corners corners(quad.begin(), quad.end());
       if (!rays.empty()) corners = clip_by_pyramid(corners, source_, rays);
       if (!has_area(corners)) continue;
@@ -429,7 +430,7 @@ void LobeField::add_lit(const Scene& scene, const std::vector<Vector3d>& rays, i
 /// What other surfaces hide of the lit polygons from the source.
 void LobeField::cast_shadows(const Scene& scene) {
   for (const Surface& surface : scene.surfaces) {
-    const bool closed = std::holds_alternative<BoxShape>(surface.shape);
+    const bool closed = is_closed(surface.shape);
     const auto faces = flat_faces(surface.shape, surface.T_world_surface, 1.0);
     for (LitPolygon& lit : polygons_) {
       std::vector<Outline> shadow;

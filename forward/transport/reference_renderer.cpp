@@ -10,6 +10,7 @@
 #include "blindcorner/forward/error.h"
 #include "blindcorner/forward/transport/forward_model.h"
 #include "forward/relay/relay_setup.h"
+#include "forward/scene/shapes/shape_geometry.h"
 #include "forward/transport/measured_law_model.h"
 #include "forward/transport/pair_sum.h"
 #include "forward/transport/static_bounces.h"
@@ -221,8 +222,7 @@ ReferenceRenderer::Patches ReferenceRenderer::lit_for(const PlacedObject& object
 
 std::vector<SurfaceCell> ReferenceRenderer::cells_of(const PlacedObject& placed) const {
   const Shape& shape = placed.object->shape;
-  const bool flat =
-      std::holds_alternative<RectangleShape>(shape) || std::holds_alternative<BoxShape>(shape);
+  const bool flat = geometry_of(shape)->parallelogram_cells();
   const int nodes = flat ? 1 : 2;  // single nodes are put as densely as Gauss nodes
   const auto cells = divide(shape, placed.T_world_object, placed.size, options_.object_edge / nodes,
                             options_.object_divisions * nodes);

@@ -65,37 +65,17 @@ std::string number(double value) {
   return text;
 }
 
-/// Half edges of an upright box, parallel to the world axes, that holds the body about its centre;
-/// at any yaw when yaw is unknown.
-Vector3d half_extents(const Scene& scene, int object, const Placement& probe) {
-  const bool turns = std::ranges::any_of(scene.unknowns, [&](const Unknown& u) {
-    return u.object == object && u.component == Component::yaw;
-  });
-  const auto around = [&](double x, double y, double z) -> Vector3d {
-    if (turns) return {std::hypot(x, y), std::hypot(x, y), z};
-    const double c = std::abs(std::cos(probe.yaw));
-    const double s = std::abs(std::sin(probe.yaw));
-    return {c * x + s * y, s * x + c * y, z};
-  };
-  const Shape& shape = hidden_object(scene, object).shape;
-  Vector3d half = Vector3d::Constant(bounding_radius(shape, Anchor::center));
-  if (const auto* r = std::get_if<RectangleShape>(&shape)) {
-    half = around(0, r->width / 2, r->height / 2);
-  } else if (const auto* box = std::get_if<BoxShape>(&shape)) {
-    half = around(box->size.x() / 2, box->size.y() / 2, box->size.z() / 2);
-  } else if (const auto* c = std::get_if<CylinderShape>(&shape)) {
-    half = {c->radius, c->radius, c->height / 2};
-  }
-  return probe.size * half;
-}
-
 /// Points that span an object's search region: corners of boxes around it at the probed placements.
 std::vector<Vector3d> region_corners(const Scene& scene, int index) {
   const HiddenObject& object = hidden_object(scene, index);
+  const bool turns = std::ranges::any_of(scene.unknowns, [&](const Unknown& u) {
+    return u.object == index && u.component == Component::yaw;
+  });
   std::vector<Vector3d> points;
   for (const Placement& probe : probe_placements(scene, index)) {
     const Transform T = object_to_world(object.shape, object.anchor, probe);
-    const Vector3d half = half_extents(scene, index, probe);
+    const auto yaw = turns ? std::nullopt : std::optional(probe.yaw);
+    const Vector3d half = probe.size * half_extents(object.shape, yaw);
     for (int corner = 0; corner < 8; ++corner) {
       const Vector3d sign((corner & 1) != 0 ? 1 : -1, (corner & 2) != 0 ? 1 : -1,
                           (corner & 4) != 0 ? 1 : -1);
@@ -198,9 +178,7 @@ void TransportPlan::decide(PlanDecision made) {
 std::vector<OccluderFace> body_faces(const Shape& shape, const Transform& T_world_shape,
                                      double size) {
   std::vector<OccluderFace> faces;
-  const auto* mesh = std::get_if<MeshShape>(&shape);
-  const bool closed =
-      mesh != nullptr ? mesh->mesh->closed : !std::holds_alternative<RectangleShape>(shape);
+  const bool closed = is_closed(shape);
   for (const Triangle& t : triangulate(shape, T_world_shape, size, kBodySegments)) {
     // Triangles at the poles of a round shape have no area.
     const Vector3d u = t[1] - t[0];

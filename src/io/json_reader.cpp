@@ -63,7 +63,7 @@ std::string syntax_message(const std::string& what) {
   return place + "found what is not JSON (" + text + "), accepted: JSON";
 }
 
-std::vector<std::string> to_strings(std::initializer_list<std::string_view> words) {
+std::vector<std::string> to_strings(const std::vector<std::string_view>& words) {
   return {words.begin(), words.end()};
 }
 
@@ -157,7 +157,7 @@ std::vector<std::pair<std::string, JsonReader>> JsonReader::fields() const {
   return list;
 }
 
-void JsonReader::allow_only(std::initializer_list<std::string_view> known) const {
+void JsonReader::allow_only(const std::vector<std::string_view>& known) const {
   for (const auto& [key, value] : fields()) {
     if (std::find(known.begin(), known.end(), key) != known.end()) continue;
     const std::vector<std::string> names = to_strings(known);
@@ -229,7 +229,7 @@ std::string JsonReader::text() const {
   return json_->get<std::string>();
 }
 
-std::string JsonReader::word(std::initializer_list<std::string_view> words) const {
+std::string JsonReader::word(const std::vector<std::string_view>& words) const {
   if (!is_string() ||
       std::find(words.begin(), words.end(), json_->get<std::string>()) == words.end()) {
     fail(list_words(to_strings(words)));

@@ -72,7 +72,7 @@ class JsonReader {
   /// Fields of an object in the order of the file.
   std::vector<std::pair<std::string, JsonReader>> fields() const;
   /// Refuses fields that are not in `known`, with the nearest known name as a suggestion.
-  void allow_only(std::initializer_list<std::string_view> known) const;
+  void allow_only(const std::vector<std::string_view>& known) const;
   /// The one field of `alternatives` that is there. Refuses none and several.
   std::string_view exactly_one_of(std::initializer_list<std::string_view> alternatives) const;
 
@@ -86,7 +86,7 @@ class JsonReader {
   bool boolean() const;
   std::string text() const;
   /// One of the given words.
-  std::string word(std::initializer_list<std::string_view> words) const;
+  std::string word(const std::vector<std::string_view>& words) const;
   Eigen::Vector3d vector(const NumberRange& range = {}) const;
   /// [lower, upper] with lower < upper.
   std::pair<double, double> interval(const NumberRange& range = {}) const;
@@ -97,8 +97,7 @@ class JsonReader {
   }
   bool boolean_or(bool absent) const { return present() ? boolean() : absent; }
   std::string text_or(const std::string& absent) const { return present() ? text() : absent; }
-  std::string word_or(const std::string& absent,
-                      std::initializer_list<std::string_view> words) const {
+  std::string word_or(const std::string& absent, const std::vector<std::string_view>& words) const {
     return present() ? word(words) : absent;
   }
 

@@ -116,7 +116,7 @@ void read_sensor_pose(const JsonReader& reader, Scene& scene) {
   }
 }
 
-// --- Meshes ------------------------------------------------------------------------------------
+// --- Shapes --------------------------------------------------------------------------------------
 
 /// "file", "scale" and "two_sided" of a mesh. Relative files are looked for beside the scene file.
 MeshShape read_mesh(const JsonReader& reader) {
@@ -133,43 +133,108 @@ MeshShape read_mesh(const JsonReader& reader) {
   return shape;
 }
 
+double length(const JsonReader& reader, const char* key) { return reader.at(key).number(kLength); }
+
+/// "center_m", "normal" and "up" of a rectangle.
+Transform place_rectangle(const JsonReader& reader, const Shape& /*shape*/) {
+  Transform T = Transform::Identity();
+  T.translation() = reader.at("center_m").vector(kPosition);
+  T.linear() = axes(read_direction(reader.at("normal")), reader.at("up"));
+  return T;
+}
+
+/// "center_m" or "base_m", and "yaw_deg".
+Transform place_upright(const JsonReader& reader, const Shape& shape) {
+  const std::string_view key = reader.exactly_one_of({"center_m", "base_m"});
+  Placement placement;
+  placement.position = reader.at(key).vector(kPosition);
+  placement.yaw = reader.at("yaw_deg").number_or(0, kAnyAngle) * kDegree;
+  return object_to_world(shape, key == "base_m" ? Anchor::base : Anchor::center, placement);
+}
+
+/// "position_m" of the file's own origin, so that a file may use world coordinates, and "yaw_deg".
+Transform place_mesh(const JsonReader& reader, const Shape& shape) {
+  Transform T = Transform::Identity();
+  T.linear() = yaw_rotation(reader.at("yaw_deg").number_or(0, kAnyAngle) * kDegree);
+  const Vector3d position = reader.has("position_m") ? reader.at("position_m").vector(kPosition)
+                                                     : Vector3d(Vector3d::Zero());
+  T.translation() = position - T.linear() * std::get<MeshShape>(shape).mesh->origin;
+  return T;
+}
+
+/// How scene files state a shape.
+struct ShapeEntry {
+  std::string_view name;
+  std::vector<std::string_view> dimensions;  ///< fields
+  Shape (*read)(const JsonReader&);
+  /// Fields that place a known surface of this shape, and their reader; none for round shapes,
+  /// which relays and occluders cannot have.
+  std::vector<std::string_view> placing;
+  Transform (*place)(const JsonReader&, const Shape&);
+};
+const std::array kShapes = {
+    ShapeEntry{"rectangle",
+               {"width_m", "height_m"},
+               [](const JsonReader& r) -> Shape {
+                 return RectangleShape{length(r, "width_m"), length(r, "height_m")};
+               },
+               {"center_m", "normal", "up"},
+               place_rectangle},
+    ShapeEntry{
+        "box",
+        {"size_m"},
+        [](const JsonReader& r) -> Shape { return BoxShape{r.at("size_m").vector(kLength)}; },
+        {"center_m", "base_m", "yaw_deg"},
+        place_upright},
+    ShapeEntry{"sphere",
+               {"radius_m"},
+               [](const JsonReader& r) -> Shape { return SphereShape{length(r, "radius_m")}; },
+               {},
+               nullptr},
+    ShapeEntry{"cylinder",
+               {"radius_m", "height_m"},
+               [](const JsonReader& r) -> Shape {
+                 return CylinderShape{length(r, "radius_m"), length(r, "height_m")};
+               },
+               {},
+               nullptr},
+    ShapeEntry{"mesh",
+               {"file", "scale", "two_sided"},
+               [](const JsonReader& r) -> Shape { return read_mesh(r); },
+               {"position_m", "yaw_deg"},
+               place_mesh}};
+static_assert(kShapes.size() == std::variant_size_v<Shape>,
+              "a shape that scene files cannot state");
+
+/// The entry that "shape" names: any, or one that a known surface may have.
+const ShapeEntry& read_entry(const JsonReader& reader, bool surface) {
+  std::vector<std::string_view> names;
+  for (const ShapeEntry& entry : kShapes) {
+    if (!surface || entry.place != nullptr) names.push_back(entry.name);
+  }
+  return *std::ranges::find(kShapes, reader.at("shape").word(names), &ShapeEntry::name);
+}
+
+/// Adds fields that are not yet among them.
+void add_fields(std::vector<std::string_view>& fields, const std::vector<std::string_view>& more) {
+  for (const std::string_view field : more) {
+    if (std::ranges::find(fields, field) == fields.end()) fields.push_back(field);
+  }
+}
+
 // --- Surfaces ------------------------------------------------------------------------------------
 
 Surface read_surface(const JsonReader& reader, const std::string& default_name) {
   if (!reader.is_object()) reader.fail("an object with \"shape\"");
+  const ShapeEntry& entry = read_entry(reader, true);
+  std::vector<std::string_view> fields = {"name", "shape"};
+  add_fields(fields, entry.placing);
+  add_fields(fields, entry.dimensions);
+  add_fields(fields, {"albedo", "relay", "occluder"});
+  reader.allow_only(fields);
   Surface surface;
-  const std::string shape = reader.at("shape").word({"rectangle", "box", "mesh"});
-  if (shape == "mesh") {
-    reader.allow_only({"name", "shape", "file", "scale", "two_sided", "position_m", "yaw_deg",
-                       "albedo", "relay", "occluder"});
-    const MeshShape mesh = read_mesh(reader);
-    // The position is that of the file's own origin, so that a file may use world coordinates.
-    surface.T_world_surface.linear() =
-        yaw_rotation(reader.at("yaw_deg").number_or(0, kAnyAngle) * kDegree);
-    const Vector3d position = reader.has("position_m") ? reader.at("position_m").vector(kPosition)
-                                                       : Vector3d(Vector3d::Zero());
-    surface.T_world_surface.translation() =
-        position - surface.T_world_surface.linear() * mesh.mesh->origin;
-    surface.shape = mesh;
-  } else if (shape == "rectangle") {
-    reader.allow_only({"name", "shape", "center_m", "normal", "up", "width_m", "height_m", "albedo",
-                       "relay", "occluder"});
-    surface.shape = RectangleShape{.width = reader.at("width_m").number(kLength),
-                                   .height = reader.at("height_m").number(kLength)};
-    surface.T_world_surface.translation() = reader.at("center_m").vector(kPosition);
-    surface.T_world_surface.linear() = axes(read_direction(reader.at("normal")), reader.at("up"));
-  } else {
-    reader.allow_only({"name", "shape", "center_m", "base_m", "size_m", "yaw_deg", "albedo",
-                       "relay", "occluder"});
-    const Vector3d size = reader.at("size_m").vector(kLength);
-    surface.shape = BoxShape{size};
-    const std::string_view anchor = reader.exactly_one_of({"center_m", "base_m"});
-    Vector3d center = reader.at(anchor).vector(kPosition);
-    if (anchor == "base_m") center.z() += size.z() / 2;
-    surface.T_world_surface.translation() = center;
-    surface.T_world_surface.linear() =
-        yaw_rotation(reader.at("yaw_deg").number_or(0, kAnyAngle) * kDegree);
-  }
+  surface.shape = entry.read(reader);
+  surface.T_world_surface = entry.place(reader, surface.shape);
   surface.name = reader.at("name").text_or(default_name);
   surface.albedo = reader.at("albedo").number_or(0.5, kAlbedo);
   surface.relay = reader.at("relay").boolean_or(false);
@@ -194,36 +259,17 @@ std::vector<Surface> read_surfaces(const JsonReader& reader) {
 // --- The hidden object and its unknowns ----------------------------------------------------------
 
 Shape read_hidden_shape(const JsonReader& reader) {
-  const auto length = [&](const char* key) { return reader.at(key).number(kLength); };
-  const std::string shape =
-      reader.at("shape").word({"rectangle", "box", "sphere", "cylinder", "mesh"});
-  const auto allow_dimensions = [&](std::initializer_list<std::string_view> own) {
-    for (const std::string_view key :
-         {"width_m", "height_m", "size_m", "radius_m", "file", "scale", "two_sided"}) {
-      if (reader.has(key) && std::find(own.begin(), own.end(), key) == own.end()) {
-        reader.at(key).fail("a dimension that a " + shape + " does not have",
-                            list_words({own.begin(), own.end()}));
+  const ShapeEntry& own = read_entry(reader, false);
+  for (const ShapeEntry& other : kShapes) {
+    for (const std::string_view key : other.dimensions) {
+      if (!reader.has(key) || std::ranges::find(own.dimensions, key) != own.dimensions.end()) {
+        continue;
       }
+      reader.at(key).fail("a dimension that a " + std::string(own.name) + " does not have",
+                          list_words({own.dimensions.begin(), own.dimensions.end()}));
     }
-  };
-  if (shape == "rectangle") {
-    allow_dimensions({"width_m", "height_m"});
-    return RectangleShape{.width = length("width_m"), .height = length("height_m")};
   }
-  if (shape == "box") {
-    allow_dimensions({"size_m"});
-    return BoxShape{reader.at("size_m").vector(kLength)};
-  }
-  if (shape == "sphere") {
-    allow_dimensions({"radius_m"});
-    return SphereShape{length("radius_m")};
-  }
-  if (shape == "mesh") {
-    allow_dimensions({"file", "scale", "two_sided"});
-    return read_mesh(reader);
-  }
-  allow_dimensions({"radius_m", "height_m"});
-  return CylinderShape{.radius = length("radius_m"), .height = length("height_m")};
+  return own.read(reader);
 }
 
 Material read_material(const JsonReader& reader) {
@@ -381,8 +427,10 @@ Placement read_placement(const JsonReader& reader, const Shape& shape,
 /// A hidden object without its placement.
 HiddenObject read_object(const JsonReader& reader, const std::string& default_name) {
   if (!reader.is_object()) reader.fail("an object with \"shape\"");
-  reader.allow_only({"name", "shape", "width_m", "height_m", "size_m", "radius_m", "anchor", "file",
-                     "scale", "two_sided", "material", "albedo", "position_m", "yaw_deg", "size"});
+  std::vector<std::string_view> fields = {"name", "shape"};
+  for (const ShapeEntry& entry : kShapes) add_fields(fields, entry.dimensions);
+  add_fields(fields, {"anchor", "material", "albedo", "position_m", "yaw_deg", "size"});
+  reader.allow_only(fields);
   HiddenObject hidden;
   hidden.name = reader.at("name").text_or(default_name);
   hidden.shape = read_hidden_shape(reader);

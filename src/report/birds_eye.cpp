@@ -7,7 +7,7 @@
 #include <map>
 
 #include "blindcorner/forward/constants.h"
-#include "blindcorner/forward/scene/shape.h"
+#include "blindcorner/forward/scene/footprint.h"
 
 namespace blindcorner {
 
@@ -23,20 +23,6 @@ constexpr double kOpenRange = 3.0;
 constexpr int kZoneDirections = 7;
 /// Sectors in which the reach of the field of view is drawn.
 constexpr int kSectors = 48;
-
-double cross(const Vector2d& a, const Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
-
-Outline half_hull(const std::vector<Vector2d>& sorted) {
-  Outline chain;
-  for (const Vector2d& point : sorted) {
-    while (chain.size() >= 2 &&
-           cross(chain.back() - chain[chain.size() - 2], point - chain[chain.size() - 2]) <= 0.0) {
-      chain.pop_back();
-    }
-    chain.push_back(point);
-  }
-  return chain;
-}
 
 /// Distance along `direction` to the triangle (Moeller and Trumbore 1997), infinity if missed.
 double distance_to(const Triangle& triangle, const Vector3d& origin, const Vector3d& direction) {
@@ -150,41 +136,6 @@ class Fan {
 };
 
 }  // namespace
-
-Outline hull_from_above(const std::vector<Vector3d>& points) {
-  std::vector<Vector2d> sorted;
-  for (const Vector3d& point : points) sorted.emplace_back(point.x(), point.y());
-  std::ranges::sort(sorted, [](const Vector2d& a, const Vector2d& b) {
-    return a.x() != b.x() ? a.x() < b.x() : a.y() < b.y();
-  });
-  if (sorted.size() < 3) return sorted;
-  Outline lower = half_hull(sorted);
-  std::ranges::reverse(sorted);
-  const Outline upper = half_hull(sorted);
-  lower.pop_back();
-  lower.insert(lower.end(), upper.begin(), std::prev(upper.end()));
-  return lower;
-}
-
-namespace {
-
-Outline shape_outline(const Shape& shape, const Transform& T_world_shape) {
-  std::vector<Vector3d> corners;
-  for (const Triangle& triangle : triangulate(shape, T_world_shape, 1.0)) {
-    corners.insert(corners.end(), triangle.begin(), triangle.end());
-  }
-  return hull_from_above(corners);
-}
-
-}  // namespace
-
-Outline surface_outline(const Surface& surface) {
-  return shape_outline(surface.shape, surface.T_world_surface);
-}
-
-Outline object_outline(const HiddenObject& object) {
-  return shape_outline(object.shape, object_to_world(object.shape, object.anchor, Placement{}));
-}
 
 SensorView sensor_view(const Scene& scene, const Transform& T_world_sensor,
                        const std::vector<Vector3d>& relay_points) {

@@ -12,16 +12,6 @@ namespace blindcorner {
 /// Corners in x and y, m, counter-clockwise; two corners for something seen edge-on.
 using Outline = std::vector<Eigen::Vector2d>;
 
-/// Convex hull of points seen from above.
-Outline hull_from_above(const std::vector<Eigen::Vector3d>& points);
-
-/// Convex hull of a surface seen from above.
-Outline surface_outline(const Surface& surface);
-
-/// Hull of the hidden object with its anchor in the origin, yaw 0 and size 1. Seen from above, any
-/// placement is this outline scaled, turned and moved.
-Outline object_outline(const HiddenObject& object);
-
 /// What a sensor at one place sees of the known surfaces.
 struct SensorView {
   Eigen::Vector3d position;  ///< m, world

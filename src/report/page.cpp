@@ -10,6 +10,7 @@
 #include <string_view>
 
 #include "blindcorner/forward/constants.h"
+#include "blindcorner/forward/scene/footprint.h"
 #include "blindcorner/report/result_file.h"
 #include "report/birds_eye.h"
 #include "report/html.h"
@@ -43,10 +44,11 @@ json outline_json(const Outline& outline) {
 json scene_json(const Scene& scene) {
   json surfaces = json::array();
   for (const Surface& surface : scene.surfaces) {
-    surfaces.push_back({{"name", surface.name},
-                        {"relay", surface.relay},
-                        {"occluder", surface.occluder},
-                        {"outline", outline_json(surface_outline(surface))}});
+    surfaces.push_back(
+        {{"name", surface.name},
+         {"relay", surface.relay},
+         {"occluder", surface.occluder},
+         {"outline", outline_json(footprint(surface.shape, surface.T_world_surface))}});
   }
   json bounds = json::array();
   for (const Unknown& unknown : scene.unknowns) bounds.push_back({unknown.lower, unknown.upper});
@@ -67,7 +69,8 @@ json scene_json(const Scene& scene) {
            {{"name", scene.hidden.name},
             {"shape", shape_name(scene.hidden.shape)},
             {"yaw_period", yaw_period(scene.hidden.shape)},
-            {"outline", outline_json(object_outline(scene.hidden))}}},
+            {"outline",
+             outline_json(footprint(scene.hidden.shape, scene.hidden.anchor, Placement{}))}}},
           {"sensor",
            {{"name", scene.sensor.name},
             {"rows", scene.sensor.rows},

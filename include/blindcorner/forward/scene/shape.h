@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <memory>
+#include <optional>
 #include <string>
 #include <variant>
 #include <vector>
@@ -13,22 +14,30 @@
 
 namespace blindcorner {
 
+/// The answers of a shape to all that is asked below, in its own file of forward/scene/shapes;
+/// inside of the library only.
+class ShapeGeometry;
+
 /// Flat rectangle in its own y-z plane, normal +x; reflects on the normal's side only.
 struct RectangleShape {
   double width = 1.0;   ///< m, along its own y
   double height = 1.0;  ///< m, along its own z
+  std::unique_ptr<const ShapeGeometry> geometry() const;
 };
 /// Box with edges along its own axes.
 struct BoxShape {
   Eigen::Vector3d size = Eigen::Vector3d::Ones();  ///< m
+  std::unique_ptr<const ShapeGeometry> geometry() const;
 };
 struct SphereShape {
   double radius = 0.5;  ///< m
+  std::unique_ptr<const ShapeGeometry> geometry() const;
 };
 /// Vertical cylinder, closed at top and bottom.
 struct CylinderShape {
   double radius = 0.5;  ///< m
   double height = 1.0;  ///< m, along z
+  std::unique_ptr<const ShapeGeometry> geometry() const;
 };
 
 /// Triangles about the centroid of their area, m. Made by `make_mesh`.
@@ -52,6 +61,7 @@ std::shared_ptr<const TriangleMesh> make_mesh(std::vector<Eigen::Vector3d> verti
 struct MeshShape {
   std::shared_ptr<const TriangleMesh> mesh;
   bool two_sided = false;  ///< reflects on both sides, else on the outer one; both block
+  std::unique_ptr<const ShapeGeometry> geometry() const;
 };
 
 using Shape = std::variant<RectangleShape, BoxShape, SphereShape, CylinderShape, MeshShape>;
@@ -65,6 +75,9 @@ enum class Anchor { center, base };
 /// `base` for shapes that stand (box, cylinder), `center` otherwise.
 Anchor default_anchor(const Shape& shape);
 
+/// Whether the shape encloses a volume: its faces count only as seen from outside.
+bool is_closed(const Shape& shape);
+
 /// Whether no line between two points of the shape leaves it: it cannot shadow itself.
 bool is_convex(const Shape& shape);
 
@@ -74,6 +87,10 @@ double yaw_period(const Shape& shape);
 
 /// Largest distance of a point of the shape from its anchor, m.
 double bounding_radius(const Shape& shape, Anchor anchor);
+
+/// Half edges (m) of the box about the shape's centre and parallel to the world's axes that holds
+/// the shape turned by `yaw` rad; turned by any yaw where none is given.
+Eigen::Vector3d half_extents(const Shape& shape, std::optional<double> yaw);
 
 /// Small flat piece of a surface, in world coordinates (m). For curved shapes it lies in the
 /// tangent plane and its area is that of the curved piece.
@@ -116,13 +133,14 @@ using Triangle = std::array<Eigen::Vector3d, 3>;
 std::vector<Triangle> triangulate(const Shape& shape, const Transform& T_world_shape, double size,
                                   int segments = 48);
 
-/// Flat faces of a rectangle (1), a box (6) or a mesh as planar quads, corners counter-clockwise
-/// seen from outside (of a triangle, the third corner is in the middle of an edge); throws Error
-/// for curved shapes.
-std::vector<std::array<Eigen::Vector3d, 4>> flat_faces(const Shape& shape,
-                                                       const Transform& T_world_shape, double size);
+/// Corners of a planar face, counter-clockwise seen from outside.
+using Quad = std::array<Eigen::Vector3d, 4>;
 
-/// Unit normal of such a face, towards the side from which its corners run counter-clockwise.
-Eigen::Vector3d face_normal(const std::array<Eigen::Vector3d, 4>& corners);
+/// Flat faces of a rectangle (1), a box (6) or a mesh (of a triangle, the third corner is in the
+/// middle of an edge); throws Error for curved shapes.
+std::vector<Quad> flat_faces(const Shape& shape, const Transform& T_world_shape, double size);
+
+/// Unit normal of a face, towards the side from which its corners run counter-clockwise.
+Eigen::Vector3d face_normal(const Quad& corners);
 
 }  // namespace blindcorner

@@ -42,6 +42,38 @@ VisiblePart see(const std::vector<Surface>& surfaces, const Vector3d& viewpoint,
       .see(patch.center, patch.half_u, patch.half_v);
 }
 
+/// Each quad as a face of two triangles of a mesh.
+MeshShape mesh_of(const std::vector<Quad>& quads) {
+  std::vector<Vector3d> vertices;
+  const auto index = [&](const Vector3d& corner) {
+    const auto known = std::ranges::find(vertices, corner);
+    const auto at = static_cast<int>(known - vertices.begin());
+    if (known == vertices.end()) vertices.push_back(corner);
+    return at;
+  };
+  std::vector<std::array<int, 3>> triangles;
+  for (const Quad& q : quads) {
+    triangles.push_back({index(q[0]), index(q[1]), index(q[2])});
+    triangles.push_back({index(q[0]), index(q[2]), index(q[3])});
+  }
+  return {make_mesh(vertices, triangles), false};
+}
+
+// Faces of a body that encloses a volume count from outside only, whatever the body is made of: a
+// viewpoint inside of it sees out.
+TEST(VisibilityTest, ClosedMeshHidesWhatABoxHides) {
+  const Shape box = BoxShape{{0.4, 0.5, 0.6}};
+  const Shape mesh = mesh_of(flat_faces(box, Transform::Identity(), 1.0));
+  ASSERT_TRUE(is_closed(mesh));
+  for (const OccluderFace& face : occluder_faces({occluder(mesh, {1, 0, 0})})) {
+    EXPECT_TRUE(face.one_sided);
+  }
+  for (const Vector3d& viewpoint : {Vector3d(2, 0.1, 0.2), Vector3d(1.1, 0.1, -0.1)}) {
+    EXPECT_NEAR(see({occluder(mesh, {1, 0, 0})}, viewpoint).fraction,
+                see({occluder(box, {1, 0, 0})}, viewpoint).fraction, 1e-12);
+  }
+}
+
 // The visible part has closed forms when an edge passes through the middle: half, and its centre
 // half way to the visible side.
 TEST(VisibilityTest, HalfPlaneHidesHalf) {

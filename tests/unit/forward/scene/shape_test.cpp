@@ -197,6 +197,23 @@ TEST_P(EveryShape, BoundingRadiusReachesTheFarthestPointOnly) {
   }
 }
 
+TEST_P(EveryShape, HalfExtentsHoldTheTurnedShapeTightly) {
+  EXPECT_EQ(is_closed(shape()), shape_case().closed);
+  const Vector3d any = half_extents(shape(), std::nullopt);
+  for (const double yaw : {0.0, 0.4, 1.9, -2.6}) {
+    Placement placement;
+    placement.yaw = yaw;
+    Vector3d reach = Vector3d::Zero();
+    for (const Triangle& triangle : triangulate(shape(), world(placement), 1.0, 400)) {
+      for (const Vector3d& point : triangle) reach = reach.cwiseMax(point.cwiseAbs());
+    }
+    // A polygon of 400 sides stays short of a circle by at most (pi / 400)^2 / 2 = 3e-5 of it.
+    const double slack = shape_case().flat ? 1e-12 : 3e-5;
+    EXPECT_LT((half_extents(shape(), yaw) - reach).cwiseAbs().maxCoeff(), slack);
+    EXPECT_LE((reach - any).maxCoeff(), 1e-12) << "at any yaw";
+  }
+}
+
 /// Edges of the triangles, rounded to a micrometre, with how often they run in each direction.
 using Key = std::tuple<long, long, long>;
 Key key_of(const Vector3d& p) {

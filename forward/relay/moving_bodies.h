@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Hidden objects in each other's way.
+#pragma once
+
+#include <utility>
+#include <vector>
+
+#include "blindcorner/forward/scene/scene.h"
+#include "forward/relay/visibility.h"
+#include "forward/scene/shapes/shape_geometry.h"
+
+namespace blindcorner {
+
+/// Hidden objects that stand in the way of light, wherever the pose puts them: flat faces, and
+/// round bodies by the silhouettes that a point sees of them.
+class MovingBodies {
+ public:
+  bool empty() const { return flat_.empty() && round_.empty(); }
+
+  void add(const HiddenObject& object, const Placement& placement) {
+    const Transform T = object_to_world(object.shape, object.anchor, placement);
+    const auto geometry = geometry_of(object.shape);
+    Silhouette silhouette = geometry->silhouette({T, placement.size});
+    for (const Quad& quad : silhouette.faces) flat_.push_back({quad, geometry->closed()});
+    if (silhouette.seen_from) round_.push_back(std::move(silhouette.seen_from));
+  }
+
+  /// Adds the faces that hide what lies behind the bodies from a point outside of them.
+  void faces_seen_from(const Eigen::Vector3d& point, std::vector<OccluderFace>& faces) const {
+    faces.insert(faces.end(), flat_.begin(), flat_.end());
+    for (const auto& seen_from : round_) {
+      for (const Quad& quad : seen_from(point)) faces.push_back({quad, false});
+    }
+  }
+
+ private:
+  std::vector<OccluderFace> flat_;
+  std::vector<decltype(Silhouette::seen_from)> round_;
+};
+
+}  // namespace blindcorner
