@@ -29,9 +29,9 @@
 #include "commands/benchmark.h"
 #include "commands/output_directory.h"
 #include "commands/progress.h"
+#include "commands/synthetic_trials.h"
 #include "forward/support/quantile.h"
 #include "inverse/search/difference_steps.h"
-#include "inverse/search/exhaustive.h"
 #include "report/formatted.h"
 
 namespace blindcorner {
@@ -39,8 +39,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Log posterior that an optimum may miss and still be the right one, as in `benchmark solver`.
-constexpr double kReached = 0.1;
 /// Tolerance of the model that judges whether an optimum is the right one.
 constexpr double kJudge = 0.01;
 /// Deviance this many standard deviations above its expectation is called misfit.
@@ -403,6 +401,10 @@ TracedCaptures traced_captures(const LightArguments& arguments, const Scene& sce
                                const std::string& path) {
   TracedScene traced = read_traced_scene(scene, traced_path(arguments, path));
   if (arguments.own_light == "tracer") return {scene, std::move(traced)};
+  if (arguments.own_light == "none") {
+    const HistogramCube dark(scene.sensor.rows, scene.sensor.columns, scene.sensor.bins);
+    return {scene, std::move(traced), &dark};
+  }
   const auto renderer = make_reference_renderer(scene, sensor_placement(scene));
   return {scene, std::move(traced), &renderer->direct_return()};
 }
@@ -445,7 +447,8 @@ int run_light(const LightArguments& arguments) {
   int failed = 0;
   print_head();
   for (const std::string& path : light_scenes(arguments)) {
-    const Scene scene = read_scene(path);
+    Scene scene = read_scene(path);
+    if (arguments.own_light == "none") scene.linear.fixed_direct = 0;
     const TracedCaptures truth = traced_captures(arguments, scene, path);
     const std::size_t poses =
         arguments.poses > 0 ? std::min(truth.poses(), static_cast<std::size_t>(arguments.poses))
@@ -506,8 +509,8 @@ void add_light_benchmark(CLI::App& benchmark, int& exit_code) {
   command
       .add_option("--own-light", arguments->own_light,
                   "whose light of the known scene the captures hold: the tracer's, whose time "
-                  "discretisation is up to 1 % of a bin off, or the reference renderer's")
-      ->check(CLI::IsMember({"tracer", "renderer"}))
+                  "discretisation is up to 1 % of a bin off, the reference renderer's, or none")
+      ->check(CLI::IsMember({"tracer", "renderer", "none"}))
       ->capture_default_str();
   command.add_option("--tolerance", arguments->fit.model_tolerance, "of the fit's model")
       ->capture_default_str();

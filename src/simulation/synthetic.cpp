@@ -88,6 +88,7 @@ Capture make_capture(const Scene& scene, const ForwardModel& model, const PoseVe
   }
   const HistogramCube expected = expected_counts(scene, light, model.static_return(pose), linear);
   capture.counts = draw_counts(scene, expected, capture.exposures, seed);
+  capture.T_world_sensor = scene.T_world_sensor;
   const std::vector<std::string> names = unknown_names(scene);
   for (std::size_t i = 0; i < names.size(); ++i) {
     capture.truth[names[i]] = pose[static_cast<Eigen::Index>(i)];

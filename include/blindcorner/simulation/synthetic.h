@@ -36,8 +36,8 @@ double equal_ambient(const Scene& scene, const HistogramCube& light);
 /// Counts of one exposure over all bins of live zones, no ambient light.
 double total_counts(const Scene& scene, const HistogramCube& light);
 
-/// A noisy capture of the scene at one pose, truth included. Throws Error when a photon budget is
-/// asked of a pose that sends the sensor no light.
+/// A noisy capture of the scene at one pose, truth and the sensor's pose included. Throws Error
+/// when a photon budget is asked of a pose that sends the sensor no light.
 Capture make_capture(const Scene& scene, const ForwardModel& model, const PoseVector& pose,
                      const LightBudget& budget, std::uint64_t seed);
 
