@@ -66,6 +66,14 @@ double ExhaustiveSearch::log_posterior(const Capture& capture, const PoseVector&
   return objective.evaluate(impl_->compiled->models(), pose, linear, false).log_posterior;
 }
 
+ExhaustiveSearch::Optimum ExhaustiveSearch::descend(const Capture& capture,
+                                                    const PoseVector& start) const {
+  const Observation observation = impl_->observe_one(capture);
+  const PoseObjective objective(*impl_->compiled, observation);
+  const Refined refined = polish(objective, start);
+  return {refined.value.log_posterior, refined.pose};
+}
+
 ExhaustiveResult ExhaustiveSearch::search(const Capture& capture,
                                           std::vector<PoseVector> starts) const {
   const CompiledScene& compiled = *impl_->compiled;

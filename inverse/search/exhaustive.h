@@ -43,6 +43,13 @@ class ExhaustiveSearch {
   /// Log posterior of one pose. Thread safe.
   double log_posterior(const Capture& capture, const PoseVector& pose) const;
 
+  /// The optimum that a descent from `start` alone leads to. Thread safe.
+  struct Optimum {
+    double log_posterior = 0;
+    PoseVector pose;
+  };
+  Optimum descend(const Capture& capture, const PoseVector& start) const;
+
   int poses() const;
 
  private:

@@ -18,6 +18,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
+std::string study_path(const StudyArguments& arguments, const StudyFiles& files,
+                       const char* extension) {
+  return (fs::path(arguments.output) / (files.name + extension)).string();
+}
+
+}  // namespace
+
 std::vector<std::string> scene_files(const std::vector<std::string>& asked) {
   if (!asked.empty()) return asked;
   std::vector<std::string> scenes;
@@ -30,13 +37,6 @@ std::vector<std::string> scene_files(const std::vector<std::string>& asked) {
   std::sort(scenes.begin(), scenes.end());
   return scenes;
 }
-
-std::string study_path(const StudyArguments& arguments, const StudyFiles& files,
-                       const char* extension) {
-  return (fs::path(arguments.output) / (files.name + extension)).string();
-}
-
-}  // namespace
 
 void add_study_options(CLI::App& command, StudyArguments& arguments, int most_poses) {
   command.add_option("SCENE", arguments.scenes, "scene files; default: those in scenes/");
@@ -87,6 +87,8 @@ void add_benchmark_command(CLI::App& app, int& exit_code) {
   add_solver_benchmark(benchmark, exit_code);
   add_forward_benchmark(benchmark, exit_code);
   add_derivatives_benchmark(benchmark, exit_code);
+  add_light_benchmark(benchmark, exit_code);
+  add_moving_benchmark(benchmark, exit_code);
 }
 
 }  // namespace blindcorner

@@ -16,6 +16,8 @@ namespace blindcorner {
 void add_solver_benchmark(CLI::App& benchmark, int& exit_code);
 void add_forward_benchmark(CLI::App& benchmark, int& exit_code);
 void add_derivatives_benchmark(CLI::App& benchmark, int& exit_code);
+void add_light_benchmark(CLI::App& benchmark, int& exit_code);
+void add_moving_benchmark(CLI::App& benchmark, int& exit_code);
 
 /// What studies of the forward models are told.
 struct StudyArguments {
@@ -27,6 +29,10 @@ struct StudyArguments {
 void add_study_options(CLI::App& command, StudyArguments& arguments, int most_poses);
 
 FastModelOptions at_tolerance(double tolerance);
+
+/// The files asked for; without any those of the folder `scenes` here, sorted. Throws Error when
+/// there is none.
+std::vector<std::string> scene_files(const std::vector<std::string>& asked);
 
 /// Calls `study` with each scene and its own sensor placement. Scenes whose relay points come with
 /// each capture are named on standard output and left out. Throws Error when there is no scene.

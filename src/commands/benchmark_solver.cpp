@@ -17,29 +17,24 @@
 #include "blindcorner/forward/transport/forward_model.h"
 #include "blindcorner/inverse/fit.h"
 #include "blindcorner/io/atomic_file.h"
-#include "blindcorner/io/capture_file.h"
 #include "blindcorner/io/scene_file.h"
 #include "blindcorner/simulation/synthetic.h"
 #include "commands/benchmark.h"
 #include "commands/output_directory.h"
 #include "commands/progress.h"
+#include "commands/synthetic_trials.h"
 #include "forward/support/quantile.h"
-#include "inverse/likelihood/observation.h"
-#include "inverse/search/exhaustive.h"
 
 namespace blindcorner {
 namespace {
 
-/// Log likelihood that a solver may miss and still be said to have reached the optimum.
-constexpr double kReached = 0.1;
 /// Quantile of chi-square with n degrees of freedom that holds 99 %: the region of a mode.
 constexpr double kRegion[] = {0, 6.635, 9.210, 11.345, 13.277, 15.086};
 
 struct SolverArguments {
   std::vector<std::string> scenes;
   std::string output;
-  std::string captures_directory;        ///< to write
-  std::string known_captures_directory;  ///< to read
+  CaptureDirectories directories;
   int captures = 200;
   double least_photons = 10;
   double most_photons = 1000;
@@ -50,10 +45,8 @@ struct SolverArguments {
   ExhaustiveOptions exhaustive;
 };
 
-/// Poses that send the sensor less than this share of the median pose's light are drawn again: no
-/// exposure would show them.
-constexpr double kLeastLight = 1e-3;
-constexpr int kTypicalPoses = 64;
+/// Captures whose first fit, with a fitter that knows nothing yet, is timed.
+constexpr std::size_t kFirstCaptures = 3;
 
 /// What became of one synthetic capture.
 struct Trial {
@@ -66,7 +59,6 @@ struct Trial {
   bool exhaustive_right = false;
   double error_m = 0;  ///< position error of the heaviest mode
   double time_ms = 0;
-  double prepare_ms = 0;
   double presence = 0;
   StageTimes stages;
 };
@@ -76,15 +68,6 @@ bool holds(const Scene& scene, const PoseMode& mode, const PoseVector& truth) {
   const PoseVector d = pose_error(scene, mode.pose, truth);
   const double distance = d.dot(mode.covariance.ldlt().solve(d));
   return distance <= kRegion[d.size()];
-}
-
-double position_error(const Scene& scene, const PoseVector& pose, const PoseVector& truth) {
-  double sum = 0;
-  for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
-    if (scene.unknowns[i].component > Component::z) continue;
-    sum += std::pow(pose[static_cast<Eigen::Index>(i)] - truth[static_cast<Eigen::Index>(i)], 2);
-  }
-  return std::sqrt(sum);
 }
 
 bool finite(const FitResult& result) {
@@ -113,34 +96,34 @@ Trial run_trial(const Scene& scene, const Capture& capture, const PoseVector& tr
     return trial;
   }
   trial.stages = result.time_ms;
-  trial.time_ms = result.time_ms.total - result.time_ms.prepare;
+  trial.time_ms = result.time_ms.total;
   trial.presence = result.posterior.presence_probability;
-  std::vector<PoseVector> found;
-  double best = -1e300;
-  for (const PoseMode& mode : result.posterior.modes) {
-    found.push_back(mode.optimum);
-    best = std::max(best, exhaustive.log_posterior(capture, mode.optimum));
-  }
-  found.push_back(truth);
-  const ExhaustiveResult bound = exhaustive.search(capture, found);
-  trial.missed = bound.log_posterior - best;
+  const MissedOptimum missed = missed_optimum(exhaustive, capture, result, truth);
+  trial.missed = missed.log_posterior;
   trial.reached = trial.missed <= kReached;
   trial.right = holds(scene, result.posterior.modes.front(), truth);
-  trial.exhaustive_right = holds(scene, bound.heaviest, truth);
+  trial.exhaustive_right = holds(scene, missed.bound.heaviest, truth);
   trial.error_m = position_error(scene, result.posterior.modes.front().pose, truth);
   return trial;
 }
+
+struct Study {
+  std::vector<Trial> trials;
+  std::vector<double> first_ms;
+};
 
 struct Row {
   std::string scene;
   int captures = 0, failures = 0;
   double reached = 0, right = 0, exhaustive_right = 0;
   double median_error = 0, p90_error = 0;
-  double median_ms = 0, most_ms = 0;
+  double first_ms = 0, median_ms = 0, most_ms = 0;
 };
 
-Row summarise(const std::string& name, const std::vector<Trial>& trials) {
+Row summarise(const std::string& name, const Study& study) {
+  const std::vector<Trial>& trials = study.trials;
   Row row;
+  row.first_ms = quantile(study.first_ms, 0.5);
   row.scene = name;
   row.captures = static_cast<int>(trials.size());
   std::vector<double> errors;
@@ -167,9 +150,9 @@ Row summarise(const std::string& name, const std::vector<Trial>& trials) {
   return row;
 }
 
-nlohmann::json to_json(const std::string& scene, const std::vector<Trial>& trials) {
+nlohmann::json to_json(const std::string& scene, const Study& study) {
   nlohmann::json list = nlohmann::json::array();
-  for (const Trial& t : trials) {
+  for (const Trial& t : study.trials) {
     nlohmann::json item = {{"photons", t.photons}};
     if (t.failed) {
       item["error"] = t.error;
@@ -188,66 +171,43 @@ nlohmann::json to_json(const std::string& scene, const std::vector<Trial>& trial
     }
     list.push_back(std::move(item));
   }
-  return {{"scene", scene}, {"trials", std::move(list)}};
+  return {{"scene", scene}, {"first_ms", study.first_ms}, {"trials", std::move(list)}};
 }
 
-std::string captures_path(const std::string& directory, const Scene& scene) {
-  return (std::filesystem::path(directory) / (scene.name + ".exr")).string();
-}
-
-CaptureFile render_captures(const SolverArguments& arguments, const Scene& scene,
-                            const std::vector<PoseVector>& truths,
-                            const std::vector<LightBudget>& budgets) {
+std::vector<Capture> render_captures(const SolverArguments& arguments, const Scene& scene,
+                                     const std::vector<PoseVector>& truths,
+                                     const std::vector<LightBudget>& budgets) {
   const auto reference =
       make_reference_renderer(scene, sensor_placement(scene), reference_sampling(arguments.truth));
-  CaptureFile captures;
-  captures.bin_width = scene.sensor.bin_width;
-  captures.sensor = scene.sensor.name;
-  captures.captures.resize(truths.size());
+  std::vector<Capture> captures(truths.size());
   Progress rendering(scene.name + ": rendering", truths.size());
   tbb::parallel_for(std::size_t{0}, truths.size(), [&](std::size_t i) {
-    captures.captures[i] = make_capture(scene, *reference, truths[i], budgets[i],
-                                        arguments.seed + 1'000'003 * (i + 1));
-    captures.captures[i].source = scene.name;
-    captures.captures[i].index = static_cast<int>(i);
+    captures[i] = make_capture(scene, *reference, truths[i], budgets[i],
+                               arguments.seed + 1'000'003 * (i + 1));
+    captures[i].source = scene.name;
+    captures[i].index = static_cast<int>(i);
     rendering.advance();
   });
   rendering.finish();
-  if (!arguments.captures_directory.empty()) {
-    write_captures(captures_path(arguments.captures_directory, scene), captures);
-  }
+  save_captures(arguments.directories, scene, captures);
   return captures;
 }
 
 /// Captures of an earlier run with the same seed and scene: their truths must be the ones drawn.
-CaptureFile known_captures(const SolverArguments& arguments, const Scene& scene,
-                           const std::vector<PoseVector>& truths) {
-  const std::string path = captures_path(arguments.known_captures_directory, scene);
-  CaptureFile captures = read_captures(path);
-  if (captures.captures.size() < truths.size()) {
-    throw Error(path, "found " + std::to_string(captures.captures.size()) +
-                          " captures, accepted: at least " + std::to_string(truths.size()));
-  }
-  captures.captures.resize(truths.size());
-  const std::vector<std::string> names = unknown_names(scene);
+std::vector<Capture> known_captures(const SolverArguments& arguments, const Scene& scene,
+                                    const std::vector<PoseVector>& truths) {
+  std::vector<Capture> captures = saved_captures(arguments.directories, scene, truths.size());
   for (std::size_t i = 0; i < truths.size(); ++i) {
-    const Capture& capture = captures.captures[i];
-    check_capture(scene, capture);
-    bool same = true;
-    for (std::size_t k = 0; k < names.size(); ++k) {
-      const auto known = capture.truth.find(names[k]);
-      same = same && known != capture.truth.end() &&
-             std::abs(known->second - truths[i][static_cast<Eigen::Index>(k)]) < 1e-5;
-    }
-    if (!same) {
-      throw Error(path, "capture " + std::to_string(i) +
-                            " is not of the pose that this scene and seed give");
-    }
+    const PoseVector known = true_pose(scene, captures[i]);
+    if (known.allFinite() && (known - truths[i]).cwiseAbs().maxCoeff() < 1e-5) continue;
+    throw Error(
+        captures_path(arguments.directories.read, scene),
+        "capture " + std::to_string(i) + " is not of the pose that this scene and seed give");
   }
   return captures;
 }
 
-std::vector<Trial> study(const SolverArguments& arguments, const std::string& path) {
+Study run_study(const SolverArguments& arguments, const std::string& path) {
   const Scene scene = read_scene(path);
   const auto count = static_cast<std::size_t>(arguments.captures);
   std::vector<PoseVector> truths(count);
@@ -256,53 +216,49 @@ std::vector<Trial> study(const SolverArguments& arguments, const std::string& pa
   std::uniform_real_distribution<double> log_photons(std::log(arguments.least_photons),
                                                      std::log(arguments.most_photons));
   std::normal_distribution<double> log_amplitude(0.0, arguments.amplitude_spread);
-  const auto fast = make_fast_model(scene, sensor_placement(scene));
-  std::mt19937_64 typical(arguments.seed);
-  std::vector<double> light(kTypicalPoses);
-  for (double& l : light) l = total_light(*fast, draw_pose(scene, typical));
-  const double least_light = kLeastLight * quantile(light, 0.5);
+  const ShownPoses shown(scene, arguments.seed);
   for (std::size_t i = 0; i < count; ++i) {
-    do {
-      truths[i] = draw_pose(scene, random);
-    } while (total_light(*fast, truths[i]) < least_light);
+    truths[i] = shown.draw(random);
     budgets[i].third_bounce_photons = std::exp(log_photons(random));
     budgets[i].amplitude = std::exp(log_amplitude(random));
   }
-  const CaptureFile captures = arguments.known_captures_directory.empty()
-                                   ? render_captures(arguments, scene, truths, budgets)
-                                   : known_captures(arguments, scene, truths);
+  const std::vector<Capture> captures = arguments.directories.read.empty()
+                                            ? render_captures(arguments, scene, truths, budgets)
+                                            : known_captures(arguments, scene, truths);
+  std::vector<const Capture*> firsts;
+  for (std::size_t i = 0; i < std::min(count, kFirstCaptures); ++i) firsts.push_back(&captures[i]);
+  Study study;
+  study.first_ms = first_capture_times(scene, arguments.fit, firsts);
   const Fitter fitter(scene, arguments.fit);
-  fitter.fit(captures.captures.front());  // compiles the scene, so that times are of fits
+  fitter.fit(captures.front());  // so that the others' times are those of following captures
   const ExhaustiveSearch exhaustive(scene, arguments.exhaustive);
-  std::vector<Trial> trials(count);
+  study.trials.resize(count);
   Progress fitting(scene.name + ": " + std::to_string(exhaustive.poses()) + " poses each", count);
   tbb::parallel_for(std::size_t{0}, count, [&](std::size_t i) {
-    trials[i] = run_trial(scene, captures.captures[i], truths[i], fitter, exhaustive);
-    trials[i].photons = *budgets[i].third_bounce_photons;
+    study.trials[i] = run_trial(scene, captures[i], truths[i], fitter, exhaustive);
+    study.trials[i].photons = *budgets[i].third_bounce_photons;
     fitting.advance();
   });
   fitting.finish();
-  return trials;
+  return study;
 }
 
 int run_solver(const SolverArguments& arguments) {
   if (!arguments.output.empty()) make_directory(arguments.output);
-  if (!arguments.captures_directory.empty()) {
-    make_directory(arguments.captures_directory);
-  }
-  std::printf("%-18s %8s %8s %9s %8s %8s %9s %9s %9s %9s\n", "scene", "captures", "failed",
-              "optimum", "right", "(bound)", "median m", "90 % m", "median ms", "most ms");
+  std::printf("%-18s %8s %8s %9s %8s %8s %9s %9s %9s %9s %9s\n", "scene", "captures", "failed",
+              "optimum", "right", "(bound)", "median m", "90 % m", "first ms", "median ms",
+              "most ms");
   nlohmann::json all = nlohmann::json::array();
   for (const std::string& path : arguments.scenes) {
-    const std::vector<Trial> trials = study(arguments, path);
+    const Study study = run_study(arguments, path);
     const std::string name = std::filesystem::path(path).stem().string();
-    const Row row = summarise(name, trials);
-    std::printf("%-18s %8d %8d %8.1f%% %7.1f%% %7.1f%% %9.3f %9.3f %9.1f %9.1f\n",
+    const Row row = summarise(name, study);
+    std::printf("%-18s %8d %8d %8.1f%% %7.1f%% %7.1f%% %9.3f %9.3f %9.1f %9.1f %9.1f\n",
                 row.scene.c_str(), row.captures, row.failures, 100 * row.reached, 100 * row.right,
-                100 * row.exhaustive_right, row.median_error, row.p90_error, row.median_ms,
-                row.most_ms);
+                100 * row.exhaustive_right, row.median_error, row.p90_error, row.first_ms,
+                row.median_ms, row.most_ms);
     std::fflush(stdout);
-    all.push_back(to_json(name, trials));
+    all.push_back(to_json(name, study));
     if (!arguments.output.empty()) {
       write_atomically((std::filesystem::path(arguments.output) / "solver.json").string(),
                        all.dump(1) + "\n");
@@ -350,11 +306,7 @@ void add_solver_benchmark(CLI::App& benchmark, int& exit_code) {
       ->capture_default_str();
   command.add_option("--seed", arguments->seed, "of poses and photons")->capture_default_str();
   command.add_option("-o,--output", arguments->output, "directory for solver.json, all trials");
-  command.add_option("--save-captures", arguments->captures_directory,
-                     "directory for the captures, one file a scene");
-  command.add_option("--saved-captures", arguments->known_captures_directory,
-                     "directory of captures that an earlier run with the same --seed saved: fitted "
-                     "instead of new ones");
+  add_capture_directories(command, arguments->directories);
   command.callback([arguments, &exit_code] {
     // Both search the likelihood of one model.
     arguments->fit.model_tolerance = arguments->exhaustive.model_tolerance;

@@ -17,6 +17,7 @@
 #include "blindcorner/io/atomic_file.h"
 #include "blindcorner/io/capture_file.h"
 #include "commands/commands.h"
+#include "commands/csv_table.h"
 #include "report/evaluation_page.h"
 
 namespace blindcorner {
@@ -56,47 +57,27 @@ Eigen::VectorXd vector_of(const std::map<std::string, double>& values,
   return v;
 }
 
-std::vector<std::string> cells(const std::string& line) {
-  std::vector<std::string> list;
-  std::stringstream stream(line);
-  for (std::string cell; std::getline(stream, cell, ',');) {
-    cell.erase(0, std::min(cell.find_first_not_of(" \t\r\""), cell.size()));
-    cell.erase(cell.find_last_not_of(" \t\r\"") + 1);
-    list.push_back(cell);
-  }
-  return list;
-}
-
 /// A table with a header: the unknowns' names, and `index` (place in the result, from 0) if rows
 /// are not in its order.
 Truth read_csv(const std::string& path, const std::vector<std::string>& names) {
-  std::ifstream file(path);
-  if (!file) throw Error(path, "no such file, or it cannot be read");
-  std::string line;
-  std::getline(file, line);
-  const std::vector<std::string> header = cells(line);
+  const CsvTable table = read_csv_table(path);
+  const std::vector<std::string>& header = table.header;
   for (const std::string& name : names) {
     if (std::find(header.begin(), header.end(), name) == header.end()) {
       throw Error(path, "column " + name + " is missing, accepted: a header that names it");
     }
   }
   Truth truth;
-  for (int row = 0; std::getline(file, line); ++row) {
-    if (line.find_first_not_of(" \t\r") == std::string::npos) continue;
-    const std::vector<std::string> values = cells(line);
-    const std::string where = path + ": row " + std::to_string(row + 1);
-    if (values.size() != header.size()) {
-      throw Error(where, "has " + std::to_string(values.size()) +
-                             " cells, accepted: " + std::to_string(header.size()));
-    }
+  for (std::size_t row = 0; row < table.rows.size(); ++row) {
+    const std::vector<std::string>& values = table.rows[row];
     std::map<std::string, double> known;
-    int index = row;
+    auto index = static_cast<int>(row);
     for (std::size_t c = 0; c < header.size(); ++c) {
       char* end = nullptr;
       const double value = std::strtod(values[c].c_str(), &end);
       if (end == values[c].c_str() || *end != '\0') {
         if (std::find(names.begin(), names.end(), header[c]) == names.end()) continue;
-        throw Error(where, "found '" + values[c] + "', accepted: a number");
+        throw Error(csv_place(path, row), "found '" + values[c] + "', accepted: a number");
       }
       known[header[c]] = value;
       if (header[c] == "index") index = static_cast<int>(value);

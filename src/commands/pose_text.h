@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Poses on the command line: "x_m=0.3,yaw_deg=20", with several objects "front.x_m=0.3".
+/// Poses on the command line: "x_m=0.3,yaw_deg=20", with several objects "front.x_m=0.3"; and
+/// those of the sensor, there or in a table.
 #pragma once
 
 #include <map>
@@ -14,6 +15,13 @@ namespace blindcorner {
 /// unit suffix (yaw_deg or yaw_rad) and, where there are several objects, the object's name before
 /// a dot. What is not named keeps the scene's value. Throws Error naming the argument.
 std::vector<Placement> parse_pose(const Scene& scene, const std::string& text);
+
+/// Parses a pose of the sensor, NAME=VALUE pairs of x_m, y_m, z_m, and yaw, pitch and roll in
+/// either unit. What is not named keeps the scene's value. Throws Error naming `option`.
+Transform parse_sensor_pose(const Scene& scene, const std::string& option, const std::string& text);
+
+/// The same from each row of a table (.csv) whose header holds such names. Throws Error.
+std::vector<Transform> read_sensor_poses(const Scene& scene, const std::string& path);
 
 /// The unknowns at some placements by name: {"x_m": 0.3, ...}.
 std::map<std::string, double> truth_of(const Scene& scene,

@@ -12,6 +12,7 @@
 #include "blindcorner/forward/transport/forward_model.h"
 #include "blindcorner/io/capture_file.h"
 #include "blindcorner/io/scene_file.h"
+#include "blindcorner/simulation/sensor_path.h"
 #include "blindcorner/simulation/synthetic.h"
 #include "commands/commands.h"
 #include "commands/pose_text.h"
@@ -24,6 +25,9 @@ struct RenderArguments {
   std::string scene;
   std::string output;
   std::vector<std::string> poses;
+  std::vector<std::string> sensor_poses;
+  std::string sensor_path;
+  int frames = 0;
   std::string model = "reference";
   bool noiseless = false;
   bool empty = false;
@@ -65,6 +69,17 @@ std::vector<std::vector<Placement>> wanted_placements(const RenderArguments& arg
   return placements;
 }
 
+/// Where the sensor stands, one pose or one for each capture.
+std::vector<Transform> wanted_sensor_poses(const RenderArguments& arguments, const Scene& scene) {
+  std::vector<Transform> poses;
+  if (!arguments.sensor_path.empty()) poses = read_sensor_poses(scene, arguments.sensor_path);
+  for (const std::string& text : arguments.sensor_poses) {
+    poses.push_back(parse_sensor_pose(scene, "--sensor-pose", text));
+  }
+  if (poses.empty()) poses.push_back(scene.T_world_sensor);
+  return arguments.frames > 0 ? sensor_path(poses, arguments.frames) : poses;
+}
+
 Capture render_one(const RenderArguments& arguments, const Scene& scene, const Scene& free,
                    const ForwardModel& model, const std::vector<Placement>& placements,
                    std::uint64_t seed) {
@@ -90,6 +105,7 @@ Capture render_one(const RenderArguments& arguments, const Scene& scene, const S
     if (arguments.photons > 0) budget.third_bounce_photons = arguments.photons;
     capture = make_capture(free, model, pose, budget, seed);
   }
+  capture.T_world_sensor = scene.T_world_sensor;
   capture.truth = arguments.empty ? std::map<std::string, double>{} : truth_of(scene, placements);
   return capture;
 }
@@ -108,25 +124,40 @@ void widen_to(Scene& free, const std::vector<std::vector<Placement>>& captures) 
 
 int run_render(const RenderArguments& arguments) {
   const Scene scene = read_scene(arguments.scene);
-  const SensorPlacement sensor = sensor_placement(scene);
   const auto placements = wanted_placements(arguments, scene);
-  Scene free = fully_free(scene);
-  widen_to(free, placements);
-  const std::unique_ptr<ForwardModel> model =
-      arguments.model == "fast" ? make_fast_model(free, sensor, arguments.fast)
-                                : make_reference_renderer(free, sensor, arguments.reference);
+  const std::vector<Transform> sensors = wanted_sensor_poses(arguments, scene);
+  const std::size_t count = std::max(placements.size(), sensors.size());
+  for (const std::size_t size : {placements.size(), sensors.size()}) {
+    if (size == 1 || size == count) continue;
+    throw Error("render", "found " + std::to_string(placements.size()) +
+                              " poses of the object and " + std::to_string(sensors.size()) +
+                              " of the sensor, accepted: as many, or one of either");
+  }
+  std::vector<Scene> seen;  // [sensors]
+  for (const Transform& pose : sensors) seen.push_back(seen_from(scene, pose));
   CaptureFile file;
   file.bin_width = scene.sensor.bin_width;
   file.sensor = scene.sensor.name;
   file.description = "rendered from scene " + scene.name + " by the " + arguments.model + " model";
-  file.captures.resize(placements.size());
-  Progress progress("captures", placements.size());
-  tbb::parallel_for(std::size_t{0}, placements.size(), [&](std::size_t i) {
-    file.captures[i] = render_one(arguments, scene, free, *model, placements[i],
-                                  arguments.seed + 1'000'003 * (i + 1));
-    file.captures[i].index = static_cast<int>(i);
-    file.captures[i].source = arguments.output;
-    progress.advance();
+  file.captures.resize(count);
+  Progress progress("captures", count);
+  tbb::parallel_for(std::size_t{0}, sensors.size(), [&](std::size_t s) {
+    Scene free = fully_free(seen[s]);
+    widen_to(free, placements);
+    const SensorPlacement sensor = sensor_placement(free);
+    const std::unique_ptr<ForwardModel> model =
+        arguments.model == "fast" ? make_fast_model(free, sensor, arguments.fast)
+                                  : make_reference_renderer(free, sensor, arguments.reference);
+    const std::size_t first = sensors.size() == 1 ? 0 : s;
+    const std::size_t end = sensors.size() == 1 ? count : s + 1;
+    tbb::parallel_for(first, end, [&](std::size_t i) {
+      file.captures[i] =
+          render_one(arguments, seen[s], free, *model, placements[placements.size() == 1 ? 0 : i],
+                     arguments.seed + 1'000'003 * (i + 1));
+      file.captures[i].index = static_cast<int>(i);
+      file.captures[i].source = arguments.output;
+      progress.advance();
+    });
   });
   progress.finish();
   write_captures(arguments.output, file);
@@ -145,6 +176,18 @@ void add_render_command(CLI::App& app, int& exit_code) {
                      "left out keep the scene's values");
   command.add_option("--random", arguments->random, "this many poses drawn from the prior")
       ->check(CLI::NonNegativeNumber);
+  command.add_option("--sensor-pose", arguments->sensor_poses,
+                     "pose of the sensor, such as x_m=1,y_m=0.2,z_m=1,yaw_deg=10,pitch_deg=5,"
+                     "roll_deg=0; may be repeated, one for each capture or for each pose of the "
+                     "object; components left out keep the scene's values");
+  command
+      .add_option("--sensor-path", arguments->sensor_path,
+                  "table (.csv) of such poses, a row each, whose header names the components")
+      ->type_name("FILE");
+  command
+      .add_option("--frames", arguments->frames,
+                  "this many sensor poses along the way through the given ones")
+      ->check(CLI::PositiveNumber);
   command.add_option("--model", arguments->model, "reference or fast")
       ->check(CLI::IsMember({"reference", "fast"}))
       ->capture_default_str();

@@ -10,6 +10,7 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
+#include "blindcorner/forward/scene/orientation.h"
 #include "blindcorner/forward/sensor/link_budget.h"
 #include "io/file_bytes.h"
 #include "io/json_reader.h"
@@ -82,11 +83,7 @@ Eigen::Matrix3d read_rotation(const JsonReader& reader) {
       reader.exactly_one_of({"look", "yaw_pitch_roll_deg", "quaternion_wxyz"});
   if (way == "look") return axes(read_direction(reader.at("look")), reader.at("up"));
   if (reader.has("up")) reader.at("up").fail("no up beside \"" + std::string(way) + "\"");
-  if (angles) {
-    const Vector3d a = reader.at("yaw_pitch_roll_deg").vector(kAnyAngle) * kDegree;
-    return yaw_rotation(a[0]) * Eigen::AngleAxisd(a[1], Vector3d::UnitY()).toRotationMatrix() *
-           Eigen::AngleAxisd(a[2], Vector3d::UnitX()).toRotationMatrix();
-  }
+  if (angles) return rotation_of(reader.at("yaw_pitch_roll_deg").vector(kAnyAngle) * kDegree);
   const JsonReader field = reader.at("quaternion_wxyz");
   const auto parts = field.elements_exactly(4, "numbers");
   const NumberRange component = NumberRange::between(-1.01, 1.01);

@@ -54,6 +54,20 @@ double total_light(const ForwardModel& model, const PoseVector& pose) {
   return std::accumulate(light.values.begin(), light.values.end(), 0.0);
 }
 
+double total_counts(const Scene& scene, const HistogramCube& light) {
+  double counts = 0;
+  for (int z = 0; z < light.zones(); ++z) {
+    const Zone& zone = scene.sensor.zones[static_cast<std::size_t>(z)];
+    if (zone.dead) continue;
+    counts += zone.gain * std::accumulate(light.zone(z), light.zone(z) + light.bins, 0.0);
+  }
+  return counts;
+}
+
+double equal_ambient(const Scene& scene, const HistogramCube& light) {
+  return kGateShare * total_counts(scene, light) / gate_bins(scene, light);
+}
+
 Capture make_capture(const Scene& scene, const ForwardModel& model, const PoseVector& pose,
                      const LightBudget& budget, std::uint64_t seed) {
   Capture capture;
@@ -63,23 +77,18 @@ Capture make_capture(const Scene& scene, const ForwardModel& model, const PoseVe
   linear.ambient = scene.linear.fixed_ambient;
   linear.direct = scene.linear.fixed_direct;
   if (budget.third_bounce_photons) {
-    double counts = 0;
-    for (int z = 0; z < light.zones(); ++z) {
-      const Zone& zone = scene.sensor.zones[static_cast<std::size_t>(z)];
-      if (zone.dead) continue;
-      for (int k = 0; k < light.bins; ++k) counts += zone.gain * light.zone(z)[k];
-    }
-    counts *= linear.amplitude;
+    const double counts = linear.amplitude * total_counts(scene, light);
     if (!(counts > 0)) {
       throw Error("synthetic capture",
                   "the object at this pose sends the sensor no light, "
                   "accepted: a pose that some exposure can show");
     }
     capture.exposures = *budget.third_bounce_photons / counts;
-    linear.ambient = budget.background_ratio * kGateShare * counts / gate_bins(scene, light);
+    linear.ambient = budget.background_ratio * linear.amplitude * equal_ambient(scene, light);
   }
   const HistogramCube expected = expected_counts(scene, light, model.static_return(pose), linear);
   capture.counts = draw_counts(scene, expected, capture.exposures, seed);
+  capture.T_world_sensor = scene.T_world_sensor;
   const std::vector<std::string> names = unknown_names(scene);
   for (std::size_t i = 0; i < names.size(); ++i) {
     capture.truth[names[i]] = pose[static_cast<Eigen::Index>(i)];

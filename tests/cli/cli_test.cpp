@@ -14,9 +14,11 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <vector>
 
 #include "blindcorner/io/capture_file.h"
 #include "blindcorner/io/scene_file.h"
+#include "io/npz.h"
 
 namespace blindcorner {
 namespace {
@@ -128,6 +130,70 @@ TEST_F(Cli, RenderTakesPosesOfSeveralObjectsByName) {
   EXPECT_EQ(wrong.exit_code, 2);
   EXPECT_THAT(wrong.err, HasSubstr("front."));
   EXPECT_FALSE(fs::exists(path("wrong.exr")));
+}
+
+// Captures rendered from several poses carry them, so that each is fitted where it was taken.
+TEST_F(Cli, RenderKeepsWhereTheSensorStood) {
+  const Scene scene = read_scene(kScene);
+  const std::string render = "render '" + kScene + "' --model fast -o '" + path("c.exr") + "' ";
+  for (const std::string& noise : {"", "--noiseless", "--empty"}) {
+    ASSERT_EQ(run(render + noise).exit_code, 0);
+    const CaptureFile file = read_captures(path("c.exr"));
+    ASSERT_TRUE(file.captures[0].T_world_sensor.has_value()) << noise;
+    EXPECT_TRUE(file.captures[0].T_world_sensor->isApprox(scene.T_world_sensor, 1e-12));
+  }
+  const Outcome moved = run(render + "--noiseless --sensor-pose y_m=0.05,yaw_deg=10 " +
+                            "--sensor-pose x_m=-0.1,pitch_rad=0.1");
+  ASSERT_EQ(moved.exit_code, 0) << moved.err;
+  const CaptureFile file = read_captures(path("c.exr"));
+  ASSERT_EQ(file.captures.size(), 2U);
+  const Transform& first = *file.captures[0].T_world_sensor;
+  EXPECT_TRUE(first.translation().isApprox(Eigen::Vector3d(0, 0.05, 1)));
+  EXPECT_NEAR(std::atan2(first(1, 0), first(0, 0)), 10 * M_PI / 180, 1e-12);
+  const Transform& second = *file.captures[1].T_world_sensor;
+  EXPECT_TRUE(second.translation().isApprox(Eigen::Vector3d(-0.1, 0, 1)));
+  EXPECT_NEAR(second(2, 0), -std::sin(0.1), 1e-12) << "positive pitch looks down";
+  EXPECT_NE(file.captures[0].counts.values, file.captures[1].counts.values);
+}
+
+TEST_F(Cli, RenderFollowsAPathOfTheSensor) {
+  const std::string render =
+      "render '" + kScene + "' --model fast --noiseless -o '" + path("c.exr") + "' ";
+  const auto x_of = [&](const std::string& arguments) {
+    const Outcome outcome = run(render + arguments);
+    EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+    std::vector<double> x;
+    for (const Capture& capture : read_captures(path("c.exr")).captures) {
+      x.push_back(capture.T_world_sensor->translation().x());
+    }
+    return x;
+  };
+  using ::testing::DoubleNear;
+  const auto even =
+      ElementsAre(DoubleNear(0, 1e-12), DoubleNear(0.05, 1e-12), DoubleNear(0.1, 1e-12));
+  EXPECT_THAT(x_of("--sensor-pose x_m=0 --sensor-pose x_m=0.1,yaw_deg=5 --frames 3"), even);
+  const std::string table = write_text("path.csv", "x_m, yaw_deg\n0,0\n0.1,5\n");
+  EXPECT_THAT(x_of("--sensor-path '" + table + "' --frames 3"), even);
+  EXPECT_THAT(x_of("--sensor-path '" + table + "' --random 2"), ElementsAre(0, 0.1));
+  EXPECT_EQ(read_captures(path("c.exr")).captures[1].truth.count("x_m"), 1U);
+}
+
+TEST_F(Cli, RenderRefusesSensorPosesThatItCannotUse) {
+  const std::string render = "render '" + kScene + "' --model fast -o '" + path("c.exr") + "' ";
+  const auto refused = [&](const std::string& arguments) {
+    const Outcome outcome = run(render + arguments);
+    EXPECT_EQ(outcome.exit_code, 2);
+    EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+    EXPECT_FALSE(fs::exists(path("c.exr")));
+    return outcome.err;
+  };
+  EXPECT_THAT(refused("--sensor-pose size=2"), AllOf(HasSubstr("size"), HasSubstr("pitch_deg")));
+  EXPECT_THAT(refused("--sensor-pose x_m=far"), HasSubstr("--sensor-pose x_m"));
+  EXPECT_THAT(refused("--sensor-pose yaw_deg=180"), HasSubstr("relay"));
+  EXPECT_THAT(refused("--sensor-pose x_m=0 --sensor-pose x_m=0.1 --random 3"),
+              AllOf(HasSubstr("3 poses of the object"), HasSubstr("2 of the sensor")));
+  EXPECT_THAT(refused("--sensor-path '" + write_text("p.csv", "x_m,up\n0,1\n") + "'"),
+              AllOf(HasSubstr("p.csv: row 1"), HasSubstr("up")));
 }
 
 TEST_F(Cli, HelpIsNoFailure) {
@@ -734,6 +800,92 @@ TEST_F(Cli, SolverBenchmarkFitsSavedCapturesAgain) {
   const Outcome more = run(again + "3");
   EXPECT_NE(more.exit_code, 0);
   EXPECT_THAT(more.err, HasSubstr("found 2 captures, accepted: at least 3"));
+}
+
+// The truth comes from an archive of traced light; here the program's own renderer stands in for
+// the tracer.
+TEST_F(Cli, LightBenchmarkTellsErrorsAndClaims) {
+  const std::string scene = std::string(SOURCE_DIR) + "/scenes/reference_wall_rectangle.json";
+  const std::string render = "render '" + scene + "' --noiseless -o '";
+  ASSERT_EQ(run(render + path("with.exr") + "' --pose x_m=0.2,y_m=0.7,z_m=1,yaw_deg=-10 " +
+                "--pose x_m=0.3,y_m=0.8,z_m=1.1,yaw_deg=5")
+                .exit_code,
+            0);
+  ASSERT_EQ(run(render + path("without.exr") + "' --empty").exit_code, 0);
+  std::vector<double> mean;
+  for (const Capture& capture : read_captures(path("with.exr")).captures) {
+    mean.insert(mean.end(), capture.counts.values.begin(), capture.counts.values.end());
+  }
+  const std::vector<double> empty = read_captures(path("without.exr")).captures[0].counts.values;
+  const std::vector<std::size_t> cube = {3, 3, 128}, cubes = {2, 3, 3, 128};
+  fs::create_directory(path("data"));
+  write_text("data/wall_rectangle.npz",
+             npz_of({{"poses", npy_of({2, 4}, {0.2, 0.7, 1, -10, 0.3, 0.8, 1.1, 5})},
+                     {"mean", npy_of(cubes, mean)},
+                     {"standard_error", npy_of(cubes, std::vector<double>(mean.size(), 1e-12))},
+                     {"empty_mean", npy_of(cube, empty)},
+                     {"empty_standard_error", npy_of(cube, std::vector<double>(empty.size()))}}));
+  const std::string command = "benchmark light '" + scene + "' --data '" + path("data") + "' ";
+  const Outcome outcome = run(command + "--photons 300,30000 --seeds 2 -o '" + path("out") +
+                              "' --save-captures '" + path("kept") + "'");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, AllOf(HasSubstr("in 95%"), HasSubstr("file mm"), HasSubstr("30000")));
+  EXPECT_THAT(text_of(path("out/light.html")), HasSubstr("<svg"));
+  const std::string csv = text_of(path("out/light.csv"));
+  EXPECT_THAT(csv, StartsWith("scene,photons,captures,failed,median_error_m,"));
+  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 3) << csv;
+  const json rows = json::parse(text_of(path("out/light.json")));
+  ASSERT_EQ(rows.size(), 2U);
+  for (const json& row : rows) {
+    EXPECT_EQ(row["trials"].size(), 4U);
+    EXPECT_GT(row["first_ms"], 0);
+    EXPECT_GT(row["file_limit_m"], 0);
+  }
+  // A hundred times the photons: a tenth of the error.
+  EXPECT_NEAR(rows[0]["photon_bound_m"].get<double>() / rows[1]["photon_bound_m"].get<double>(), 10,
+              1e-6);
+  for (const json& trial : rows[1]["trials"]) {
+    EXPECT_LT(trial["position_error_m"].get<double>(), 8 * rows[1]["photon_bound_m"].get<double>());
+  }
+  const CaptureFile kept = read_captures(path("kept/reference_wall_rectangle_300.exr"));
+  ASSERT_EQ(kept.captures.size(), 4U);
+  EXPECT_EQ(kept.captures[1].truth.at("y_m"), 0.8);
+
+  const Outcome missing = run("benchmark light '" + scene + "' --data '" + path("none") + "'");
+  EXPECT_EQ(missing.exit_code, 2);
+  EXPECT_THAT(missing.err, HasSubstr("wall_rectangle.npz"));
+}
+
+TEST_F(Cli, MovingBenchmarkFitsAndTracksAtNewSensorPoses) {
+  const std::string command = "benchmark moving '" + std::string(SOURCE_DIR) +
+                              "/scenes/denali_like.json' --objects 2 " +
+                              "--exhaustive-every 3 --max-poses 200 --photons 500 ";
+  const Outcome outcome = run(command + "--frames 4 --truth 0.3 --endurance 20 -o '" + path("out") +
+                              "' --save-captures '" + path("kept") + "'");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, AllOf(HasSubstr("denali_like"), HasSubstr("/2 "), HasSubstr("20 poses:"),
+                                 HasSubstr("MB")));
+  EXPECT_THAT(text_of(path("out/moving.html")), AllOf(HasSubstr("<svg"), HasSubstr("memory")));
+  const std::string csv = text_of(path("out/moving.csv"));
+  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 5) << csv;
+
+  // The scene's own pose first, for the first answer, and none of it among the frames.
+  const Scene scene = read_scene(std::string(SOURCE_DIR) + "/scenes/denali_like.json");
+  const CaptureFile kept = read_captures(path("kept/denali_like.exr"));
+  ASSERT_EQ(kept.captures.size(), 5U);
+  EXPECT_TRUE(kept.captures[0].T_world_sensor->isApprox(scene.T_world_sensor, 1e-12));
+  EXPECT_FALSE(kept.captures[1].T_world_sensor->isApprox(scene.T_world_sensor, 1e-3));
+  EXPECT_EQ(kept.captures[1].truth, kept.captures[2].truth);
+  EXPECT_NE(kept.captures[2].truth, kept.captures[3].truth);
+
+  const Outcome again = run(command + "--frames 4 -o '" + path("again") + "' --saved-captures '" +
+                            path("kept") + "'");
+  EXPECT_EQ(again.exit_code, 0) << again.err;
+  const Outcome more =
+      run(command + "--frames 9 -o '" + path("more") + "' --saved-captures '" + path("kept") + "'");
+  EXPECT_EQ(more.exit_code, 2);
+  EXPECT_THAT(more.err, HasSubstr("accepted: at least 10"));
+  EXPECT_EQ(run(command + "--to yaw_deg=180").exit_code, 2);
 }
 
 }  // namespace

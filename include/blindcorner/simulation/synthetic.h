@@ -29,8 +29,15 @@ struct LightBudget {
 /// Sum over all bins of the three-bounce light at a pose, W/m^2.
 double total_light(const ForwardModel& model, const PoseVector& pose);
 
-/// A noisy capture of the scene at one pose, truth included. Throws Error when a photon budget is
-/// asked of a pose that sends the sensor no light.
+/// Ambient light, counts per bin and exposure, that is as strong as the light (W/m^2 per bin, gains
+/// not applied) within the bins that hold 90 % of it.
+double equal_ambient(const Scene& scene, const HistogramCube& light);
+
+/// Counts of one exposure over all bins of live zones, no ambient light.
+double total_counts(const Scene& scene, const HistogramCube& light);
+
+/// A noisy capture of the scene at one pose, truth and the sensor's pose included. Throws Error
+/// when a photon budget is asked of a pose that sends the sensor no light.
 Capture make_capture(const Scene& scene, const ForwardModel& model, const PoseVector& pose,
                      const LightBudget& budget, std::uint64_t seed);
 

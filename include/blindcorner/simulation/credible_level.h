@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Whether a posterior holds what it claims to hold.
+#pragma once
+
+#include <cstdint>
+
+#include "blindcorner/forward/scene/pose_mixture.h"
+#include "blindcorner/forward/scene/scene.h"
+
+namespace blindcorner {
+
+/// Probability of the mixture's region of highest density whose border runs through `truth`, from
+/// samples (to 0.5 % with 2000 of them): the truth lies in the 95 % region where this is at most
+/// 0.95. Of a single mode it is the chi-square probability of the squared Mahalanobis distance.
+double credible_level(const Scene& scene, const PoseMixture& mixture, const PoseVector& truth,
+                      int samples = 2000, std::uint64_t seed = 1);
+
+/// Interval of a share found in `trials` trials that holds 95 % (Wilson 1927); all of 0 to 1
+/// without trials.
+struct ShareInterval {
+  double low = 0, high = 1;
+};
+ShareInterval wilson_interval(int successes, int trials);
+
+}  // namespace blindcorner

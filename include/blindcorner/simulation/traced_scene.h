@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Captures whose truth is none of this project's models: light that an independent path tracer
+/// computed in absolute units.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "blindcorner/forward/scene/scene.h"
+#include "blindcorner/forward/sensor/capture.h"
+
+namespace blindcorner {
+
+/// A traced histogram, W/m^2 per bin as ForwardModel::three_bounce, and its standard errors.
+struct TracedLight {
+  HistogramCube mean, standard_error;
+};
+
+/// A scene's light at several poses of its hidden objects, and without them.
+struct TracedScene {
+  std::vector<PoseVector> poses;   ///< [poses] the scene's unknowns
+  std::vector<TracedLight> light;  ///< [poses] all bounces, the known scene's own light included
+  TracedLight empty;
+};
+
+/// Reads an archive (.npz) with the arrays `poses` [pose, 4] (x, y, z in m and yaw in degrees of
+/// the first object; the others move along with it rigidly), `mean` and `standard_error` [pose,
+/// row, column, bin], `empty_mean` and `empty_standard_error` [row, column, bin]. Throws Error
+/// naming file and array, also when they do not suit the scene.
+TracedScene read_traced_scene(const Scene& scene, const std::string& path);
+
+/// What the object adds to the light at a pose; negative where the tracer's noise is.
+HistogramCube object_light(const TracedScene& traced, std::size_t pose);
+
+/// Draws captures of a traced scene.
+class TracedCaptures {
+ public:
+  /// `own_light`, W/m^2, takes the place of the tracer's light of the empty scene; null: none.
+  TracedCaptures(const Scene& scene, TracedScene traced, const HistogramCube* own_light = nullptr);
+
+  std::size_t poses() const { return traced_.poses.size(); }
+  const TracedScene& traced() const { return traced_; }
+  /// Expected counts of one exposure: gain * light + ambient.
+  const HistogramCube& expected(std::size_t pose) const { return expected_[pose]; }
+  /// Exposures after which the object's light has this many photons in the mean over the poses.
+  double exposures(double photons) const { return photons / mean_counts_; }
+
+  /// A capture of that many exposures, with an ambient light (the same at all poses) as strong as
+  /// the object's light within the bins that hold 90 % of it; truth included. The same seed gives
+  /// the same counts.
+  Capture capture(std::size_t pose, double photons, std::uint64_t seed) const;
+
+ private:
+  Scene scene_;
+  TracedScene traced_;
+  std::vector<HistogramCube> expected_;
+  double mean_counts_ = 0;
+};
+
+}  // namespace blindcorner

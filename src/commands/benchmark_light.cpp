@@ -1,0 +1,528 @@
+// SPDX-License-Identifier: Apache-2.0
+/// `blindcorner benchmark light`: errors and claims of the fit at every level of light, on captures
+/// whose truth an independent path tracer computed.
+#include <tbb/global_control.h>
+#include <tbb/parallel_for.h>
+#include <tbb/partitioner.h>
+
+#include <CLI/CLI.hpp>
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <limits>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "blindcorner/forward/error.h"
+#include "blindcorner/forward/sensor/photon_noise.h"
+#include "blindcorner/inverse/fit.h"
+#include "blindcorner/io/atomic_file.h"
+#include "blindcorner/io/capture_file.h"
+#include "blindcorner/io/scene_file.h"
+#include "blindcorner/report/result_file.h"
+#include "blindcorner/simulation/credible_level.h"
+#include "blindcorner/simulation/traced_scene.h"
+#include "commands/benchmark.h"
+#include "commands/output_directory.h"
+#include "commands/progress.h"
+#include "commands/synthetic_trials.h"
+#include "forward/support/quantile.h"
+#include "inverse/search/difference_steps.h"
+#include "report/formatted.h"
+
+namespace blindcorner {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Tolerance of the model that judges whether an optimum is the right one.
+constexpr double kJudge = 0.01;
+/// Deviance this many standard deviations above its expectation is called misfit.
+constexpr double kMisfit = 5;
+constexpr double kRegion = 0.95;
+
+struct LightArguments : StudyArguments {
+  LightArguments() { poses = 0; }
+  std::string data;
+  std::vector<double> photons = {10, 100, 1e3, 1e4, 1e5, 1e6};
+  int seeds = 20;
+  std::string own_light = "tracer";
+  std::string captures_directory;
+  int threads = 0;
+  FitOptions fit;
+};
+
+/// What became of one capture.
+struct Trial {
+  std::string error;                ///< not empty: it failed
+  double squared = 0, claimed = 0;  ///< m^2, of the posterior's mean: error and trace, positions
+  double normalised = 0;            ///< d' C^-1 d / unknowns, of the posterior's mean
+  bool in_region = false, in_heaviest = false;
+  bool flagged = false, misfit = false;
+  double missed = 0;  ///< log posterior
+  double time_ms = 0;
+  bool wrong() const { return missed > kReached; }
+};
+
+/// One scene at one level of light.
+struct Row {
+  std::string scene;
+  double photons = 0;
+  double bound = 0, file_limit = 0;  ///< m
+  double first_ms = 0;
+  std::vector<Trial> trials;
+
+  int captures() const { return static_cast<int>(trials.size()); }
+  template <typename Member>
+  int count(Member member) const {
+    return static_cast<int>(std::ranges::count_if(
+        trials, [&](const Trial& t) { return t.error.empty() && std::invoke(member, t); }));
+  }
+  int failed() const {
+    return static_cast<int>(
+        std::ranges::count_if(trials, [](const Trial& t) { return !t.error.empty(); }));
+  }
+  int fitted() const { return captures() - failed(); }
+  /// Root of the mean of a member over the captures that were fitted.
+  double root_mean(double Trial::*member) const {
+    double sum = 0;
+    for (const Trial& t : trials) sum += t.error.empty() ? t.*member : 0;
+    return std::sqrt(sum / fitted());
+  }
+  double median_of(double (*value)(const Trial&)) const {
+    std::vector<double> values;
+    for (const Trial& t : trials) {
+      if (t.error.empty()) values.push_back(value(t));
+    }
+    return median(values);
+  }
+  double median_error() const {
+    return median_of([](const Trial& t) { return std::sqrt(t.squared); });
+  }
+  double median_ms() const {
+    return median_of([](const Trial& t) { return t.time_ms; });
+  }
+  double share(int successes) const { return static_cast<double>(successes) / fitted(); }
+};
+
+bool is_position(const Unknown& unknown) { return unknown.component <= Component::z; }
+
+/// Sum of the variances of all positions, m^2.
+double position_trace(const Scene& scene, const Eigen::MatrixXd& covariance) {
+  double sum = 0;
+  for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
+    const auto k = static_cast<Eigen::Index>(i);
+    if (is_position(scene.unknowns[i])) sum += covariance(k, k);
+  }
+  return sum;
+}
+
+/// Flags other than the one that only says how the posterior was computed.
+bool warns(const FitResult& result) {
+  return std::ranges::any_of(result.flags, [](const std::string& f) { return f != "sampled"; });
+}
+
+Trial run_trial(const Fitter& fitter, const ExhaustiveSearch& judge, const Capture& capture,
+                const PoseVector& truth) {
+  const Scene& scene = fitter.scene();
+  Trial trial;
+  try {
+    const auto start = std::chrono::steady_clock::now();
+    const FitResult result = fitter.fit(capture);
+    trial.time_ms =
+        std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+    const PoseMixture& posterior = result.posterior;
+    const PoseVector d = pose_error(scene, posterior.mean, truth);
+    for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
+      const double error = d[static_cast<Eigen::Index>(i)];
+      if (is_position(scene.unknowns[i])) trial.squared += error * error;
+    }
+    trial.claimed = position_trace(scene, posterior.covariance);
+    trial.normalised = d.dot(posterior.covariance.ldlt().solve(d)) / static_cast<double>(d.size());
+    if (!std::isfinite(trial.squared + trial.claimed + trial.normalised)) {
+      throw Error("result", "found a value that is not finite");
+    }
+    trial.in_region = credible_level(scene, posterior, truth) <= kRegion;
+    PoseMixture heaviest = posterior;
+    heaviest.modes.resize(1);
+    trial.in_heaviest = credible_level(scene, heaviest, truth) <= kRegion;
+    trial.flagged = warns(result);
+    const GoodnessOfFit& fit = result.goodness_of_fit;
+    trial.misfit = fit.deviance > fit.expected + kMisfit * fit.standard_deviation;
+    double best = -std::numeric_limits<double>::infinity();
+    for (const PoseMode& mode : posterior.modes) {
+      best = std::max(best, judge.descend(capture, mode.optimum).log_posterior);
+    }
+    trial.missed = judge.descend(capture, truth).log_posterior - best;
+  } catch (const std::exception& error) {
+    trial.error = error.what();
+  }
+  return trial;
+}
+
+/// What bounds the position's error at one pose, without priors.
+struct Bounds {
+  double photon = 0;  ///< m^2 at one exposure: trace of the Cramer-Rao bound of the positions
+  double file = 0;    ///< m^2 at any exposure, of the tracer's own noise
+};
+
+/// The maximum-likelihood estimate moves by I^-1 J' W noise, W the inverse of the photons'
+/// variance: with W = 1 / counts the photons give the bound I^-1, and the tracer's standard errors,
+/// which no exposure averages out, their own covariance. Linear unknowns are estimated as well.
+Bounds bounds_at(const Scene& scene, const ForwardModel& model, const TracedCaptures& captures,
+                 std::size_t index) {
+  const PoseVector& pose = captures.traced().poses[index];
+  const HistogramCube& expected = captures.expected(index);
+  const HistogramCube& error = captures.traced().light[index].standard_error;
+  const PoseVector steps = difference_steps(scene, sensor_placement(scene));
+  const LinearUnknowns& linear = scene.linear;
+  const int zones = scene.sensor.zone_count();
+  const auto bins = static_cast<Eigen::Index>(scene.sensor.bins);
+  const auto columns_of = [&](LinearMode mode) {
+    return mode == LinearMode::fixed ? 0 : mode == LinearMode::shared ? 1 : zones;
+  };
+  const int amplitude = static_cast<int>(pose.size());
+  const int ambient = amplitude + columns_of(linear.amplitude);
+  const int direct = ambient + columns_of(linear.ambient);
+  const int count = direct + columns_of(linear.direct);
+  // [zone * bins + bin][parameter], counts of one exposure.
+  Eigen::MatrixXd jacobian = Eigen::MatrixXd::Zero(zones * bins, count);
+  const auto map = [](const HistogramCube& cube) {
+    return Eigen::Map<const Eigen::VectorXd>(cube.values.data(),
+                                             static_cast<Eigen::Index>(cube.values.size()));
+  };
+  for (Eigen::Index i = 0; i < pose.size(); ++i) {
+    PoseVector up = pose, down = pose;
+    up[i] += steps[i];
+    down[i] -= steps[i];
+    const HistogramCube a = model.three_bounce(up), b = model.three_bounce(down);
+    jacobian.col(i) = (map(a) - map(b)) / (2 * steps[i]);
+  }
+  const HistogramCube light = model.three_bounce(pose);
+  Eigen::VectorXd weight = Eigen::VectorXd::Zero(zones * bins);
+  Eigen::VectorXd variance = weight;
+  for (int z = 0; z < zones; ++z) {
+    const Zone& zone = scene.sensor.zones[static_cast<std::size_t>(z)];
+    const auto own = [&](LinearMode mode) { return mode == LinearMode::per_zone ? z : 0; };
+    for (int k = 0; k < scene.sensor.bins; ++k) {
+      const Eigen::Index row = z * bins + k;
+      jacobian.row(row).head(pose.size()) *= zone.gain;
+      if (ambient > amplitude) {
+        jacobian(row, amplitude + own(linear.amplitude)) = zone.gain * light.zone(z)[k];
+      }
+      if (direct > ambient) jacobian(row, ambient + z) = 1;
+      if (count > direct) {
+        jacobian(row, direct + own(linear.direct)) = zone.gain * model.direct_return().zone(z)[k];
+      }
+      if (zone.dead || k < zone.first_valid_bin || k >= scene.sensor.valid_end(z)) continue;
+      const double counts = expected.zone(z)[k];
+      weight[row] = counts > 0 ? 1 / counts : 0;
+      variance[row] = std::pow(zone.gain * error.zone(z)[k], 2);
+    }
+  }
+  const Eigen::MatrixXd weighted = weight.asDiagonal() * jacobian;
+  const Eigen::MatrixXd inverse =
+      (jacobian.transpose() * weighted).completeOrthogonalDecomposition().pseudoInverse();
+  const Eigen::MatrixXd moved = weighted * inverse;
+  return {position_trace(scene, inverse),
+          position_trace(scene, moved.transpose() * variance.asDiagonal() * moved)};
+}
+
+/// Both bounds, root mean square over the poses.
+Bounds bounds_of(const Scene& scene, const TracedCaptures& captures, std::size_t poses) {
+  const auto model = make_fast_model(scene, sensor_placement(scene), at_tolerance(kJudge));
+  Bounds mean;
+  for (std::size_t i = 0; i < poses; ++i) {
+    const Bounds one = bounds_at(scene, *model, captures, i);
+    mean.photon += one.photon / static_cast<double>(poses);
+    mean.file += one.file / static_cast<double>(poses);
+  }
+  return mean;
+}
+
+/// The file of a scene's traced light: `reference_NAME.json` belongs to NAME.npz.
+std::string traced_path(const LightArguments& arguments, const std::string& scene_path) {
+  std::string name = fs::path(scene_path).stem().string();
+  constexpr std::string_view kPrefix = "reference_";
+  if (name.starts_with(kPrefix)) name.erase(0, kPrefix.size());
+  const fs::path folder = arguments.data;
+  const fs::path inside = folder / "mitransient" / (name + ".npz");
+  return (fs::exists(inside) ? inside : folder / (name + ".npz")).string();
+}
+
+std::vector<std::string> light_scenes(const LightArguments& arguments) {
+  if (!arguments.scenes.empty()) return arguments.scenes;
+  std::vector<std::string> scenes = scene_files({});
+  std::erase_if(scenes, [&](const std::string& path) {
+    return !fs::path(path).filename().string().starts_with("reference_");
+  });
+  if (scenes.empty()) throw Error("SCENE", "found none, accepted: scenes of traced light");
+  return scenes;
+}
+
+void save_captures(const LightArguments& arguments, const Scene& scene, double photons,
+                   std::vector<Capture> captures) {
+  CaptureFile file;
+  file.bin_width = scene.sensor.bin_width;
+  file.sensor = scene.sensor.name;
+  file.description = scene.name + formatted(", traced light, %g photons of the object", photons);
+  file.captures = std::move(captures);
+  write_captures(
+      (fs::path(arguments.captures_directory) / (scene.name + formatted("_%g.exr", photons)))
+          .string(),
+      file);
+}
+
+const char* const kHeader =
+    "scene,photons,captures,failed,median_error_m,rms_error_m,claimed_rms_m,normalised_error,"
+    "in_region,in_region_low,in_region_high,in_region_of_heaviest_mode,flagged,misfit,"
+    "wrong_optima,wrong_optima_flagged,photon_bound_m,file_limit_m,first_ms,following_ms\n";
+
+std::string csv(const std::vector<Row>& rows) {
+  std::string text = kHeader;
+  for (const Row& r : rows) {
+    const int inside = r.count(&Trial::in_region);
+    const ShareInterval interval = wilson_interval(inside, r.fitted());
+    text += formatted("%s,%g,%d,%d,%.5g,%.5g,%.5g,%.4g,%.4g,%.4g,%.4g,%.4g,%.4g,%.4g,%d,%d,",
+                      r.scene.c_str(), r.photons, r.captures(), r.failed(), r.median_error(),
+                      r.root_mean(&Trial::squared), r.root_mean(&Trial::claimed),
+                      r.root_mean(&Trial::normalised), r.share(inside), interval.low, interval.high,
+                      r.share(r.count(&Trial::in_heaviest)), r.share(r.count(&Trial::flagged)),
+                      r.share(r.count(&Trial::misfit)), r.count(&Trial::wrong),
+                      r.count([](const Trial& t) { return t.wrong() && t.flagged; }));
+    text += formatted("%.5g,%.5g,%.4g,%.4g\n", r.bound, r.file_limit, r.first_ms, r.median_ms());
+  }
+  return text;
+}
+
+nlohmann::json to_json(const std::vector<Row>& rows) {
+  nlohmann::json list = nlohmann::json::array();
+  for (const Row& r : rows) {
+    nlohmann::json trials = nlohmann::json::array();
+    for (const Trial& t : r.trials) {
+      if (!t.error.empty()) {
+        trials.push_back({{"error", t.error}});
+        continue;
+      }
+      trials.push_back({{"position_error_m", std::sqrt(t.squared)},
+                        {"claimed_m", std::sqrt(t.claimed)},
+                        {"normalised_square", t.normalised},
+                        {"in_region", t.in_region},
+                        {"in_region_of_heaviest_mode", t.in_heaviest},
+                        {"flagged", t.flagged},
+                        {"misfit", t.misfit},
+                        {"missed_log_posterior", number_or_null(t.missed)},
+                        {"time_ms", t.time_ms}});
+    }
+    list.push_back({{"scene", r.scene},
+                    {"photons", r.photons},
+                    {"photon_bound_m", number_or_null(r.bound)},
+                    {"file_limit_m", number_or_null(r.file_limit)},
+                    {"first_ms", r.first_ms},
+                    {"trials", std::move(trials)}});
+  }
+  return list;
+}
+
+std::vector<Chart> charts(const std::vector<Row>& rows) {
+  std::vector<Chart> list;
+  for (std::size_t first = 0, end = 0; first < rows.size(); first = end) {
+    while (end < rows.size() && rows[end].scene == rows[first].scene) ++end;
+    Chart error{rows[first].scene + ": error", "photons of the object", "error of the position, m"};
+    error.logarithmic = true;
+    error.series = {{"RMS error", {}, SeriesStyle::marked_line},
+                    {"claimed", {}, SeriesStyle::marked_line},
+                    {"median error", {}, SeriesStyle::marked_line},
+                    {"photon bound", {}, SeriesStyle::line}};
+    if (rows[first].file_limit > 0) {
+      error.rules = {{"noise of the traced light", rows[first].file_limit, false}};
+    }
+    Chart share{rows[first].scene + ": truth in the 95 % region",
+                "log10 of the photons of the object", "share of captures"};
+    share.series = {{"posterior", {}, SeriesStyle::marked_line},
+                    {"its 95 % interval", {}, SeriesStyle::line, "#999"},
+                    {"", {}, SeriesStyle::line, "#999"}};
+    share.rules = {{"95 %", kRegion, false}};
+    for (Chart* chart : {&error, &share}) chart->width = 560, chart->height = 330;
+    for (std::size_t i = first; i < end; ++i) {
+      const Row& r = rows[i];
+      error.series[0].points.push_back({r.photons, r.root_mean(&Trial::squared)});
+      error.series[1].points.push_back({r.photons, r.root_mean(&Trial::claimed)});
+      error.series[2].points.push_back({r.photons, r.median_error()});
+      error.series[3].points.push_back({r.photons, r.bound});
+      const int inside = r.count(&Trial::in_region);
+      const ShareInterval interval = wilson_interval(inside, r.fitted());
+      const double x = std::log10(r.photons);
+      share.series[0].points.push_back({x, r.share(inside)});
+      share.series[1].points.push_back({x, interval.low});
+      share.series[2].points.push_back({x, interval.high});
+    }
+    list.push_back(std::move(error));
+    list.push_back(std::move(share));
+  }
+  return list;
+}
+
+const StudyFiles kFiles{
+    "light", "Errors and claims at every level of light",
+    "Captures of scenes whose light an independent path tracer computed, photon noise added; "
+    "photons are those of the object, averaged over the poses, over an equal background. The "
+    "photon "
+    "bound is the Cramer-Rao bound without priors, root mean square over the poses: it falls with "
+    "the root of the photons. The noise of the traced light is the error that the files' own "
+    "standard errors cause, which no number of photons averages out. The 95 % region is that of "
+    "highest density of the whole posterior, its interval Wilson's."};
+
+void print_head() {
+  std::printf("%-28s %8s %5s %4s %9s %9s %9s %6s %6s %6s %6s %6s %10s %9s %9s %9s %9s\n", "scene",
+              "photons", "fits", "fail", "median mm", "RMS mm", "claimed", "ratio", "in 95%",
+              "mode", "flag", "misfit", "wrong flag", "bound mm", "file mm", "first ms", "next ms");
+}
+
+void print_row(const Row& r) {
+  std::printf(
+      "%-28s %8g %5d %4d %9.1f %9.1f %9.1f %6.2f %6.3f %6.3f %6.3f %6.3f %5d %4d %9.2f "
+      "%9.2f %9.0f %9.1f\n",
+      r.scene.c_str(), r.photons, r.captures(), r.failed(), 1e3 * r.median_error(),
+      1e3 * r.root_mean(&Trial::squared), 1e3 * r.root_mean(&Trial::claimed),
+      r.root_mean(&Trial::normalised), r.share(r.count(&Trial::in_region)),
+      r.share(r.count(&Trial::in_heaviest)), r.share(r.count(&Trial::flagged)),
+      r.share(r.count(&Trial::misfit)), r.count(&Trial::wrong),
+      r.count([](const Trial& t) { return t.wrong() && t.flagged; }), 1e3 * r.bound,
+      1e3 * r.file_limit, r.first_ms, r.median_ms());
+  std::fflush(stdout);
+}
+
+TracedCaptures traced_captures(const LightArguments& arguments, const Scene& scene,
+                               const std::string& path) {
+  TracedScene traced = read_traced_scene(scene, traced_path(arguments, path));
+  if (arguments.own_light == "tracer") return {scene, std::move(traced)};
+  if (arguments.own_light == "none") {
+    const HistogramCube dark(scene.sensor.rows, scene.sensor.columns, scene.sensor.bins);
+    return {scene, std::move(traced), &dark};
+  }
+  const auto renderer = make_reference_renderer(scene, sensor_placement(scene));
+  return {scene, std::move(traced), &renderer->direct_return()};
+}
+
+/// All captures of a scene at one level of light, with a fitter that knows nothing yet.
+Row study(const LightArguments& arguments, const Scene& scene, const TracedCaptures& truth,
+          std::size_t poses, const ExhaustiveSearch& judge, double photons) {
+  Row row;
+  row.scene = scene.name;
+  row.photons = photons;
+  const std::size_t count = poses * static_cast<std::size_t>(arguments.seeds);
+  std::vector<Capture> captures(count);
+  row.trials.resize(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    captures[i] = truth.capture(i % poses, photons, arguments.seed + 1'000'003 * (i + 1));
+    captures[i].index = static_cast<int>(i);
+  }
+  if (!arguments.captures_directory.empty()) save_captures(arguments, scene, photons, captures);
+  const Fitter fitter(scene, arguments.fit);
+  Progress progress(scene.name + formatted(", %g photons", photons), count);
+  const auto run = [&](std::size_t i) {
+    row.trials[i] = run_trial(fitter, judge, captures[i], truth.traced().poses[i % poses]);
+    progress.advance();
+  };
+  run(0);
+  row.first_ms = row.trials[0].time_ms;
+  tbb::parallel_for(std::size_t{1}, count, run, tbb::simple_partitioner());
+  progress.finish();
+  return row;
+}
+
+int run_light(const LightArguments& arguments) {
+  std::optional<tbb::global_control> threads;
+  if (arguments.threads > 0) {
+    threads.emplace(tbb::global_control::max_allowed_parallelism,
+                    static_cast<std::size_t>(arguments.threads));
+  }
+  if (!arguments.captures_directory.empty()) make_directory(arguments.captures_directory);
+  std::vector<Row> rows;
+  int failed = 0;
+  print_head();
+  for (const std::string& path : light_scenes(arguments)) {
+    Scene scene = read_scene(path);
+    if (arguments.own_light == "none") scene.linear.fixed_direct = 0;
+    const TracedCaptures truth = traced_captures(arguments, scene, path);
+    const std::size_t poses =
+        arguments.poses > 0 ? std::min(truth.poses(), static_cast<std::size_t>(arguments.poses))
+                            : truth.poses();
+    const Bounds bounds = bounds_of(scene, truth, poses);
+    ExhaustiveOptions judging;
+    judging.model_tolerance = kJudge;
+    judging.max_poses = 1;  // it only descends
+    const ExhaustiveSearch judge(scene, judging);
+    for (const double photons : arguments.photons) {
+      rows.push_back(study(arguments, scene, truth, poses, judge, photons));
+      rows.back().bound = std::sqrt(bounds.photon / truth.exposures(photons));
+      rows.back().file_limit = std::sqrt(bounds.file);
+      print_row(rows.back());
+      failed += rows.back().failed();
+      for (const Trial& t : rows.back().trials) {
+        if (!t.error.empty()) std::fprintf(stderr, "blindcorner: %s\n", t.error.c_str());
+      }
+      write_study(arguments, kFiles, csv(rows), charts(rows));
+      write_atomically((fs::path(arguments.output) / "light.json").string(),
+                       to_json(rows).dump(1) + "\n");
+    }
+  }
+  print_study_files(arguments, kFiles);
+  return failed > 0 ? kSomeFailed : kAllWell;
+}
+
+}  // namespace
+
+void add_light_benchmark(CLI::App& benchmark, int& exit_code) {
+  CLI::App& command = *benchmark.add_subcommand(
+      "light",
+      "errors and claims of the fit from few photons to many, on light that a path tracer "
+      "computed; writes light.csv, light.json and light.html");
+  const auto arguments = std::make_shared<LightArguments>();
+  const char* data = std::getenv("BLINDCORNER_DATA");
+  arguments->data = data != nullptr ? data : "../shared/data";
+  command.add_option("SCENE", arguments->scenes,
+                     "scene files, reference_NAME.json; default: those in scenes/");
+  command
+      .add_option("--data", arguments->data,
+                  "directory of the traced light, NAME.npz, or one that holds it in mitransient/; "
+                  "default: what BLINDCORNER_DATA says, else")
+      ->capture_default_str();
+  command.add_option("-o,--output", arguments->output, "directory to write to")
+      ->capture_default_str();
+  command.add_option("--photons", arguments->photons, "of the object, a list with commas")
+      ->delimiter(',')
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  command.add_option("--poses", arguments->poses, "first poses of each file; 0: all")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  command.add_option("--seeds", arguments->seeds, "captures of each pose")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  command.add_option("--seed", arguments->seed, "of the photons")->capture_default_str();
+  command
+      .add_option("--own-light", arguments->own_light,
+                  "whose light of the known scene the captures hold: the tracer's, whose time "
+                  "discretisation is up to 1 % of a bin off, the reference renderer's, or none")
+      ->check(CLI::IsMember({"tracer", "renderer", "none"}))
+      ->capture_default_str();
+  command.add_option("--tolerance", arguments->fit.model_tolerance, "of the fit's model")
+      ->capture_default_str();
+  command.add_option("--threads", arguments->threads, "threads; 0: one per processor")
+      ->check(CLI::Range(0, 1024))
+      ->capture_default_str();
+  command.add_option("--save-captures", arguments->captures_directory,
+                     "directory for the captures, a file for each scene and number of photons");
+  command.callback([arguments, &exit_code] {
+    arguments->fit.validate();
+    exit_code = run_light(*arguments);
+  });
+}
+
+}  // namespace blindcorner
