@@ -50,6 +50,10 @@ class BinLikelihood {
   double best(double n) const;
   /// sign(m - best(n)) sqrt(2 (value - least)).
   double residual(double n, double m, double least_value, double best_mean) const;
+  /// Adds mean and variance of the deviances of counts that expect `means`: one and two only where
+  /// counts are many.
+  void add_deviance_moments(std::span<const double> means, double& expected,
+                            double& variance) const;
   /// Variance of a count when m is expected.
   double variance(double m) const;
 
