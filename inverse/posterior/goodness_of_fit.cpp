@@ -19,7 +19,7 @@ GoodnessOfFit goodness_of_fit(const PoseObjective& objective, const Refined& opt
     mean.resize(zone.counts.size());
     objective.solver().expected(zone, at.shapes[z], optimum.linear.amplitude[z],
                                 optimum.linear.ambient[z], optimum.linear.direct[z], mean.data());
-    if (law.poisson() && zone.outside_bins > 0) {
+    if (zone.outside_bins > 0) {
       mean.push_back(zone.outside_bins * optimum.linear.ambient[z]);
     }
     law.add_deviance_moments(mean, fit.expected, variance);
