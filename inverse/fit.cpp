@@ -128,7 +128,7 @@ void answer_darkness(const CompiledScene& compiled, const Observation& observati
   int count = 0;
   const Eigen::Index stride = std::max<Eigen::Index>(1, compiled.templates.cols() / 500);
   for (Eigen::Index i = 0; i < compiled.templates.cols(); i += stride) {
-    const double light = observation.likelihood.front().scale() *
+    const double light = observation.likelihood.front()->scale() *
                          static_cast<double>(compiled.templates.col(i).sum());
     for (int k = -4; k <= 4; ++k) {
       const double u = 0.5 * k;
@@ -311,7 +311,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   if (observation.zones.empty()) {
     throw Error(captures.front().source, "found no zone with valid bins, accepted: at least one");
   }
-  if (observation.likelihood.front().poisson() && observation.total_count() <= 0) {
+  if (observation.likelihood.front()->counts_photons() && observation.total_count() <= 0) {
     answer_darkness(compiled, observation, result);
     for (const Capture& capture : captures) {
       FittedHistograms dark;

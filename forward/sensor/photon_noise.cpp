@@ -90,54 +90,24 @@ HistogramCube static_light(const Scene& scene, const HistogramCube& direct_retur
   return counts;
 }
 
-namespace {
-
-double variance_at(const GaussianNoise& law, double counts) {
-  return law.variance_floor + law.variance_per_count * std::max(counts, 0.0);
-}
-
-}  // namespace
-
 double count_variance(const Sensor& sensor, int zone, double counts) {
-  const NoiseLaw law = sensor.noise_of(zone);
-  if (const auto* gaussian = std::get_if<GaussianNoise>(&law)) {
-    return variance_at(*gaussian, counts);
-  }
-  return sensor.dispersion * counts;
+  return sensor.noise_of(zone).variance(counts, sensor.dispersion);
 }
 
 HistogramCube draw_counts(const Scene& scene, const HistogramCube& expected, double exposures,
                           std::uint64_t seed) {
+  const Sensor& sensor = scene.sensor;
   std::mt19937_64 random(seed);
   HistogramCube counts = expected;
-  if (std::holds_alternative<GaussianNoise>(scene.sensor.noise)) {
-    std::normal_distribution<double> normal;
-    for (int z = 0; z < counts.zones(); ++z) {
-      if (scene.sensor.zones[static_cast<std::size_t>(z)].dead) continue;
-      const auto law = std::get<GaussianNoise>(scene.sensor.noise_of(z));
-      for (int k = 0; k < counts.bins; ++k) {
-        double& value = counts.zone(z)[k];
-        value += std::sqrt(variance_at(law, value) / exposures) * normal(random);
-        if (law.censored_at_zero) value = std::max(value, 0.0);
-      }
+  for (int z = 0; z < counts.zones(); ++z) {
+    if (sensor.zones[static_cast<std::size_t>(z)].dead) continue;
+    if (sensor.pile_up_cycles > 0) {
+      draw_piled_up(sensor.pile_up_cycles, exposures, counts.zone(z), counts.bins, random);
+    } else {
+      sensor.noise_of(z).draw(counts.zone(z), counts.bins, exposures, sensor.dispersion, random);
     }
-    saturate(scene.sensor, counts);
-    return counts;
   }
-  if (scene.sensor.pile_up_cycles > 0) {
-    for (int z = 0; z < counts.zones(); ++z) {
-      draw_piled_up(scene.sensor.pile_up_cycles, exposures, counts.zone(z), counts.bins, random);
-    }
-    saturate(scene.sensor, counts);
-    return counts;
-  }
-  const double scale = exposures / scene.sensor.dispersion;
-  for (double& value : counts.values) {
-    if (value <= 0) continue;
-    std::poisson_distribution<long long> poisson(value * scale);
-    value = static_cast<double>(poisson(random)) / scale;
-  }
-  saturate(scene.sensor, counts);
+  saturate(sensor, counts);
   return counts;
 }
 

@@ -37,9 +37,9 @@ constexpr double kLargestError = 6.0;
 constexpr double kAmbientSpread = 0.02;
 /// Fewer levels of a zone's ambient light say nothing about their spread.
 constexpr std::size_t kLeastLevels = 8;
-/// Fewer squared residuals say nothing about the noise law.
+/// Fewer squared residuals say nothing about the noise model.
 constexpr std::size_t kLeastSquares = 100;
-/// Squared residuals beyond this many variances are left out of the noise law ...
+/// Squared residuals beyond this many variances are left out of the noise model ...
 constexpr double kTrim = 9.0;
 /// ... and those within have this mean, E[u^2 | u^2 < 9] of a standard normal u.
 constexpr double kTrimmedMean = 0.9733;
@@ -71,7 +71,7 @@ PoseVector true_pose(const Scene& scene, const Capture& capture, std::size_t ind
 bool has_data(const Observation& observation, const ObservedZone& zone, double level) {
   constexpr double kProportion = 1e4;
   return observation.law(zone).variance(level) <=
-         kProportion * observation.likelihood.front().variance(level);
+         kProportion * observation.likelihood.front()->variance(level);
 }
 
 double degrees_of_freedom(const Observation& observation) {
@@ -328,15 +328,15 @@ Eigen::VectorXd trimmed_law(const std::vector<Square>& squares, const std::vecto
   return law;
 }
 
-/// Noise law from squared residuals, trimmed at three standard deviations: variance = the zone's
-/// floor + per_count * mean, zones of few residuals with a floor in common; a dispersion for the
-/// Poisson law.
+/// Noise from squared residuals, trimmed at three standard deviations: where the noise model states
+/// a line, variance = the zone's floor + per_count * mean, zones of few residuals with a floor in
+/// common; else the dispersion.
 void learn_noise(const CalibrationProblem& problem, const Evaluations& evaluations,
                  const std::vector<double>& keep, Scene& scene) {
   const std::vector<Square> squares = squared_residuals(problem, evaluations, keep, scene);
   if (squares.size() < kLeastSquares) return;
   Sensor& sensor = scene.sensor;
-  if (std::holds_alternative<PoissonNoise>(sensor.noise)) {
+  if (!sensor.noise.stated_line()) {
     sensor.dispersion = trimmed_dispersion(squares, sensor.dispersion);
     return;
   }
@@ -349,27 +349,28 @@ void learn_noise(const CalibrationProblem& problem, const Evaluations& evaluatio
   }
   // Start from what holds half of the squares, so that a poor guess does not trim everything.
   const auto before = [&](std::size_t zone) {
-    return std::get<GaussianNoise>(sensor.noise_of(static_cast<int>(zone)));
+    return *sensor.noise_of(static_cast<int>(zone)).stated_line();
   };
   std::vector<double> ratio;
   for (const Square& s : squares) {
-    const GaussianNoise own = before(s.zone);
-    ratio.push_back(s.square / (own.variance_floor + own.variance_per_count * s.mean));
+    const VarianceLine own = before(s.zone);
+    ratio.push_back(s.square / (own.floor + own.per_count * s.mean));
   }
   const double scale = quantile(std::move(ratio), 0.5) / kMedianSquare;
-  GaussianNoise& noise = std::get<GaussianNoise>(sensor.noise);
+  VarianceLine line = *sensor.noise.stated_line();
   Eigen::VectorXd law(groups + 1);
-  law[0] = noise.variance_floor * scale;
-  law[groups] = noise.variance_per_count * scale;
+  law[0] = line.floor * scale;
+  law[groups] = line.per_count * scale;
   for (std::size_t z = 0; z < group.size(); ++z) {
-    if (group[z] > 0) law[group[z]] = before(z).variance_floor * scale;
+    if (group[z] > 0) law[group[z]] = before(z).floor * scale;
   }
   law = trimmed_law(squares, group, law);
-  noise.variance_per_count = law[groups];
-  if (groups > 1) noise.variance_floor = law.segment(1, groups - 1).mean();
+  line.per_count = law[groups];
+  if (groups > 1) line.floor = law.segment(1, groups - 1).mean();
   if (std::ranges::any_of(squares, [&](const Square& s) { return group[s.zone] == 0; })) {
-    noise.variance_floor = law[0];
+    line.floor = law[0];
   }
+  sensor.noise.state_line(line);
   for (std::size_t z = 0; z < group.size(); ++z) {
     if (group[z] > 0) sensor.zones[z].variance_floor = law[group[z]];
   }
@@ -560,9 +561,8 @@ double normalised_error(const Scene& scene, const CalibrationProblem& problem,
 }
 
 void scale_variance(Scene& scene, double factor) {
-  if (auto* noise = std::get_if<GaussianNoise>(&scene.sensor.noise)) {
-    noise->variance_floor *= factor;
-    noise->variance_per_count *= factor;
+  if (const auto line = scene.sensor.noise.stated_line()) {
+    scene.sensor.noise.state_line({line->floor * factor, line->per_count * factor});
     for (Zone& zone : scene.sensor.zones) {
       if (zone.variance_floor > 0) zone.variance_floor *= factor;
     }
@@ -817,7 +817,7 @@ Calibration calibrate(const Scene& stated, std::span<const Capture> captures,
                                          scene.sensor, Knowledge::fitted, base);
     problem.set_base(base);
   };
-  // Anew from the stated valid bins, with the noise law and the model known so far.
+  // Anew from the stated valid bins, with the noise and the model known so far.
   const auto find_valid_bins = [&] {
     if (!options.background) return;
     Scene base = problem.base();

@@ -37,7 +37,7 @@ struct DarkCount {
   std::size_t bin = 0;
   double count = 0;     ///< less modelled object and direct return
   double direct = 0;    ///< the modelled direct return
-  double variance = 0;  ///< by the noise law, at the expected counts
+  double variance = 0;  ///< by the noise model, at the expected counts
   double photons = 0;   ///< expected, where photons are counted
   double clip = 0;      ///< distance from the others beyond which it is not believed
   double cautious = 0;  ///< variance at the counts if they are more than expected
@@ -112,8 +112,8 @@ std::vector<DarkBins> dark_bins(const CalibrationProblem& problem, const Evaluat
       one.direct = direct[k];
       one.variance = law.variance(mean);
       one.cautious = law.variance(std::max(mean, n));
-      one.photons = law.poisson() ? mean * law.scale() : 0.0;
-      one.clip = kClip * std::sqrt(law.poisson() ? one.cautious : one.variance);
+      one.photons = law.counts_photons() ? mean * law.scale() : 0.0;
+      one.clip = kClip * std::sqrt(law.counts_photons() ? one.cautious : one.variance);
       dark.bins.push_back(one);
     }
     list.push_back(std::move(dark));
@@ -130,7 +130,7 @@ struct BinMean {
   double freedom = 1;   ///< degrees of freedom of the ratio
   double direct = 0;    ///< the modelled direct return
   double photons = 0;   ///< expected in all captures, where photons are counted
-  double expected = 0;  ///< variance of the value that the noise law expects
+  double expected = 0;  ///< variance of the value that the noise model expects
 };
 
 /// Of one bin: what it holds above the level in each capture.
@@ -299,20 +299,20 @@ std::vector<BackgroundBin> learn_background(const CalibrationProblem& problem,
   for (std::size_t c = 0; c < problem.captures(); ++c) any_object |= problem.pose(c).has_value();
   std::vector<BackgroundBin> found;
   Sensor& sensor = scene.sensor;
-  const bool poisson = std::holds_alternative<PoissonNoise>(sensor.noise);
+  const bool photons = sensor.noise.counts_photons();
   for (int z = 0; z < sensor.zone_count(); ++z) {
     const auto index = static_cast<std::size_t>(z);
     Zone& zone = sensor.zones[index];
     if (zone.dead) continue;
     const ZoneMeans means = zone_means(dark_bins(problem, evaluations, keep, z, knowledge),
-                                       sensor.bins, poisson && !any_object ? 1 : kLeastCaptures);
+                                       sensor.bins, photons && !any_object ? 1 : kLeastCaptures);
     zone.background = stated.zones[index].background;
     zone.background.resize(static_cast<std::size_t>(sensor.bins), 0.0);
     for (std::size_t k = 0; k < means.bins.size(); ++k) {
       const BinMean& bin = means.bins[k];
       if (bin.captures == 0) continue;
       zone.background[k] = 0;
-      if (!means.lit[k] || (poisson && bin.value < 0)) continue;
+      if (!means.lit[k] || (photons && bin.value < 0)) continue;
       zone.background[k] = bin.value;
       found.push_back({z, static_cast<int>(k), bin.value, bin.error});
     }
@@ -326,10 +326,9 @@ std::vector<BackgroundBin> learn_background(const CalibrationProblem& problem,
 void leave_out_unusable_bins(const CalibrationProblem& problem, const Evaluations& evaluations,
                              const std::vector<double>& keep, Scene& scene) {
   Sensor& sensor = scene.sensor;
-  const bool poisson = std::holds_alternative<PoissonNoise>(sensor.noise);
-  const auto* gaussian = std::get_if<GaussianNoise>(&sensor.noise);
+  const bool photons = sensor.noise.counts_photons();
   // The variance of what was cut off at zero says nothing about a bin.
-  const bool censored = gaussian != nullptr && gaussian->censored_at_zero;
+  const bool censored = make_likelihood(sensor.noise, 1, 1)->censored();
   for (int z = 0; z < sensor.zone_count(); ++z) {
     Zone& zone = sensor.zones[static_cast<std::size_t>(z)];
     if (zone.dead) continue;
@@ -338,7 +337,7 @@ void leave_out_unusable_bins(const CalibrationProblem& problem, const Evaluation
     std::vector<bool> unusable(means.bins.size(), false);
     for (std::size_t k = 0; k < means.bins.size(); ++k) {
       const BinMean& bin = means.bins[k];
-      if (bin.captures == 0 || (poisson && bin.photons < kLeastPhotons)) continue;
+      if (bin.captures == 0 || (photons && bin.photons < kLeastPhotons)) continue;
       const double ratio = bin.ratio / means.usual;
       const bool restless =
           !censored && ratio > kRestless && normal_score(ratio, bin.freedom) > kRestlessSigmas;

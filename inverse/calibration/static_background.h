@@ -22,10 +22,10 @@ enum class Knowledge {
 /// holds more than a thousandth of the light that the object sends to the zone. A bin's mean over
 /// those captures, less object, modelled direct return and ambient light, is taken where it is
 /// five standard errors from zero; these are those of its scatter from capture to capture, but not
-/// less than the noise law's in the proportion that is usual in the zone. Bins of which too little
-/// is seen (eight captures; without an object one, where photons are counted), or that a modelled
-/// direct return lights, keep what `stated` has. `keep` is [captures]. Changes the zones of
-/// `scene`; returns what was taken.
+/// less than the noise model's in the proportion that is usual in the zone. Bins of which too
+/// little is seen (eight captures; without an object one, where photons are counted), or that a
+/// modelled direct return lights, keep what `stated` has. `keep` is [captures]. Changes the zones
+/// of `scene`; returns what was taken.
 std::vector<BackgroundBin> learn_background(
     const CalibrationProblem& problem,
     const std::vector<CalibrationProblem::Evaluation>& evaluations, const std::vector<double>& keep,

@@ -10,6 +10,7 @@
 
 #include "blindcorner/forward/constants.h"
 #include "forward/support/multiversion.h"
+#include "forward/support/overloaded.h"
 
 namespace blindcorner {
 namespace {
@@ -92,57 +93,6 @@ double normal_tail_ratio(double x) {
   return NormalTailTable::covers(x) ? kNormalTail.ratio(x) : exact_normal_tail(x).ratio;
 }
 
-}  // namespace
-
-BinLikelihood::BinLikelihood(const NoiseLaw& law, double dispersion, double exposures)
-    : poisson_(std::holds_alternative<PoissonNoise>(law)) {
-  if (poisson_) {
-    scale_ = exposures / dispersion;
-  } else {
-    scale_ = exposures;
-    const auto& gaussian = std::get<GaussianNoise>(law);
-    floor_ = gaussian.variance_floor / exposures;
-    per_count_ = gaussian.variance_per_count / exposures;
-    censored_ = gaussian.censored_at_zero;
-  }
-}
-
-double BinLikelihood::variance(double m) const {
-  if (poisson_) return m / scale_;
-  return floor_ + per_count_ * std::max(m, 0.0);
-}
-
-BinLikelihood::Terms BinLikelihood::terms(double n, double m) const {
-  Terms t;
-  if (poisson_) {
-    t.value = scale_ * (n > 0 ? m - n * std::log(m) : m);
-    t.first = scale_ * (1 - n / m);
-    t.second = scale_ * (n / m) / m;
-    return t;
-  }
-  const double v = variance(m);
-  const double slope = m > 0 ? per_count_ : 0.0;
-  if (censored_ && n <= 0) {
-    const double sigma = std::sqrt(v);
-    const double x = -m / sigma;
-    const double ratio = normal_tail_ratio(x);
-    const double dx = -1 / sigma + 0.5 * m * slope / (v * sigma);
-    const double ddx = slope / (v * sigma) - 0.75 * m * slope * slope / (v * v * sigma);
-    t.value = -log_normal_tail(x);
-    t.first = -ratio * dx;
-    t.second = ratio * (x + ratio) * dx * dx - ratio * ddx;
-    return t;
-  }
-  const double d = n - m;
-  t.value = 0.5 * d * d / v + 0.5 * std::log(v);
-  t.first = -d / v - 0.5 * d * d * slope / (v * v) + 0.5 * slope / v;
-  t.second = 1 / v + 2 * d * slope / (v * v) + d * d * slope * slope / (v * v * v) -
-             0.5 * slope * slope / (v * v);
-  return t;
-}
-
-namespace {
-
 BLINDCORNER_MULTIVERSION void gaussian_slopes(const double* n, const double* m, int bins,
                                               double floor, double per_count, double* first,
                                               double* second) {
@@ -197,67 +147,232 @@ BLINDCORNER_MULTIVERSION double gaussian_sum(const double* n, const double* m,
   return 0.5 * (squares + logs);
 }
 
-}  // namespace
+/// Mean and variance of the deviance of a Poisson count with mean mu.
+struct PoissonDeviance {
+  static constexpr double kLow = 1e-4, kHigh = 300;
+  static constexpr int kSteps = 400;
+  std::vector<double> mean, variance;
 
-double BinLikelihood::sum(const double* n, const double* m, const double* counted, int bins,
-                          std::span<const int> censored) const {
-  double total = gaussian_sum(n, m, counted, bins, floor_, per_count_);
-  for (const int i : censored) {
-    total -= log_normal_tail(-m[i] / std::sqrt(variance(m[i])));
+  PoissonDeviance() {
+    for (int i = 0; i <= kSteps; ++i) {
+      const double mu = kLow * std::pow(kHigh / kLow, static_cast<double>(i) / kSteps);
+      const int last = static_cast<int>(mu + 12 * std::sqrt(mu) + 30);
+      double first = 0;
+      double second = 0;
+      double log_probability = -mu;
+      for (int n = 0; n <= last; ++n) {
+        if (n > 0) log_probability += std::log(mu / n);
+        const double d = 2 * (n > 0 ? mu - n + n * std::log(n / mu) : mu);
+        first += std::exp(log_probability) * d;
+        second += std::exp(log_probability) * d * d;
+      }
+      mean.push_back(first);
+      variance.push_back(second - first * first);
+    }
   }
-  return total;
+
+  void add(double mu, double& expected, double& spread) const {
+    if (mu >= kHigh) {
+      expected += 1 + 1 / (6 * mu);
+      spread += 2;
+      return;
+    }
+    const double x = std::max(std::log(mu / kLow) / std::log(kHigh / kLow) * kSteps, 0.0);
+    const auto i = static_cast<std::size_t>(std::min(x, kSteps - 1.0));
+    const double t = x - static_cast<double>(i);
+    const double below = std::min(mu / kLow, 1.0);
+    expected += below * (mean[i] * (1 - t) + mean[i + 1] * t);
+    spread += below * (variance[i] * (1 - t) + variance[i + 1] * t);
+  }
+};
+
+/// The photons that a Poisson count with this mean exceeds as rarely as a normal one exceeds `z`.
+double poisson_quantile(double mean, double z) {
+  // From here on Cornish and Fisher's expansion is good to a twentieth of a photon.
+  constexpr double kMany = 30;
+  if (mean > kMany) return std::max(std::round(mean + std::sqrt(mean) * z + (z * z - 1) / 6), 0.0);
+  double photons = 0;
+  double probability = std::exp(-mean);
+  double left = 0.5 * std::erfc(-z / std::numbers::sqrt2) - probability;
+  while (left > 0 && probability > 0) {
+    probability *= mean / ++photons;
+    left -= probability;
+  }
+  return photons;
 }
 
-void BinLikelihood::slopes(const double* n, const double* m, int bins,
-                           std::span<const int> censored, double* first, double* second) const {
-  gaussian_slopes(n, m, bins, floor_, per_count_, first, second);
-  thread_local std::vector<double> inverse;
-  if (!censored.empty()) {
-    inverse.resize(static_cast<std::size_t>(bins));
-    inverse_sigmas(m, bins, floor_, per_count_, inverse.data());
-  }
-  for (const int i : censored) {
-    const double inverse_sigma = inverse[static_cast<std::size_t>(i)];
-    const double x = -m[i] * inverse_sigma;
-    const double ratio = normal_tail_ratio(x);
-    const double slope = m[i] > 0 ? per_count_ * inverse_sigma * inverse_sigma : 0.0;
-    const double dx = inverse_sigma * (0.5 * m[i] * slope - 1);
-    const double ddx = slope * inverse_sigma * (1 - 0.75 * m[i] * slope);
-    first[i] = -ratio * dx;
-    second[i] = ratio * (x + ratio) * dx * dx - ratio * ddx;
-  }
-  for (int i = 0; i < bins; ++i) {
-    if (!(second[i] > 0)) second[i] = information(m[i]);
-  }
-}
+class PoissonLikelihood final : public BinLikelihood {
+ public:
+  PoissonLikelihood(const PoissonNoise&, double dispersion, double exposures)
+      : BinLikelihood(true, exposures / dispersion) {}
 
-BinLikelihood::Terms BinLikelihood::equal_bins(double bins, double sum, double squares,
-                                               double m) const {
+  double variance(double m) const override { return m / scale(); }
+
+  Terms terms(double n, double m) const override {
+    return {value(n, m), scale() * (1 - n / m), scale() * (n / m) / m};
+  }
+  double value(double n, double m) const override {
+    return scale() * (n > 0 ? m - n * std::log(m) : m);
+  }
+  double information(double m) const override { return scale() / std::max(m, kLeastInformed); }
+  double best(double n) const override { return n; }
+  double least(double n) const override { return n > 0 ? value(n, n) : 0.0; }
+  double half_deviance(double n, double m, double /*least_value*/) const override {
+    return scale() * (n > 0 ? m - n + n * std::log(n / std::max(m, kLeastMean)) : m);
+  }
+
+  double residual(double n, double mean, double /*least_value*/, double best_mean) const override {
+    const double m = std::max(mean, kLeastMean);
+    double half = half_deviance(n, m, 0);
+    // n log(n/m) + m - n without cancellation where m is close to n.
+    const double x = n > 0 ? (m - n) / n : 0;
+    if (n > 0 && std::abs(x) < 1e-3) half = scale() * n * x * x * (0.5 - x * (1.0 / 3 - x * 0.25));
+    const double root = std::sqrt(std::max(2 * half, 0.0));
+    return m >= best_mean ? root : -root;
+  }
+
+  void slopes(const CountRow& row, const double* m, double* first, double* second) const override {
+    for (int i = 0; i < row.bins; ++i) {
+      const double inverse = 1 / std::max(m[i], kLeastMean);
+      first[i] = scale() * (1 - row.counts[i] * inverse);
+      second[i] = scale() * row.counts[i] * inverse * inverse;
+    }
+  }
+
+  double half_deviance(const CountRow& row, const double* m, double /*least_sum*/) const override {
+    double sum = 0;
+    for (int i = 0; i < row.bins; ++i)
+      sum += PoissonLikelihood::half_deviance(row.counts[i], m[i], 0);
+    return sum;
+  }
+
+  void add_linear_terms(const CountRow& row, const LinearLight& light,
+                        LinearTerms& terms) const override {
+    const double* n = row.counts;
+    const double* s = light.object;
+    const double* t = light.direct;
+    const double amplitude = light.amplitude, ambient = light.ambient, direct = light.direct_scale;
+    double ga = 0, gc = 0, gb = 0, haa = 0, hac = 0, hab = 0, hcc = 0, hcb = 0, hbb = 0;
+    const double k = scale();
+    if (t == nullptr) {
+      for (int i = 0; i < row.bins; ++i) {
+        const double si = s != nullptr ? s[i] : 0.0;
+        const double inverse = 1 / std::max(amplitude * si + ambient, kLeastMean);
+        const double ratio = n[i] * inverse;
+        const double d1 = 1 - ratio;
+        const double d2 = ratio * inverse;
+        ga += d1 * si;
+        gc += d1;
+        haa += d2 * si * si;
+        hac += d2 * si;
+        hcc += d2;
+      }
+    } else {
+      for (int i = 0; i < row.bins; ++i) {
+        const double si = s != nullptr ? s[i] : 0.0;
+        const double inverse = 1 / std::max(amplitude * si + direct * t[i] + ambient, kLeastMean);
+        const double ratio = n[i] * inverse;
+        const double d1 = 1 - ratio;
+        const double d2 = ratio * inverse;
+        ga += d1 * si;
+        gc += d1;
+        gb += d1 * t[i];
+        haa += d2 * si * si;
+        hac += d2 * si;
+        hab += d2 * si * t[i];
+        hcc += d2;
+        hcb += d2 * t[i];
+        hbb += d2 * t[i] * t[i];
+      }
+    }
+    terms.ga += k * ga;
+    terms.gc += k * gc;
+    terms.gb += k * gb;
+    terms.haa += k * haa;
+    terms.hac += k * hac;
+    terms.hab += k * hab;
+    terms.hcc += k * hcc;
+    terms.hcb += k * hcb;
+    terms.hbb += k * hbb;
+  }
+
+  Terms equal_bins(double bins, double sum, double /*squares*/, double mean) const override {
+    const double m = std::max(mean, kLeastMean);
+    return {scale() * (bins * m - (sum > 0 ? sum * std::log(m) : 0.0)), scale() * (bins - sum / m),
+            scale() * (sum / m) / m};
+  }
+
+  void add_deviance_moments(std::span<const double> means, double& expected,
+                            double& variance) const override {
+    static const PoissonDeviance moments;
+    for (const double m : means) moments.add(std::max(scale() * m, 1e-12), expected, variance);
+  }
+
+  double quantile(double mean, double deviate) const override {
+    return poisson_quantile(mean * scale(), deviate) / scale();
+  }
+
+ private:
+  static constexpr double kLeastMean = 1e-300;
+  static constexpr double kLeastInformed = 1e-12;  ///< below it the information says no more
+};
+
+class GaussianLikelihood final : public BinLikelihood {
+ public:
+  GaussianLikelihood(const GaussianNoise& noise, double /*dispersion*/, double exposures)
+      : BinLikelihood(false, exposures),
+        floor_(noise.variance_floor / exposures),
+        per_count_(noise.variance_per_count / exposures),
+        censored_(noise.censored_at_zero) {}
+
+  bool censored() const override { return censored_; }
+  double variance(double m) const override { return floor_ + per_count_ * std::max(m, 0.0); }
+  Terms terms(double n, double m) const override;
+  double information(double m) const override;
+  double best(double n) const override;
+  double least(double n) const override {
+    return censored_ && n <= 0 ? 0 : value(n, best(n));  // P(N <= 0) tends to one
+  }
+  void slopes(const CountRow& row, const double* m, double* first, double* second) const override;
+  double half_deviance(const CountRow& row, const double* m, double least_sum) const override;
+  using BinLikelihood::half_deviance;
+  Terms equal_bins(double bins, double sum, double squares, double m) const override;
+  void add_deviance_moments(std::span<const double> means, double& expected,
+                            double& variance) const override;
+  double quantile(double mean, double deviate) const override {
+    const double count = mean + std::sqrt(variance(mean)) * deviate;
+    return censored_ ? std::max(count, 0.0) : count;
+  }
+
+ private:
+  double floor_, per_count_;
+  bool censored_;
+};
+
+BinLikelihood::Terms GaussianLikelihood::terms(double n, double m) const {
   Terms t;
-  if (poisson_) {
-    t.value = scale_ * (bins * m - (sum > 0 ? sum * std::log(m) : 0.0));
-    t.first = scale_ * (bins - sum / m);
-    t.second = scale_ * (sum / m) / m;
+  const double v = variance(m);
+  const double slope = m > 0 ? per_count_ : 0.0;
+  if (censored_ && n <= 0) {
+    const double sigma = std::sqrt(v);
+    const double x = -m / sigma;
+    const double ratio = normal_tail_ratio(x);
+    const double dx = -1 / sigma + 0.5 * m * slope / (v * sigma);
+    const double ddx = slope / (v * sigma) - 0.75 * m * slope * slope / (v * v * sigma);
+    t.value = -log_normal_tail(x);
+    t.first = -ratio * dx;
+    t.second = ratio * (x + ratio) * dx * dx - ratio * ddx;
     return t;
   }
-  const double v = variance(m);
-  const double slope = m > 0 ? per_count_ / v : 0.0;
-  const double d = sum - bins * m;
-  const double square = std::max(squares - 2 * m * sum + bins * m * m, 0.0) / v;
-  t.value = 0.5 * square + 0.5 * bins * std::log(v);
-  t.first = -d / v - 0.5 * slope * (square - bins);
-  t.second = bins / v + 2 * d * slope / v + slope * slope * (square - 0.5 * bins);
-  if (!(t.second > 0)) t.second = bins * information(m);
+  const double d = n - m;
+  t.value = 0.5 * d * d / v + 0.5 * std::log(v);
+  t.first = -d / v - 0.5 * d * d * slope / (v * v) + 0.5 * slope / v;
+  t.second = 1 / v + 2 * d * slope / (v * v) + d * d * slope * slope / (v * v * v) -
+             0.5 * slope * slope / (v * v);
   return t;
 }
 
-double BinLikelihood::value(double n, double m) const {
-  if (poisson_) return scale_ * (n > 0 ? m - n * std::log(m) : m);
-  return terms(n, m).value;
-}
-
-double BinLikelihood::information(double m) const {
-  if (poisson_) return scale_ / m;
+double GaussianLikelihood::information(double m) const {
   const double v = variance(m);
   const double slope = m > 0 ? per_count_ : 0.0;
   const double own = 0.5 * slope * slope / (v * v);
@@ -276,8 +391,7 @@ double BinLikelihood::information(double m) const {
          (1 - above) * std::pow(ratio * dx, 2);
 }
 
-double BinLikelihood::best(double n) const {
-  if (poisson_) return n;
+double GaussianLikelihood::best(double n) const {
   if (censored_ && n <= 0) return -std::numeric_limits<double>::max();
   if (per_count_ <= 0 || n <= 0) return n;
   // Stationary point of (n - m)^2 / (2V) + log(V) / 2 with V = f + k m, a quadratic in m; below
@@ -287,26 +401,121 @@ double BinLikelihood::best(double n) const {
   return std::max(std::sqrt(std::max(half * half + constant, 0.0)) - half, 0.0);
 }
 
-double BinLikelihood::least(double n) const {
-  if (!poisson_ && censored_ && n <= 0) return 0;  // P(N <= 0) tends to one
-  return value(n, best(n));
+void GaussianLikelihood::slopes(const CountRow& row, const double* m, double* first,
+                                double* second) const {
+  gaussian_slopes(row.counts, m, row.bins, floor_, per_count_, first, second);
+  thread_local std::vector<double> inverse;
+  if (!row.censored.empty()) {
+    inverse.resize(static_cast<std::size_t>(row.bins));
+    inverse_sigmas(m, row.bins, floor_, per_count_, inverse.data());
+  }
+  for (const int i : row.censored) {
+    const double inverse_sigma = inverse[static_cast<std::size_t>(i)];
+    const double x = -m[i] * inverse_sigma;
+    const double ratio = normal_tail_ratio(x);
+    const double slope = m[i] > 0 ? per_count_ * inverse_sigma * inverse_sigma : 0.0;
+    const double dx = inverse_sigma * (0.5 * m[i] * slope - 1);
+    const double ddx = slope * inverse_sigma * (1 - 0.75 * m[i] * slope);
+    first[i] = -ratio * dx;
+    second[i] = ratio * (x + ratio) * dx * dx - ratio * ddx;
+  }
+  for (int i = 0; i < row.bins; ++i) {
+    if (!(second[i] > 0)) second[i] = information(m[i]);
+  }
+}
+
+double GaussianLikelihood::half_deviance(const CountRow& row, const double* m,
+                                         double least_sum) const {
+  double total = gaussian_sum(row.counts, m, row.counted, row.bins, floor_, per_count_) - least_sum;
+  for (const int i : row.censored) total -= log_normal_tail(-m[i] / std::sqrt(variance(m[i])));
+  return total;
+}
+
+BinLikelihood::Terms GaussianLikelihood::equal_bins(double bins, double sum, double squares,
+                                                    double m) const {
+  Terms t;
+  const double v = variance(m);
+  const double slope = m > 0 ? per_count_ / v : 0.0;
+  const double d = sum - bins * m;
+  const double square = std::max(squares - 2 * m * sum + bins * m * m, 0.0) / v;
+  t.value = 0.5 * square + 0.5 * bins * std::log(v);
+  t.first = -d / v - 0.5 * slope * (square - bins);
+  t.second = bins / v + 2 * d * slope / v + slope * slope * (square - 0.5 * bins);
+  if (!(t.second > 0)) t.second = bins * information(m);
+  return t;
+}
+
+// By quadrature.
+void GaussianLikelihood::add_deviance_moments(std::span<const double> means, double& expected,
+                                              double& variance_sum) const {
+  constexpr int kPoints = 24;
+  for (const double m : means) {
+    double first = 0, second = 0, total = 0;
+    for (int i = 0; i <= kPoints; ++i) {
+      const double u = 8.0 * i / kPoints - 4;
+      const double weight = std::exp(-0.5 * u * u);
+      const double n = quantile(m, u);
+      const double d = 2 * (value(n, m) - least(n));
+      first += weight * d;
+      second += weight * d * d;
+      total += weight;
+    }
+    const double mean = first / total;
+    expected += mean;
+    variance_sum += second / total - mean * mean;
+  }
+}
+
+}  // namespace
+
+void LinearLight::expected(int bins, double* out) const {
+  for (int i = 0; i < bins; ++i) {
+    out[i] = (object != nullptr ? amplitude * object[i] : 0.0) +
+             (direct != nullptr ? direct_scale * direct[i] : 0.0) + ambient;
+  }
 }
 
 double BinLikelihood::residual(double n, double m, double least_value, double best_mean) const {
-  double half = 0;
-  if (poisson_) {
-    // n log(n/m) + m - n without cancellation where m is close to n.
-    const double x = n > 0 ? (m - n) / n : 0;
-    if (n > 0 && std::abs(x) < 1e-3) {
-      half = scale_ * n * x * x * (0.5 - x * (1.0 / 3 - x * 0.25));
-    } else {
-      half = scale_ * (n > 0 ? m - n + n * std::log(n / m) : m);
-    }
-  } else {
-    half = value(n, m) - least_value;
-  }
-  const double root = std::sqrt(std::max(2 * half, 0.0));
+  const double root = std::sqrt(std::max(2 * half_deviance(n, m, least_value), 0.0));
   return m >= best_mean ? root : -root;
+}
+
+void BinLikelihood::add_linear_terms(const CountRow& row, const LinearLight& light,
+                                     LinearTerms& h) const {
+  thread_local std::vector<double> mean, first, second;
+  const auto bins = static_cast<std::size_t>(row.bins);
+  for (auto* v : {&mean, &first, &second}) {
+    if (v->size() < bins) v->resize(bins);
+  }
+  light.expected(row.bins, mean.data());
+  slopes(row, mean.data(), first.data(), second.data());
+  for (std::size_t i = 0; i < bins; ++i) {
+    const double si = light.object != nullptr ? light.object[i] : 0.0;
+    const double ti = light.direct != nullptr ? light.direct[i] : 0.0;
+    const double d1 = first[i];
+    const double d2 = second[i];
+    h.ga += d1 * si;
+    h.gc += d1;
+    h.gb += d1 * ti;
+    h.haa += d2 * si * si;
+    h.hac += d2 * si;
+    h.hab += d2 * si * ti;
+    h.hcc += d2;
+    h.hcb += d2 * ti;
+    h.hbb += d2 * ti * ti;
+  }
+}
+
+std::shared_ptr<const BinLikelihood> make_likelihood(const NoiseModel& noise, double dispersion,
+                                                     double exposures) {
+  using Likelihood = std::shared_ptr<const BinLikelihood>;
+  return noise.visit(
+      overloaded{[&](const PoissonNoise& model) -> Likelihood {
+                   return std::make_shared<PoissonLikelihood>(model, dispersion, exposures);
+                 },
+                 [&](const GaussianNoise& model) -> Likelihood {
+                   return std::make_shared<GaussianLikelihood>(model, dispersion, exposures);
+                 }});
 }
 
 }  // namespace blindcorner

@@ -1,16 +1,41 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Likelihood of one histogram bin under the sensor's noise law.
+/// Likelihood of histogram bins under the sensor's noise model.
 #pragma once
 
+#include <memory>
 #include <span>
 
-#include "blindcorner/forward/sensor/sensor.h"
+#include "blindcorner/forward/sensor/noise_model.h"
 
 namespace blindcorner {
 
+/// Counts of a row of bins.
+struct CountRow {
+  const double* counts = nullptr;   ///< [bins]
+  const double* counted = nullptr;  ///< [bins] 0 in the censored bins, 1 in the others
+  std::span<const int> censored;    ///< bins whose count stands for "zero or less"
+  int bins = 0;
+};
+
+/// What a row of bins expects: amplitude * object + direct_scale * direct + ambient.
+struct LinearLight {
+  const double* object = nullptr;  ///< [bins] at unit amplitude; null: none
+  const double* direct = nullptr;  ///< [bins]; null: none
+  double amplitude = 0, ambient = 0, direct_scale = 0;
+
+  /// Expected counts, [bins].
+  void expected(int bins, double* out) const;
+};
+
+/// Derivatives of a negative log likelihood in amplitude (a), ambient (c) and direct scale (b).
+struct LinearTerms {
+  double ga = 0, gc = 0, gb = 0;
+  double haa = 0, hac = 0, hab = 0, hcc = 0, hcb = 0, hbb = 0;
+};
+
 /// Negative log likelihood of a count n when m is expected, its derivatives in m, and the Fisher
 /// information of m. Constants that depend on n alone are chosen so that the deviance is
-/// 2 (value(n, m) - least(n)) >= 0.
+/// 2 (value(n, m) - least(n)) >= 0. Means of photons below the smallest number are taken for that.
 ///
 /// Poisson:  value = k (m - n log m), k = exposures / dispersion.
 /// Gaussian: value = (n - m)^2 / (2 V) + log(V) / 2 with V = (floor + per_count * max(m, 0)) /
@@ -21,43 +46,66 @@ class BinLikelihood {
     double value = 0, first = 0, second = 0;
   };
 
-  BinLikelihood(const NoiseLaw& law, double dispersion, double exposures);
+  BinLikelihood(bool counts_photons, double scale)
+      : counts_photons_(counts_photons), scale_(scale) {}
+  virtual ~BinLikelihood() = default;
 
-  bool poisson() const { return poisson_; }
-  bool censored() const { return censored_; }
-  /// Effective exposures: k of the Poisson law, the exposures of the Gaussian one.
+  /// As NoiseModel::counts_photons(): means are above zero, and the sum of the counts of bins that
+  /// expect the same is as good as the bins.
+  bool counts_photons() const { return counts_photons_; }
+  /// Exposures over the dispersion, where the noise model has one: where photons are counted,
+  /// photons per count.
   double scale() const { return scale_; }
-
-  Terms terms(double n, double m) const;
-  /// First and second derivatives of value(n, m) in m for a row of bins, Gaussian law only. Where
-  /// the value is not convex (far from the data) the information stands for the second. `censored`
-  /// lists the bins whose count stands for "zero or less".
-  void slopes(const double* n, const double* m, int bins, std::span<const int> censored,
-              double* first, double* second) const;
-  /// Sum of value(n, m) over a row of bins, Gaussian law only. `counted` is 0 in the censored bins
-  /// and 1 in the others.
-  double sum(const double* n, const double* m, const double* counted, int bins,
-             std::span<const int> censored) const;
-  /// Value and derivatives summed over `bins` uncensored bins that expect the same m, of counts
-  /// that add up to `sum` and whose squares add up to `squares`; value without constants.
-  Terms equal_bins(double bins, double sum, double squares, double m) const;
-  double value(double n, double m) const;
-  /// Expected information about m, 1/counts^2.
-  double information(double m) const;
-  /// min over m of value(n, m).
-  double least(double n) const;
-  /// The m that explains n best; the lowest double for a censored count (any m far below zero).
-  double best(double n) const;
-  /// sign(m - best(n)) sqrt(2 (value - least)).
-  double residual(double n, double m, double least_value, double best_mean) const;
+  /// Whether a count of zero stands for "zero or less".
+  virtual bool censored() const { return false; }
   /// Variance of a count when m is expected.
-  double variance(double m) const;
+  virtual double variance(double m) const = 0;
+
+  virtual Terms terms(double n, double m) const = 0;
+  virtual double value(double n, double m) const { return terms(n, m).value; }
+  /// Expected information about m, 1/counts^2.
+  virtual double information(double m) const = 0;
+  /// The m that explains n best; the lowest double for a censored count (any m far below zero).
+  virtual double best(double n) const = 0;
+  /// min over m of value(n, m).
+  virtual double least(double n) const = 0;
+  /// value(n, m) - least_value without loss of digits.
+  virtual double half_deviance(double n, double m, double least_value) const {
+    return value(n, m) - least_value;
+  }
+  /// sign(m - best(n)) sqrt(2 (value - least)).
+  virtual double residual(double n, double m, double least_value, double best_mean) const;
+
+  // Rows of bins are what the solver spends its time on.
+
+  /// First and second derivatives of value(n, m) in m, [bins] each. Where the value is not convex
+  /// (far from the data) the information stands for the second.
+  virtual void slopes(const CountRow& row, const double* m, double* first,
+                      double* second) const = 0;
+  /// Sum of the half deviances; `least_sum` is that of the least values.
+  virtual double half_deviance(const CountRow& row, const double* m, double least_sum) const = 0;
+  /// Adds the derivatives of the row's value in the linear unknowns, curvatures as by slopes().
+  virtual void add_linear_terms(const CountRow& row, const LinearLight& light,
+                                LinearTerms& terms) const;
+  /// Value and derivatives summed over `bins` uncensored bins that expect the same m, of counts
+  /// that add up to `sum` and whose squares add up to `squares`.
+  virtual Terms equal_bins(double bins, double sum, double squares, double m) const = 0;
+
+  /// Adds mean and variance of the deviances of counts that expect `means`: one and two only where
+  /// counts are many.
+  virtual void add_deviance_moments(std::span<const double> means, double& expected,
+                                    double& variance) const = 0;
+  /// The count that is exceeded as rarely when `mean` is expected as a standard normal deviate
+  /// exceeds `deviate`: draws that change little with the mean, the same with every library.
+  virtual double quantile(double mean, double deviate) const = 0;
 
  private:
-  bool poisson_;
-  double scale_ = 1;
-  double floor_ = 1, per_count_ = 0;
-  bool censored_ = false;
+  bool counts_photons_;
+  double scale_;
 };
+
+/// Likelihood of counts averaged over `exposures`; `dispersion` is a single exposure's.
+std::shared_ptr<const BinLikelihood> make_likelihood(const NoiseModel& noise, double dispersion,
+                                                     double exposures);
 
 }  // namespace blindcorner

@@ -16,22 +16,22 @@ constexpr double kQuadratic = 1e-6;
 /// Expected photons at which the ambient light of a whole zone is taken as none.
 constexpr double kAmbientFloor = 1e-6;
 
-double half_deviance(const BinLikelihood& law, const ObservedZone& zone, std::size_t bin,
-                     double m) {
-  const double n = zone.counts[bin];
-  if (!law.poisson()) return law.value(n, m) - zone.least[bin];
-  return law.scale() * (n > 0 ? m - n + n * std::log(n / std::max(m, 1e-300)) : m);
-}
-
-/// Censored bins in [begin, end), counted from begin.
-std::span<const int> censored_between(const ObservedZone& zone, int begin, int end) {
+/// Bins [begin, end) of a zone.
+CountRow row_of(const ObservedZone& zone, int begin, int end) {
   thread_local std::vector<int> censored;
   censored.clear();
   for (auto it = std::lower_bound(zone.censored.begin(), zone.censored.end(), begin);
        it != zone.censored.end() && *it < end; ++it) {
     censored.push_back(*it - begin);
   }
-  return censored;
+  return {zone.counts.data() + begin, zone.counted.data() + begin, censored, end - begin};
+}
+
+/// What the bins from `begin` on expect.
+LinearLight light_of(const ZoneShapes& shapes, int begin, double amplitude, double ambient,
+                     double direct) {
+  return {shapes.object != nullptr ? shapes.object + begin : nullptr,
+          shapes.direct != nullptr ? shapes.direct + begin : nullptr, amplitude, ambient, direct};
 }
 
 double log_normal_prior(double log_a, const AmplitudePrior& prior) {
@@ -41,12 +41,6 @@ double log_normal_prior(double log_a, const AmplitudePrior& prior) {
 
 }  // namespace
 
-/// Derivatives of one zone's negative log likelihood in (a, c, b).
-struct LinearSolver::Local {
-  double ga = 0, gc = 0, gb = 0;
-  double haa = 0, hac = 0, hab = 0, hcc = 0, hcb = 0, hbb = 0;
-};
-
 LinearSolver::LinearSolver(const Observation& observation, const LinearUnknowns& unknowns)
     : observation_(observation),
       unknowns_(unknowns),
@@ -54,21 +48,18 @@ LinearSolver::LinearSolver(const Observation& observation, const LinearUnknowns&
   for (const ObservedZone& zone : observation_.zones) {
     const BinLikelihood& law = observation_.law(zone);
     const double all_bins = zone.bins() + zone.outside_bins;
-    ambient_floor_.push_back(law.poisson() ? kAmbientFloor / (all_bins * law.scale()) : -1e300);
-    residual_count_ += zone.bins() + (law.poisson() && zone.outside_bins > 0 ? 1 : 0);
+    ambient_floor_.push_back(law.counts_photons() ? kAmbientFloor / (all_bins * law.scale())
+                                                  : -1e300);
+    residual_count_ += zone.bins() + (zone.outside_bins > 0 ? 1 : 0);
     std::vector<Prefix> prefix(1);
     for (std::size_t k = 0; k < zone.counts.size(); ++k) {
       const double n = zone.counts[k];
       Prefix next = prefix.back();
       next.count += n;
       next.square += n * n;
-      if (law.poisson()) {
-        next.constant += n > 0 ? law.scale() * (n * std::log(n) - n) : 0.0;
-      } else {
-        next.constant -= zone.least[k];
-      }
+      next.least += zone.least[k];
       if (unknowns_.ambient == LinearMode::fixed) {
-        next.fixed += half_deviance(law, zone, k, unknowns_.fixed_ambient);
+        next.fixed += law.half_deviance(n, unknowns_.fixed_ambient, zone.least[k]);
       }
       prefix.push_back(next);
     }
@@ -118,97 +109,29 @@ LinearSolver::Lit LinearSolver::lit(std::size_t zone, const ZoneShapes& shapes) 
     result.rest_bins -= result.ranges[r].second - result.ranges[r].first;
     result.rest.count -= end.count - begin.count;
     result.rest.square -= end.square - begin.square;
-    result.rest.constant -= end.constant - begin.constant;
+    result.rest.least -= end.least - begin.least;
     result.rest.fixed -= end.fixed - begin.fixed;
   }
   return result;
 }
 
-LinearSolver::Local LinearSolver::local(std::size_t z, const ZoneShapes& shapes, double amplitude,
-                                        double ambient, double direct) const {
-  Local h;
+LinearTerms LinearSolver::local(std::size_t z, const ZoneShapes& shapes, double amplitude,
+                                double ambient, double direct) const {
+  LinearTerms h;
   const ObservedZone& zone = observation_.zones[z];
   const BinLikelihood& law = observation_.law(zone);
-  const double* s = shapes.object;
-  const double* t = shapes.direct;
-  const double* n = zone.counts.data();
   const Lit bins = lit(z, shapes);
-  if (law.poisson()) {
-    double ga = 0, gc = 0, gb = 0, haa = 0, hac = 0, hab = 0, hcc = 0, hcb = 0, hbb = 0;
-    const double k = law.scale();
-    for (std::size_t r = 0; r < bins.count; ++r) {
-      const auto [begin, end] = bins.ranges[r];
-      if (t == nullptr) {
-        for (int i = begin; i < end; ++i) {
-          const double si = s != nullptr ? s[i] : 0.0;
-          const double inverse = 1 / std::max(amplitude * si + ambient, 1e-300);
-          const double ratio = n[i] * inverse;
-          const double d1 = 1 - ratio;
-          const double d2 = ratio * inverse;
-          ga += d1 * si;
-          gc += d1;
-          haa += d2 * si * si;
-          hac += d2 * si;
-          hcc += d2;
-        }
-      } else {
-        for (int i = begin; i < end; ++i) {
-          const double si = s != nullptr ? s[i] : 0.0;
-          const double inverse = 1 / std::max(amplitude * si + direct * t[i] + ambient, 1e-300);
-          const double ratio = n[i] * inverse;
-          const double d1 = 1 - ratio;
-          const double d2 = ratio * inverse;
-          ga += d1 * si;
-          gc += d1;
-          gb += d1 * t[i];
-          haa += d2 * si * si;
-          hac += d2 * si;
-          hab += d2 * si * t[i];
-          hcc += d2;
-          hcb += d2 * t[i];
-          hbb += d2 * t[i] * t[i];
-        }
-      }
-    }
-    const double dark_bins = zone.outside_bins + bins.rest_bins;
-    const double dark_count = zone.outside_count + bins.rest.count;
-    if (dark_bins > 0 && ambient > 0) {
-      gc += dark_bins - dark_count / ambient;
-      hcc += dark_count / (ambient * ambient);
-    }
-    return {k * ga, k * gc, k * gb, k * haa, k * hac, k * hab, k * hcc, k * hcb, k * hbb};
-  }
-  thread_local std::vector<double> mean, first, second;
-  for (auto* v : {&mean, &first, &second}) {
-    if (v->size() < zone.counts.size()) v->resize(zone.counts.size());
-  }
   for (std::size_t r = 0; r < bins.count; ++r) {
     const auto [begin, end] = bins.ranges[r];
-    expected(shapes, amplitude, ambient, direct, begin, end, mean.data());
-    law.slopes(n + begin, mean.data(), end - begin, censored_between(zone, begin, end),
-               first.data(), second.data());
-    for (int i = begin; i < end; ++i) {
-      const auto k = static_cast<std::size_t>(i - begin);
-      const double si = s != nullptr ? s[i] : 0.0;
-      const double ti = t != nullptr ? t[i] : 0.0;
-      const double d1 = first[k];
-      const double d2 = second[k];
-      h.ga += d1 * si;
-      h.gc += d1;
-      h.gb += d1 * ti;
-      h.haa += d2 * si * si;
-      h.hac += d2 * si;
-      h.hab += d2 * si * ti;
-      h.hcc += d2;
-      h.hcb += d2 * ti;
-      h.hbb += d2 * ti * ti;
-    }
+    law.add_linear_terms(row_of(zone, begin, end),
+                         light_of(shapes, begin, amplitude, ambient, direct), h);
   }
-  if (bins.rest_bins > 0 && unknowns_.ambient == LinearMode::per_zone) {
-    const BinLikelihood::Terms rest =
-        law.equal_bins(bins.rest_bins, bins.rest.count, bins.rest.square, ambient);
-    h.gc += rest.first;
-    h.hcc += rest.second;
+  const double dark_bins = zone.outside_bins + bins.rest_bins;
+  if (dark_bins > 0 && unknowns_.ambient == LinearMode::per_zone) {
+    const BinLikelihood::Terms dark =
+        law.equal_bins(dark_bins, zone.outside_count + bins.rest.count, bins.rest.square, ambient);
+    h.gc += dark.first;
+    h.hcc += dark.second;
   }
   return h;
 }
@@ -237,7 +160,7 @@ void LinearSolver::start(std::span<const ZoneShapes> shapes, LinearSolution& sol
       solution.ambient[z] =
           std::max({level, 0.5 / (all * std::max(observation_.law(zone).scale(), 1e-12)),
                     ambient_floor_[z]});
-      if (!observation_.law(zone).poisson()) solution.ambient[z] = level;
+      if (!observation_.law(zone).counts_photons()) solution.ambient[z] = level;
     }
     if (shapes[z].object == nullptr || unknowns_.amplitude == LinearMode::fixed) continue;
     double zone_numerator = 0;
@@ -297,7 +220,7 @@ void LinearSolver::solve_shared(std::span<const ZoneShapes> shapes, std::size_t 
     log_det = 0;
     dimension = 0;
     for (std::size_t z = begin; z < end; ++z) {
-      Local h = local(z, shapes[z], a, solution.ambient[z], solution.direct[z]);
+      LinearTerms h = local(z, shapes[z], a, solution.ambient[z], solution.direct[z]);
       if (const NormalPrior* prior = ambient_prior(z)) {
         h.gc += (solution.ambient[z] - prior->mean) / (prior->sigma * prior->sigma);
         h.hcc += 1 / (prior->sigma * prior->sigma);
@@ -376,7 +299,7 @@ void LinearSolver::solve_shared(std::span<const ZoneShapes> shapes, std::size_t 
       const double rb = block.b_free ? block.gb + block.hab * du : 0;
       const double dc = -(block.hcc * rc + block.hcb * rb);
       const double db = -(block.hcb * rc + block.hbb * rb);
-      if (observation_.law(observation_.zones[z]).poisson()) {
+      if (observation_.law(observation_.zones[z]).counts_photons()) {
         if (block.c_free) largest = std::max(largest, std::abs(dc) / (0.7 * solution.ambient[z]));
         if (block.b_free)
           largest = std::max(largest, std::abs(db) / (0.7 * std::max(solution.direct[z], 1e-3)));
@@ -389,7 +312,7 @@ void LinearSolver::solve_shared(std::span<const ZoneShapes> shapes, std::size_t 
       const double rb = block.b_free ? block.gb + block.hab * du : 0;
       if (block.c_free) {
         const double moved = solution.ambient[z] - step * (block.hcc * rc + block.hcb * rb);
-        const bool positive_only = observation_.law(observation_.zones[z]).poisson();
+        const bool positive_only = observation_.law(observation_.zones[z]).counts_photons();
         solution.ambient[z] =
             positive_only ? std::max({moved, 0.1 * solution.ambient[z], ambient_floor_[z]}) : moved;
         if (positive_only && solution.ambient[z] < 4 * ambient_floor_[z] && moved < 0) {
@@ -447,31 +370,20 @@ void LinearSolver::solve(std::span<const ZoneShapes> shapes, LinearSolution& sol
       const auto [begin, end] = bins.ranges[r];
       thread_local std::vector<double> mean;
       mean.resize(static_cast<std::size_t>(end - begin));
-      expected(shapes[z], a, c, b, begin, end, mean.data());
-      if (law.poisson()) {
-        for (int i = begin; i < end; ++i) {
-          loss += half_deviance(law, zone, static_cast<std::size_t>(i),
-                                mean[static_cast<std::size_t>(i - begin)]);
-        }
-      } else {
-        loss += law.sum(zone.counts.data() + begin, mean.data(), zone.counted.data() + begin,
-                        end - begin, censored_between(zone, begin, end)) +
-                prefix_[z][static_cast<std::size_t>(end)].constant -
-                prefix_[z][static_cast<std::size_t>(begin)].constant;
-      }
+      light_of(shapes[z], begin, a, c, b).expected(end - begin, mean.data());
+      const Prefix& before = prefix_[z][static_cast<std::size_t>(begin)];
+      const Prefix& after = prefix_[z][static_cast<std::size_t>(end)];
+      loss += law.half_deviance(row_of(zone, begin, end), mean.data(), after.least - before.least);
     }
     if (bins.rest_bins > 0) {
       loss += unknowns_.ambient == LinearMode::fixed
                   ? bins.rest.fixed
-                  : bins.rest.constant + law.equal_bins(bins.rest_bins, bins.rest.count,
-                                                        bins.rest.square,
-                                                        std::max(c, law.poisson() ? 1e-300 : c))
-                                             .value;
+                  : law.equal_bins(bins.rest_bins, bins.rest.count, bins.rest.square, c).value -
+                        bins.rest.least;
     }
-    if (law.poisson() && zone.outside_bins > 0) {
-      const double m = zone.outside_bins * c;
-      const double n = zone.outside_count;
-      loss += law.scale() * (n > 0 ? m - n + n * std::log(n / std::max(m, 1e-300)) : m);
+    if (zone.outside_bins > 0) {
+      loss += law.half_deviance(zone.outside_count, zone.outside_bins * c,
+                                law.least(zone.outside_count));
     }
   }
   solution.log_likelihood = -loss;
@@ -479,17 +391,7 @@ void LinearSolver::solve(std::span<const ZoneShapes> shapes, LinearSolution& sol
 
 void LinearSolver::expected(const ObservedZone& zone, const ZoneShapes& shapes, double amplitude,
                             double ambient, double direct, double* out) const {
-  expected(shapes, amplitude, ambient, direct, 0, zone.bins(), out);
-}
-
-void LinearSolver::expected(const ZoneShapes& shapes, double amplitude, double ambient,
-                            double direct, int begin, int end, double* out) {
-  const double* s = shapes.object;
-  const double* t = shapes.direct;
-  for (int i = begin; i < end; ++i) {
-    out[i - begin] =
-        (s != nullptr ? amplitude * s[i] : 0.0) + (t != nullptr ? direct * t[i] : 0.0) + ambient;
-  }
+  light_of(shapes, 0, amplitude, ambient, direct).expected(zone.bins(), out);
 }
 
 void LinearSolver::residuals(std::span<const ZoneShapes> shapes, const LinearSolution& solution,
@@ -516,13 +418,11 @@ void LinearSolver::residuals(std::span<const ZoneShapes> shapes, const LinearSol
         *out++ = unknowns_.fixed_ambient >= zone.best[k] ? root : -root;
         continue;
       }
-      const double m = law.poisson() ? std::max(mean[k], 1e-300) : mean[k];
-      *out++ = law.residual(zone.counts[k], m, zone.least[k], zone.best[k]);
+      *out++ = law.residual(zone.counts[k], mean[k], zone.least[k], zone.best[k]);
     }
-    if (law.poisson() && zone.outside_bins > 0) {
-      *out++ = law.residual(zone.outside_count,
-                            std::max(zone.outside_bins * solution.ambient[z], 1e-300), 0,
-                            zone.outside_count);
+    if (zone.outside_bins > 0) {
+      const double n = zone.outside_count;
+      *out++ = law.residual(n, zone.outside_bins * solution.ambient[z], law.least(n), law.best(n));
     }
     if (const NormalPrior* prior = ambient_prior(z)) {
       *out++ = (solution.ambient[z] - prior->mean) / prior->sigma;

@@ -67,11 +67,10 @@ class LinearSolver {
   const LinearUnknowns& unknowns() const { return unknowns_; }
 
  private:
-  struct Local;
   /// Sums over the bins before one.
   struct Prefix {
     double count = 0, square = 0;  ///< n and n^2
-    double constant = 0;           ///< of the deviance, in n alone
+    double least = 0;              ///< least negative log likelihood
     double fixed = 0;              ///< half deviance at the fixed ambient light
   };
   /// Bins that object or direct return light: at most two ranges; and the sums over the rest, where
@@ -82,9 +81,6 @@ class LinearSolver {
     double rest_bins = 0;
     Prefix rest;
   };
-  /// Expected counts of the bins from `begin` to before `end`.
-  static void expected(const ZoneShapes& shapes, double amplitude, double ambient, double direct,
-                       int begin, int end, double* out);
   /// Prior of the ambient light of an observed zone; null: none.
   const NormalPrior* ambient_prior(std::size_t zone) const {
     if (unknowns_.ambient_prior.empty()) return nullptr;
@@ -93,8 +89,8 @@ class LinearSolver {
   Lit lit(std::size_t zone, const ZoneShapes& shapes) const;
   /// Whether bins with ambient light alone can be taken together.
   bool summable(const ObservedZone& zone) const;
-  Local local(std::size_t z, const ZoneShapes& shapes, double amplitude, double ambient,
-              double direct) const;
+  LinearTerms local(std::size_t z, const ZoneShapes& shapes, double amplitude, double ambient,
+                    double direct) const;
   void start(std::span<const ZoneShapes> shapes, LinearSolution& solution) const;
   void solve_shared(std::span<const ZoneShapes> shapes, std::size_t begin, std::size_t end,
                     LinearSolution& solution, double accuracy) const;

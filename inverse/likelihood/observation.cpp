@@ -33,7 +33,7 @@ struct Unpiled {
 /// object's light is: its mean over bins and zones stands for all of them.
 Unpiled without_pile_up(const Sensor& sensor, const Capture& capture) {
   Unpiled result{capture.counts, 1.0};
-  if (sensor.pile_up_cycles <= 0 || !std::holds_alternative<PoissonNoise>(sensor.noise)) {
+  if (sensor.pile_up_cycles <= 0 || !sensor.noise.counts_photons()) {
     return result;
   }
   const int bins = capture.counts.bins;
@@ -160,14 +160,15 @@ void check_capture(const Scene& scene, const Capture& capture) {
     throw Error(where,
                 "dispersion: found " + std::to_string(*capture.dispersion) + ", accepted: > 0");
   }
-  const bool poisson = std::holds_alternative<PoissonNoise>(sensor.noise);
+  const bool photons = sensor.noise.counts_photons();
   for (int z = 0; z < counts.zones(); ++z) {
     const Zone& zone = sensor.zones[static_cast<std::size_t>(z)];
     if (zone.dead) continue;
     for (int k = zone.first_valid_bin; k < sensor.valid_end(z); ++k) {
       const double value = counts.zone(z)[k];
-      if (std::isfinite(value) && (value >= 0 || !poisson) && !sensor.saturates(value)) continue;
-      std::string accepted = poisson ? "finite counts >= 0 (Poisson law)" : "finite values";
+      if (std::isfinite(value) && (value >= 0 || !photons) && !sensor.saturates(value)) continue;
+      std::string accepted = "finite values";
+      if (photons) accepted = std::string("finite counts >= 0 (") + sensor.noise.name() + " noise)";
       if (sensor.saturation > 0) {
         accepted += " below the saturation of " + std::to_string(sensor.saturation);
       }
@@ -188,8 +189,8 @@ Observation observe(const Scene& scene, std::span<const Capture> captures,
     const Unpiled unpiled = without_pile_up(sensor, capture);
     const bool own_laws = capture.zone_exposures || sensor.zones_have_noise_floors();
     if (!own_laws) {
-      observation.likelihood.emplace_back(sensor.noise, dispersion,
-                                          capture.exposures * unpiled.live);
+      observation.likelihood.push_back(
+          make_likelihood(sensor.noise, dispersion, capture.exposures * unpiled.live));
     }
     for (int z = 0; z < sensor.zone_count(); ++z) {
       const Zone& zone = sensor.zones[static_cast<std::size_t>(z)];
@@ -201,11 +202,11 @@ Observation observe(const Scene& scene, std::span<const Capture> captures,
       if (zone.dead || window.first >= window.end) continue;
       if (own_laws) {
         // A zone without data keeps its place among the rows of the compiled scene.
-        observation.likelihood.emplace_back(
-            sensor.noise_of(z), dispersion,
-            std::max(capture.exposures_of(z) * unpiled.live, kNoExposure));
+        observation.likelihood.push_back(
+            make_likelihood(sensor.noise_of(z), dispersion,
+                            std::max(capture.exposures_of(z) * unpiled.live, kNoExposure)));
       }
-      const BinLikelihood& law = observation.likelihood.back();
+      const BinLikelihood& law = *observation.likelihood.back();
       ObservedZone observed;
       observed.capture = static_cast<int>(c);
       observed.zone = z;
@@ -221,11 +222,13 @@ Observation observe(const Scene& scene, std::span<const Capture> captures,
       }
       for (const double n : observed.counts) {
         observed.best.push_back(law.best(n));
-        observed.least.push_back(law.poisson() ? 0.0 : law.least(n));
+        observed.least.push_back(law.least(n));
       }
-      observed.outside_bins = valid_end - valid_first - (window.end - window.first);
-      observed.outside_count = std::accumulate(counts + valid_first, counts + window.first, 0.0) +
-                               std::accumulate(counts + window.end, counts + valid_end, 0.0);
+      if (law.counts_photons()) {
+        observed.outside_bins = valid_end - valid_first - (window.end - window.first);
+        observed.outside_count = std::accumulate(counts + valid_first, counts + window.first, 0.0) +
+                                 std::accumulate(counts + window.end, counts + valid_end, 0.0);
+      }
       observation.zones.push_back(std::move(observed));
     }
   }

@@ -2,6 +2,7 @@
 /// Captures made ready for the likelihood: which bins of which zones count.
 #pragma once
 
+#include <memory>
 #include <span>
 #include <string>
 #include <vector>
@@ -13,7 +14,7 @@
 namespace blindcorner {
 
 /// One zone of one capture. Bins in which neither the object nor the direct return can put light
-/// hold only ambient light; under a Poisson law their sum says all that they know.
+/// hold only ambient light; where photons are counted, their sum says all that they know.
 struct ObservedZone {
   int capture = 0;  ///< index among the captures of a joint fit
   int zone = 0;
@@ -24,7 +25,7 @@ struct ObservedZone {
   std::vector<int> censored;    ///< bins of the window whose count stands for "zero or less"
   std::vector<double> counted;  ///< [window] 0 in those bins, else 1
   std::vector<double> best;     ///< [window] the mean that attains it
-  double outside_bins = 0;      ///< valid bins outside the window
+  double outside_bins = 0;      ///< valid bins outside the window, where photons are counted
   double outside_count = 0;     ///< their total count
   double gain = 1;              ///< counts per W/m^2
 
@@ -40,11 +41,11 @@ struct BinWindow {
 struct Observation {
   std::vector<ObservedZone> zones;
   /// One per capture, or one per observed zone where exposures or noise differ from zone to zone.
-  std::vector<BinLikelihood> likelihood;
+  std::vector<std::shared_ptr<const BinLikelihood>> likelihood;
   int captures = 0;
 
   double total_count() const;
-  const BinLikelihood& law(const ObservedZone& zone) const { return likelihood[zone.law]; }
+  const BinLikelihood& law(const ObservedZone& zone) const { return *likelihood[zone.law]; }
 };
 
 /// A bin that captures fill up to the sensor's `saturation` tells no more than that there was much
@@ -58,7 +59,7 @@ std::string leave_out_saturated_bins(Sensor& sensor, std::span<const Capture* co
 bool saturates(const Sensor& sensor, const Capture& capture);
 
 /// Throws Error when a capture does not suit the scene: zones, bins, NaN or infinite values,
-/// negative counts under a Poisson law, valid bins that saturate.
+/// negative counts of photons, valid bins that saturate.
 void check_capture(const Scene& scene, const Capture& capture);
 
 /// Cuts captures to their windows. `windows` is [captures][zones]; an empty window drops the zone.

@@ -94,29 +94,6 @@ class NormalDeviates {
   double second_ = 0;
 };
 
-/// The photons that a Poisson law with this mean exceeds as rarely as a normal one exceeds `z`.
-double poisson_quantile(double mean, double z) {
-  // From here on Cornish and Fisher's expansion is good to a twentieth of a photon.
-  constexpr double kMany = 30;
-  if (mean > kMany) return std::max(std::round(mean + std::sqrt(mean) * z + (z * z - 1) / 6), 0.0);
-  double photons = 0;
-  double probability = std::exp(-mean);
-  double left = 0.5 * std::erfc(-z / std::numbers::sqrt2) - probability;
-  while (left > 0 && probability > 0) {
-    probability *= mean / ++photons;
-    left -= probability;
-  }
-  return photons;
-}
-
-/// A count drawn where `mean` is expected. One deviate gives counts that change little with the
-/// mean, so that distributions for neighbouring levels of light do.
-double count_at(const BinLikelihood& law, double mean, double deviate) {
-  if (law.poisson()) return poisson_quantile(mean * law.scale(), deviate) / law.scale();
-  const double count = mean + std::sqrt(law.variance(mean)) * deviate;
-  return law.censored() ? std::max(count, 0.0) : count;
-}
-
 /// Captures without a count, taken with the level's exposures.
 std::vector<Capture> blank_captures(const CompiledScene& compiled, const EmptyLevel& level) {
   const Sensor& sensor = compiled.scene.sensor;
@@ -164,7 +141,7 @@ EmptyScores simulate_empty(const CompiledScene& compiled, const EmptyLevel& leve
     for (int k = 0; k < zone.bins(); ++k, ++row) {
       const auto mean = static_cast<double>(filter.mean()[row]);
       for (int i = 0; i < captures; ++i) {
-        counts(row, i) = static_cast<float>(count_at(law, mean, deviates.next()));
+        counts(row, i) = static_cast<float>(law.quantile(mean, deviates.next()));
       }
     }
   }

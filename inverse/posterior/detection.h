@@ -29,7 +29,7 @@ struct EmptyScores {
 /// levels, with a static background as bright as the scene says, whichever capture asks first.
 struct EmptyLevel {
   int ambient = 0;    ///< log2 of the mean ambient light of a bin over the light that equals its
-                      ///< own standard deviation (one photon under a Poisson law)
+                      ///< own standard deviation (one photon where these are counted)
   int exposures = 0;  ///< log2 of the most exposures of a zone, over the dispersion
   /// [captures * zones] log2 of each zone's exposures over the most; empty: all alike.
   std::vector<int> share;

@@ -89,7 +89,7 @@ Eigen::MatrixXd fisher_information(const LinearSolver& solver, std::span<const Z
     row += bins;
     Eigen::VectorXd mean(bins);
     solver.expected(zone, shapes[z], a, linear.ambient[z], linear.direct[z], mean.data());
-    if (law.poisson()) mean = mean.cwiseMax(1e-12);
+    if (law.counts_photons()) mean = mean.cwiseMax(1e-12);
     Eigen::VectorXd weight(bins);
     Eigen::MatrixXd local = Eigen::MatrixXd::Zero(bins, 3);
     for (int k = 0; k < bins; ++k) {

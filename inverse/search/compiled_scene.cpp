@@ -117,7 +117,7 @@ double grid_size(const CompiledScene& compiled) {
 std::vector<std::vector<BinWindow>> reach(const CompiledScene& compiled) {
   const Scene& scene = compiled.scene;
   const Sensor& sensor = scene.sensor;
-  const bool summarise = std::holds_alternative<PoissonNoise>(sensor.noise);
+  const bool summarise = sensor.noise.counts_photons();
   std::vector<PoseVector> probes;
   for (int object = 0; object < object_count(scene); ++object) {
     std::vector<Placement> placements = stated_placements(scene);
@@ -346,7 +346,7 @@ void render_closed_form(CompiledScene& compiled, double extra_sigma) {
   const auto [early, late] = sensor.response.support(kReach, 0);
   const int before = 2 + static_cast<int>(std::ceil(std::abs(early) / sensor.bin_width));
   const int after = 2 + static_cast<int>(std::ceil(std::abs(late) / sensor.bin_width));
-  const bool summarise = std::holds_alternative<PoissonNoise>(sensor.noise);
+  const bool summarise = sensor.noise.counts_photons();
   for (std::size_t c = 0; c < compiled.coarse.size(); ++c) {
     std::vector<BinWindow> gates;
     for (std::size_t z = 0; z < zones; ++z) {

@@ -36,8 +36,7 @@ std::string sensor_text(const Sensor& sensor) {
            sensor.rows, sensor.columns, dead, sensor.bins, sensor.bin_width * 1e12,
            sensor.illumination == Illumination::flash ? "flash" : "confocal");
   text += line("          %s noise, pulse %.4g ps (standard deviation of its core)",
-               std::holds_alternative<PoissonNoise>(sensor.noise) ? "Poisson" : "Gaussian",
-               sensor.response.core_sigma() * 1e12);
+               sensor.noise.name(), sensor.response.core_sigma() * 1e12);
   return text;
 }
 

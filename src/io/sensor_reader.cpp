@@ -7,6 +7,7 @@
 #include <string_view>
 
 #include "blindcorner/forward/constants.h"
+#include "forward/support/overloaded.h"
 
 namespace blindcorner::embedded {
 
@@ -223,7 +224,7 @@ void read_zones(const JsonReader& reader, Sensor& sensor) {
 /// A list of counts for each zone, one per bin or none.
 void read_background(const JsonReader& reader, Sensor& sensor) {
   if (!reader.present()) return;
-  const bool poisson = std::holds_alternative<PoissonNoise>(sensor.noise);
+  const bool photons = sensor.noise.counts_photons();
   const auto count = static_cast<std::size_t>(sensor.zone_count());
   const auto bins = static_cast<std::size_t>(sensor.bins);
   const auto rows = reader.elements_exactly(count, "lists, one per zone");
@@ -231,7 +232,7 @@ void read_background(const JsonReader& reader, Sensor& sensor) {
     if (rows[z].elements(0).empty()) continue;
     for (const JsonReader& value : rows[z].elements_exactly(bins, "counts, one per bin")) {
       sensor.zones[z].background.push_back(
-          value.number(NumberRange::between(poisson ? 0 : -1e30, 1e30)));
+          value.number(NumberRange::between(photons ? 0 : -1e30, 1e30)));
     }
   }
 }
@@ -450,8 +451,8 @@ void read_time_axis(const JsonReader& reader, Sensor& sensor) {
 void read_detector(const JsonReader& reader, Sensor& sensor) {
   const JsonReader cycles = reader.at("pile_up_cycles");
   sensor.pile_up_cycles = cycles.number_or(0, NumberRange::at_least(1));
-  if (sensor.pile_up_cycles > 0 && !std::holds_alternative<PoissonNoise>(sensor.noise)) {
-    cycles.fail("pile-up beside noise.law \"gaussian\"",
+  if (sensor.pile_up_cycles > 0 && !sensor.noise.counts_photons()) {
+    cycles.fail(std::string("pile-up beside ") + sensor.noise.name() + " noise",
                 "pile-up of counted photons (\"poisson\")");
   }
   sensor.saturation = reader.at("saturation").number_or(0, NumberRange::above(0));
@@ -508,6 +509,27 @@ Sensor read_sensor(const JsonReader& reader) {
   if (!reader.has("preset")) return read_explicit(reader);
   const Json merged = merge_preset(reader);
   return read_explicit(reader.with_value(merged));
+}
+
+nlohmann::ordered_json noise_json(const Sensor& sensor) {
+  using Json = nlohmann::ordered_json;
+  return sensor.noise.visit(
+      overloaded{[&](const PoissonNoise&) -> Json {
+                   return {{"law", "poisson"}, {"dispersion", sensor.dispersion}};
+                 },
+                 [&](const GaussianNoise& noise) -> Json {
+                   Json floor = noise.variance_floor;
+                   if (sensor.zones_have_noise_floors()) {
+                     floor = Json::array();
+                     for (int z = 0; z < sensor.zone_count(); ++z) {
+                       floor.push_back(sensor.noise_of(z).stated_line()->floor);
+                     }
+                   }
+                   return {{"law", "gaussian"},
+                           {"variance_floor", std::move(floor)},
+                           {"variance_per_count", noise.variance_per_count},
+                           {"censored_at_zero", noise.censored_at_zero}};
+                 }});
 }
 
 }  // namespace blindcorner

@@ -10,4 +10,7 @@ namespace blindcorner {
 /// Reads a sensor: explicit, or a preset with overrides. Throws Error.
 Sensor read_sensor(const JsonReader& reader);
 
+/// A sensor's `noise` as a scene file states it.
+nlohmann::ordered_json noise_json(const Sensor& sensor);
+
 }  // namespace blindcorner

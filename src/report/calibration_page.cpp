@@ -33,19 +33,16 @@ std::string wrap_text(const ZoneWrap& wrap) {
 }
 
 std::string noise_text(const Scene& scene) {
-  if (const auto* noise = std::get_if<GaussianNoise>(&scene.sensor.noise)) {
-    if (!scene.sensor.zones_have_noise_floors()) {
-      return formatted("variance = %.4g + %.4g per count", noise->variance_floor,
-                       noise->variance_per_count);
-    }
-    std::string floors;
-    for (const Zone& zone : scene.sensor.zones) {
-      if (zone.variance_floor > 0) floors += formatted(" %.4g", zone.variance_floor);
-    }
-    return formatted("variance =%s (zone by zone) + %.4g per count", floors.c_str(),
-                     noise->variance_per_count);
+  const auto line = scene.sensor.noise.stated_line();
+  if (!line) return formatted("variance = %.4g per count", scene.sensor.dispersion);
+  if (!scene.sensor.zones_have_noise_floors()) {
+    return formatted("variance = %.4g + %.4g per count", line->floor, line->per_count);
   }
-  return formatted("variance = %.4g per count", scene.sensor.dispersion);
+  std::string floors;
+  for (const Zone& zone : scene.sensor.zones) {
+    if (zone.variance_floor > 0) floors += formatted(" %.4g", zone.variance_floor);
+  }
+  return formatted("variance =%s (zone by zone) + %.4g per count", floors.c_str(), line->per_count);
 }
 
 std::string summary_line(const Calibration& c) {

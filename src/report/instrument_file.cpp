@@ -7,6 +7,7 @@
 #include <cstdlib>
 
 #include "blindcorner/forward/constants.h"
+#include "io/sensor_reader.h"
 
 namespace blindcorner {
 namespace {
@@ -19,6 +20,15 @@ Json number(double value) {
   char text[32];
   std::snprintf(text, sizeof text, "%.7g", value);
   return std::strtod(text, nullptr);
+}
+
+/// All numbers of a value with seven digits.
+Json rounded(Json value) {
+  if (value.is_number_float()) return number(value.get<double>());
+  if (value.is_structured()) {
+    for (Json& element : value) element = rounded(element);
+  }
+  return value;
 }
 
 Json picoseconds(double seconds) { return number(seconds * 1e12); }
@@ -89,19 +99,7 @@ Json sensor_patch(const Scene& scene) {
       return Json{{"relay_point_m", vector_json(std::get<Eigen::Vector3d>(z.footprint))}};
     });
   }
-  if (const auto* noise = std::get_if<GaussianNoise>(&sensor.noise)) {
-    const auto floor_of = [&](const Zone& zone) {
-      return number(zone.variance_floor > 0 ? zone.variance_floor : noise->variance_floor);
-    };
-    patch["noise"] = {
-        {"law", "gaussian"},
-        {"variance_floor", sensor.zones_have_noise_floors() ? per_zone(scene, floor_of)
-                                                            : number(noise->variance_floor)},
-        {"variance_per_count", number(noise->variance_per_count)},
-        {"censored_at_zero", noise->censored_at_zero}};
-  } else {
-    patch["noise"] = {{"law", "poisson"}, {"dispersion", number(sensor.dispersion)}};
-  }
+  patch["noise"] = rounded(noise_json(sensor));
   return patch;
 }
 

@@ -285,15 +285,10 @@ CaptureConditions conditions_of(const Scene& scene, const Capture& capture) {
   if (capture.relay_points) conditions.relay_points = *capture.relay_points;
   for (int z = 0; z < scene.sensor.zone_count(); ++z) {
     const double exposures = std::max(capture.exposures_of(z), 1e-12);
-    double floor = 0;
-    double per_count = capture.dispersion.value_or(scene.sensor.dispersion);
-    const NoiseLaw law = scene.sensor.noise_of(z);
-    if (const auto* gaussian = std::get_if<GaussianNoise>(&law)) {
-      floor = gaussian->variance_floor;
-      per_count = gaussian->variance_per_count;
-    }
-    conditions.variance_floor.push_back(floor / exposures);
-    conditions.variance_per_count.push_back(per_count / exposures);
+    const VarianceLine line = scene.sensor.noise_of(z).stated_line().value_or(
+        VarianceLine{0, capture.dispersion.value_or(scene.sensor.dispersion)});
+    conditions.variance_floor.push_back(line.floor / exposures);
+    conditions.variance_per_count.push_back(line.per_count / exposures);
   }
   return conditions;
 }

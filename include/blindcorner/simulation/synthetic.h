@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Synthetic captures: poses from the prior, light from a model, photons from the noise law.
+/// Synthetic captures: poses from the prior, light from a model, counts from the noise model.
 #pragma once
 
 #include <cstdint>

@@ -43,10 +43,10 @@ void undo_pile_up(double cycles, const double* counts, int bins, double* correct
 /// Cuts counts at what a bin can hold, if the sensor has such a limit.
 void saturate(const Sensor& sensor, HistogramCube& counts);
 
-/// Variance of one bin of one exposure that expects `counts`, by the zone's noise law, counts^2.
+/// Variance of one bin of one exposure that expects `counts`, by the zone's noise model, counts^2.
 double count_variance(const Sensor& sensor, int zone, double counts);
 
-/// Draws counts from expected ones by the scene's noise law: Poisson scaled to the dispersion, or
+/// Draws counts from expected ones by the scene's noise model: Poisson scaled to the dispersion, or
 /// Gaussian with the stated variance law, censored at zero if the sensor does that. Under pile-up
 /// each bin is binomial given the earlier ones, its probability that of the expected counts. The
 /// average of the `exposures` saturates. The same seed gives the same counts.

@@ -12,6 +12,7 @@
 #include "blindcorner/forward/scene/pose.h"
 #include "blindcorner/forward/sensor/impulse_response.h"
 #include "blindcorner/forward/sensor/link.h"
+#include "blindcorner/forward/sensor/noise_model.h"
 
 namespace blindcorner {
 
@@ -37,9 +38,10 @@ struct Zone {
   double gain = 1.0;       ///< counts per W/m^2
   bool dead = false;       ///< carries no information
   int first_valid_bin = 0;
-  int last_valid_bin = -1;     ///< inclusive; -1: the sensor's last bin
-  int wrap_bins = -1;          ///< as the sensor's, of this zone; -1: the sensor's
-  double variance_floor = -1;  ///< counts^2, as a Gaussian noise law's, of this zone; -1: the law's
+  int last_valid_bin = -1;  ///< inclusive; -1: the sensor's last bin
+  int wrap_bins = -1;       ///< as the sensor's, of this zone; -1: the sensor's
+  double variance_floor =
+      -1;  ///< counts^2, as a Gaussian noise model's, of this zone; -1: the model's
   /// [bins] static light as measured (cover glass, crosstalk, clutter that the scene does not
   /// know), counts beside the ambient light and the direct return; empty: none.
   std::vector<double> background;
@@ -60,17 +62,6 @@ enum class PathOrigin {
   relay    ///< the direct path of each zone (twice its distance) has been taken off
 };
 
-/// Photon counts: variance = dispersion * mean.
-struct PoissonNoise {};
-/// Gaussian counts, as of a sensor that subtracts its own background:
-/// variance = floor + per_count * expected signal. Negative values are data.
-struct GaussianNoise {
-  double variance_floor = 1.0;      ///< counts^2
-  double variance_per_count = 0.0;  ///< counts
-  bool censored_at_zero = false;    ///< values below zero were stored as zero
-};
-using NoiseLaw = std::variant<PoissonNoise, GaussianNoise>;
-
 struct Sensor {
   std::string name = "custom";
   int rows = 1;
@@ -80,7 +71,7 @@ struct Sensor {
   double bin_width = 1e-10;  ///< s
   ImpulseResponse response;
   int wrap_bins = 0;  ///< light later than this bin reappears this many bins earlier; 0: never
-  NoiseLaw noise = PoissonNoise{};
+  NoiseModel noise = PoissonNoise{};
   double dispersion = 1.0;  ///< variance / mean of one exposure's counts
   /// Laser pulses times detectors of a zone in one capture. Each detector reports at most the first
   /// photon of a pulse, so early light hides later light (pile-up). 0: no pile-up.
@@ -110,14 +101,13 @@ struct Sensor {
   bool has_background() const {
     return std::ranges::any_of(zones, [](const Zone& zone) { return !zone.background.empty(); });
   }
-  /// Noise law of a zone's counts.
-  NoiseLaw noise_of(int zone) const {
-    NoiseLaw law = noise;
-    const double own = zones[static_cast<std::size_t>(zone)].variance_floor;
-    if (auto* gaussian = std::get_if<GaussianNoise>(&law); gaussian != nullptr && own > 0) {
-      gaussian->variance_floor = own;
-    }
-    return law;
+  /// Noise model of a zone's counts.
+  NoiseModel noise_of(int zone) const {
+    NoiseModel own = noise;
+    const double floor = zones[static_cast<std::size_t>(zone)].variance_floor;
+    const auto line = noise.stated_line();
+    if (line && floor > 0) own.state_line({floor, line->per_count});
+    return own;
   }
   /// Whether a bin that holds this many counts is full.
   bool saturates(double counts) const {

@@ -24,7 +24,7 @@ struct CalibrationOptions {
   double cosine_exponent = 1.5;
   double distance_exponent = 0.5;
   double law_axis = 0.15;  ///< tangent of the measured law's axis against the relay's normal
-  bool noise = true;       ///< estimate the noise law from the residuals
+  bool noise = true;       ///< estimate the noise from the residuals
   bool ambient = true;     ///< estimate the prior of each zone's ambient light
   /// Try all assignments of relay spots to zones, when there are at most five spots.
   bool permutations = true;
@@ -104,7 +104,7 @@ struct Calibration {
   int used = 0;                ///< captures
   double deviance_before = 0;  ///< at the scene's values, gains apart
   double deviance_after = 0;
-  double expected_deviance = 0;    ///< at the noise law found
+  double expected_deviance = 0;    ///< at the noise found
   double brightness_log = 0;       ///< spread of the object's brightness from capture to capture
   double variance_scale = 1;       ///< factor on the noise's variance, see the options
   std::vector<std::string> notes;  ///< what could not be done, one line each
@@ -112,7 +112,7 @@ struct Calibration {
 
 /// Maximum a posteriori estimate of the instrument's parameters (Levenberg-Marquardt on the
 /// deviance residuals; ambient light eliminated capture by capture), in rounds: parameters, then
-/// outliers, noise law, ambient light and brightness from what is left. Captures need the true
+/// outliers, noise, ambient light and brightness from what is left. Captures need the true
 /// value of every unknown of the scene; with `no_object` they show none, and only the direct return
 /// and the background speak. `advance` is called with the share done, 0 to 1. Throws Error.
 Calibration calibrate(const Scene& stated, std::span<const Capture> captures,

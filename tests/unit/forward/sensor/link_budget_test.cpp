@@ -62,7 +62,7 @@ TEST(LinkBudget, GainIsCountsPerIrradiance) {
 }
 
 // S/N of values with Gaussian noise is over that noise, not over counts' own.
-TEST(LinkBudget, SignalToNoiseFollowsTheNoiseLaw) {
+TEST(LinkBudget, SignalToNoiseFollowsTheNoiseModel) {
   Scene scene = read_scene(SOURCE_DIR "/scenes/denali_like.json");
   const SensorPlacement sensor = sensor_placement(scene);
   const auto model = make_fast_model(scene, sensor, at_tolerance(0.1));

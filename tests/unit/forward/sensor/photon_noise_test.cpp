@@ -123,7 +123,8 @@ TEST(PhotonNoiseTest, SameSeedSameCountsOtherSeedOthers) {
   for (std::size_t i = 0; i < expected.values.size(); ++i) {
     expected.values[i] = static_cast<double>(i % 17);
   }
-  for (const NoiseLaw& law : {NoiseLaw(PoissonNoise{}), NoiseLaw(GaussianNoise{4.0, 1.0, true})}) {
+  for (const NoiseModel& law :
+       {NoiseModel(PoissonNoise{}), NoiseModel(GaussianNoise{4.0, 1.0, true})}) {
     scene.sensor.noise = law;
     const auto first = draw_counts(scene, expected, 2, 42).values;
     EXPECT_EQ(draw_counts(scene, expected, 2, 42).values, first);

@@ -130,8 +130,8 @@ TEST(PileUp, FitsSeeTheLightWithoutIt) {
   for (std::size_t k = 0; k < 40; ++k) {
     EXPECT_NEAR(observation.zones[0].counts[k], light[k], 1e-9 * light[k]);
   }
-  EXPECT_LT(observation.likelihood[0].scale(), 0.75);
-  EXPECT_GT(observation.likelihood[0].scale(), 0.5);
+  EXPECT_LT(observation.likelihood[0]->scale(), 0.75);
+  EXPECT_GT(observation.likelihood[0]->scale(), 0.5);
   scene.sensor.pile_up_cycles = 1e9;
   EXPECT_EQ(observe(scene, std::span(&capture, 1), windows).zones[0].counts, capture.counts.values);
 }

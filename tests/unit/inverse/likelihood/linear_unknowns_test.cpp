@@ -25,7 +25,7 @@ struct Problem {
   Observation observation;
   std::vector<ZoneShapes> shapes;
 
-  Problem(const NoiseLaw& law, double amplitude, double ambient, bool with_direct,
+  Problem(const NoiseModel& law, double amplitude, double ambient, bool with_direct,
           unsigned seed = 5, int zones = 2) {
     scene.sensor.rows = 1;
     scene.sensor.columns = zones;
@@ -84,14 +84,14 @@ double loss(const Problem& p, const LinearUnknowns& u, const std::vector<double>
     const ObservedZone& zone = p.observation.zones[z];
     const BinLikelihood& law = p.observation.law(zone);
     const auto excess = [&](double n, double m) {
-      return n > 0 || !law.poisson() ? law.value(n, m) - law.least(n) : law.scale() * m;
+      return n > 0 || !law.counts_photons() ? law.value(n, m) - law.least(n) : law.scale() * m;
     };
     for (int k = 0; k < zone.bins(); ++k) {
       const double m = a[z] * p.shapes[z].object[k] + c[z] +
                        (p.shapes[z].direct != nullptr ? b[z] * p.shapes[z].direct[k] : 0.0);
       total += excess(zone.counts[static_cast<std::size_t>(k)], m);
     }
-    if (law.poisson() && zone.outside_bins > 0) {
+    if (zone.outside_bins > 0) {
       total += excess(zone.outside_count, zone.outside_bins * c[z]);
     }
   }
@@ -136,7 +136,7 @@ double minimise(const std::function<double(double)>& f, double low, double high)
 
 struct LinearCase {
   std::string name;
-  NoiseLaw law;
+  NoiseModel law;
   LinearMode amplitude, ambient;
   double true_amplitude, true_ambient;
 };
