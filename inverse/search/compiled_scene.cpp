@@ -420,7 +420,7 @@ FastModelOptions options_of(int level, const Fidelity& first, bool lobes) {
   FastModelOptions fast;
   fast.tolerance = level == 1 ? 0.01 : 0.001;
   fast.fidelity = first;
-  if (lobes) fast.fidelity = level == 1 ? Fidelity{4.0, 5.657, true} : Fidelity{2.0, 2.828, true};
+  if (lobes) fast.fidelity = {level == 1 ? 5.657 : 4.0, 5.657, true};
   return fast;
 }
 

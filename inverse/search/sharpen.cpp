@@ -14,7 +14,10 @@ namespace {
 
 /// Relative error (L2) of each level's light on the shipped scenes, at most; the first level is
 /// that of the models in use.
-constexpr std::array<double, kModelLevels> kErrors = {0.06, 0.02, 0.007};
+using Errors = std::array<double, kModelLevels>;
+constexpr Errors kMattErrors = {0.06, 0.02, 0.007};
+/// Of retroreflectors: finer pairs take tenths of a second.
+constexpr Errors kLobeErrors = {0.06, 0.045, 0.025};
 /// A move of this part of a standard deviation is not worth a better model: carried in the
 /// covariance, it widens it by 2 %.
 constexpr double kSmallMove = 0.2;
@@ -27,8 +30,11 @@ ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima, doubl
   const auto n = static_cast<Eigen::Index>(compiled.unknown_count());
   error.covariance.setZero(n, n);
   if (compiled.knowledge->coarse() == nullptr) return error;  // measured laws are exact
+  const bool lobes =
+      std::holds_alternative<RetroreflectiveMaterial>(compiled.scene.hidden.material);
+  const Errors& errors = lobes ? kLobeErrors : kMattErrors;
   for (int level = 1; level < kModelLevels; ++level) {
-    const double before = kErrors[static_cast<std::size_t>(level) - 1];
+    const double before = errors[static_cast<std::size_t>(level) - 1];
     const Refined& top = optima.front();
     // No error of this share of the light moves anything by more than this.
     if (before * std::sqrt(pose_information(objective, top).signal) < kSmallMove) break;
@@ -51,7 +57,7 @@ ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima, doubl
     objective.use(finer);
     for (Refined& optimum : optima) settle_again(objective, optimum);
     optima = merge(compiled, std::move(optima), negligible);
-    error.covariance *= std::pow(kErrors[static_cast<std::size_t>(level)] / before, 2);
+    error.covariance *= std::pow(errors[static_cast<std::size_t>(level)] / before, 2);
     error.level = level;
   }
   return error;
