@@ -9,6 +9,7 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
+#include "forward/relay/relay.h"
 #include "forward/transport/measured_law_model.h"
 #include "forward/transport/static_bounces.h"
 
@@ -92,15 +93,45 @@ FastModel::FastModel(std::shared_ptr<const SensorView> view, const FastModelOpti
   }
 }
 
-/// Corners of all that the model lights and sees.
+/// Corners of the hulls of all that the model lights and sees, plane by plane: points whose convex
+/// hull is that of all patches.
 std::vector<Vector3d> FastModel::relay_corners() const {
-  std::vector<Vector3d> corners;
+  struct Plane {
+    Vector3d normal;
+    double offset;
+    std::vector<Vector3d> points;
+  };
+  std::vector<Plane> planes;
   for (const PatchArrays* a : {&sampling_->lit, &sampling_->seen}) {
     for (int i = 0; i < a->size(); ++i) {
+      const Vector3d center = a->area_center(i);
+      const Vector3d normal = a->normal(i);
+      auto plane = std::ranges::find_if(planes, [&](const Plane& p) {
+        return (p.normal - normal).squaredNorm() < 1e-10 &&
+               std::abs(p.normal.dot(center) - p.offset) < 1e-4;
+      });
+      if (plane == planes.end()) plane = planes.insert(plane, {normal, normal.dot(center), {}});
       for (const double u : {-1.0, 1.0}) {
         for (const double v : {-1.0, 1.0}) {
-          corners.push_back(a->area_center(i) + u * a->half_u(i) + v * a->half_v(i));
+          plane->points.push_back(center + u * a->half_u(i) + v * a->half_v(i));
         }
+      }
+    }
+  }
+  std::vector<Vector3d> corners;
+  for (Plane& plane : planes) {
+    // Lower and upper chain of the points in order of one axis (Andrew 1979).
+    const auto [x, y] = surface_axes(plane.normal);
+    std::ranges::sort(plane.points, {}, [&](const Vector3d& p) { return x.dot(p); });
+    for (const double side : {1.0, -1.0}) {
+      const std::size_t first = corners.size();
+      for (const Vector3d& p : plane.points) {
+        const auto turns_out = [&] {
+          const Vector3d a = corners.back() - corners[corners.size() - 2], b = p - corners.back();
+          return side * (x.dot(a) * y.dot(b) - y.dot(a) * x.dot(b)) <= 0;
+        };
+        while (corners.size() > first + 1 && turns_out()) corners.pop_back();
+        corners.push_back(p);
       }
     }
   }
@@ -270,7 +301,7 @@ std::pair<int, int> FastModel::reachable_bins() const {
   const auto [early, late] = std::ranges::minmax(scene_.sensor.zones, {}, &Zone::time_zero);
   const double bin = scene_.sensor.bin_width;
   const double bins_per_metre = 1 / (kSpeedOfLight * bin);
-  const auto pulses = view_->transport->pulses(extra_variance_, kernel_);
+  const auto pulses = view_->transport->pulses(extra_variance_, view_->kernel);
   const int first = pulses->reach(early.time_zero / bin + shortest * bins_per_metre).first;
   const int end = pulses->reach(late.time_zero / bin + longest * bins_per_metre).second;
   return {std::clamp(first, 0, axis_bins_), std::clamp(end, 0, axis_bins_) - 1};

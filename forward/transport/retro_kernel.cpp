@@ -14,13 +14,13 @@ constexpr double kPathCell = 0.4;
 
 }  // namespace
 
-RetroKernel::RetroKernel(const KernelInputs& inputs, Kernel kernel)
+RetroKernel::RetroKernel(const KernelInputs& inputs)
     : transport_(inputs.view.transport),
       sampling_(inputs.sampling),
       confocal_(inputs.view.confocal),
       whole_axis_(inputs.whole_axis),
       extra_variance_(inputs.extra_variance),
-      pulses_(transport_->pulses(extra_variance_, kernel)),
+      pulses_(transport_->pulses(extra_variance_, inputs.view.kernel)),
       axis_bins_(unwrapped_bins(scene().sensor)),
       bins_per_metre_(1 / (kSpeedOfLight * scene().sensor.bin_width)),
       cells_per_metre_(1 / (kPathCell * transport_->pulse_sigma(extra_variance_))),

@@ -31,7 +31,7 @@ class RetroKernel : public TransportKernel {
     }
   };
 
-  RetroKernel(const KernelInputs& inputs, Kernel kernel);
+  explicit RetroKernel(const KernelInputs& inputs);
 
   /// Before the first cell of a placement.
   virtual void begin(const std::vector<SurfaceCell>& /*cells*/, Scratch& /*s*/) const {}

@@ -62,7 +62,7 @@ void see_ends(const SurfacePoint& node, const PatchArrays& a, const ShadowView* 
 class RetroPairsKernel final : public RetroKernel {
  public:
   explicit RetroPairsKernel(const KernelInputs& inputs)
-      : RetroKernel(inputs, Kernel::retro_pairs), pairs_(lobe_sigma(), confocal()) {}
+      : RetroKernel(inputs), pairs_(lobe_sigma(), confocal()) {}
 
  private:
   void add_cell(const ShadedCell& cell, Scratch& s) const override {

@@ -48,8 +48,7 @@ void shade_patch(std::size_t i, std::size_t patch, Scratch& s) {
 
 class RetroSingleKernel final : public RetroKernel {
  public:
-  explicit RetroSingleKernel(const KernelInputs& inputs)
-      : RetroKernel(inputs, Kernel::retro_single) {
+  explicit RetroSingleKernel(const KernelInputs& inputs) : RetroKernel(inputs) {
     if (!inputs.view.setup.uses_points()) lobe_.emplace(scene(), inputs.view.placement);
   }
 
