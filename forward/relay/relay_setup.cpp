@@ -183,6 +183,9 @@ std::vector<WeightedPatch> RelaySetup::seen(int zone, const RelaySampling& sampl
   } else {
     patches = region(detector_, footprint(scene_.sensor, zone), sampling, relay_only);
   }
+  if (sampling.with_radiance) {
+    for (WeightedPatch& patch : patches) patch.radiance = radiance(zone, patch.patch);
+  }
   take_off_direct_path(patches);
   return patches;
 }

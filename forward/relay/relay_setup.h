@@ -21,6 +21,9 @@ struct WeightedPatch {
   double weight = 0.0;
   double leg = 0.0;                                         ///< m, outer leg's path length
   Eigen::Vector3d leg_direction = Eigen::Vector3d::Zero();  ///< gradient of the leg at the patch
+  /// Seen patches, where the sampling asks for it: radiance that the source makes the patch send
+  /// back, W/m^2/sr.
+  double radiance = 0.0;
 };
 
 /// What to throw when a measured law meets zones that are no relay points.

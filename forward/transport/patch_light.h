@@ -20,7 +20,7 @@ namespace blindcorner {
 /// Structure of arrays, so that the loop over patches vectorises.
 struct PatchArrays {
   std::vector<double> x, y, z, ax, ay, az, nx, ny, nz, ux, uy, uz, vx, vy, vz, lx, ly, lz;
-  std::vector<double> weight, leg, albedo;
+  std::vector<double> weight, leg, albedo, radiance;
   std::vector<double> spread;   ///< variance of the path over a patch per squared half-edge change
   std::vector<int> group_end;   ///< one past the last patch of each group
   std::vector<int> group_zone;  ///< zone that sees (or lights) the group
@@ -79,6 +79,7 @@ struct PatchArrays {
     weight.push_back(p.weight);
     leg.push_back(p.leg);
     albedo.push_back(patch.albedo);
+    radiance.push_back(p.radiance);
   }
   static Eigen::Vector3d at(const std::vector<double>& a, const std::vector<double>& b,
                             const std::vector<double>& c, int i) {

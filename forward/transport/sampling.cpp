@@ -237,6 +237,7 @@ class RelaySampler {
   RelaySampling sampling(const Brightness& brightness) const {
     RelaySampling relay;
     relay.edge_depth = kEdgeDepth;
+    relay.with_radiance = false;
     relay.split = [&](const RelayPatch& patch) {
       const double most = rules_ && patch.whole ? kMostRulePoints : 1.0;
       const auto [u, v] = excess(patch, brightness);
@@ -423,6 +424,7 @@ SensorView::SensorView(std::shared_ptr<const SceneTransport> of, const SensorPla
       confocal(transport->scene.sensor.illumination == Illumination::confocal) {
   RelaySampling coarse;
   coarse.centers_only = true;
+  coarse.with_radiance = false;
   const auto look = [](const std::vector<WeightedPatch>& patches, std::vector<RelayPatch>& into) {
     for (const WeightedPatch& p : patches) into.push_back(p.patch);
   };
