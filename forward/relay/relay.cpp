@@ -134,6 +134,10 @@ class Sampler {
     const double uc = 0.5 * (cell.u0 + cell.u1);
     const double vc = 0.5 * (cell.v0 + cell.v1);
     const auto hit = rays_.first_hit(origin_, world(cell, uc, vc));
+    if (sampling_.centers_only) {
+      if (hit) fill(cell, *hit, patch);
+      return hit ? Trace::whole : Trace::nothing;
+    }
     // Corners a hair inside, so that a field that ends on a surface's edge is not mixed.
     constexpr double kInset = 0.02;
     const std::array<double, 2> us = {cell.u0 + kInset * (cell.u1 - cell.u0),
@@ -153,12 +157,18 @@ class Sampler {
     }
     if (!hit) return missed == 4 ? Trace::nothing : Trace::mixed;
     if (same < 4) return Trace::mixed;
-    patch = patch_at(*hit);
-    patch.solid_angle = cell.solid_angle();
-    const auto on_plane = [&](double u, double v) { return meet(cell, u, v, patch); };
-    patch.half_u = 0.5 * (on_plane(cell.u1, vc) - on_plane(cell.u0, vc));
-    patch.half_v = 0.5 * (on_plane(uc, cell.v1) - on_plane(uc, cell.v0));
+    fill(cell, *hit, patch);
     return Trace::whole;
+  }
+
+  /// The whole cell as a patch of what its centre sees.
+  void fill(const Cell& cell, const RayHit& hit, RelayPatch& patch) const {
+    const double uc = 0.5 * (cell.u0 + cell.u1);
+    const double vc = 0.5 * (cell.v0 + cell.v1);
+    patch = patch_at(hit);
+    patch.solid_angle = cell.solid_angle();
+    patch.half_u = 0.5 * (meet(cell, cell.u1, vc, patch) - meet(cell, cell.u0, vc, patch));
+    patch.half_v = 0.5 * (meet(cell, uc, cell.v1, patch) - meet(cell, uc, cell.v0, patch));
   }
 
   RelayPatch patch_at(const RayHit& hit) const {

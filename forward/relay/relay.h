@@ -34,10 +34,12 @@ struct RelayPatch {
 using Split = std::function<int(const RelayPatch&)>;
 
 struct RelaySampling {
-  int divisions = 1;     ///< least divisions of the region along each side
-  int edge_depth = 4;    ///< quarterings where a cell straddles the border of surfaces
-  int split_depth = 12;  ///< most halvings demanded by `split`
-  Split split;           ///< divides cells further; may be empty
+  int divisions = 1;          ///< least divisions of the region along each side
+  int edge_depth = 4;         ///< quarterings where a cell straddles the border of surfaces
+  bool centers_only = false;  ///< one ray to a cell: what its centre sees stands for all of it
+  bool with_radiance = true;  ///< seen patches know what they send back
+  int split_depth = 12;       ///< most halvings demanded by `split`
+  Split split;                ///< divides cells further; may be empty
   /// Gauss-Legendre points along half_u and half_v that represent a cell, which are of one group:
   /// exact for weights of degree 2 n - 1 along n points, and the points' spread is the cell's.
   /// {1, 1} is the centre, with the cell's spread. Empty: always the centre.

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
@@ -70,13 +71,19 @@ void check_relay_visible(const Scene& scene) {
   RelaySetup(scene, placement).relay_points();
 }
 
+SurfaceRays::SurfaceRays(const std::vector<Surface>& surfaces)
+    : all(surfaces), occluders(only_occluders(surfaces)) {}
+
 RelaySetup::RelaySetup(const Scene& scene, const SensorPlacement& placement)
+    : RelaySetup(scene, placement, std::make_shared<SurfaceRays>(scene.surfaces)) {}
+
+RelaySetup::RelaySetup(const Scene& scene, const SensorPlacement& placement,
+                       std::shared_ptr<const SurfaceRays> rays)
     : scene_(scene),
       placement_(placement),
       source_(placement.T_world_sensor * scene.sensor.light_offset),
       detector_(placement.T_world_sensor.translation()),
-      rays_(std::make_unique<RayScene>(scene.surfaces)),
-      occluder_rays_(std::make_unique<RayScene>(only_occluders(scene.surfaces))) {
+      rays_(std::move(rays)) {
   if (uses_points()) {
     if (static_cast<int>(placement_.relay_points.size()) != scene_.sensor.zone_count()) {
       throw Error("relay_points_m", "found " + std::to_string(placement_.relay_points.size()) +
@@ -106,8 +113,9 @@ std::vector<WeightedPatch> RelaySetup::region(const Vector3d& origin,
                                               const RelaySampling& sampling,
                                               bool relay_only) const {
   std::vector<WeightedPatch> patches;
-  for (const RelayPatch& patch : sample_region(
-           *rays_, scene_.surfaces, origin, placement_.T_world_sensor.linear(), field, sampling)) {
+  for (const RelayPatch& patch :
+       sample_region(rays_->all, scene_.surfaces, origin, placement_.T_world_sensor.linear(), field,
+                     sampling)) {
     if (patch.albedo <= 0) continue;
     if (relay_only && !scene_.surfaces[static_cast<std::size_t>(patch.surface)].relay) continue;
     WeightedPatch weighted;
@@ -138,7 +146,6 @@ WeightedPatch RelaySetup::point_patch(int zone) const {
     throw Error(point_field(zone), error.what());
   }
   weighted.weight = weighted.patch.albedo / kPi;
-  weighted.radiance = weighted.weight;
   weighted.leg = (point - detector_).norm();
   weighted.leg_direction = (point - detector_) / weighted.leg;
   return weighted;
@@ -175,9 +182,9 @@ std::vector<WeightedPatch> RelaySetup::seen(int zone, const RelaySampling& sampl
     patches = {point_patch(zone)};
   } else {
     patches = region(detector_, footprint(scene_.sensor, zone), sampling, relay_only);
-    FieldOfIllumination storage;
-    const FieldOfIllumination& field = field_of_zone(zone, storage);
-    for (WeightedPatch& patch : patches) patch.radiance = radiance(patch.patch, field, nullptr);
+  }
+  if (sampling.with_radiance) {
+    for (WeightedPatch& patch : patches) patch.radiance = radiance(zone, patch.patch);
   }
   take_off_direct_path(patches);
   return patches;
@@ -207,6 +214,12 @@ std::vector<WeightedPatch> RelaySetup::lit_by_zone(int zone, const RelaySampling
   return patches;
 }
 
+double RelaySetup::radiance(int zone, const RelayPatch& patch) const {
+  if (uses_points()) return patch.albedo / kPi;
+  FieldOfIllumination storage;
+  return radiance(patch, field_of_zone(zone, storage), nullptr);
+}
+
 double RelaySetup::radiance(const RelayPatch& patch, const FieldOfIllumination& field,
                             double* leg) const {
   const Eigen::Matrix3d to_sensor = placement_.T_world_sensor.linear().transpose();
@@ -233,7 +246,7 @@ double RelaySetup::radiance(const RelayPatch& patch, const FieldOfIllumination& 
   if (fraction == 0) return 0;
   const double cosine = -way.dot(patch.normal) / distance;
   if (cosine <= 0) return 0;
-  if ((source_ - detector_).norm() > 1e-9 && rays_->blocked(source_, patch.center)) return 0;
+  if ((source_ - detector_).norm() > 1e-9 && rays_->all.blocked(source_, patch.center)) return 0;
   return fraction * scene_.sensor.radiant_intensity * cosine / (distance * distance) *
          patch.albedo / kPi;
 }

@@ -21,18 +21,26 @@ struct WeightedPatch {
   double weight = 0.0;
   double leg = 0.0;                                         ///< m, outer leg's path length
   Eigen::Vector3d leg_direction = Eigen::Vector3d::Zero();  ///< gradient of the leg at the patch
-  /// Seen patches: radiance that the source makes the patch send back, W/m^2/sr (for the direct
-  /// return and the retroreflective single sum).
+  /// Seen patches, where the sampling asks for it: radiance that the source makes the patch send
+  /// back, W/m^2/sr.
   double radiance = 0.0;
 };
 
 /// What to throw when a measured law meets zones that are no relay points.
 Error measured_law_without_points(const Scene& scene);
 
-/// Geometry of one sensor placement, compiled for sampling.
+/// Acceleration structures over the known surfaces, wherever the sensor stands.
+struct SurfaceRays {
+  explicit SurfaceRays(const std::vector<Surface>& surfaces);
+  RayScene all, occluders;
+};
+
+/// Geometry of one sensor placement, compiled for sampling. The scene must outlive it.
 class RelaySetup {
  public:
   RelaySetup(const Scene& scene, const SensorPlacement& placement);
+  RelaySetup(const Scene& scene, const SensorPlacement& placement,
+             std::shared_ptr<const SurfaceRays> rays);
 
   /// Patches that the flash field lights, of relay surfaces or of all.
   std::vector<WeightedPatch> lit(const RelaySampling& sampling, bool relay_only = true) const;
@@ -42,6 +50,9 @@ class RelaySetup {
   /// Patches that zone z lights by itself (confocal).
   std::vector<WeightedPatch> lit_by_zone(int zone, const RelaySampling& sampling,
                                          bool relay_only = true) const;
+
+  /// Radiance that the source makes a patch seen by the zone send back, W/m^2/sr.
+  double radiance(int zone, const RelayPatch& patch) const;
 
   /// Direct return of all surfaces, W/m^2 per bin; `divisions` cells along each side of a zone,
   /// each a midpoint with its spread or four Gauss nodes.
@@ -64,8 +75,8 @@ class RelaySetup {
   double reflected_solid_angle(int zone) const;
 
   bool uses_points() const { return !placement_.relay_points.empty(); }
-  const RayScene& surface_rays() const { return *rays_; }  ///< all known surfaces
-  const RayScene& occluder_rays() const { return *occluder_rays_; }
+  const RayScene& surface_rays() const { return rays_->all; }  ///< all known surfaces
+  const RayScene& occluder_rays() const { return rays_->occluders; }
 
  private:
   std::vector<WeightedPatch> region(const Eigen::Vector3d& origin, const FieldOfIllumination& field,
@@ -84,8 +95,7 @@ class RelaySetup {
   SensorPlacement placement_;
   Eigen::Vector3d source_;
   Eigen::Vector3d detector_;
-  std::unique_ptr<RayScene> rays_;           // all surfaces
-  std::unique_ptr<RayScene> occluder_rays_;  // occluders only
+  std::shared_ptr<const SurfaceRays> rays_;
 };
 
 /// Length of the time axis in bins on which light is collected before it wraps.

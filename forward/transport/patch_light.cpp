@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "blindcorner/forward/constants.h"
 #include "forward/support/multiversion.h"
 
 namespace blindcorner {
@@ -109,6 +110,73 @@ BLINDCORNER_MULTIVERSION void exchange(const SurfacePoint& cell, const PatchArra
   }
 }
 
+namespace {
+
+/// Takes the shadowed part of one patch away.
+void shade(const SurfacePoint& node, const PatchArrays& arrays, const ShadowView& shadows,
+           int patch, Scratch& s) {
+  const auto k = static_cast<std::size_t>(patch);
+  // What lies behind the object's surface is dark; a visible part may lie in front of it where the
+  // patch's own point does not.
+  const double reach = std::abs(node.normal.dot(arrays.half_u(patch))) +
+                       std::abs(node.normal.dot(arrays.half_v(patch)));
+  if (node.normal.dot(arrays.area_center(patch) - node.center) <= -reach) return;
+  const VisiblePart part =
+      shadows.see(arrays.area_center(patch), arrays.half_u(patch), arrays.half_v(patch));
+  if (part.fraction >= 1) return;
+  if (part.fraction <= 0) {
+    s.weight[k] = 0;
+    return;
+  }
+  s.partial.push_back({k, part});
+  // The visible part's own centre.
+  const Vector3d shift =
+      part.shift + (1 - part.fraction) * (arrays.area_center(patch) - arrays.center(patch));
+  const Vector3d way = arrays.center(patch) + shift - node.center;
+  const double r = way.norm();
+  const Vector3d direction = way / r;
+  const double cell_cosine = std::max(direction.dot(node.normal), 0.0);
+  const double relay_cosine = std::max(-direction.dot(arrays.normal(patch)), 0.0);
+  s.weight[k] = part.fraction * arrays.weight[k] * cell_cosine * relay_cosine / (r * r);
+  s.path[k] = arrays.leg[k] + arrays.leg_direction(patch).dot(shift) + r;
+  s.variance[k] *= part.fraction * part.fraction;
+  s.dx[k] = direction.x();
+  s.dy[k] = direction.y();
+  s.dz[k] = direction.z();
+  s.cosine[k] = cell_cosine;
+}
+
+}  // namespace
+
+/// Takes shadows away from weights, paths and, where there are any, directions.
+void shade_patches(const SurfacePoint& node, const PatchArrays& arrays, const ShadowView* shadows,
+                   Scratch& s) {
+  s.partial.clear();
+  if (shadows == nullptr) return;
+  for (const PatchArrays::Block& block : arrays.blocks) {
+    const ShadowView::Sight sight = shadows->sight(block.center, block.radius);
+    if (sight == ShadowView::Sight::clear) continue;
+    if (sight == ShadowView::Sight::hidden) {
+      std::fill(s.weight.begin() + block.begin, s.weight.begin() + block.end, 0.0);
+      continue;
+    }
+    std::array<ShadowView::Sight, PatchArrays::kBlock> sights;
+    shadows->sights(arrays.coordinates(), block.begin, block.end, sights.data());
+    for (int i = block.begin; i < block.end; ++i) {
+      const ShadowView::Sight own = sights[static_cast<std::size_t>(i - block.begin)];
+      if (own == ShadowView::Sight::hidden) s.weight[static_cast<std::size_t>(i)] = 0;
+      if (own == ShadowView::Sight::mixed) shade(node, arrays, *shadows, i, s);
+    }
+  }
+}
+
+/// Weights, paths and directions between a node and all patches, shadows included.
+void light_between(const SurfacePoint& node, const PatchArrays& arrays, const ShadowView* shadows,
+                   Scratch& s) {
+  exchange(node, arrays, s);
+  shade_patches(node, arrays, shadows, s);
+}
+
 /// From sums to mean path and variance.
 BLINDCORNER_MULTIVERSION void normalise(Pulses& p, std::size_t count) {
   double* __restrict weight = p.weight.data();
@@ -122,8 +190,9 @@ BLINDCORNER_MULTIVERSION void normalise(Pulses& p, std::size_t count) {
   }
 }
 
-/// Light that comes back from where it fell, of every patch by itself: sums of weight, path and
-/// path squared. `way_in` is one when both outer legs count, zero when they cancel.
+/// Light that comes back to relay points from where it fell, of every point by itself: sums of
+/// weight, path and path squared. `way_in` is one when both outer legs count, zero when they
+/// cancel.
 BLINDCORNER_MULTIVERSION void retro_light_of_patches(const Scratch& s, const PatchArrays& a,
                                                      double scale, const Vector3d& u,
                                                      const Vector3d& v, double lobe_sigma,
@@ -133,7 +202,7 @@ BLINDCORNER_MULTIVERSION void retro_light_of_patches(const Scratch& s, const Pat
   const double *dx = s.dx.data(), *dy = s.dy.data(), *dz = s.dz.data();
   const double *nx = a.nx.data(), *ny = a.ny.data(), *nz = a.nz.data();
   const double *lx = a.lx.data(), *ly = a.ly.data(), *lz = a.lz.data();
-  const double *leg = a.leg.data(), *radiance = a.radiance.data();
+  const double *leg = a.leg.data(), *albedo = a.albedo.data();
   double* __restrict o0 = out.weight.data();
   double* __restrict o1 = out.first.data();
   double* __restrict o2 = out.second.data();
@@ -141,7 +210,7 @@ BLINDCORNER_MULTIVERSION void retro_light_of_patches(const Scratch& s, const Pat
   const int n = a.size();
   BLINDCORNER_INDEPENDENT
   for (int i = 0; i < n; ++i) {
-    const double weight = scale * w[i] * radiance[i];
+    const double weight = scale * w[i] * (albedo[i] / kPi);
     const double r = l[i] - leg[i];
     // Lobe: p scatters about r by sigma r, stretched along the tilt by 1/cos.
     const double dn = dx[i] * nx[i] + dy[i] * ny[i] + dz[i] * nz[i];

@@ -20,7 +20,7 @@ namespace blindcorner {
 /// Structure of arrays, so that the loop over patches vectorises.
 struct PatchArrays {
   std::vector<double> x, y, z, ax, ay, az, nx, ny, nz, ux, uy, uz, vx, vy, vz, lx, ly, lz;
-  std::vector<double> weight, leg, radiance;
+  std::vector<double> weight, leg, albedo, radiance;
   std::vector<double> spread;   ///< variance of the path over a patch per squared half-edge change
   std::vector<int> group_end;   ///< one past the last patch of each group
   std::vector<int> group_zone;  ///< zone that sees (or lights) the group
@@ -78,6 +78,7 @@ struct PatchArrays {
     spread.push_back(patch.node ? 0.0 : 1.0 / 3);
     weight.push_back(p.weight);
     leg.push_back(p.leg);
+    albedo.push_back(patch.albedo);
     radiance.push_back(p.radiance);
   }
   static Eigen::Vector3d at(const std::vector<double>& a, const std::vector<double>& b,
@@ -136,6 +137,7 @@ struct Scratch {
   std::vector<Partial> partial;          ///< patches seen in part, in order
   std::vector<double> distance, extent;  ///< of patches, for lobes
   std::vector<LobeLight> lobes;          ///< [anchor]
+  std::vector<SurfacePoint> anchors;     ///< middles of the cells that share one
   LightSums open, shaded;                ///< of some patches, for shadows in lobes
   std::vector<Sums> cells;               ///< [zone][path cell]; all zero between evaluations
   std::vector<Range> touched;            ///< [zone] path cells that hold light
@@ -198,11 +200,21 @@ void exchange_paths(const SurfacePoint& cell, const PatchArrays& a, Scratch& s);
 /// path variances over the patch, unit directions from the cell.
 void exchange(const SurfacePoint& cell, const PatchArrays& a, Scratch& s);
 
+/// Weights, paths and directions between a node and all patches, less what shadows (may be null)
+/// hide of them.
+void light_between(const SurfacePoint& node, const PatchArrays& arrays, const ShadowView* shadows,
+                   Scratch& s);
+
+/// Takes shadows away from weights, paths and, where there are any, directions.
+void shade_patches(const SurfacePoint& node, const PatchArrays& arrays, const ShadowView* shadows,
+                   Scratch& s);
+
 /// From sums to mean path and variance.
 void normalise(Pulses& p, std::size_t count);
 
-/// Light that comes back from where it fell, of every patch by itself: sums of weight, path and
-/// path squared. `way_in` is one when both outer legs count, zero when they cancel.
+/// Light that comes back to relay points from where it fell, of every point by itself: sums of
+/// weight, path and path squared. `way_in` is one when both outer legs count, zero when they
+/// cancel.
 void retro_light_of_patches(const Scratch& s, const PatchArrays& a, double scale,
                             const Eigen::Vector3d& u, const Eigen::Vector3d& v, double lobe_sigma,
                             double way_in, LightSums& out);

@@ -85,41 +85,56 @@ std::vector<Vector3d> region_corners(const Scene& scene, int index) {
   return points;
 }
 
-void decide_occlusion(TransportPlan& plan, const Scene& scene, std::vector<Vector3d> points,
-                      const PlanOverrides& overrides) {
-  const auto faces = occluder_faces(scene.surfaces);
-  double extent = 0;
-  for (const Vector3d& p : points) extent = std::max(extent, (p - points.front()).norm());
-  const double margin = 1e-6 * std::max(extent, 1e-6);
-  for (const OccluderFace& face : faces) {
-    if (!cannot_block(face, points, margin)) plan.occluders.push_back(face);
+double lobe_ratio(const Scene& scene, const std::vector<Vector3d>& relay_points,
+                  double lit_extent) {
+  const auto* retro = std::get_if<RetroreflectiveMaterial>(&scene.hidden.material);
+  if (retro == nullptr || !(lit_extent > 0)) return 0.0;
+  double farthest = 0;
+  for (int i = 0; i < object_count(scene); ++i) {
+    const HiddenObject& object = hidden_object(scene, i);
+    for (const Placement& probe : probe_placements(scene, i)) {
+      const Vector3d middle = object_to_world(object.shape, object.anchor, probe).translation();
+      for (const Vector3d& relay : relay_points) {
+        farthest = std::max(farthest, (relay - middle).squaredNorm());
+      }
+    }
   }
-  const bool used = !plan.occluders.empty();
-  const std::string count =
-      std::to_string(plan.occluders.size()) + " of " + std::to_string(faces.size());
-  plan.decide({Term::occlusion, "occlusion between relay and object", used,
-               faces.empty() ? "no surface is marked as an occluder"
-               : used        ? count + " occluder faces can stand between relay and search region"
-                             : "no occluder face meets the hull of relay and search region"});
-  if (overrides.switched_on(Term::occlusion)) plan.occluders = faces;
-  if (overrides.switched_off(Term::occlusion)) plan.occluders.clear();
+  return retro->lobe_sigma * std::sqrt(farthest) / lit_extent;
 }
 
-void decide_kernel(TransportPlan& plan, const Scene& scene, double farthest, double lit_extent,
+Kernel kernel_for(const Scene& scene, double ratio, const PlanOverrides& overrides) {
+  if (!std::holds_alternative<RetroreflectiveMaterial>(scene.hidden.material)) {
+    return Kernel::lambertian;
+  }
+  const bool single = ratio > kSingleSumRatio ? overrides.switched_off(Term::patch_pairs)
+                                              : !overrides.switched_on(Term::patch_pairs);
+  return single ? Kernel::retro_single : Kernel::retro_pairs;
+}
+
+void decide_kernel(TransportPlan& plan, const Scene& scene, double ratio,
                    const PlanOverrides& overrides) {
-  PlanDecision pairs{Term::patch_pairs, "pairs of lit and seen relay patches", false, "", 0.0};
-  if (const auto* retro = std::get_if<RetroreflectiveMaterial>(&scene.hidden.material)) {
-    const double ratio = lit_extent > 0 ? retro->lobe_sigma * farthest / lit_extent : 0.0;
+  plan.kernel = kernel_for(scene, ratio, overrides);
+  PlanDecision pairs{Term::patch_pairs, "pairs of lit and seen relay patches", false,
+                     "a Lambertian object's light factorises into two sums", 0.0};
+  if (plan.kernel != Kernel::lambertian) {
     pairs.used = ratio > kSingleSumRatio;
     pairs.reason = "the lobe's footprint is at most " + number(ratio) + " of the lit spot" +
                    (pairs.used ? ", above " : ", not above ") + number(kSingleSumRatio);
-    const bool single = pairs.used ? overrides.switched_off(Term::patch_pairs)
-                                   : !overrides.switched_on(Term::patch_pairs);
-    plan.kernel = single ? Kernel::retro_single : Kernel::retro_pairs;
-  } else {
-    pairs.reason = "a Lambertian object's light factorises into two sums";
   }
   plan.decide(pairs);
+}
+
+/// Which of the faces can stand between any two of the points.
+std::vector<OccluderFace> faces_among(const std::vector<OccluderFace>& faces,
+                                      const std::vector<Vector3d>& points) {
+  double extent = 0;
+  for (const Vector3d& p : points) extent = std::max(extent, (p - points.front()).squaredNorm());
+  const double margin = 1e-6 * std::max(std::sqrt(extent), 1e-6);
+  std::vector<OccluderFace> among;
+  for (const OccluderFace& face : faces) {
+    if (!cannot_block(face, points, margin)) among.push_back(face);
+  }
+  return among;
 }
 
 }  // namespace
@@ -204,28 +219,39 @@ void decide_view(TransportPlan& plan, const Scene& scene, const std::vector<Vect
                apart ? 0.0 : std::numeric_limits<double>::infinity()});
 }
 
+Kernel choose_kernel(const Scene& scene, const std::vector<Vector3d>& relay_points,
+                     double lit_extent, const PlanOverrides& overrides) {
+  return kernel_for(scene, lobe_ratio(scene, relay_points, lit_extent), overrides);
+}
+
+std::vector<OccluderFace> occluders_between(const Scene& scene,
+                                            const std::vector<OccluderFace>& faces,
+                                            std::vector<Vector3d> relay_points) {
+  if (faces.empty()) return {};
+  for (int i = 0; i < object_count(scene); ++i) {
+    const std::vector<Vector3d> corners = region_corners(scene, i);
+    relay_points.insert(relay_points.end(), corners.begin(), corners.end());
+  }
+  return faces_among(faces, relay_points);
+}
+
 TransportPlan make_plan(const Scene& scene, const std::vector<Vector3d>& relay_points,
                         double lit_extent, const PlanOverrides& overrides) {
   TransportPlan plan;
-  std::vector<Vector3d> points;
-  double farthest = 0;
-  for (int i = 0; i < object_count(scene); ++i) {
-    const HiddenObject& object = hidden_object(scene, i);
-    const std::vector<Placement> probes = probe_placements(scene, i);
-    for (const Placement& probe : probes) {
-      const Vector3d middle = object_to_world(object.shape, object.anchor, probe).translation();
-      for (const Vector3d& relay : relay_points) {
-        farthest = std::max(farthest, (relay - middle).norm());
-      }
-    }
-    const std::vector<Vector3d> corners = region_corners(scene, i);
-    points.insert(points.end(), corners.begin(), corners.end());
-  }
-  points.insert(points.end(), relay_points.begin(), relay_points.end());
-  decide_occlusion(plan, scene, std::move(points), overrides);
+  const auto faces = occluder_faces(scene.surfaces);
+  plan.occluders = occluders_between(scene, faces, relay_points);
+  const bool used = !plan.occluders.empty();
+  const std::string count =
+      std::to_string(plan.occluders.size()) + " of " + std::to_string(faces.size());
+  plan.decide({Term::occlusion, "occlusion between relay and object", used,
+               faces.empty() ? "no surface is marked as an occluder"
+               : used        ? count + " occluder faces can stand between relay and search region"
+                             : "no occluder face meets the hull of relay and search region"});
+  if (overrides.switched_on(Term::occlusion)) plan.occluders = faces;
+  if (overrides.switched_off(Term::occlusion)) plan.occluders.clear();
   plan.decide({Term::self_shadowing, "self-shadowing of the object", false,
                "a convex body hides nothing from its own surface"});
-  decide_kernel(plan, scene, farthest, lit_extent, overrides);
+  decide_kernel(plan, scene, lobe_ratio(scene, relay_points, lit_extent), overrides);
   const bool spills = !scene.sensor.crosstalk.empty();
   plan.decide({Term::crosstalk, "crosstalk between zones", spills,
                spills ? "the sensor states it" : "the sensor states none"});

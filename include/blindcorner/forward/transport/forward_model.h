@@ -113,10 +113,27 @@ struct FastModelOptions {
   void validate() const;
 };
 
+/// What the fast models of one scene share wherever the sensor stands: tables, acceleration
+/// structures, the search region. Thread safe.
+class SceneTransport;
+std::shared_ptr<const SceneTransport> make_scene_transport(const Scene& scene);
+
 /// Sums over light arriving and light leaving instead of pairs: of a Lambertian object, convolved
 /// on a grid of paths; of a narrow lobe, one sum over the relay where that meets the tolerance,
-/// else pairs within the lobe's reach. Smooth in the pose.
+/// else pairs within the lobe's reach. Smooth in the pose. With `options.fidelity` given it costs
+/// little more than sampling the relay as the sensor sees it.
+std::unique_ptr<ForwardModel> make_fast_model(std::shared_ptr<const SceneTransport> transport,
+                                              const SensorPlacement& placement,
+                                              const FastModelOptions& options = {});
+/// The same for a scene of which no other sensor pose is asked about.
 std::unique_ptr<ForwardModel> make_fast_model(const Scene& scene, const SensorPlacement& placement,
                                               const FastModelOptions& options = {});
+
+/// The cheapest sampling that meets `options.tolerance` at a sensor placement, for models of other
+/// placements too (`options.fidelity` is not looked at). Of several objects, what suits all;
+/// nothing for a measured law, which is not sampled.
+std::optional<Fidelity> choose_fidelity(const std::shared_ptr<const SceneTransport>& transport,
+                                        const SensorPlacement& placement,
+                                        const FastModelOptions& options = {});
 
 }  // namespace blindcorner

@@ -79,6 +79,15 @@ std::vector<Placement> probe_placements(const Scene& scene, int object = 0);
 /// holds there.
 bool in_search_region(const Scene& scene, const Placement& placement, int object = 0);
 
+/// Kernel for a scene's material and for what is lit and seen of the relay, as for make_plan.
+Kernel choose_kernel(const Scene& scene, const std::vector<Eigen::Vector3d>& relay_points,
+                     double lit_extent, const PlanOverrides& overrides = {});
+
+/// Which of the scene's occluder faces can stand between the relay points and the search region.
+std::vector<OccluderFace> occluders_between(const Scene& scene,
+                                            const std::vector<OccluderFace>& faces,
+                                            std::vector<Eigen::Vector3d> relay_points);
+
 /// Decides the plan. `relay_points` are points on the relay that span what is lit and seen;
 /// `lit_extent` is the diameter of the lit spot in m. Decisions that depend on the sensor's place
 /// or on the sampling are added by the models.

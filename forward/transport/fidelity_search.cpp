@@ -1,0 +1,228 @@
+// SPDX-License-Identifier: Apache-2.0
+/// The cheapest sampling that meets a tolerance, by what finer ones would change.
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "blindcorner/forward/constants.h"
+#include "forward/transport/fast_model.h"
+
+namespace blindcorner {
+namespace {
+
+/// Coarseness of sampling that is looked at, and the ratio from one to the next.
+constexpr double kCoarsest = 5.657;
+constexpr double kFinest = 0.45;
+constexpr double kCoarsenessStep = 1.41421356;
+/// The same for rules of points, whose error falls so fast that smaller steps pay.
+constexpr double kRuleStep = 1.18920712;
+constexpr double kRuleFinest = 0.3;
+/// Most pairs of lit and seen patches that a lobe's model takes for an evaluation (about 0.2 s):
+/// the search for a sampling ends there, whatever the tolerance.
+constexpr double kMostPairs = 4e7;
+/// Largest change of a bin, relative to the peak of its pose; poses that give next to no light do
+/// not count.
+double largest_change(const std::vector<HistogramCube>& coarse,
+                      const std::vector<HistogramCube>& fine) {
+  constexpr double kDark = 1e-3;
+  std::vector<double> peaks;
+  for (const HistogramCube& cube : fine) {
+    peaks.push_back(*std::max_element(cube.values.begin(), cube.values.end()));
+  }
+  const double brightest = *std::max_element(peaks.begin(), peaks.end());
+  double largest = 0;
+  for (std::size_t i = 0; i < fine.size(); ++i) {
+    if (peaks[i] <= kDark * brightest) continue;
+    for (std::size_t k = 0; k < fine[i].values.size(); ++k) {
+      largest = std::max(largest, std::abs(coarse[i].values[k] - fine[i].values[k]) / peaks[i]);
+    }
+  }
+  return largest;
+}
+
+class FidelitySearch {
+ public:
+  FidelitySearch(const std::shared_ptr<const SensorView>& view, const FastModelOptions& options,
+                 bool pairs)
+      : view_(view), options_(options), lobe_pairs_(pairs) {
+    kernel_ = model({kCoarsest, kCoarsest})->kernel();
+  }
+
+  /// Limits become stricter until going on to at least twice as many cells would change no bin of
+  /// any probed pose by more than the tolerance (of the pose's peak). The error falls with the
+  /// fourth power of a cell's edges, so the change is at least three quarters of the coarser one's
+  /// error. The object takes half of the tolerance at most, the relay what that leaves.
+  Fidelity find() {
+    const double tolerance = options_.tolerance;
+    // Pairs err by the object's cells the same at a coarser relay.
+    Fidelity fidelity{kernel_ == Kernel::retro_pairs ? 4.0 : 2.0, kCoarsest};
+    // Half of the time is left for a finer relay.
+    while (too_many_pairs(*model(fidelity), 0.5 * kMostPairs) && fidelity.relay < kCoarsest) {
+      fidelity.relay *= kCoarsenessStep;
+    }
+    const Choice object = coarsest(
+        0.5 * tolerance, 0.5 * kMostPairs,
+        [&](double c) {
+          return model({fidelity.relay, c});
+        },
+        [](const FastModel& m) { return m.sampling().object_nodes; });
+    fidelity.object = object.coarseness;
+    const Choice relay = coarsest(
+        tolerance - std::min(object.change, 0.5 * tolerance), kMostPairs,
+        [&](double c) {
+          return model({c, fidelity.object});
+        },
+        [&](const FastModel& m) {
+          const int cells = m.sampling().lit.size() + m.sampling().seen.size();
+          return resolves_lobe(m) ? cells : -1;
+        });
+    fidelity.relay = relay.coarseness;
+    fidelity.lobe_pairs = kernel_ == Kernel::retro_pairs;
+    change_ = object.change + relay.change;
+    return fidelity;
+  }
+  double change() const { return change_; }  ///< of object and relay, where the search ended
+  double unresolved() const { return unresolved_; }
+
+  std::unique_ptr<FastModel> model(Fidelity fidelity) const {
+    fidelity.lobe_pairs = lobe_pairs_;
+    return std::make_unique<FastModel>(view_, options_, FoundFidelity{fidelity, 0, {}});
+  }
+  /// Histograms of the probed poses; learns which share of all pairs of patches they look at.
+  std::vector<HistogramCube> probe(const FastModel& model) {
+    const Scene& scene = view_->transport->scene;
+    std::vector<HistogramCube> cubes;
+    double pairs = 0;
+    for (const PoseVector& pose : view_->transport->probe_poses) {
+      const Placement placement = place(scene.hidden.placement, scene.unknowns, pose);
+      pairs = std::max(pairs, model.render(placement, {}, cubes.emplace_back()));
+    }
+    if (kernel_ == Kernel::retro_pairs) near_share_ = pairs / std::max(pair_count(model), 1.0);
+    return cubes;
+  }
+
+ private:
+  struct Choice {
+    double coarseness;
+    double change;  ///< of a bin by going on to twice as many cells, as a share of the peak
+  };
+
+  static double pair_count(const FastModel& m) {
+    return 1.0 * m.sampling().lit.size() * m.sampling().seen.size() * m.sampling().object_nodes;
+  }
+  /// Whether pairs of patches, where they are needed, would take too long.
+  bool too_many_pairs(const FastModel& m, double most) const {
+    return kernel_ == Kernel::retro_pairs && near_share_ * pair_count(m) > most;
+  }
+  /// Whether pairs see an even relay as even. A row of normal distributions, each as wide as a
+  /// patch of edge w and the lobe together, has ripples of 2 exp(-2 pi^2 (sigma^2 + w^2 / 12) /
+  /// w^2); each seen patch and object point sees another phase of them.
+  bool resolves_lobe(const FastModel& m) const {
+    if (kernel_ != Kernel::retro_pairs) return true;
+    const double edge = m.fidelity()->relay * kLobePatch;  // in units of the lobe
+    const double ripple = 2 * std::exp(-2 * kPi * kPi * (1 / (edge * edge) + 1.0 / 12));
+    const auto seen = static_cast<double>(m.sampling().seen.group_end.size()) /
+                      view_->transport->scene.sensor.zone_count();
+    return ripple < options_.tolerance * std::sqrt(std::max(seen * m.sampling().object_nodes, 1.0));
+  }
+
+  /// Of the models that `make` makes of a coarseness; `count` their cells, -1 where they are too
+  /// coarse to be looked at.
+  Choice coarsest(double tolerance, double most_pairs,
+                  const std::function<std::unique_ptr<FastModel>(double)>& make,
+                  const std::function<int(const FastModel&)>& count) {
+    // Borders of surfaces and shadows converge slowly: below this, finer cells that gain next to
+    // nothing are not worth their time.
+    constexpr double kStagnates = 0.05;
+    struct Candidate {
+      double coarseness;
+      int cells;
+      std::vector<HistogramCube> cubes;
+    };
+    std::vector<Candidate> candidates;
+    const bool rules = kernel_ == Kernel::lambertian;
+    std::vector<double> changes;  // [candidate] to at least twice as many cells
+    double last_skipped = 0;      // coarseness
+    const double step = rules ? kRuleStep : kCoarsenessStep;
+    for (double c = kCoarsest; c > (rules ? kRuleFinest : kFinest); c /= step) {
+      const auto tried = make(c);
+      const int cells = count(*tried);
+      const bool first = candidates.empty() && last_skipped == 0;
+      if (!first && too_many_pairs(*tried, most_pairs)) break;
+      if (cells < 0) {
+        last_skipped = c;
+        continue;
+      }
+      if (!candidates.empty() && candidates.back().cells == cells) continue;
+      candidates.push_back({c, cells, probe(*tried)});
+      const Candidate& fine = candidates.back();
+      while (changes.size() + 1 < candidates.size()) {
+        const Candidate& coarse = candidates[changes.size()];
+        if (fine.cells < 2 * coarse.cells) break;
+        const double change = largest_change(coarse.cubes, fine.cubes);
+        if (change < tolerance) return {coarse.coarseness, change};
+        const double before =
+            changes.empty() ? std::numeric_limits<double>::infinity() : changes.back();
+        changes.push_back(change);
+        if (!rules && change < kStagnates && change > 0.8 * before) {
+          unresolved_ += change;
+          return {coarse.coarseness, change};
+        }
+      }
+    }
+    if (!changes.empty()) unresolved_ += changes.back();
+    if (candidates.empty()) {
+      unresolved_ += tolerance;
+      return {last_skipped, tolerance};
+    }
+    return {candidates.back().coarseness, tolerance};
+  }
+
+  const std::shared_ptr<const SensorView>& view_;
+  FastModelOptions options_;
+  bool lobe_pairs_;
+  Kernel kernel_ = Kernel::lambertian;
+  double near_share_ = 1;  ///< of all pairs of patches: those within a lobe's reach
+  double unresolved_ = 0;  ///< change of a bin where the search gave up
+  double change_ = 0;
+};
+
+}  // namespace
+
+/// A sampling for the plan's kernel, and pairs instead of the single sum where that leaves out too
+/// much: looks first at a coarse sampling of pairs, and where the change may be more than the
+/// tolerance at one that meets it.
+FoundFidelity find_fidelity(const std::shared_ptr<const SensorView>& view,
+                            const FastModelOptions& options) {
+  FidelitySearch single(view, options, false);
+  FoundFidelity found{single.find(), single.unresolved(), {}};
+  if (view->kernel != Kernel::retro_single || view->setup.uses_points() ||
+      options.overrides.switched_off(Term::patch_pairs)) {
+    return found;
+  }
+  const auto best = single.model(found.fidelity);
+  if (best->single_sum_bound() < 0.5 * options.tolerance) return found;
+  const std::vector<HistogramCube> summed = single.probe(*best);
+  FidelitySearch pairs(view, options, true);
+  double change = largest_change(summed, pairs.probe(*pairs.model({4, kCoarsest})));
+  if (change > options.tolerance) {
+    const Fidelity with_pairs = pairs.find();
+    // Of two errors that have nothing to do with each other, the sum's. What a search gave up on is
+    // the change of a sampling with at most half of the cells that it took.
+    const double own = std::max(pairs.change(), 0.5 * pairs.unresolved());
+    const double both = largest_change(summed, pairs.probe(*pairs.model(with_pairs)));
+    change = std::sqrt(std::max(both * both - own * own, 0.0));
+    if (change > options.tolerance) {
+      return {with_pairs, pairs.unresolved(),
+              "; one sum would change a bin by " + two_digits(change)};
+    }
+  }
+  found.pairs_reason = "; pairs would change a bin by no more than the tolerance";
+  return found;
+}
+
+}  // namespace blindcorner

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+/// What both kernels of a retroreflector share. It sends light back to where it came from: groups
+/// of relay patches, or pairs of them, are one pulse each, of their weight, mean path and path
+/// variance. Pulses with nearly the same path share one: each adds its moments to the two nearest
+/// cells of a path axis, in proportion to nearness, so the sum stays continuous in the pose and
+/// every moment up to the second is kept.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "forward/transport/transport_kernel.h"
+
+namespace blindcorner {
+
+class RetroKernel : public TransportKernel {
+ public:
+  void render(const ObjectInPlace& object, Scratch& s) const final;
+
+ protected:
+  /// A cell of the object with what hides the relay from each of its nodes.
+  struct ShadedCell {
+    std::size_t index;
+    const CellNodes& nodes;
+    const std::vector<ShadowView>& shadows;  ///< one per node; empty without occluders
+    std::span<const std::vector<OccluderFace>> occluders;  ///< of each node, or one list for all
+
+    const ShadowView* shadow(std::size_t node) const {
+      return shadows.empty() ? nullptr : &shadows[node];
+    }
+  };
+
+  explicit RetroKernel(const KernelInputs& inputs);
+
+  /// Before the first cell of a placement.
+  virtual void begin(const std::vector<SurfaceCell>& /*cells*/, Scratch& /*s*/) const {}
+  virtual void add_cell(const ShadedCell& cell, Scratch& s) const = 0;
+
+  const Scene& scene() const { return transport_->scene; }
+  const Sampling& sampling() const { return *sampling_; }
+  bool confocal() const { return confocal_; }
+  double lobe_sigma() const {
+    return std::get<RetroreflectiveMaterial>(scene().hidden.material).lobe_sigma;
+  }
+  /// Pulses [begin, end) go to the cells of a zone.
+  void add_pulses(Scratch& s, int zone, std::size_t begin, std::size_t end) const;
+
+ private:
+  void flush(Scratch& s) const;
+
+  std::shared_ptr<const SceneTransport> transport_;
+  std::shared_ptr<const Sampling> sampling_;
+  bool confocal_;
+  bool whole_axis_;
+  double extra_variance_;  ///< s^2
+  std::shared_ptr<const PulseTable> pulses_;
+  int axis_bins_;
+  double bins_per_metre_;
+  double cells_per_metre_;
+  int path_cells_;
+};
+
+}  // namespace blindcorner

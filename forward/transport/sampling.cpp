@@ -1,0 +1,461 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "forward/transport/sampling.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <limits>
+
+#include "blindcorner/forward/constants.h"
+#include "forward/support/multiversion.h"
+
+namespace blindcorner {
+namespace {
+
+using Eigen::Vector3d;
+
+/// Gaussian closure: relative L2 error of leaving out a group's higher cumulants, 0.05 s^2 for a
+/// path spread of s pulse variances.
+constexpr double kClosureError = 0.05;
+/// Two Gauss nodes along an edge e at distance r: relative error of weights like cos^4 / r^4 is
+/// about 0.01 (e / r)^4.
+constexpr double kQuadratureError = 0.01;
+/// The centre alone: about 0.35 (e / r)^2.
+constexpr double kMidpointError = 0.35;
+/// Gauss-Legendre points a distance d apart in path (standard deviation of even light between
+/// them) for which the error exp(-2 (n s / a)^2) is e: d = kRuleSpread s / sqrt(ln(1 / e)).
+constexpr double kRuleSpread = 0.75;
+/// The same for points seen an angle apart, against inverse squares: an angle over ln(1 / e). The
+/// relay's error is as large for the directions along which no path changes, and there a point more
+/// costs little; the object is small.
+constexpr double kRelayRuleAngle = 0.5;
+constexpr double kObjectRuleAngle = 1.8;
+/// Most points along an edge of a relay cell; larger cells are halved, so that dim ones can do with
+/// fewer points.
+constexpr double kMostRulePoints = 8;
+/// Quarterings of a cell that straddles a border; what is left of it is shared between the
+/// surfaces, and deeper ones change no shipped scene's error by 1e-4 of the light.
+constexpr int kEdgeDepth = 2;
+/// Edge of what shares the lobes of its middle, in those for which a midpoint will do: lobes matter
+/// at the edges of the light only.
+constexpr double kAnchorEdge = 2;
+/// Cosine between normals of cells on one side of the object.
+constexpr double kSameSide = 0.9;
+
+/// Middles of the object at the probed placements, in lanes that are summed side by side.
+class ProbedMiddles {
+ public:
+  explicit ProbedMiddles(const std::vector<Transform>& T_world_probes)
+      : count_(static_cast<double>(T_world_probes.size())) {
+    for (const Transform& T : T_world_probes) {
+      const Vector3d q = T.translation();
+      x_.push_back(q.x());
+      y_.push_back(q.y());
+      z_.push_back(q.z());
+      counts_.push_back(1);
+    }
+    while (counts_.size() % kLanes != 0) {
+      for (auto* v : {&x_, &y_, &z_}) v->push_back(v->back());
+      counts_.push_back(0);
+    }
+  }
+
+  /// Sum of the cosine at the patch over the distance squared.
+  double exchange(const RelayPatch& patch) const;
+  /// Means of the squared changes of (direction to the middle + `out`) . half edge along both
+  /// edges, and of one over the distance squared.
+  std::array<double, 3> changes(const RelayPatch& patch, const Vector3d& out) const;
+  double nearest(const Vector3d& p) const {
+    double least = std::numeric_limits<double>::infinity();
+    for (std::size_t i = 0; i < x_.size(); ++i) {
+      least = std::min(least, (p - Vector3d(x_[i], y_[i], z_[i])).squaredNorm());
+    }
+    return std::sqrt(least);
+  }
+
+ private:
+  static constexpr std::size_t kLanes = 8;
+  using Lanes = std::array<double, kLanes>;
+  static double total(const Lanes& lanes) {
+    double sum = 0;
+    for (const double lane : lanes) sum += lane;
+    return sum;
+  }
+
+  double count_;
+  std::vector<double> x_, y_, z_, counts_;  ///< the last are 0 of what fills the lanes up
+};
+
+BLINDCORNER_MULTIVERSION double ProbedMiddles::exchange(const RelayPatch& patch) const {
+  const double px = patch.center.x(), py = patch.center.y(), pz = patch.center.z();
+  const double nx = patch.normal.x(), ny = patch.normal.y(), nz = patch.normal.z();
+  alignas(64) Lanes sum{};
+  for (std::size_t i = 0; i < x_.size(); i += kLanes) {
+    for (std::size_t k = 0; k < kLanes; ++k) {
+      const double x = x_[i + k] - px, y = y_[i + k] - py, z = z_[i + k] - pz;
+      const double r2 = x * x + y * y + z * z;
+      sum[k] += counts_[i + k] * std::max(x * nx + y * ny + z * nz, 0.0) / (r2 * std::sqrt(r2));
+    }
+  }
+  return total(sum);
+}
+
+BLINDCORNER_MULTIVERSION std::array<double, 3> ProbedMiddles::changes(const RelayPatch& patch,
+                                                                      const Vector3d& out) const {
+  const double px = patch.center.x(), py = patch.center.y(), pz = patch.center.z();
+  const double ux = patch.half_u.x(), uy = patch.half_u.y(), uz = patch.half_u.z();
+  const double vx = patch.half_v.x(), vy = patch.half_v.y(), vz = patch.half_v.z();
+  const double out_u = out.dot(patch.half_u), out_v = out.dot(patch.half_v);
+  alignas(64) Lanes along_u{}, along_v{}, near{};
+  for (std::size_t i = 0; i < x_.size(); i += kLanes) {
+    for (std::size_t k = 0; k < kLanes; ++k) {
+      const double x = px - x_[i + k], y = py - y_[i + k], z = pz - z_[i + k];
+      const double inverse2 = 1 / (x * x + y * y + z * z);
+      const double inverse = std::sqrt(inverse2);
+      const double u = (x * ux + y * uy + z * uz) * inverse + out_u;
+      const double v = (x * vx + y * vy + z * vz) * inverse + out_v;
+      along_u[k] += counts_[i + k] * u * u;
+      along_v[k] += counts_[i + k] * v * v;
+      near[k] += counts_[i + k] * inverse2;
+    }
+  }
+  return {total(along_u) / count_, total(along_v) / count_, total(near) / count_};
+}
+
+/// How bright parts of the relay are, judged over the probed placements: dim parts may be sampled
+/// more coarsely, and what adds up to next to nothing is left out.
+class Brightness {
+ public:
+  Brightness(const ProbedMiddles& objects, bool twice, const std::vector<RelayPatch>& coarse)
+      : objects_(objects), twice_(twice) {
+    for (const RelayPatch& patch : coarse) {
+      const double bright = density(patch);
+      cells_.push_back({bright, bright * patch.solid_angle});
+    }
+    std::sort(cells_.begin(), cells_.end());
+    double sum = 0;
+    for (auto& [bright, light] : cells_) light = sum += light;
+    for (auto& [bright, light] : cells_) light /= std::max(sum, 1e-300);
+  }
+
+  /// Light exchanged per solid angle of the patch, up to a constant.
+  double density(const RelayPatch& patch) const {
+    return patch.albedo * objects_.exchange(patch) /
+           (twice_ ? patch.distance * patch.distance : 1.0);
+  }
+  /// Share of all light that comes from parts no brighter than this.
+  double share_below(double bright) const {
+    const auto it = std::upper_bound(cells_.begin(), cells_.end(), std::pair(bright, 2.0));
+    return it == cells_.begin() ? 0.0 : std::prev(it)->second;
+  }
+
+ private:
+  const ProbedMiddles& objects_;
+  bool twice_;
+  std::vector<std::pair<double, double>> cells_;  // density, cumulative share
+};
+
+/// Limits of sampling in units of those that the closed-form estimates give for the tolerance.
+struct Limits {
+  double spread;        ///< m, path spread that one Gaussian may stand for
+  double aspect;        ///< edge against distance of a cell with Gauss nodes
+  double midpoint;      ///< the same where the centre alone will do
+  double rule_spread;   ///< m, standard deviation of the path between two points of a rule
+  double relay_angle;   ///< distance of two points of a rule against how far away they are
+  double object_angle;  ///< the same of the object
+
+  Limits(const SamplingNeeds& needs, double coarseness, const HiddenObject& object) {
+    // Six axes share each limit: two each of what is lit, what is seen and the object.
+    constexpr double kAxes = 6;
+    const double tolerance = needs.tolerance;
+    spread = coarseness * needs.pulse_sigma * std::pow(tolerance / kClosureError, 0.25) /
+             std::sqrt(kAxes);
+    aspect = coarseness * std::pow(tolerance / kQuadratureError / kAxes, 0.25);
+    midpoint = coarseness * std::sqrt(tolerance / kMidpointError);
+    const double digits = std::log(1 / tolerance);
+    rule_spread = coarseness * kRuleSpread * needs.pulse_sigma / std::sqrt(digits);
+    relay_angle = coarseness * kRelayRuleAngle / digits;
+    object_angle = coarseness * kObjectRuleAngle / digits;
+    if (needs.kernel == Kernel::retro_pairs) {
+      // A patch stands for a Gaussian within the lobe: it must not be wide against it.
+      const double sigma = std::get<RetroreflectiveMaterial>(object.material).lobe_sigma;
+      aspect = std::min(aspect, coarseness * kLobePatch * sigma);
+    }
+  }
+};
+
+using PatchSets = std::vector<std::vector<WeightedPatch>>;
+
+/// Divides what is lit and seen until cells meet both limits in the root mean square over the
+/// probed placements: a bound for the typical pose, not for the one that touches the relay. Parts
+/// below which a share C of the light comes may be (0.5 / C)^0.15 coarser: their closure error
+/// grows with the fourth power, and the sum of share times error stays within a factor of two.
+/// Where rules of points do, cells are divided as little as borders of surfaces and dim parts ask
+/// for, and have as many points along each edge as they exceed the limits.
+class RelaySampler {
+ public:
+  RelaySampler(const SensorView& view, const SamplingNeeds& needs)
+      : view_(view),
+        limits_(needs, needs.fidelity.relay, view.transport->scene.hidden),
+        objects_(view.transport->T_world_probes),
+        single_(needs.kernel == Kernel::retro_single),
+        rules_(needs.kernel == Kernel::lambertian),
+        pairs_(needs.kernel == Kernel::retro_pairs),
+        negligible_(needs.keep_dim_patches ? 0.0 : kNegligible * needs.tolerance) {}
+
+  void sample(Sampling& into) {
+    const int zones = view_.transport->scene.sensor.zone_count();
+    PatchSets lit, seen(static_cast<std::size_t>(zones));
+    const Brightness seen_light(objects_, single_, view_.seen);
+    const RelaySampling by_zone = sampling(seen_light);
+    if (view_.confocal && !single_) lit.resize(seen.size());
+    for (int z = 0; z < zones; ++z) {
+      const auto i = static_cast<std::size_t>(z);
+      if (view_.dead(z)) continue;
+      seen[i] = prune(view_.setup.seen(z, by_zone), seen_light, into);
+      if (!lit.empty()) lit[i] = view_.setup.lit_by_zone(z, by_zone);
+    }
+    if (!view_.confocal && !single_) {
+      const Brightness lit_light(objects_, false, view_.lit);
+      lit.push_back(prune(view_.setup.lit(sampling(lit_light)), lit_light, into));
+    }
+    const auto fill = [](PatchArrays& arrays, const PatchSets& sets, bool with_zone) {
+      for (std::size_t i = 0; i < sets.size(); ++i) {
+        arrays.append(sets[i], with_zone ? static_cast<int>(i) : -1);
+      }
+    };
+    fill(into.lit, lit, view_.confocal);
+    fill(into.seen, seen, true);
+    if (rules_) {
+      fill(into.relay, lit, view_.confocal);
+      fill(into.relay, seen, true);
+    }
+    for (PatchArrays* arrays : {&into.lit, &into.seen, &into.relay}) arrays->finish();
+  }
+
+ private:
+  RelaySampling sampling(const Brightness& brightness) const {
+    RelaySampling relay;
+    relay.edge_depth = kEdgeDepth;
+    relay.with_radiance = false;
+    relay.split = [&](const RelayPatch& patch) {
+      const double most = rules_ && patch.whole ? kMostRulePoints : 1.0;
+      const auto [u, v] = excess(patch, brightness);
+      if (std::max(u, v) <= most) return 0;
+      return u >= v ? 1 : 2;
+    };
+    relay.nodes = [&](const RelayPatch& patch) -> std::array<int, 2> {
+      if (rules_) {
+        const auto [u, v] = excess(patch, brightness);
+        return {std::max(static_cast<int>(std::ceil(u)), 1),
+                std::max(static_cast<int>(std::ceil(v)), 1)};
+      }
+      const double edge = 2 * std::max(patch.half_u.norm(), patch.half_v.norm());
+      const bool wide = edge > limits_.midpoint * objects_.nearest(patch.center);
+      return pairs_ || wide ? std::array{2, 2} : std::array{1, 1};
+    };
+    return relay;
+  }
+
+  /// How far a patch is beyond the limits along half_u and half_v.
+  std::array<double, 2> excess(const RelayPatch& patch, const Brightness& brightness) const {
+    const double below = std::max(brightness.share_below(brightness.density(patch)), 1e-6);
+    const double relaxed = std::max(1.0, std::pow(0.5 / below, 0.15));
+    const auto [path_u, path_v, near] =
+        objects_.changes(patch, (patch.center - view_.setup.origin()).normalized());
+    const double spread = rules_ ? limits_.rule_spread : limits_.spread;
+    const double angle = rules_ ? limits_.relay_angle : limits_.aspect;
+    const double legs = (single_ ? 2 : 1) / std::sqrt(3.0);
+    const double turn = 2 * std::sqrt(near) / angle;
+    return {std::max(legs * std::sqrt(path_u) / spread, patch.half_u.norm() * turn) / relaxed,
+            std::max(legs * std::sqrt(path_v) / spread, patch.half_v.norm() * turn) / relaxed};
+  }
+
+  /// Dim parts that, with all that is up to twice as bright, hold less than a negligible share are
+  /// left out. The margin is for cells dimmer than any of those whose light was learned.
+  std::vector<WeightedPatch> prune(std::vector<WeightedPatch> patches, const Brightness& brightness,
+                                   Sampling& into) const {
+    into.dim_patches += static_cast<int>(std::erase_if(patches, [&](const WeightedPatch& p) {
+      return brightness.share_below(2 * brightness.density(p.patch)) < negligible_;
+    }));
+    return patches;
+  }
+
+  const SensorView& view_;
+  Limits limits_;
+  ProbedMiddles objects_;
+  bool single_, rules_, pairs_;
+  double negligible_;
+};
+
+/// Patches as the object sees them at a probed placement, in its own frame, in lanes.
+struct SeenFromObject {
+  static constexpr std::size_t kLanes = 8;
+  std::vector<double> x, y, z, counts;
+  double size = 1;
+};
+
+/// Light that a cell would exchange, and that times the squared changes of the path and of the
+/// direction over the cell.
+struct CellSums {
+  double weight = 0, path = 0, angle = 0;
+};
+
+BLINDCORNER_MULTIVERSION void add_cell(const SurfaceCell& cell, const SeenFromObject& from,
+                                       CellSums& sums) {
+  const double size = from.size;
+  const double cx = size * cell.center.x(), cy = size * cell.center.y(),
+               cz = size * cell.center.z();
+  const double nx = cell.normal.x(), ny = cell.normal.y(), nz = cell.normal.z();
+  const double ux = size * cell.half_u.x(), uy = size * cell.half_u.y(),
+               uz = size * cell.half_u.z();
+  const double vx = size * cell.half_v.x(), vy = size * cell.half_v.y(),
+               vz = size * cell.half_v.z();
+  constexpr std::size_t kLanes = SeenFromObject::kLanes;
+  alignas(64) std::array<double, kLanes> weight{}, path{}, angle{};
+  for (std::size_t i = 0; i < from.x.size(); i += kLanes) {
+    for (std::size_t k = 0; k < kLanes; ++k) {
+      const double x = from.x[i + k] - cx, y = from.y[i + k] - cy, z = from.z[i + k] - cz;
+      const double inverse2 = 1 / (x * x + y * y + z * z);
+      const double along = std::max(x * nx + y * ny + z * nz, 0.0);
+      const double w = from.counts[i + k] * along * along * inverse2 * inverse2 * inverse2;
+      const double u = x * ux + y * uy + z * uz;
+      const double v = x * vx + y * vy + z * vz;
+      weight[k] += w;
+      path[k] += w * inverse2 * std::max(u * u, v * v);
+      angle[k] += w * inverse2;
+    }
+  }
+  const double area = size * size * cell.area;
+  const double edge2 = size * size * std::max(cell.half_u.squaredNorm(), cell.half_v.squaredNorm());
+  for (std::size_t k = 0; k < kLanes; ++k) {
+    sums.weight += area * weight[k];
+    sums.path += area * 4.0 / 3 * path[k];
+    sums.angle += area * 4 * edge2 * angle[k];
+  }
+}
+
+std::vector<SeenFromObject> seen_from_probes(const PatchArrays& seen, const SceneTransport& of) {
+  std::vector<SeenFromObject> views;
+  const int stride = std::max(1, seen.size() / 64);
+  for (std::size_t p = 0; p < of.probes.size(); ++p) {
+    const Transform to_object = of.T_world_probes[p].inverse(Eigen::Isometry);
+    SeenFromObject& view = views.emplace_back();
+    view.size = of.probes[p].size;
+    for (int i = 0; i < seen.size(); i += stride) {
+      const Vector3d q = to_object * seen.center(i);
+      view.x.push_back(q.x());
+      view.y.push_back(q.y());
+      view.z.push_back(q.z());
+      view.counts.push_back(1);
+    }
+    while (view.counts.size() % SeenFromObject::kLanes != 0) {
+      for (auto* v : {&view.x, &view.y, &view.z}) v->push_back(v->back());
+      view.counts.push_back(0);
+    }
+  }
+  return views;
+}
+
+/// What a lobe gathers about a patch changes slowly with the place on the object that it belongs to
+/// (its footprint's size and shape, not its middle), so the middle of several cells will do for
+/// them: the error is of second order in their extent over the distance.
+void sample_anchors(const Shape& shape, double edge, Sampling& into) {
+  const Transform own = Transform::Identity();
+  const auto cells = divide(shape, own, 1.0, into.object_edge, 1);
+  const auto tiles = divide(shape, own, 1.0, std::max(edge, into.object_edge), 1);
+  into.anchors = tiles.size();
+  for (const SurfaceCell& cell : cells) {
+    const auto far = [&](const SurfaceCell& tile) {
+      const bool turned = tile.normal.dot(cell.normal) < kSameSide;
+      return std::make_pair(turned, (tile.center - cell.center).squaredNorm());
+    };
+    const auto nearest = std::ranges::min_element(tiles, {}, far);
+    into.anchor.push_back(static_cast<std::size_t>(nearest - tiles.begin()));
+  }
+}
+
+/// Divides the object until its cells meet both limits, cells weighted with the light that they
+/// would exchange with the relay sampled.
+void sample_object(const SensorView& view, const SamplingNeeds& needs, Sampling& into) {
+  const HiddenObject& hidden = view.transport->scene.hidden;
+  const Limits limits(needs, needs.fidelity.object, hidden);
+  const bool rules = needs.kernel == Kernel::lambertian;
+  const double extent = 2 * bounding_radius(hidden.shape, Anchor::center);
+  const auto seen_from = seen_from_probes(into.seen, *view.transport);
+  std::vector<SurfaceCell> cells;
+  CellSums sums;
+  double angle = 1;  // of cells, root mean square
+  for (into.object_edge = extent; into.object_edge > extent / 64; into.object_edge /= 1.25) {
+    const std::size_t before = cells.size();
+    cells = divide(hidden.shape, Transform::Identity(), 1.0, into.object_edge, 1);
+    if (cells.size() == before) continue;  // the same cells as with longer edges
+    sums = {};
+    for (const SeenFromObject& from : seen_from) {
+      for (const SurfaceCell& cell : cells) add_cell(cell, from, sums);
+    }
+    if (sums.weight <= 0) continue;
+    angle = std::sqrt(sums.angle / sums.weight);
+    if (std::sqrt(sums.path / sums.weight) <= (rules ? limits.rule_spread : limits.spread) &&
+        angle <= (rules ? limits.object_angle : limits.aspect)) {
+      break;
+    }
+  }
+  if (rules) {
+    into.points = quadrature(hidden.shape, into.object_edge);
+    into.object_nodes = static_cast<int>(into.points.size());
+    return;
+  }
+  into.object_midpoint = sums.weight > 0 && angle <= limits.midpoint;
+  cells = divide(hidden.shape, Transform::Identity(), 1.0, into.object_edge, 1);
+  into.object_nodes = static_cast<int>(cells.size()) * (into.object_midpoint ? 1 : kNodes);
+  if (needs.kernel == Kernel::retro_single && !view.setup.uses_points()) {
+    sample_anchors(hidden.shape, into.object_edge * kAnchorEdge * limits.midpoint / angle, into);
+  }
+}
+
+}  // namespace
+
+SensorView::SensorView(std::shared_ptr<const SceneTransport> of, const SensorPlacement& at,
+                       const PlanOverrides& overrides)
+    : transport(std::move(of)),
+      placement(at),
+      setup(transport->scene, placement, transport->rays),
+      confocal(transport->scene.sensor.illumination == Illumination::confocal) {
+  RelaySampling coarse;
+  coarse.centers_only = true;
+  coarse.with_radiance = false;
+  const auto look = [](const std::vector<WeightedPatch>& patches, std::vector<RelayPatch>& into) {
+    for (const WeightedPatch& p : patches) into.push_back(p.patch);
+  };
+  coarse.divisions = 5;
+  for (int z = 0; z < transport->scene.sensor.zone_count(); ++z) {
+    if (!dead(z)) look(setup.seen(z, coarse), seen);
+  }
+  coarse.divisions = 12;
+  if (!confocal) look(setup.lit(coarse), lit);
+  // Says so where nothing is lit or seen.
+  if (seen.empty() || (!confocal && lit.empty())) setup.relay_points();
+  std::vector<Vector3d> corners;
+  if (std::holds_alternative<RetroreflectiveMaterial>(transport->scene.hidden.material)) {
+    lit_extent = setup.lit_extent();
+    for (const auto* patches : {&lit, &seen}) {
+      for (const RelayPatch& p : *patches) {
+        for (const double u : {-1.0, 1.0}) {
+          for (const double v : {-1.0, 1.0})
+            corners.push_back(p.center + u * p.half_u + v * p.half_v);
+        }
+      }
+    }
+  }
+  kernel = choose_kernel(transport->scene, corners, lit_extent, overrides);
+}
+
+Sampling sample(const SensorView& view, const SamplingNeeds& needs) {
+  Sampling made;
+  RelaySampler(view, needs).sample(made);
+  sample_object(view, needs, made);
+  return made;
+}
+
+}  // namespace blindcorner

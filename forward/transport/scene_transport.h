@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+/// What the fast models of one scene share, wherever the sensor stands.
+#pragma once
+
+#include <Eigen/Core>
+#include <memory>
+#include <mutex>
+#include <utility>
+#include <vector>
+
+#include "blindcorner/forward/transport/forward_model.h"
+#include "forward/relay/relay_setup.h"
+#include "forward/sensor/pulse_table.h"
+#include "forward/transport/path_grid.h"
+
+namespace blindcorner {
+
+/// Values made once for each key. Thread safe.
+template <typename Key, typename Value>
+class MadeOnce {
+ public:
+  template <typename Make>  // () -> std::shared_ptr<const Value>
+  std::shared_ptr<const Value> get(const Key& key, const Make& make) {
+    const std::scoped_lock lock(mutex_);
+    for (const auto& [known, value] : made_) {
+      if (known == key) return value;
+    }
+    made_.emplace_back(key, make());
+    return made_.back().second;
+  }
+
+ private:
+  std::mutex mutex_;
+  std::vector<std::pair<Key, std::shared_ptr<const Value>>> made_;
+};
+
+/// The tables are those of the options asked for so far, none of which is a sensor pose: their
+/// number is that of the extra pulse widths and tolerances in use.
+class SceneTransport {
+ public:
+  explicit SceneTransport(const Scene& all);
+  /// Of a scene with one object, whatever its shape.
+  SceneTransport(const Scene& one, std::shared_ptr<const SurfaceRays> surface_rays);
+
+  const Scene scene;
+  const std::shared_ptr<const SurfaceRays> rays;
+  const std::vector<OccluderFace> occluders;  ///< all of the scene's
+  const std::vector<Placement> probes;        ///< of the (first) hidden object
+  const std::vector<Transform> T_world_probes;
+  /// Poses at which errors are estimated: a low-discrepancy sequence in the search region.
+  const std::vector<PoseVector> probe_poses;
+  /// Of several hidden objects, or one that is not convex: each by itself. Else empty.
+  std::vector<std::shared_ptr<const SceneTransport>> objects;
+
+  /// Pulses that are blurred by an extra Gaussian of variance `extra`, s^2, and by as much as the
+  /// kernel asks for.
+  std::shared_ptr<const PulseTable> pulses(double extra, Kernel kernel) const;
+  /// Paths' grid of a Lambertian object; legs as short as -`way_back` m.
+  std::shared_ptr<const PathGrid> grid(PathGrid::Paths paths, double extra, double way_back,
+                                       double tolerance) const;
+  /// Standard deviation of pulse, bin and extra pulse together, m of path.
+  double pulse_sigma(double extra) const;
+
+ private:
+  struct PulseKey {
+    double extra;
+    Kernel kernel;
+    bool operator==(const PulseKey&) const = default;
+  };
+  struct GridKey {
+    PathGrid::Paths paths;
+    double extra, way_back, tolerance;
+    bool operator==(const GridKey&) const = default;
+  };
+  mutable MadeOnce<PulseKey, PulseTable> pulses_;
+  mutable MadeOnce<GridKey, PathGrid> grids_;
+};
+
+}  // namespace blindcorner
