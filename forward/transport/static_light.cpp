@@ -1,0 +1,463 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "forward/transport/static_light.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "blindcorner/forward/constants.h"
+#include "forward/support/multiversion.h"
+
+namespace blindcorner {
+namespace {
+
+using Eigen::Vector3d;
+
+/// Light below this share of a list's brightest leg is left out.
+constexpr double kNoLight = 1e-7;
+
+std::vector<OccluderFace> faces_of(const Surface& surface) {
+  const bool box = std::holds_alternative<BoxShape>(surface.shape);
+  if (!box && !std::holds_alternative<RectangleShape>(surface.shape)) {
+    return body_faces(surface.shape, surface.T_world_surface, 1.0);
+  }
+  std::vector<OccluderFace> faces;
+  for (const auto& quad : flat_faces(surface.shape, surface.T_world_surface, 1.0)) {
+    faces.push_back({quad, box});
+  }
+  return faces;
+}
+
+/// Faces that can hide one surface from another: those whose planes have some of the other
+/// surfaces on both sides. A room's own walls are none.
+std::vector<OccluderFace> blocking_faces(const std::vector<Surface>& surfaces) {
+  std::vector<std::vector<OccluderFace>> all;
+  for (const Surface& surface : surfaces) all.push_back(faces_of(surface));
+  std::vector<OccluderFace> blocking;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    for (const OccluderFace& face : all[i]) {
+      const Vector3d normal = face_normal(face.corners);
+      double least = 0, most = 0;
+      for (std::size_t j = 0; j < all.size(); ++j) {
+        if (j == i) continue;
+        for (const OccluderFace& other : all[j]) {
+          for (const Vector3d& corner : other.corners) {
+            const double side = normal.dot(corner - face.corners[0]);
+            least = std::min(least, side);
+            most = std::max(most, side);
+          }
+        }
+      }
+      if (least < -1e-6 && most > 1e-6) blocking.push_back(face);
+    }
+  }
+  return blocking;
+}
+
+/// Halves a cell along its longer edge.
+std::array<SurfaceCell, 2> halves(const SurfaceCell& cell) {
+  std::array<SurfaceCell, 2> parts{cell, cell};
+  const bool along_u = cell.half_u.norm() >= cell.half_v.norm();
+  for (std::size_t i = 0; i < 2; ++i) {
+    Vector3d& half = along_u ? parts[i].half_u : parts[i].half_v;
+    half *= 0.5;
+    parts[i].center += (i == 0 ? -1.0 : 1.0) * half;
+    parts[i].area *= 0.5;
+  }
+  return parts;
+}
+
+/// Whether some of either piece lies on the front side of the other.
+bool facing(const KnownBounces::Piece& a, const KnownBounces::Piece& b) {
+  const Vector3d way = b.cell.center - a.cell.center;
+  const double reach_a =
+      std::abs(b.cell.half_u.dot(a.cell.normal)) + std::abs(b.cell.half_v.dot(a.cell.normal));
+  const double reach_b =
+      std::abs(a.cell.half_u.dot(b.cell.normal)) + std::abs(a.cell.half_v.dot(b.cell.normal));
+  return a.surface != b.surface && way.dot(a.cell.normal) + reach_a > 1e-9 &&
+         reach_b - way.dot(b.cell.normal) > 1e-9;
+}
+
+/// Distance from a point to a parallelogram with perpendicular edges.
+double distance_to(const Vector3d& point, const SurfaceCell& cell) {
+  const Vector3d way = point - cell.center;
+  const double u = way.dot(cell.half_u) / cell.half_u.squaredNorm();
+  const double v = way.dot(cell.half_v) / cell.half_v.squaredNorm();
+  return (way - std::clamp(u, -1.0, 1.0) * cell.half_u - std::clamp(v, -1.0, 1.0) * cell.half_v)
+      .norm();
+}
+
+SurfaceCell cell_of(const RelayPatch& patch) {
+  return {patch.center, patch.normal, patch.half_u, patch.half_v,
+          4 * patch.half_u.cross(patch.half_v).norm()};
+}
+
+}  // namespace
+
+struct KnownBounces::Patches {
+  // Centre, normal, half edges, gradient of the outer leg.
+  std::array<std::vector<double>, 3> c, n, u, v, g;
+  std::vector<double> weight, leg;
+  std::vector<double> extent;  // sum of the squared half edges, m^2
+  std::vector<SurfaceCell> cells;
+  std::vector<int> zone;
+
+  std::size_t size() const { return weight.size(); }
+  void add(const WeightedPatch& p, int z) {
+    cells.push_back(cell_of(p.patch));
+    zone.push_back(z);
+    for (Eigen::Index i = 0; i < 3; ++i) {
+      const auto k = static_cast<std::size_t>(i);
+      c[k].push_back(p.patch.center[i]);
+      n[k].push_back(p.patch.normal[i]);
+      u[k].push_back(p.patch.half_u[i]);
+      v[k].push_back(p.patch.half_v[i]);
+      g[k].push_back(p.leg_direction[i]);
+    }
+    weight.push_back(p.weight);
+    leg.push_back(p.leg);
+    extent.push_back(p.patch.half_u.squaredNorm() + p.patch.half_v.squaredNorm());
+  }
+  /// Whole chunks, as visibility wants them.
+  void pad() {
+    const std::size_t count =
+        (c[0].size() + ShadowView::kChunk - 1) / ShadowView::kChunk * ShadowView::kChunk;
+    for (auto* list : {&c, &u, &v}) {
+      for (auto& values : *list) values.resize(count, 0.0);
+    }
+  }
+  PatchCoordinates coordinates() const {
+    return {{c[0].data(), c[1].data(), c[2].data()},
+            {u[0].data(), u[1].data(), u[2].data()},
+            {v[0].data(), v[1].data(), v[2].data()}};
+  }
+};
+
+struct KnownBounces::Legs {
+  std::vector<double> weight, length, x, y, z;  // direction from the point
+  std::vector<double> du, dv;                   // half extents of the path over the patch
+  std::vector<ShadowView::Sight> sights;
+
+  void resize(std::size_t count) {
+    for (auto* list : {&weight, &length, &x, &y, &z, &du, &dv}) list->resize(count);
+  }
+};
+
+namespace {
+
+using Patches = KnownBounces::Patches;
+using Legs = KnownBounces::Legs;
+
+/// Weights with both cosines, paths and their spreads, without shadows.
+///
+/// Over patches of half edges h the mean of A B / R^2 (A and B the distance times either cosine, R
+/// its square) differs from that between their centres by the second derivatives, with q = d h / R:
+/// A B / R^2 sum (4 q^2 - 2 h^2 / 3 R) - 4 / 3 R^2 (B sum q h n + A sum q h m). What is taken away
+/// divides, so that nothing becomes negative where patches meet.
+BLINDCORNER_MULTIVERSION void open_legs(const SurfaceCell& cell, const Patches& p, Legs& legs) {
+  const double cx = cell.center.x(), cy = cell.center.y(), cz = cell.center.z();
+  const double nx = cell.normal.x(), ny = cell.normal.y(), nz = cell.normal.z();
+  const double kx = cell.half_u.x(), ky = cell.half_u.y(), kz = cell.half_u.z();
+  const double lx = cell.half_v.x(), ly = cell.half_v.y(), lz = cell.half_v.z();
+  const double own = cell.half_u.squaredNorm() + cell.half_v.squaredNorm();
+  const std::size_t count = p.size();
+  const double *px = p.c[0].data(), *py = p.c[1].data(), *pz = p.c[2].data();
+  const double *mx = p.n[0].data(), *my = p.n[1].data(), *mz = p.n[2].data();
+  const double *ux = p.u[0].data(), *uy = p.u[1].data(), *uz = p.u[2].data();
+  const double *vx = p.v[0].data(), *vy = p.v[1].data(), *vz = p.v[2].data();
+  const double *gx = p.g[0].data(), *gy = p.g[1].data(), *gz = p.g[2].data();
+  const double *w = p.weight.data(), *leg = p.leg.data(), *extent = p.extent.data();
+  double *weight = legs.weight.data(), *length = legs.length.data();
+  double *x = legs.x.data(), *y = legs.y.data(), *z = legs.z.data();
+  double *du = legs.du.data(), *dv = legs.dv.data();
+  BLINDCORNER_INDEPENDENT
+  for (std::size_t i = 0; i < count; ++i) {
+    const double dx = px[i] - cx, dy = py[i] - cy, dz = pz[i] - cz;
+    const double square = dx * dx + dy * dy + dz * dz + 1e-12;
+    const double r = std::sqrt(square);
+    const double ex = dx / r, ey = dy / r, ez = dz / r;
+    const double here = std::max(ex * nx + ey * ny + ez * nz, 0.0);
+    const double there = std::max(-(ex * mx[i] + ey * my[i] + ez * mz[i]), 0.0);
+    const double eu = ex * ux[i] + ey * uy[i] + ez * uz[i];
+    const double ev = ex * vx[i] + ey * vy[i] + ez * vz[i];
+    const double ek = ex * kx + ey * ky + ez * kz;
+    const double el = ex * lx + ey * ly + ez * lz;
+    const double un = ux[i] * nx + uy[i] * ny + uz[i] * nz;
+    const double vn = vx[i] * nx + vy[i] * ny + vz[i] * nz;
+    const double km = kx * mx[i] + ky * my[i] + kz * mz[i];
+    const double lm = lx * mx[i] + ly * my[i] + lz * mz[i];
+    const double size = own + extent[i];
+    const double even = here * there;
+    const double change = even * (4 * (eu * eu + ev * ev + ek * ek + el * el) - 2.0 / 3 * size) -
+                          4.0 / 3 * (there * (eu * un + ev * vn) - here * (ek * km + el * lm));
+    const double less = std::max(-change, 0.0), more = std::max(change, 0.0);
+    const double lessened = even * even * square / (even * square + less + 1e-30);
+    weight[i] = even > 0 ? w[i] * (lessened / square + more / (square * (square + size))) : 0.0;
+    length[i] = leg[i] + r;
+    du[i] = std::abs(gx[i] * ux[i] + gy[i] * uy[i] + gz[i] * uz[i] + eu);
+    dv[i] = std::abs(gx[i] * vx[i] + gy[i] * vy[i] + gz[i] * vz[i] + ev);
+    x[i] = ex;
+    y[i] = ey;
+    z[i] = ez;
+  }
+}
+
+/// into += scale * (from moved by `at` cells), `at` >= 0; linear between cells.
+BLINDCORNER_MULTIVERSION void add_moved(const double* from, std::size_t count, double at,
+                                        double scale, double* into) {
+  const auto whole = static_cast<std::size_t>(at);
+  const double late = scale * (at - static_cast<double>(whole));
+  const double early = scale - late;
+  double* out = into + whole;
+  BLINDCORNER_INDEPENDENT
+  for (std::size_t i = 0; i < count; ++i) out[i] += early * from[i] + late * from[i - 1];
+}
+
+/// Time axis of cells that are summed once or twice at the end: a spread path is two or four
+/// deposits, however long it is.
+struct Axis {
+  double cells_per_metre;
+  std::size_t cells;
+
+  void deposit(double* row, double at, double weight) const {
+    if (!(at >= 1) || at >= static_cast<double>(cells) - 2) {
+      if (at >= 1) return;
+      at = 1;
+    }
+    const auto i = static_cast<std::size_t>(at);
+    const double late = weight * (at - static_cast<double>(i));
+    row[i] += weight - late;
+    row[i + 1] += late;
+  }
+  /// Adds a trapezium, light spread evenly over two widths (cells), to a row that is summed twice.
+  void spread(double* row, double at, double weight, double a, double b) const {
+    const double scale = weight / (a * b);
+    at += 1;  // a sum's steps lie half a cell early, twice
+    const double sum = 0.5 * (a + b), difference = 0.5 * std::abs(a - b);
+    deposit(row, at - sum, scale);
+    deposit(row, at - difference, -scale);
+    deposit(row, at + difference, -scale);
+    deposit(row, at + sum, scale);
+  }
+};
+
+/// The largest of the widths, and what the others come to together; none below one cell.
+std::array<double, 2> two_widths(std::array<double, 4> half, double cells_per_metre) {
+  const double largest = *std::ranges::max_element(half);
+  double square = 0;
+  for (const double h : half) square += h * h;
+  return {std::max(2 * largest * cells_per_metre, 1.0),
+          std::max(2 * std::sqrt(std::max(square - largest * largest, 0.0)) * cells_per_metre,
+                   1.0)};
+}
+
+void sum_up(double* row, std::size_t cells) {
+  double sum = 0;
+  for (std::size_t i = 0; i < cells; ++i) row[i] = sum += row[i];
+}
+
+}  // namespace
+
+KnownBounces::KnownBounces(const Scene& scene, const StaticLightSampling& sampling)
+    : scene_(scene), sampling_(sampling), blockers_(blocking_faces(scene.surfaces)) {
+  // Captures whose times count from the relay hold no returns of the known scene.
+  if (scene.sensor.path_origin == PathOrigin::relay) return;
+  double largest = 0;
+  for (std::size_t i = 0; i < scene.surfaces.size(); ++i) {
+    const Surface& surface = scene.surfaces[i];
+    if (surface.albedo <= 0) continue;
+    largest = std::max(largest, 2 * bounding_radius(surface.shape, Anchor::center));
+    for (const SurfaceCell& cell : divide(surface.shape, surface.T_world_surface, 1.0, 1e9)) {
+      faces_.push_back({i, cell});
+    }
+  }
+  const double least = sampling.least_edge * largest;
+  const auto refine = [&](const auto& self, const Piece& owned) -> void {
+    const double edge = 2 * std::max(owned.cell.half_u.norm(), owned.cell.half_v.norm());
+    const double near = distance(owned);
+    if (near == std::numeric_limits<double>::infinity()) return;
+    if (edge > std::max(std::min(sampling.middle_angle * near, sampling.middle_edge * largest),
+                        least)) {
+      for (const SurfaceCell& part : halves(owned.cell)) self(self, {owned.surface, part});
+      return;
+    }
+    const double albedo = scene.surfaces[owned.surface].albedo;
+    middle_.push_back({owned.cell, owned.cell.area * albedo / kPi,
+                       ShadowView(blockers_, owned.cell.center)});
+  };
+  for (const Piece& face : faces_) refine(refine, face);
+}
+
+/// From the middle of a piece to the nearest face that it faces; infinite without any.
+double KnownBounces::distance(const Piece& piece) const {
+  double least = std::numeric_limits<double>::infinity();
+  for (const Piece& face : faces_) {
+    if (facing(piece, face)) {
+      least = std::min(least, distance_to(piece.cell.center, face.cell));
+    }
+  }
+  return least;
+}
+
+void KnownBounces::find_legs(const SurfaceCell& cell, const ShadowView& shadows,
+                             const Patches& patches, Legs& legs) {
+  const std::size_t count = patches.size();
+  legs.resize(count);
+  open_legs(cell, patches, legs);
+  if (shadows.empty()) return;
+  legs.sights.resize(count + ShadowView::kChunk);
+  shadows.sights(patches.coordinates(), 0, static_cast<int>(count), legs.sights.data());
+  for (std::size_t i = 0; i < count; ++i) {
+    if (legs.sights[i] == ShadowView::Sight::clear || legs.weight[i] <= 0) continue;
+    if (legs.sights[i] == ShadowView::Sight::hidden) {
+      legs.weight[i] = 0;
+      continue;
+    }
+    const SurfaceCell& p = patches.cells[i];
+    legs.weight[i] *= shadows.see(p.center, p.half_u, p.half_v).fraction;
+  }
+}
+
+void KnownBounces::add(const RelaySetup& setup, HistogramCube& cube) const {
+  if (!any() || setup.uses_points()) return;
+  const Sensor& sensor = scene_.sensor;
+  const bool confocal = sensor.illumination == Illumination::confocal;
+  RelaySampling relay;
+  relay.edge_depth = 2;
+  const double least =
+      sampling_.least_patch * kSpeedOfLight *
+      std::hypot(sensor.response.core_sigma(), sensor.bin_width / std::sqrt(12.0));
+  // Small against the distances to the sensor and to what light goes on to.
+  relay.split = [&](const RelayPatch& patch) {
+    const double u = 2 * patch.half_u.norm(), v = 2 * patch.half_v.norm();
+    const double edge = std::max(u, v);
+    const double near = distance({static_cast<std::size_t>(patch.surface), cell_of(patch)});
+    const double most =
+        std::min(0.4 * patch.distance, std::max(sampling_.patch_angle * near, least));
+    return edge <= most ? 0 : (u >= v ? 1 : 2);
+  };
+  std::vector<Patches> lit(confocal ? sensor.zones.size() : 1);
+  relay.divisions = sampling_.field_divisions;
+  if (!confocal) {
+    for (const WeightedPatch& p : setup.lit(relay, false)) lit[0].add(p, 0);
+  }
+  relay.divisions = sampling_.zone_divisions;
+  Patches seen;
+  for (int z = 0; z < sensor.zone_count(); ++z) {
+    if (sensor.zones[static_cast<std::size_t>(z)].dead) continue;
+    for (const WeightedPatch& p : setup.seen(z, relay, false)) seen.add(p, z);
+    if (!confocal) continue;
+    for (const WeightedPatch& p : setup.lit_by_zone(z, relay, false)) {
+      lit[static_cast<std::size_t>(z)].add(p, z);
+    }
+  }
+  for (Patches& p : lit) p.pad();
+  seen.pad();
+
+  // Two cells a bin: what bounces on is smooth over several bins.
+  constexpr int kCellsPerBin = 2;
+  const int bins = unwrapped_bins(sensor);
+  const double bin_path = kSpeedOfLight * sensor.bin_width;
+  const Axis axis{kCellsPerBin / bin_path, static_cast<std::size_t>(kCellsPerBin * bins) + 8};
+  const std::size_t zones = sensor.zones.size();
+  const std::size_t stride = 2 * axis.cells + 16;
+  // Summed twice at the end, and summed once.
+  std::vector<double> twice(zones * stride, 0.0), once(zones * stride, 0.0);
+
+  Legs in, out;
+  for (std::size_t r = 0; r < seen.size(); ++r) {
+    const SurfaceCell& cell = seen.cells[r];
+    const Patches& from = lit[confocal ? static_cast<std::size_t>(seen.zone[r]) : 0];
+    find_legs(cell, ShadowView(blockers_, cell.center), from, in);
+    const Vector3d outer(seen.g[0][r], seen.g[1][r], seen.g[2][r]);
+    double* row = twice.data() + static_cast<std::size_t>(seen.zone[r]) * stride;
+    for (std::size_t p = 0; p < from.size(); ++p) {
+      if (in.weight[p] <= 0) continue;
+      const Vector3d gradient = outer - Vector3d(in.x[p], in.y[p], in.z[p]);
+      const auto [a, b] = two_widths({in.du[p], in.dv[p], std::abs(gradient.dot(cell.half_u)),
+                                      std::abs(gradient.dot(cell.half_v))},
+                                     axis.cells_per_metre);
+      axis.spread(row, (in.length[p] + seen.leg[r]) * axis.cells_per_metre,
+                  in.weight[p] * seen.weight[r], a, b);
+    }
+  }
+
+  std::vector<double> gathered(stride);
+  for (const Middle& middle : middle_) {
+    const SurfaceCell& cell = middle.cell;
+    find_legs(cell, middle.shadows, seen, out);
+    std::size_t first = 0, last = 0;
+    Vector3d arrives = Vector3d::Zero();
+    for (std::size_t r = 0; r < seen.size(); ++r) {
+      if (out.weight[r] <= 0) continue;
+      if (r == 0 || last == 0 || (confocal && seen.zone[r] != seen.zone[r - 1])) {
+        const Patches& from = lit[confocal ? static_cast<std::size_t>(seen.zone[r]) : 0];
+        find_legs(cell, middle.shadows, from, in);
+        double early = std::numeric_limits<double>::infinity(), late = 0, all = 0;
+        std::fill(gathered.begin(), gathered.end(), 0.0);
+        arrives.setZero();
+        for (std::size_t p = 0; p < from.size(); ++p) {
+          if (in.weight[p] <= 0) continue;
+          const double at = in.length[p] * axis.cells_per_metre + 8;
+          const auto [a, b] = two_widths({in.du[p], in.dv[p], 0, 0}, axis.cells_per_metre);
+          axis.spread(gathered.data(), at, in.weight[p], a, b);
+          early = std::min(early, at - 0.5 * (a + b));
+          late = std::max(late, at + 0.5 * (a + b));
+          all += in.weight[p];
+          arrives += in.weight[p] * Vector3d(in.x[p], in.y[p], in.z[p]);
+        }
+        if (!(all > 0)) {
+          if (!confocal) break;
+          last = 0;
+          continue;
+        }
+        arrives /= all;
+        first = static_cast<std::size_t>(std::max(early, 1.0));
+        last = std::min(static_cast<std::size_t>(late) + 3, axis.cells);
+        if (first >= last) break;
+        sum_up(gathered.data() + first, last - first);
+        sum_up(gathered.data() + first, last - first);
+      }
+      const Vector3d gradient = arrives + Vector3d(out.x[r], out.y[r], out.z[r]);
+      const double u = gradient.dot(cell.half_u), v = gradient.dot(cell.half_v);
+      const double width =
+          std::max(2 * axis.cells_per_metre *
+                       std::sqrt(u * u + v * v + out.du[r] * out.du[r] + out.dv[r] * out.dv[r]),
+                   1.0);
+      // A histogram delayed by the way out and spread evenly: its sum's ends.
+      const double at = out.length[r] * axis.cells_per_metre + 0.5;  // as above, once
+      double* row = once.data() + static_cast<std::size_t>(seen.zone[r]) * stride + 8;
+      const double weight = middle.scattered * out.weight[r] / width;
+      for (const double end : {-0.5, 0.5}) {
+        const double from = static_cast<double>(first) - 8 + at + end * width;
+        if (from >= static_cast<double>(axis.cells)) continue;
+        add_moved(gathered.data() + first, last - first + 1, std::max(from, 0.0),
+                  end < 0 ? weight : -weight, row);
+      }
+    }
+  }
+
+  const PulseTable pulses(sensor.response, sensor.bin_width,
+                          2 * std::pow(sensor.response.core_sigma(), 2), 1e-5);
+  const double pulse_bins = 1.0 / kCellsPerBin;
+  std::vector<double> unwrapped(static_cast<std::size_t>(bins));
+  for (int z = 0; z < sensor.zone_count(); ++z) {
+    double* first = once.data() + static_cast<std::size_t>(z) * stride + 8;
+    double* second = twice.data() + static_cast<std::size_t>(z) * stride;
+    sum_up(second, axis.cells);
+    for (std::size_t i = 0; i < axis.cells; ++i) first[i] += second[i];
+    sum_up(first, axis.cells);
+    std::fill(unwrapped.begin(), unwrapped.end(), 0.0);
+    const double top = *std::max_element(first, first + axis.cells);
+    const double start = sensor.zones[static_cast<std::size_t>(z)].time_zero / sensor.bin_width;
+    for (std::size_t i = 0; i < axis.cells; ++i) {
+      if (first[i] <= kNoLight * top) continue;
+      pulses.add(unwrapped.data(), bins, start + static_cast<double>(i) * pulse_bins, 0.0,
+                 first[i]);
+    }
+    fold(sensor, z, unwrapped.data(), bins, cube.zone(z));
+  }
+}
+
+}  // namespace blindcorner
