@@ -11,7 +11,6 @@
 #include "blindcorner/forward/error.h"
 #include "forward/relay/relay.h"
 #include "forward/transport/measured_law_model.h"
-#include "forward/transport/static_bounces.h"
 
 namespace blindcorner {
 namespace {
@@ -21,13 +20,6 @@ using Eigen::Vector3d;
 /// What leaving out dim patches may change a bin by, in units of the tolerance: the shares are
 /// means over the probed placements, and a pose near the dim patches sees more of them.
 constexpr double kDimBound = 0.3;
-
-/// Sampling of the known scene's own later bounces, which a fit needs once per sensor placement,
-/// and of the estimate that decides whether it needs them.
-constexpr StaticSampling kBounces{1, 5, 1.5, 24};
-constexpr StaticSampling kBouncesEstimate{1, 3, 4.0, 8};
-/// Later bounces below this share of the tolerance are left out: the estimate's own uncertainty.
-constexpr double kBouncesMatter = 0.5;
 
 std::unique_ptr<TransportKernel> make_kernel(Kernel kernel, const KernelInputs& inputs) {
   switch (kernel) {
@@ -178,7 +170,7 @@ void FastModel::complete_plan() const {
                               : "captures hold none";
   if (scene_.sensor.has_background()) reason += "; measured background comes on top";
   plan_.decide({Term::direct_return, "direct return of the known surfaces", direct, reason});
-  decide_bounces(tolerance);
+  decide_bounces();
 }
 
 namespace {
@@ -308,49 +300,30 @@ std::pair<int, int> FastModel::reachable_bins() const {
 }
 
 /// Made when somebody asks: models that only score never do.
-const HistogramCube& FastModel::direct_return() const {
+const StaticLight& FastModel::known_light() const {
   std::call_once(direct_once_, [this] {
     const Sensor& sensor = scene_.sensor;
-    direct_ = HistogramCube(sensor.rows, sensor.columns, sensor.bins);
+    direct_.light = HistogramCube(sensor.rows, sensor.columns, sensor.bins);
     if (scene_.linear.direct == LinearMode::fixed && scene_.linear.fixed_direct == 0) return;
-    const PulseTable tails(sensor.response, sensor.bin_width,
-                           std::pow(sensor.response.core_sigma(), 2), 1e-7);
-    direct_ = setup_.direct_return(tails, 10, true);
-    plan();  // decides the bounces
-    if (bounces_) StaticBounces(scene_, setup_, kBounces).add(nullptr, direct_);
-    mix_zones(sensor, direct_);
+    direct_ = view_->transport->static_light()->light(setup_, bounces());
   });
   return direct_;
 }
 
-/// Whether the known scene's own two- and three-bounce light matters beside the object's.
-void FastModel::decide_bounces(double tolerance) const {
-  const Sensor& sensor = scene_.sensor;
-  const auto decide = [&](bool used, const std::string& reason, double bound = 0) {
-    bounces_ = options_.overrides.switched_on(Term::known_bounces) ||
-               (used && !options_.overrides.switched_off(Term::known_bounces));
-    plan_.decide({Term::known_bounces, "two and three bounces within the known scene", used, reason,
-                  used ? 0.0 : bound});
-  };
-  if (scene_.linear.direct == LinearMode::fixed && scene_.linear.fixed_direct == 0) {
-    return decide(false, "captures hold no light of the known scene");
-  }
-  const StaticBounces bounces(scene_, setup_, kBouncesEstimate);
-  if (!bounces.any()) return decide(false, "no two reflecting surfaces face each other");
-  HistogramCube light(sensor.rows, sensor.columns, sensor.bins);
-  bounces.add(nullptr, light);
-  double brightest = 0;
-  HistogramCube object;
-  for (const PoseVector& pose : view_->transport->probe_poses) {
-    three_bounce(pose, object);
-    brightest = std::max(brightest, *std::max_element(object.values.begin(), object.values.end()));
-  }
-  const double share =
-      *std::max_element(light.values.begin(), light.values.end()) / std::max(brightest, 1e-300);
-  char text[96];
-  std::snprintf(text, sizeof text, "its peak is about %.2g of the object's, the tolerance is %.2g",
-                share, tolerance);
-  decide(share > kBouncesMatter * tolerance, text, tolerance);
+/// What bounces on within the known scene is left out only where there is nothing of it: how bright
+/// it is beside an object says nothing about how it compares with the photon noise.
+bool FastModel::bounces() const {
+  return view_->transport->static_light()->any_bounces() && !setup_.uses_points() &&
+         !options_.overrides.switched_off(Term::known_bounces);
+}
+
+void FastModel::decide_bounces() const {
+  const bool held = scene_.linear.direct != LinearMode::fixed || scene_.linear.fixed_direct > 0;
+  const bool used = held && bounces();
+  plan_.decide({Term::known_bounces, "two and three bounces within the known scene", used,
+                !held  ? "captures hold no light of the known scene"
+                : used ? "reflecting surfaces face each other"
+                       : "no two reflecting surfaces face each other"});
 }
 
 /// Occluders of this pose where they are not the plan's: all of them outside of the search region,
@@ -455,6 +428,7 @@ class FastObjects final : public ForwardModel {
     }
   }
   const HistogramCube& direct_return() const override { return parts_.front()->direct_return(); }
+  HistogramCube direct_error() const override { return parts_.front()->direct_error(); }
   const TransportPlan& plan() const override {
     std::call_once(plan_once_, [this] { join_plans(); });
     return plan_;

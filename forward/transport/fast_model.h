@@ -37,7 +37,8 @@ class FastModel final : public ForwardModel {
   /// The same for a placement of the object, with other bodies in the way. Returns how many pairs
   /// of patches were looked at.
   double render(const Placement& placement, const MovingBodies& bodies, HistogramCube& out) const;
-  const HistogramCube& direct_return() const override;
+  const HistogramCube& direct_return() const override { return known_light().light; }
+  HistogramCube direct_error() const override { return known_light().error; }
   /// Reasons are found when somebody asks for them.
   const TransportPlan& plan() const override;
   std::optional<Fidelity> fidelity() const override { return found_.fidelity; }
@@ -54,7 +55,9 @@ class FastModel final : public ForwardModel {
                            const Fidelity& fidelity);
   std::vector<Eigen::Vector3d> relay_corners() const;
   void complete_plan() const;
-  void decide_bounces(double tolerance) const;
+  bool bounces() const;
+  void decide_bounces() const;
+  const StaticLight& known_light() const;
   std::pair<int, int> reachable_bins() const;
   std::vector<OccluderFace> own_occluders(const Placement& placement, const Transform& T) const;
 
@@ -72,8 +75,7 @@ class FastModel final : public ForwardModel {
   std::vector<OccluderFace> occluders_;  ///< of poses in the search region
   mutable std::once_flag plan_once_, direct_once_;
   mutable TransportPlan plan_;
-  mutable bool bounces_ = false;  ///< light that bounces on within the known scene matters
-  mutable HistogramCube direct_;
+  mutable StaticLight direct_;
 };
 
 /// The cheapest fidelity that meets `options.tolerance`.

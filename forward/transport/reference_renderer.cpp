@@ -13,7 +13,7 @@
 #include "forward/scene/shapes/shape_geometry.h"
 #include "forward/transport/measured_law_model.h"
 #include "forward/transport/pair_sum.h"
-#include "forward/transport/static_bounces.h"
+#include "forward/transport/static_light.h"
 
 namespace blindcorner {
 namespace {
@@ -28,6 +28,9 @@ constexpr double kLobeCell = 0.8;
 constexpr double kPathError = 0.1;
 /// Steps around a curved body that blocks: its inscribed polygon is then 0.07 % too small in area.
 constexpr int kRoundSegments = 96;
+
+/// Sampling of the known scene's later bounces.
+constexpr StaticLightSampling kDenseBounces{2, 8, 0.35, 2, 1.0, 0.25, 0.04, 0.01};
 
 /// One of the hidden objects where a pose puts it.
 struct PlacedObject {
@@ -95,7 +98,8 @@ class ReferenceRenderer final : public ForwardModel {
  private:
   /// Light of the known scene alone.
   struct KnownLight {
-    StaticBounces bounces;
+    PulseTable pulses;
+    KnownBounces bounces;
     HistogramCube first_bounce;
     HistogramCube direct;  ///< all bounces
 
@@ -126,12 +130,12 @@ class ReferenceRenderer final : public ForwardModel {
 
 ReferenceRenderer::KnownLight::KnownLight(const Scene& scene, const RelaySetup& setup,
                                           int divisions)
-    : bounces(scene, setup, StaticSampling{}) {
-  const PulseTable pulses(scene.sensor.response, scene.sensor.bin_width,
-                          std::pow(scene.sensor.response.core_sigma(), 2), kPulseTail);
+    : pulses(scene.sensor.response, scene.sensor.bin_width,
+             std::pow(scene.sensor.response.core_sigma(), 2), kPulseTail),
+      bounces(scene, kDenseBounces) {
   first_bounce = setup.direct_return(pulses, divisions, true);
   direct = first_bounce;
-  bounces.add(nullptr, direct);
+  bounces.add(setup, pulses, direct);
   mix_zones(scene.sensor, direct);
 }
 
@@ -270,9 +274,13 @@ void ReferenceRenderer::three_bounce(const PoseVector& pose, HistogramCube& out)
 HistogramCube ReferenceRenderer::static_return(const PoseVector& pose) const {
   const KnownLight& known = known_light();
   if (!known.bounces.any()) return known.direct;
-  const std::unique_ptr<RayScene> bodies = bodies_of(placed_objects(scene_, pose));
+  std::vector<OccluderFace> bodies;
+  for (const PlacedObject& o : placed_objects(scene_, pose)) {
+    const auto faces = known_faces(o.object->shape, o.T_world_object, o.size);
+    bodies.insert(bodies.end(), faces.begin(), faces.end());
+  }
   HistogramCube light = known.first_bounce;
-  known.bounces.add(bodies.get(), light);
+  known.bounces.add(setup_, known.pulses, light, bodies);
   mix_zones(scene_.sensor, light);
   return light;
 }

@@ -12,6 +12,7 @@
 #include "forward/relay/relay_setup.h"
 #include "forward/sensor/pulse_table.h"
 #include "forward/transport/path_grid.h"
+#include "forward/transport/static_light.h"
 
 namespace blindcorner {
 
@@ -58,6 +59,10 @@ class SceneTransport {
   /// Paths' grid of a Lambertian object; legs as short as -`way_back` m.
   std::shared_ptr<const PathGrid> grid(PathGrid::Paths paths, double extra, double way_back,
                                        double tolerance) const;
+  /// The known scene's own light.
+  std::shared_ptr<const StaticLightModel> static_light() const {
+    return static_light_.get(0, [this] { return std::make_shared<const StaticLightModel>(scene); });
+  }
   /// Standard deviation of pulse, bin and extra pulse together, m of path.
   double pulse_sigma(double extra) const;
 
@@ -74,6 +79,7 @@ class SceneTransport {
   };
   mutable MadeOnce<PulseKey, PulseTable> pulses_;
   mutable MadeOnce<GridKey, PathGrid> grids_;
+  mutable MadeOnce<int, StaticLightModel> static_light_;
 };
 
 }  // namespace blindcorner

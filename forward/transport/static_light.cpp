@@ -10,30 +10,49 @@
 #include "forward/support/multiversion.h"
 
 namespace blindcorner {
+
+std::vector<OccluderFace> known_faces(const Shape& shape, const Transform& T_world_shape,
+                                      double size) {
+  const bool box = std::holds_alternative<BoxShape>(shape);
+  if (!box && !std::holds_alternative<RectangleShape>(shape)) {
+    return body_faces(shape, T_world_shape, size);
+  }
+  std::vector<OccluderFace> faces;
+  for (const auto& quad : flat_faces(shape, T_world_shape, size)) faces.push_back({quad, box});
+  return faces;
+}
+
 namespace {
 
 using Eigen::Vector3d;
 
-/// Light below this share of a list's brightest leg is left out.
+/// Light below this share of a zone's brightest is rounding.
 constexpr double kNoLight = 1e-7;
+/// Largest edge of a patch against its distance to the sensor.
+constexpr double kSensorAngle = 0.4;
+/// Relative error of the direct return: the pulse's shape and the zones' edges.
+constexpr double kDirectError = 1e-3;
+/// Relative error of what bounces on that finer sampling does not show: further bounces.
+constexpr double kBounceError = 5e-3;
 
-std::vector<OccluderFace> faces_of(const Surface& surface) {
-  const bool box = std::holds_alternative<BoxShape>(surface.shape);
-  if (!box && !std::holds_alternative<RectangleShape>(surface.shape)) {
-    return body_faces(surface.shape, surface.T_world_surface, 1.0);
-  }
-  std::vector<OccluderFace> faces;
-  for (const auto& quad : flat_faces(surface.shape, surface.T_world_surface, 1.0)) {
-    faces.push_back({quad, box});
-  }
-  return faces;
+/// Twice as coarse as by default.
+StaticLightSampling coarse_sampling() {
+  StaticLightSampling sampling;
+  sampling.field_divisions = 3;
+  sampling.patch_angle *= 1.5;
+  sampling.least_patch *= 1.5;
+  sampling.middle_angle *= 1.5;
+  sampling.middle_edge *= 1.5;
+  sampling.least_middle *= 1.5;
+  return sampling;
 }
 
 /// Faces that can hide one surface from another: those whose planes have some of the other
 /// surfaces on both sides. A room's own walls are none.
 std::vector<OccluderFace> blocking_faces(const std::vector<Surface>& surfaces) {
   std::vector<std::vector<OccluderFace>> all;
-  for (const Surface& surface : surfaces) all.push_back(faces_of(surface));
+  for (const Surface& surface : surfaces)
+    all.push_back(known_faces(surface.shape, surface.T_world_surface, 1.0));
   std::vector<OccluderFace> blocking;
   for (std::size_t i = 0; i < all.size(); ++i) {
     for (const OccluderFace& face : all[i]) {
@@ -247,9 +266,9 @@ std::array<double, 2> two_widths(std::array<double, 4> half, double cells_per_me
   const double largest = *std::ranges::max_element(half);
   double square = 0;
   for (const double h : half) square += h * h;
-  return {std::max(2 * largest * cells_per_metre, 1.0),
-          std::max(2 * std::sqrt(std::max(square - largest * largest, 0.0)) * cells_per_metre,
-                   1.0)};
+  return {
+      std::max(2 * largest * cells_per_metre, 1.0),
+      std::max(2 * std::sqrt(std::max(square - largest * largest, 0.0)) * cells_per_metre, 1.0)};
 }
 
 void sum_up(double* row, std::size_t cells) {
@@ -272,19 +291,19 @@ KnownBounces::KnownBounces(const Scene& scene, const StaticLightSampling& sampli
       faces_.push_back({i, cell});
     }
   }
-  const double least = sampling.least_edge * largest;
+  const double least = sampling.least_middle * largest;
   const auto refine = [&](const auto& self, const Piece& owned) -> void {
     const double edge = 2 * std::max(owned.cell.half_u.norm(), owned.cell.half_v.norm());
     const double near = distance(owned);
     if (near == std::numeric_limits<double>::infinity()) return;
-    if (edge > std::max(std::min(sampling.middle_angle * near, sampling.middle_edge * largest),
-                        least)) {
+    if (edge >
+        std::max(std::min(sampling.middle_angle * near, sampling.middle_edge * largest), least)) {
       for (const SurfaceCell& part : halves(owned.cell)) self(self, {owned.surface, part});
       return;
     }
     const double albedo = scene.surfaces[owned.surface].albedo;
-    middle_.push_back({owned.cell, owned.cell.area * albedo / kPi,
-                       ShadowView(blockers_, owned.cell.center)});
+    middle_.push_back(
+        {owned.cell, owned.cell.area * albedo / kPi, ShadowView(blockers_, owned.cell.center)});
   };
   for (const Piece& face : faces_) refine(refine, face);
 }
@@ -319,145 +338,234 @@ void KnownBounces::find_legs(const SurfaceCell& cell, const ShadowView& shadows,
   }
 }
 
-void KnownBounces::add(const RelaySetup& setup, HistogramCube& cube) const {
-  if (!any() || setup.uses_points()) return;
+struct KnownBounces::Ends {
+  std::vector<Patches> lit;  // one, or one for each zone (confocal)
+  Patches seen;
+
+  const Patches& lit_for(int zone) const {
+    return lit[lit.size() == 1 ? 0 : static_cast<std::size_t>(zone)];
+  }
+};
+
+KnownBounces::Ends KnownBounces::ends(const RelaySetup& setup, double angle, double least) const {
   const Sensor& sensor = scene_.sensor;
   const bool confocal = sensor.illumination == Illumination::confocal;
   RelaySampling relay;
   relay.edge_depth = 2;
-  const double least =
-      sampling_.least_patch * kSpeedOfLight *
-      std::hypot(sensor.response.core_sigma(), sensor.bin_width / std::sqrt(12.0));
-  // Small against the distances to the sensor and to what light goes on to.
-  relay.split = [&](const RelayPatch& patch) {
+  relay.split = [this, angle, least](const RelayPatch& patch) {
     const double u = 2 * patch.half_u.norm(), v = 2 * patch.half_v.norm();
-    const double edge = std::max(u, v);
     const double near = distance({static_cast<std::size_t>(patch.surface), cell_of(patch)});
-    const double most =
-        std::min(0.4 * patch.distance, std::max(sampling_.patch_angle * near, least));
-    return edge <= most ? 0 : (u >= v ? 1 : 2);
+    const double most = std::min(kSensorAngle * patch.distance, std::max(angle * near, least));
+    return std::max(u, v) <= most ? 0 : (u >= v ? 1 : 2);
   };
-  std::vector<Patches> lit(confocal ? sensor.zones.size() : 1);
+  Ends ends;
+  ends.lit.resize(confocal ? sensor.zones.size() : 1);
   relay.divisions = sampling_.field_divisions;
   if (!confocal) {
-    for (const WeightedPatch& p : setup.lit(relay, false)) lit[0].add(p, 0);
+    for (const WeightedPatch& p : setup.lit(relay, false)) ends.lit[0].add(p, 0);
   }
   relay.divisions = sampling_.zone_divisions;
-  Patches seen;
   for (int z = 0; z < sensor.zone_count(); ++z) {
     if (sensor.zones[static_cast<std::size_t>(z)].dead) continue;
-    for (const WeightedPatch& p : setup.seen(z, relay, false)) seen.add(p, z);
+    for (const WeightedPatch& p : setup.seen(z, relay, false)) ends.seen.add(p, z);
     if (!confocal) continue;
     for (const WeightedPatch& p : setup.lit_by_zone(z, relay, false)) {
-      lit[static_cast<std::size_t>(z)].add(p, z);
+      ends.lit[static_cast<std::size_t>(z)].add(p, z);
     }
   }
-  for (Patches& p : lit) p.pad();
-  seen.pad();
+  for (Patches& p : ends.lit) p.pad();
+  ends.seen.pad();
+  return ends;
+}
 
-  // Two cells a bin: what bounces on is smooth over several bins.
-  constexpr int kCellsPerBin = 2;
-  const int bins = unwrapped_bins(sensor);
-  const double bin_path = kSpeedOfLight * sensor.bin_width;
-  const Axis axis{kCellsPerBin / bin_path, static_cast<std::size_t>(kCellsPerBin * bins) + 8};
-  const std::size_t zones = sensor.zones.size();
-  const std::size_t stride = 2 * axis.cells + 16;
-  // Summed twice at the end, and summed once.
-  std::vector<double> twice(zones * stride, 0.0), once(zones * stride, 0.0);
+/// Light of all zones by path, to be summed once and twice.
+struct KnownBounces::TimeRows {
+  /// Cells a bin: what bounces on is smooth over several bins.
+  static constexpr int kPerBin = 2;
+  static constexpr std::size_t kMargin = 8;
 
-  Legs in, out;
+  Axis axis;
+  std::size_t stride;
+  std::vector<double> once, twice;
+
+  explicit TimeRows(const Sensor& sensor)
+      : axis{kPerBin / (kSpeedOfLight * sensor.bin_width),
+             static_cast<std::size_t>(kPerBin * unwrapped_bins(sensor)) + kMargin},
+        stride(2 * axis.cells + 2 * kMargin),
+        once(sensor.zones.size() * stride, 0.0),
+        twice(once) {}
+
+  /// Path of zero length.
+  double* once_of(int zone) { return once.data() + zone * static_cast<long>(stride) + kMargin; }
+  double* twice_of(int zone) { return twice.data() + zone * static_cast<long>(stride) + kMargin; }
+};
+
+/// Source, p, r, detector.
+void KnownBounces::add_two(const Ends& ends, const std::vector<OccluderFace>& blockers,
+                           TimeRows& rows) const {
+  const Patches& seen = ends.seen;
+  Legs in;
   for (std::size_t r = 0; r < seen.size(); ++r) {
     const SurfaceCell& cell = seen.cells[r];
-    const Patches& from = lit[confocal ? static_cast<std::size_t>(seen.zone[r]) : 0];
-    find_legs(cell, ShadowView(blockers_, cell.center), from, in);
+    const Patches& from = ends.lit_for(seen.zone[r]);
+    find_legs(cell, ShadowView(blockers, cell.center), from, in);
     const Vector3d outer(seen.g[0][r], seen.g[1][r], seen.g[2][r]);
-    double* row = twice.data() + static_cast<std::size_t>(seen.zone[r]) * stride;
     for (std::size_t p = 0; p < from.size(); ++p) {
       if (in.weight[p] <= 0) continue;
       const Vector3d gradient = outer - Vector3d(in.x[p], in.y[p], in.z[p]);
       const auto [a, b] = two_widths({in.du[p], in.dv[p], std::abs(gradient.dot(cell.half_u)),
                                       std::abs(gradient.dot(cell.half_v))},
-                                     axis.cells_per_metre);
-      axis.spread(row, (in.length[p] + seen.leg[r]) * axis.cells_per_metre,
-                  in.weight[p] * seen.weight[r], a, b);
+                                     rows.axis.cells_per_metre);
+      rows.axis.spread(rows.twice_of(seen.zone[r]),
+                       (in.length[p] + seen.leg[r]) * rows.axis.cells_per_metre,
+                       in.weight[p] * seen.weight[r], a, b);
     }
   }
+}
 
-  std::vector<double> gathered(stride);
+namespace {
+
+/// What a cell gathers, by path.
+struct Gathered {
+  std::vector<double> row;
+  std::size_t first = 0, last = 0;  // lit cells of the row
+  Vector3d arrives;                 // mean direction to where it came from
+
+  void gather(const Legs& in, std::size_t count, const Axis& axis, double margin) {
+    double early = std::numeric_limits<double>::infinity(), late = 0, all = 0;
+    std::fill(row.begin(), row.end(), 0.0);
+    arrives.setZero();
+    for (std::size_t p = 0; p < count; ++p) {
+      if (in.weight[p] <= 0) continue;
+      const double at = in.length[p] * axis.cells_per_metre + margin;
+      const auto [a, b] = two_widths({in.du[p], in.dv[p], 0, 0}, axis.cells_per_metre);
+      axis.spread(row.data(), at, in.weight[p], a, b);
+      early = std::min(early, at - 0.5 * (a + b));
+      late = std::max(late, at + 0.5 * (a + b));
+      all += in.weight[p];
+      arrives += in.weight[p] * Vector3d(in.x[p], in.y[p], in.z[p]);
+    }
+    first = last = 0;
+    if (!(all > 0)) return;
+    arrives /= all;
+    first = static_cast<std::size_t>(std::max(early, 1.0));
+    last = std::max(first, std::min(static_cast<std::size_t>(late) + 3, axis.cells));
+    sum_up(row.data() + first, last - first);
+    sum_up(row.data() + first, last - first);
+  }
+};
+
+}  // namespace
+
+/// Source, p, cell, r, detector.
+void KnownBounces::add_three(const Ends& ends, const std::vector<OccluderFace>& bodies,
+                             TimeRows& rows) const {
+  std::vector<OccluderFace> blockers = blockers_;
+  blockers.insert(blockers.end(), bodies.begin(), bodies.end());
+  const Axis& axis = rows.axis;
+  const Patches& seen = ends.seen;
+  const bool confocal = ends.lit.size() > 1;
+  constexpr double kMargin = TimeRows::kMargin;
+  Legs in, out;
+  Gathered light{std::vector<double>(rows.stride), 0, 0, Vector3d::Zero()};
   for (const Middle& middle : middle_) {
     const SurfaceCell& cell = middle.cell;
-    find_legs(cell, middle.shadows, seen, out);
-    std::size_t first = 0, last = 0;
-    Vector3d arrives = Vector3d::Zero();
+    const ShadowView shadows = bodies.empty() ? middle.shadows : ShadowView(blockers, cell.center);
+    find_legs(cell, shadows, seen, out);
+    int gathered = -1;  // zone
     for (std::size_t r = 0; r < seen.size(); ++r) {
       if (out.weight[r] <= 0) continue;
-      if (r == 0 || last == 0 || (confocal && seen.zone[r] != seen.zone[r - 1])) {
-        const Patches& from = lit[confocal ? static_cast<std::size_t>(seen.zone[r]) : 0];
-        find_legs(cell, middle.shadows, from, in);
-        double early = std::numeric_limits<double>::infinity(), late = 0, all = 0;
-        std::fill(gathered.begin(), gathered.end(), 0.0);
-        arrives.setZero();
-        for (std::size_t p = 0; p < from.size(); ++p) {
-          if (in.weight[p] <= 0) continue;
-          const double at = in.length[p] * axis.cells_per_metre + 8;
-          const auto [a, b] = two_widths({in.du[p], in.dv[p], 0, 0}, axis.cells_per_metre);
-          axis.spread(gathered.data(), at, in.weight[p], a, b);
-          early = std::min(early, at - 0.5 * (a + b));
-          late = std::max(late, at + 0.5 * (a + b));
-          all += in.weight[p];
-          arrives += in.weight[p] * Vector3d(in.x[p], in.y[p], in.z[p]);
-        }
-        if (!(all > 0)) {
-          if (!confocal) break;
-          last = 0;
-          continue;
-        }
-        arrives /= all;
-        first = static_cast<std::size_t>(std::max(early, 1.0));
-        last = std::min(static_cast<std::size_t>(late) + 3, axis.cells);
-        if (first >= last) break;
-        sum_up(gathered.data() + first, last - first);
-        sum_up(gathered.data() + first, last - first);
+      if (gathered < 0 || (confocal && seen.zone[r] != gathered)) {
+        gathered = seen.zone[r];
+        const Patches& from = ends.lit_for(gathered);
+        find_legs(cell, shadows, from, in);
+        light.gather(in, from.size(), axis, kMargin);
       }
-      const Vector3d gradient = arrives + Vector3d(out.x[r], out.y[r], out.z[r]);
+      if (light.first == light.last) continue;
+      const Vector3d gradient = light.arrives + Vector3d(out.x[r], out.y[r], out.z[r]);
       const double u = gradient.dot(cell.half_u), v = gradient.dot(cell.half_v);
-      const double width =
-          std::max(2 * axis.cells_per_metre *
-                       std::sqrt(u * u + v * v + out.du[r] * out.du[r] + out.dv[r] * out.dv[r]),
-                   1.0);
-      // A histogram delayed by the way out and spread evenly: its sum's ends.
-      const double at = out.length[r] * axis.cells_per_metre + 0.5;  // as above, once
-      double* row = once.data() + static_cast<std::size_t>(seen.zone[r]) * stride + 8;
+      const double spread =
+          std::sqrt(u * u + v * v + out.du[r] * out.du[r] + out.dv[r] * out.dv[r]);
+      const double width = std::max(2 * axis.cells_per_metre * spread, 1.0);
+      // Delayed by the way out and spread evenly: the ends of a sum, half a cell early as above.
+      const double at =
+          out.length[r] * axis.cells_per_metre + 0.5 + static_cast<double>(light.first) - kMargin;
       const double weight = middle.scattered * out.weight[r] / width;
       for (const double end : {-0.5, 0.5}) {
-        const double from = static_cast<double>(first) - 8 + at + end * width;
+        const double from = std::max(at + end * width, 0.0);
         if (from >= static_cast<double>(axis.cells)) continue;
-        add_moved(gathered.data() + first, last - first + 1, std::max(from, 0.0),
-                  end < 0 ? weight : -weight, row);
+        add_moved(light.row.data() + light.first, light.last - light.first + 1, from,
+                  end < 0 ? weight : -weight, rows.once_of(seen.zone[r]));
       }
     }
   }
+}
 
-  const PulseTable pulses(sensor.response, sensor.bin_width,
-                          2 * std::pow(sensor.response.core_sigma(), 2), 1e-5);
-  const double pulse_bins = 1.0 / kCellsPerBin;
+void KnownBounces::add(const RelaySetup& setup, const PulseTable& pulses, HistogramCube& cube,
+                       const std::vector<OccluderFace>& bodies) const {
+  if (!any() || setup.uses_points()) return;
+  const Sensor& sensor = scene_.sensor;
+  const double pulse =
+      kSpeedOfLight * std::hypot(sensor.response.core_sigma(), sensor.bin_width / std::sqrt(12.0));
+  TimeRows rows(sensor);
+  std::vector<OccluderFace> blockers = blockers_;
+  blockers.insert(blockers.end(), bodies.begin(), bodies.end());
+  const double least = sampling_.least_patch * pulse;
+  add_two(ends(setup, sampling_.patch_angle, least), blockers, rows);
+  add_three(ends(setup, sampling_.outer_angle, 2 * least), bodies, rows);
+
+  const int bins = unwrapped_bins(sensor);
   std::vector<double> unwrapped(static_cast<std::size_t>(bins));
   for (int z = 0; z < sensor.zone_count(); ++z) {
-    double* first = once.data() + static_cast<std::size_t>(z) * stride + 8;
-    double* second = twice.data() + static_cast<std::size_t>(z) * stride;
-    sum_up(second, axis.cells);
-    for (std::size_t i = 0; i < axis.cells; ++i) first[i] += second[i];
-    sum_up(first, axis.cells);
+    double* light = rows.once_of(z);
+    const double* pairs = rows.twice_of(z);
+    sum_up(rows.twice_of(z), rows.axis.cells);
+    for (std::size_t i = 0; i < rows.axis.cells; ++i) light[i] += pairs[i];
+    sum_up(light, rows.axis.cells);
     std::fill(unwrapped.begin(), unwrapped.end(), 0.0);
-    const double top = *std::max_element(first, first + axis.cells);
+    const double top = *std::max_element(light, light + rows.axis.cells);
     const double start = sensor.zones[static_cast<std::size_t>(z)].time_zero / sensor.bin_width;
-    for (std::size_t i = 0; i < axis.cells; ++i) {
-      if (first[i] <= kNoLight * top) continue;
-      pulses.add(unwrapped.data(), bins, start + static_cast<double>(i) * pulse_bins, 0.0,
-                 first[i]);
+    for (std::size_t i = 0; i < rows.axis.cells; ++i) {
+      if (light[i] <= kNoLight * top) continue;
+      pulses.add(unwrapped.data(), bins, start + static_cast<double>(i) / TimeRows::kPerBin, 0.0,
+                 light[i]);
     }
     fold(sensor, z, unwrapped.data(), bins, cube.zone(z));
   }
+}
+
+StaticLightModel::StaticLightModel(const Scene& scene)
+    : scene_(scene),
+      bounces_(scene),
+      coarse_(scene, coarse_sampling()),
+      pulses_(scene.sensor.response, scene.sensor.bin_width,
+              std::pow(scene.sensor.response.core_sigma(), 2), 1e-7) {}
+
+StaticLight StaticLightModel::light(const RelaySetup& setup, bool bounces) const {
+  const Sensor& sensor = scene_.sensor;
+  StaticLight known{setup.direct_return(pulses_, 10, true), {}};
+  known.error = known.light;
+  for (double& value : known.error.values) value = std::pow(kDirectError * value, 2);
+  if (bounces && bounces_.any()) {
+    HistogramCube fine(sensor.rows, sensor.columns, sensor.bins), coarse = fine;
+    bounces_.add(setup, pulses_, fine);
+    coarse_.add(setup, pulses_, coarse);
+    for (int z = 0; z < fine.zones(); ++z) {
+      for (int k = 0; k < fine.bins; ++k) {
+        // Differences change their sign from bin to bin: the mean square of five of them.
+        double square = 0;
+        for (int i = std::max(k - 2, 0); i <= std::min(k + 2, fine.bins - 1); ++i) {
+          square += std::pow(fine.zone(z)[i] - coarse.zone(z)[i], 2) / 5;
+        }
+        known.light.zone(z)[k] += fine.zone(z)[k];
+        known.error.zone(z)[k] += square + std::pow(kBounceError * fine.zone(z)[k], 2);
+      }
+    }
+  }
+  for (double& value : known.error.values) value = std::sqrt(value);
+  mix_zones(sensor, known.light);
+  mix_zones(sensor, known.error);
+  return known;
 }
 
 }  // namespace blindcorner

@@ -13,15 +13,17 @@
 
 namespace blindcorner {
 
-/// How finely the light that bounces on within the known scene is sampled.
+/// How finely the light that bounces on within the known scene is sampled. Cells get smaller with
+/// their distance to what they face, down to a least edge.
 struct StaticLightSampling {
-  int zone_divisions = 2;      ///< cells along each side of a zone
-  int field_divisions = 8;     ///< cells along each side of the field
-  double middle_angle = 0.35;  ///< edge of a middle cell against its distance to what it faces
-  double middle_edge = 0.06;   ///< the same against the extent of its surface: largest
-  double least_edge = 0.02;    ///< smallest, against the largest extent of any surface
-  double patch_angle = 0.7;    ///< edge of a zone's or the field's cell against that distance
-  double least_patch = 4;      ///< smallest such edge in standard deviations of the pulse's path
+  int zone_divisions = 1;      ///< cells along each side of a zone, at least
+  int field_divisions = 4;     ///< cells along each side of the field, at least
+  double patch_angle = 0.7;    ///< edge of the patches of two bounces against that distance
+  double least_patch = 4;      ///< their least edge in standard deviations of the pulse's path
+  double outer_angle = 2.0;    ///< edge of the patches of three bounces against that distance
+  double middle_angle = 0.4;   ///< edge of the cells between these against that distance
+  double middle_edge = 0.08;   ///< their largest edge against the largest surface's extent
+  double least_middle = 0.02;  ///< their least edge against the same
 };
 
 /// Expected light of the known scene, W/m^2 per bin, and how far off it may be.
@@ -29,6 +31,10 @@ struct StaticLight {
   HistogramCube light;
   HistogramCube error;  ///< standard deviation of the model's own error
 };
+
+/// Faces of a placed body that hide what is behind them.
+std::vector<OccluderFace> known_faces(const Shape& shape, const Transform& T_world_shape,
+                                      double size);
 
 /// Two and three bounces within the known scene, smooth in the sensor's pose. Patches of the known
 /// surfaces send each other light whose paths spread over their extent, so that coarse patches give
@@ -43,10 +49,13 @@ class KnownBounces {
   /// Whether any two reflecting surfaces face each other.
   bool any() const { return !middle_.empty(); }
   /// Adds two and three bounces to the cube, W/m^2 per bin.
-  void add(const RelaySetup& setup, HistogramCube& cube) const;
+  /// `bodies` block some of them.
+  void add(const RelaySetup& setup, const PulseTable& pulses, HistogramCube& cube,
+           const std::vector<OccluderFace>& bodies = {}) const;
 
-  struct Patches;  ///< side by side in memory
-  struct Legs;     ///< from one point to patches
+  struct Patches;   ///< side by side in memory
+  struct TimeRows;  ///< light of each zone
+  struct Legs;      ///< from one point to patches
   /// A piece of a known surface.
   struct Piece {
     std::size_t surface;
@@ -59,7 +68,12 @@ class KnownBounces {
     double scattered;  ///< area times albedo over pi
     ShadowView shadows;
   };
+  /// Patches of the field, or of each zone's own (confocal), and of all zones.
+  struct Ends;
   double distance(const Piece& piece) const;
+  Ends ends(const RelaySetup& setup, double angle, double least) const;
+  void add_two(const Ends& ends, const std::vector<OccluderFace>& blockers, TimeRows& rows) const;
+  void add_three(const Ends& ends, const std::vector<OccluderFace>& bodies, TimeRows& rows) const;
   static void find_legs(const SurfaceCell& cell, const ShadowView& shadows, const Patches& patches,
                         Legs& legs);
 
@@ -68,6 +82,21 @@ class KnownBounces {
   std::vector<OccluderFace> blockers_;
   std::vector<Piece> faces_;  // reflecting ones
   std::vector<Middle> middle_;
+};
+
+/// The known scene's light for any sensor pose.
+class StaticLightModel {
+ public:
+  explicit StaticLightModel(const Scene& scene);
+  bool any_bounces() const { return bounces_.any(); }
+  /// Crosstalk included. Without `bounces` the direct return alone.
+  StaticLight light(const RelaySetup& setup, bool bounces) const;
+
+ private:
+  const Scene& scene_;
+  KnownBounces bounces_;
+  KnownBounces coarse_;  // tells how far off the others are
+  PulseTable pulses_;
 };
 
 }  // namespace blindcorner

@@ -66,6 +66,9 @@ class ForwardModel {
   /// (the first bounce is then no part of a capture).
   virtual const HistogramCube& direct_return() const = 0;
 
+  /// Standard deviation of direct_return() from the model's own error, same unit; empty: none.
+  virtual HistogramCube direct_error() const { return {}; }
+
   /// With the hidden objects in the way of the later bounces: the reference renderer's alone.
   virtual HistogramCube static_return(const PoseVector& /*pose*/) const { return direct_return(); }
 
