@@ -80,8 +80,7 @@ bool same(const std::vector<SensorPlacement>& a, const std::vector<SensorPlaceme
                     });
 }
 
-std::unique_ptr<MovedModels> move_sensor(const Scene& scene,
-                                         const std::vector<SensorPlacement>& placements,
+std::unique_ptr<MovedModels> move_sensor(const std::vector<SensorPlacement>& placements,
                                          const CompiledScene& compiled) {
   auto moved = std::make_unique<MovedModels>();
   for (std::size_t i = 0; i < 6; ++i) {
@@ -99,7 +98,7 @@ std::unique_ptr<MovedModels> move_sensor(const Scene& scene,
                                 Eigen::Vector3d::Unit(static_cast<int>(i) - 3)) *
               placement.T_world_sensor.linear();
         }
-        set.push_back(make_fast_model(scene, placement, fast));
+        set.push_back(make_fast_model(compiled.knowledge->transport(), placement, fast));
       }
     }
   }
@@ -239,7 +238,7 @@ struct Fitter::Impl {
       grid.max_poses = grid.closed_form && knowledge->coarse() ? options.max_closed_form_poses
                                                                : options.max_scored_poses;
       entry->compiled = compile(scene, *knowledge, placements, options, grid);
-      if (scene.sensor_covariance) entry->moved = move_sensor(scene, placements, *entry->compiled);
+      if (scene.sensor_covariance) entry->moved = move_sensor(placements, *entry->compiled);
       entry->bytes = entry->compiled->bytes();
     });
     drop_least_used();

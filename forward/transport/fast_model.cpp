@@ -300,14 +300,25 @@ std::pair<int, int> FastModel::reachable_bins() const {
 }
 
 /// Made when somebody asks: models that only score never do.
-const StaticLight& FastModel::known_light() const {
+const HistogramCube& FastModel::direct_return() const {
   std::call_once(direct_once_, [this] {
     const Sensor& sensor = scene_.sensor;
-    direct_.light = HistogramCube(sensor.rows, sensor.columns, sensor.bins);
-    if (scene_.linear.direct == LinearMode::fixed && scene_.linear.fixed_direct == 0) return;
+    direct_ = HistogramCube(sensor.rows, sensor.columns, sensor.bins);
+    if (!holds_known_light()) return;
     direct_ = view_->transport->static_light()->light(setup_, bounces());
   });
   return direct_;
+}
+
+HistogramCube FastModel::direct_error() const {
+  const Sensor& sensor = scene_.sensor;
+  if (!holds_known_light()) return {sensor.rows, sensor.columns, sensor.bins};
+  return view_->transport->static_light()->error(setup_, bounces());
+}
+
+/// Whether captures hold light of the known scene.
+bool FastModel::holds_known_light() const {
+  return scene_.linear.direct != LinearMode::fixed || scene_.linear.fixed_direct > 0;
 }
 
 /// What bounces on within the known scene is left out only where there is nothing of it: how bright
@@ -318,7 +329,7 @@ bool FastModel::bounces() const {
 }
 
 void FastModel::decide_bounces() const {
-  const bool held = scene_.linear.direct != LinearMode::fixed || scene_.linear.fixed_direct > 0;
+  const bool held = holds_known_light();
   const bool used = held && bounces();
   plan_.decide({Term::known_bounces, "two and three bounces within the known scene", used,
                 !held  ? "captures hold no light of the known scene"

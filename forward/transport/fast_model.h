@@ -37,8 +37,8 @@ class FastModel final : public ForwardModel {
   /// The same for a placement of the object, with other bodies in the way. Returns how many pairs
   /// of patches were looked at.
   double render(const Placement& placement, const MovingBodies& bodies, HistogramCube& out) const;
-  const HistogramCube& direct_return() const override { return known_light().light; }
-  HistogramCube direct_error() const override { return known_light().error; }
+  const HistogramCube& direct_return() const override;
+  HistogramCube direct_error() const override;
   /// Reasons are found when somebody asks for them.
   const TransportPlan& plan() const override;
   std::optional<Fidelity> fidelity() const override { return found_.fidelity; }
@@ -57,7 +57,7 @@ class FastModel final : public ForwardModel {
   void complete_plan() const;
   bool bounces() const;
   void decide_bounces() const;
-  const StaticLight& known_light() const;
+  bool holds_known_light() const;
   std::pair<int, int> reachable_bins() const;
   std::vector<OccluderFace> own_occluders(const Placement& placement, const Transform& T) const;
 
@@ -75,7 +75,7 @@ class FastModel final : public ForwardModel {
   std::vector<OccluderFace> occluders_;  ///< of poses in the search region
   mutable std::once_flag plan_once_, direct_once_;
   mutable TransportPlan plan_;
-  mutable StaticLight direct_;
+  mutable HistogramCube direct_;
 };
 
 /// The cheapest fidelity that meets `options.tolerance`.

@@ -541,13 +541,18 @@ StaticLightModel::StaticLightModel(const Scene& scene)
       pulses_(scene.sensor.response, scene.sensor.bin_width,
               std::pow(scene.sensor.response.core_sigma(), 2), 1e-7) {}
 
-StaticLight StaticLightModel::light(const RelaySetup& setup, bool bounces) const {
-  const Sensor& sensor = scene_.sensor;
-  StaticLight known{setup.direct_return(pulses_, 10, true), {}};
-  known.error = known.light;
-  for (double& value : known.error.values) value = std::pow(kDirectError * value, 2);
+HistogramCube StaticLightModel::light(const RelaySetup& setup, bool bounces) const {
+  HistogramCube known = setup.direct_return(pulses_, 10, true);
+  if (bounces && bounces_.any()) bounces_.add(setup, pulses_, known);
+  mix_zones(scene_.sensor, known);
+  return known;
+}
+
+HistogramCube StaticLightModel::error(const RelaySetup& setup, bool bounces) const {
+  HistogramCube error = setup.direct_return(pulses_, 10, true);
+  for (double& value : error.values) value = std::pow(kDirectError * value, 2);
   if (bounces && bounces_.any()) {
-    HistogramCube fine(sensor.rows, sensor.columns, sensor.bins), coarse = fine;
+    HistogramCube fine(error.rows, error.columns, error.bins), coarse = fine;
     bounces_.add(setup, pulses_, fine);
     coarse_.add(setup, pulses_, coarse);
     for (int z = 0; z < fine.zones(); ++z) {
@@ -557,15 +562,13 @@ StaticLight StaticLightModel::light(const RelaySetup& setup, bool bounces) const
         for (int i = std::max(k - 2, 0); i <= std::min(k + 2, fine.bins - 1); ++i) {
           square += std::pow(fine.zone(z)[i] - coarse.zone(z)[i], 2) / 5;
         }
-        known.light.zone(z)[k] += fine.zone(z)[k];
-        known.error.zone(z)[k] += square + std::pow(kBounceError * fine.zone(z)[k], 2);
+        error.zone(z)[k] += square + std::pow(kBounceError * fine.zone(z)[k], 2);
       }
     }
   }
-  for (double& value : known.error.values) value = std::sqrt(value);
-  mix_zones(sensor, known.light);
-  mix_zones(sensor, known.error);
-  return known;
+  for (double& value : error.values) value = std::sqrt(value);
+  mix_zones(scene_.sensor, error);
+  return error;
 }
 
 }  // namespace blindcorner

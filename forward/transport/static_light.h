@@ -26,12 +26,6 @@ struct StaticLightSampling {
   double least_middle = 0.02;  ///< their least edge against the same
 };
 
-/// Expected light of the known scene, W/m^2 per bin, and how far off it may be.
-struct StaticLight {
-  HistogramCube light;
-  HistogramCube error;  ///< standard deviation of the model's own error
-};
-
 /// Faces of a placed body that hide what is behind them.
 std::vector<OccluderFace> known_faces(const Shape& shape, const Transform& T_world_shape,
                                       double size);
@@ -89,8 +83,10 @@ class StaticLightModel {
  public:
   explicit StaticLightModel(const Scene& scene);
   bool any_bounces() const { return bounces_.any(); }
-  /// Crosstalk included. Without `bounces` the direct return alone.
-  StaticLight light(const RelaySetup& setup, bool bounces) const;
+  /// W/m^2 per bin, crosstalk included. Without `bounces` the direct return alone.
+  HistogramCube light(const RelaySetup& setup, bool bounces) const;
+  /// Standard deviation of the model's own error in that.
+  HistogramCube error(const RelaySetup& setup, bool bounces) const;
 
  private:
   const Scene& scene_;

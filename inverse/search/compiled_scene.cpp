@@ -238,7 +238,8 @@ PoseVector difference_steps(const Scene& scene, const SensorPlacement& placement
   return steps;
 }
 
-SceneKnowledge::SceneKnowledge(const Scene& scene) : scene_(scene) {
+SceneKnowledge::SceneKnowledge(const Scene& scene)
+    : scene_(scene), transport_(make_scene_transport(scene)) {
   bool measured = false;
   for (int i = 0; i < object_count(scene); ++i) {
     measured =
@@ -257,8 +258,8 @@ std::optional<Fidelity> SceneKnowledge::fidelity(double tolerance) const {
   FastModelOptions fast;
   fast.tolerance = tolerance;
   // Isolated: whoever waits for the lock must not be asked to work for its holder.
-  const Fidelity found = tbb::this_task_arena::isolate(
-      [&] { return *make_fast_model(scene_, own, fast)->fidelity(); });
+  const Fidelity found =
+      tbb::this_task_arena::isolate([&] { return *choose_fidelity(transport_, own, fast); });
   return fidelities_.emplace(tolerance, found).first->second;
 }
 
@@ -407,7 +408,7 @@ namespace {
 ModelSet make_models(const CompiledScene& compiled, FastModelOptions fast) {
   ModelSet set;
   for (const SensorPlacement& placement : compiled.placements) {
-    set.push_back(make_fast_model(compiled.scene, placement, fast));
+    set.push_back(make_fast_model(compiled.knowledge->transport(), placement, fast));
     fast.fidelity = set.front()->fidelity();
   }
   return set;

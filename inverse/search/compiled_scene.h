@@ -87,12 +87,15 @@ class SceneKnowledge {
 
   /// Null where closed-form light does not apply: measured laws.
   const std::shared_ptr<const CoarseScene>& coarse() const { return coarse_; }
+  /// What the fast models share.
+  const std::shared_ptr<const SceneTransport>& transport() const { return transport_; }
   /// The fast model's sampling for a tolerance, found at the scene's own sensor placement; nothing
   /// where the scene does not have one (relay points come with captures).
   std::optional<Fidelity> fidelity(double tolerance) const;
 
  private:
   const Scene& scene_;
+  std::shared_ptr<const SceneTransport> transport_;
   std::shared_ptr<const CoarseScene> coarse_;
   mutable std::mutex mutex_;
   mutable std::map<double, Fidelity> fidelities_;

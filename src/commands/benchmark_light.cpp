@@ -512,8 +512,8 @@ void add_light_benchmark(CLI::App& benchmark, int& exit_code) {
                   "discretisation is up to 1 % of a bin off, the reference renderer's, or none")
       ->check(CLI::IsMember({"tracer", "renderer", "none"}))
       ->capture_default_str();
-  command.add_option("--tolerance", arguments->fit.model_tolerance, "of the fit's model")
-      ->capture_default_str();
+  command.add_option("--tolerance", arguments->fit.model_tolerance,
+                     "of the fit's model; default: as each capture asks for");
   command.add_option("--threads", arguments->threads, "threads; 0: one per processor")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();

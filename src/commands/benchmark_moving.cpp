@@ -483,15 +483,15 @@ void add_moving_benchmark(CLI::App& benchmark, int& exit_code) {
                   "then so many more sensor poses along the path, for the memory that they take")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
-  command.add_option("--tolerance", arguments->fit.model_tolerance, "of the fit's model")
-      ->capture_default_str();
+  command.add_option("--tolerance", arguments->fit.model_tolerance,
+                     "of the fit's model; default: as each capture asks for");
   command.add_option("--threads", arguments->threads, "threads; 0: one per processor")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
   command.add_option("--seed", arguments->seed, "of poses and photons")->capture_default_str();
   add_capture_directories(command, arguments->directories);
   command.callback([arguments, &exit_code] {
-    arguments->exhaustive.model_tolerance = arguments->fit.model_tolerance;
+    arguments->exhaustive.model_tolerance = arguments->fit.model_tolerance.value_or(0.1);
     arguments->fit.validate();
     exit_code = run_moving(*arguments);
   });
