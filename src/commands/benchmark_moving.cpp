@@ -236,13 +236,17 @@ void endure(const MovingArguments& arguments, const Fitter& fitter, const Motion
     last = nearest;
     Capture capture = captures[nearest];
     capture.T_world_sensor = path[i + 1];
-    auto start = Clock::now();
-    track_frame(fitter, *tracker, capture, motion.frame_interval);
-    tracked.push_back(milliseconds_since(start));
-    if (i % kFitEvery == 0) {
-      start = Clock::now();
-      fitter.fit(capture);
-      fitted.push_back(milliseconds_since(start));
+    try {
+      auto start = Clock::now();
+      track_frame(fitter, *tracker, capture, motion.frame_interval);
+      tracked.push_back(milliseconds_since(start));
+      if (i % kFitEvery == 0) {
+        start = Clock::now();
+        fitter.fit(capture);
+        fitted.push_back(milliseconds_since(start));
+      }
+    } catch (const std::exception& error) {
+      run.frames[nearest].error = error.what();
     }
     const bool line = (i + 1) * kMemoryLines / count > i * kMemoryLines / count;
     if (line || (i + 1) % every == 0) {

@@ -136,7 +136,7 @@ TEST_F(Cli, RenderTakesPosesOfSeveralObjectsByName) {
 TEST_F(Cli, RenderKeepsWhereTheSensorStood) {
   const Scene scene = read_scene(kScene);
   const std::string render = "render '" + kScene + "' --model fast -o '" + path("c.exr") + "' ";
-  for (const std::string& noise : {"", "--noiseless", "--empty"}) {
+  for (const char* noise : {"", "--noiseless", "--empty"}) {
     ASSERT_EQ(run(render + noise).exit_code, 0);
     const CaptureFile file = read_captures(path("c.exr"));
     ASSERT_TRUE(file.captures[0].T_world_sensor.has_value()) << noise;
