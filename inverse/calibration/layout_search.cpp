@@ -14,8 +14,7 @@ namespace {
 
 /// Captures that decide: right and wrong layouts differ by hundreds in deviance with as many.
 constexpr std::size_t kMaxCaptures = 48;
-/// A wrap is refuted by another one whose deviance is this much less, and clear where it refutes
-/// all others (five sigma).
+/// A wrap is refuted by another one whose deviance is this much less (five sigma).
 constexpr double kWrapGain = 25;
 /// Squared residuals beyond this many variances, three standard deviations, count less and less.
 constexpr double kTrim = 9.0;

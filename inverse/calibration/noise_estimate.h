@@ -14,9 +14,9 @@ namespace blindcorner {
 void learn_ambient(const CalibrationProblem& problem, const Evaluations& flat,
                    const std::vector<double>& keep, Scene& scene);
 
-/// Sets the noise model from squared residuals, trimmed at three standard deviations: variance =
-/// the zone's floor + per_count * mean, zones of few residuals with a floor in common; for photons
-/// their dispersion. Left alone where there are few residuals.
+/// Sets the noise from squared residuals, trimmed at three standard deviations: where the noise
+/// model states a line, variance = the zone's floor + per_count * mean, zones of few residuals with
+/// a floor in common; else the dispersion. Left alone where there are few residuals.
 void learn_noise(const CalibrationProblem& problem, const Evaluations& evaluations,
                  const std::vector<double>& keep, Scene& scene);
 
