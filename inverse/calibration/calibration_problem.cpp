@@ -203,6 +203,11 @@ CalibrationProblem::CalibrationProblem(const Scene& scene, std::vector<Capture> 
   }
 }
 
+Eigen::Index CalibrationProblem::index_of(const std::string& name) const {
+  const auto found = std::ranges::find(parameters_, name, &InstrumentParameter::name);
+  return found == parameters_.end() ? -1 : found - parameters_.begin();
+}
+
 void CalibrationProblem::set_base(const Scene& scene) {
   base_ = scene;
   observe_all();

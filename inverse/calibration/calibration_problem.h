@@ -77,6 +77,8 @@ class CalibrationProblem {
   std::size_t captures() const { return captures_.size(); }
   const Capture& capture(std::size_t i) const { return captures_[i]; }
   const std::optional<PoseVector>& pose(std::size_t i) const { return poses_[i]; }
+  /// Of a parameter; -1: there is none of that name.
+  Eigen::Index index_of(const std::string& name) const;
   std::vector<InstrumentParameter>& parameters() { return parameters_; }
   const std::vector<InstrumentParameter>& parameters() const { return parameters_; }
   /// Noise law and linear unknowns are taken from here.
@@ -98,5 +100,8 @@ class CalibrationProblem {
   /// Sampling of the fast model: the same at all parameters, or differences would see it change.
   std::optional<Fidelity> fidelity_;
 };
+
+/// [captures]
+using Evaluations = std::vector<CalibrationProblem::Evaluation>;
 
 }  // namespace blindcorner

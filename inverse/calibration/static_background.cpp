@@ -12,12 +12,10 @@
 namespace blindcorner {
 namespace {
 
-using Evaluations = std::vector<CalibrationProblem::Evaluation>;
-
 /// Captures of which fewer say nothing about a bin's scatter; photons have a law of their own.
-constexpr std::size_t kLeastCaptures = 8;
+constexpr std::size_t kMinCaptures = 8;
 /// Bins that hold nothing, of which fewer say nothing about a capture's level.
-constexpr std::size_t kLeastBins = 3;
+constexpr std::size_t kMinBins = 3;
 /// Standard errors by which static light refutes zero.
 constexpr double kFound = 5.0;
 /// Counts further off than this many standard deviations are taken as this far: one capture with
@@ -30,7 +28,7 @@ constexpr double kRestless = 2.0;
 /// ... if that is this many standard deviations above one, of a chi-square variable.
 constexpr double kRestlessSigmas = 8.0;
 /// Photons of the ambient light in a bin, over all captures, of which fewer condemn no bin.
-constexpr double kLeastPhotons = 20.0;
+constexpr double kMinPhotons = 20.0;
 
 /// Counts of one bin in one capture that the object does not light.
 struct DarkCount {
@@ -162,7 +160,7 @@ BinMean mean_of(const std::vector<Sample>& samples) {
     mean.photons += s.dark->photons;
     cautious += s.stretch * s.stretch * s.dark->cautious / (count * count);
   }
-  if (samples.size() < kLeastCaptures) {
+  if (samples.size() < kMinCaptures) {
     mean.error = std::sqrt(cautious);
     return mean;
   }
@@ -192,7 +190,7 @@ std::optional<double> level_of(const DarkBins& capture, const std::vector<bool>&
   for (const DarkCount& dark : capture.bins) {
     if (!lit[dark.bin]) nothing.push_back(dark.count);
   }
-  if (nothing.size() < kLeastBins) return std::nullopt;
+  if (nothing.size() < kMinBins) return std::nullopt;
   // At first any bin may be lit: the median of most of them holds.
   if (first) return median(std::move(nothing));
   return std::accumulate(nothing.begin(), nothing.end(), 0.0) / static_cast<double>(nothing.size());
@@ -224,7 +222,7 @@ ZoneMeans zone_means(const std::vector<DarkBins>& captures, int bins, std::size_
       if (samples[k].size() < least) continue;
       means.bins[k] = mean_of(samples[k]);
       if (!means.lit[k]) offsets.push_back(means.bins[k].value);
-      if (samples[k].size() >= kLeastCaptures) ratios.push_back(means.bins[k].ratio);
+      if (samples[k].size() >= kMinCaptures) ratios.push_back(means.bins[k].ratio);
     }
     means.usual = ratios.empty() ? 1.0 : std::max(median(std::move(ratios)), 1e-12);
     // A median of small whole numbers is off for all bins alike.
@@ -305,7 +303,7 @@ std::vector<BackgroundBin> learn_background(const CalibrationProblem& problem,
     Zone& zone = sensor.zones[index];
     if (zone.dead) continue;
     const ZoneMeans means = zone_means(dark_bins(problem, evaluations, keep, z, knowledge),
-                                       sensor.bins, photons && !any_object ? 1 : kLeastCaptures);
+                                       sensor.bins, photons && !any_object ? 1 : kMinCaptures);
     zone.background = stated.zones[index].background;
     zone.background.resize(static_cast<std::size_t>(sensor.bins), 0.0);
     for (std::size_t k = 0; k < means.bins.size(); ++k) {
@@ -333,11 +331,11 @@ void leave_out_unusable_bins(const CalibrationProblem& problem, const Evaluation
     Zone& zone = sensor.zones[static_cast<std::size_t>(z)];
     if (zone.dead) continue;
     const ZoneMeans means = zone_means(dark_bins(problem, evaluations, keep, z, Knowledge::fitted),
-                                       sensor.bins, kLeastCaptures);
+                                       sensor.bins, kMinCaptures);
     std::vector<bool> unusable(means.bins.size(), false);
     for (std::size_t k = 0; k < means.bins.size(); ++k) {
       const BinMean& bin = means.bins[k];
-      if (bin.captures == 0 || (photons && bin.photons < kLeastPhotons)) continue;
+      if (bin.captures == 0 || (photons && bin.photons < kMinPhotons)) continue;
       const double ratio = bin.ratio / means.usual;
       const bool restless =
           !censored && ratio > kRestless && normal_score(ratio, bin.freedom) > kRestlessSigmas;

@@ -6,8 +6,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
-#include <filesystem>
 #include <functional>
 #include <nlohmann/json.hpp>
 #include <numeric>
@@ -16,7 +14,6 @@
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
 #include "blindcorner/io/scene_file.h"
-#include "io/npz.h"
 
 namespace blindcorner {
 namespace {
@@ -944,147 +941,6 @@ TEST(FastModelTest, OptionsAreValidatedByName) {
     EXPECT_NE(std::string(error.what()).find("zone_divisions"), std::string::npos);
   }
 }
-
-// ---------------------------------------------------------------------------------------------
-// Independent path tracer
-
-std::string path_tracer_file(const std::string& name) {
-  const char* stated = std::getenv("BLINDCORNER_DATA");
-  const std::string folder = stated != nullptr ? stated : DATA_DIR;
-  return folder + "/mitransient/" + name + ".npz";
-}
-
-Vector3d vector_of(const nlohmann::json& json) {
-  return {json[0].get<double>(), json[1].get<double>(), json[2].get<double>()};
-}
-
-/// Scene of a path-traced file as its README describes it.
-Scene path_traced_scene(const nlohmann::json& file, const nlohmann::json& hidden) {
-  Scene scene;
-  const auto& in = file["sensor"];
-  Sensor& sensor = scene.sensor;
-  const int rows = in["zones"][0], columns = in["zones"][1];
-  const double sub_x = in["sub"][0], sub_y = in["sub"][1];
-  const double h = in["fov_deg"][0];
-  const double v =
-      2 / kDegree * std::atan(std::tan(h * kDegree / 2) * rows * sub_y / (columns * sub_x));
-  divide_field(sensor, rows, columns, h, v);
-  sensor.bins = file["bins"];
-  const double bin_m = file["bin_m"];
-  sensor.bin_width = bin_m / kSpeedOfLight;
-  for (Zone& zone : sensor.zones) zone.time_zero = -file["start_m"].get<double>() / kSpeedOfLight;
-  sensor.response =
-      ImpulseResponse(GaussianResponse{file["sigma_m"].get<double>() / kSpeedOfLight});
-  scene.T_world_sensor = at(vector_of(in["position"]), axes_along(vector_of(in["look"])));
-  sensor.field = AngularCone{file["light"]["cone_half_angle_deg"].get<double>() * kDegree};
-  sensor.light_offset =
-      scene.T_world_sensor.linear().transpose() * vector_of(file["light"]["offset"]);
-  for (const auto& known : file["static"]) {
-    Surface surface;
-    surface.albedo = known["albedo"];
-    if (known["kind"] == "rectangle") {
-      surface.shape = RectangleShape{known["width"].get<double>(), known["height"].get<double>()};
-      surface.T_world_surface =
-          at(vector_of(known["center"]), axes_along(vector_of(known["normal"])));
-      surface.relay = true;
-    } else {
-      surface.shape = BoxShape{vector_of(known["size"])};
-      surface.T_world_surface = at(
-          vector_of(known["center"]),
-          Eigen::AngleAxisd(known["yaw_deg"].get<double>() * kDegree, Vector3d::UnitZ()).matrix());
-      surface.occluder = true;
-    }
-    scene.surfaces.push_back(surface);
-  }
-  HiddenObject& object = scene.hidden;
-  object.albedo = hidden["albedo"];
-  object.anchor = Anchor::center;
-  object.placement.position = vector_of(hidden["center"]);
-  if (hidden["kind"] == "rectangle") {
-    object.shape = RectangleShape{hidden["width"].get<double>(), hidden["height"].get<double>()};
-    const Vector3d normal = vector_of(hidden["normal"]);
-    object.placement.yaw = std::atan2(normal.y(), normal.x());
-  } else {
-    object.shape = BoxShape{vector_of(hidden["size"])};
-    object.placement.yaw = hidden["yaw_deg"].get<double>() * kDegree;
-  }
-  scene.unknowns = {{Component::x, object.placement.position.x() - 0.05,
-                     object.placement.position.x() + 0.05, std::nullopt}};
-  return scene;
-}
-
-struct Agreement {
-  double mean_square = 0;  ///< of normalised differences
-  double scale = 0;        ///< of the tracer's light over the model's, weighted fit
-  double relative_l2 = 0;
-};
-
-/// Compares one pose over the bins where the object's light stands above 2 % of its peak.
-Agreement compare(const HistogramCube& light, const double* mean, const double* error,
-                  const double* empty, const double* empty_error) {
-  const double peak = *std::max_element(light.values.begin(), light.values.end());
-  double xx = 0, xy = 0, chi = 0, square = 0, size = 0;
-  int count = 0;
-  for (std::size_t i = 0; i < light.values.size(); ++i) {
-    const double model = light.values[i];
-    const double variance = error[i] * error[i] + empty_error[i] * empty_error[i];
-    if (model < 0.02 * peak || variance <= 0) continue;
-    const double traced = mean[i] - empty[i];
-    ++count;
-    xx += model * model / variance;
-    xy += model * traced / variance;
-    chi += (traced - model) * (traced - model) / variance;
-    square += (traced - model) * (traced - model);
-    size += traced * traced;
-  }
-  return {chi / count, xy / xx, std::sqrt(square / size)};
-}
-
-class PathTraced : public testing::TestWithParam<const char*> {};
-
-// No free scale, no fitted time: the reference renderer has to agree with the path tracer within
-// the tracer's noise of 1 to 2 %. Its own sampling error of half a per cent adds a quarter or so to
-// the mean square of the normalised differences, which is one for a perfect model.
-TEST_P(PathTraced, ReferenceAgreesWithinTheTracersNoise) {
-  const std::string path = path_tracer_file(GetParam());
-  if (!std::filesystem::exists(path)) GTEST_SKIP() << "no reference transients at " << path;
-  const NpzFile file(path);
-  const auto json = nlohmann::json::parse(file.read("scene_json").text);
-  const NpyArray mean = file.read("mean"), error = file.read("standard_error");
-  const NpyArray empty = file.read("empty_mean"), empty_error = file.read("empty_standard_error");
-  const NpyArray poses = file.read("poses");
-  const std::size_t values = empty.values.size();
-  double chi = 0;
-  double scale = 0;
-  const std::size_t count = mean.shape[0];
-  for (std::size_t p = 0; p < count; ++p) {
-    const double* at_pose = poses.values.data() + 4 * p;
-    const nlohmann::json hidden = {
-        {"kind", "rectangle"},
-        {"width", 0.2},
-        {"height", 0.2},
-        {"albedo", 0.8},
-        {"center", {at_pose[0], at_pose[1], at_pose[2]}},
-        {"normal", {std::cos(at_pose[3] * kDegree), std::sin(at_pose[3] * kDegree), 0}}};
-    const Scene scene = path_traced_scene(json, hidden);
-    ReferenceOptions dense;
-    dense.object_divisions = 5;
-    const auto reference = make_reference_renderer(scene, sensor_placement(scene), dense);
-    const Agreement agreement =
-        compare(reference->three_bounce(middle(scene)), mean.values.data() + p * values,
-                error.values.data() + p * values, empty.values.data(), empty_error.values.data());
-    chi += agreement.mean_square / static_cast<double>(count);
-    scale += agreement.scale / static_cast<double>(count);
-  }
-  RecordProperty("mean_square_per_mille", static_cast<int>(std::lround(1000 * chi)));
-  RecordProperty("scale_ppm", static_cast<int>(std::lround(1e6 * scale)));
-  EXPECT_LT(chi, 1.5);
-  EXPECT_GT(chi, 0.7);
-  EXPECT_NEAR(scale, 1.0, 0.01);
-}
-
-INSTANTIATE_TEST_SUITE_P(ForwardModel, PathTraced, testing::Values("wall_rectangle"),
-                         [](const auto& tested) { return std::string(tested.param); });
 
 }  // namespace
 }  // namespace blindcorner

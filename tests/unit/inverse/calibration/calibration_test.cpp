@@ -6,8 +6,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <random>
+#include <tuple>
 
 #include "blindcorner/forward/error.h"
 #include "blindcorner/forward/sensor/photon_noise.h"
@@ -110,6 +112,28 @@ struct Differing {
   }
 };
 
+/// Light that comes late enough to wrap: after so many bins (0: never) in zones of the first and of
+/// the second phase, where the scene says something else.
+struct Wrapped : Differing {
+  Wrapped(int later_bins, std::array<int, 2> truth, std::array<int, 2> stated) {
+    for (Scene* s : {&scene, &instrument}) {
+      open_time_axis(*s);
+      for (Zone& zone : s->sensor.zones) zone.time_zero += later_bins * s->sensor.bin_width;
+    }
+    for (std::size_t z = 0; z < 8; ++z) {
+      instrument.sensor.zones[z].wrap_bins = truth[z % 2];
+      scene.sensor.zones[z].wrap_bins = stated[z % 2];
+    }
+  }
+};
+
+/// The first and the third spot of the mirrors' scene take each other's place.
+void swap_spots(Scene& scene) {
+  for (const std::size_t phase : {std::size_t{0}, std::size_t{1}}) {
+    std::swap(scene.sensor.zones[phase].footprint, scene.sensor.zones[4 + phase].footprint);
+  }
+}
+
 CalibrationOptions quick() {
   CalibrationOptions options;
   options.permutations = false;
@@ -201,9 +225,7 @@ TEST(Calibration, LeavesOutDeadZonesAndFullBins) {
 TEST(Calibration, TellsWhichSpotIsWhich) {
   const Differing d;
   Scene swapped = d.scene;
-  for (const std::size_t phase : {std::size_t{0}, std::size_t{1}}) {
-    std::swap(swapped.sensor.zones[phase].footprint, swapped.sensor.zones[4 + phase].footprint);
-  }
+  swap_spots(swapped);
   CalibrationOptions options = quick();
   options.permutations = true;
   const Calibration c = calibrate(swapped, captures_of(d.instrument, 30, 100, 3), options);
@@ -215,15 +237,7 @@ TEST(Calibration, TellsWhichSpotIsWhich) {
 // Two phases of a sensor: one wraps after 20 bins, which the scene does not know, the other does
 // not, where the scene says so. Zones whose light stays clear of all wraps say nothing.
 TEST(Calibration, FindsWhereTheTimeAxisWraps) {
-  Differing d;
-  for (Scene* s : {&d.scene, &d.instrument}) {
-    open_time_axis(*s);
-    for (Zone& zone : s->sensor.zones) zone.time_zero += 6 * s->sensor.bin_width;
-  }
-  for (std::size_t z = 0; z < 8; ++z) {
-    d.instrument.sensor.zones[z].wrap_bins = z % 2 == 0 ? 20 : 0;
-    d.scene.sensor.zones[z].wrap_bins = z % 2 == 0 ? 0 : 22;
-  }
+  Wrapped d(6, {20, 0}, {0, 22});
   CalibrationOptions options = quick();
   options.wraps = true;
   options.background = false;  // which takes light in the wrong bins for unusable bins
@@ -256,6 +270,32 @@ TEST(Calibration, FindsWhereTheTimeAxisWraps) {
     zone.last_valid_bin = 11;
   }
   EXPECT_TRUE(calibrate(d.scene, captures, options).wraps.empty());
+}
+
+// Wraps and assignment are both stated wrongly, and most light is where the scene has none. Neither
+// can be found without the other. A zone that is listed has decided.
+TEST(Calibration, FindsAssignmentAndWrapsTogether) {
+  using Wraps = std::array<int, 2>;
+  for (const auto& [later, truth, stated] : {std::tuple{6, Wraps{20, 0}, Wraps{0, 22}},
+                                             {6, Wraps{18, 18}, Wraps{0, 0}},
+                                             {9, Wraps{0, 0}, Wraps{17, 17}},
+                                             {9, Wraps{17, 19}, Wraps{20, 15}}}) {
+    Wrapped d(later, truth, stated);
+    swap_spots(d.scene);
+    CalibrationOptions options = quick();
+    options.permutations = true;
+    options.wraps = true;
+    const Calibration c = calibrate(d.scene, captures_of(d.instrument, 40, 100, 4), options);
+    SCOPED_TRACE(testing::Message() << "wraps after " << truth[0] << " and " << truth[1]);
+    EXPECT_EQ(c.assignments.front().spot, (std::vector<int>{2, 1, 0, 3}));
+    EXPECT_GT(c.assignments[1].deviance, c.assignments[0].deviance + 50);
+    EXPECT_GE(c.wraps.size(), 6u);
+    for (const ZoneWrap& wrap : c.wraps) {
+      EXPECT_EQ(wrap.found, truth[static_cast<std::size_t>(wrap.zone) % 2]) << wrap.zone;
+    }
+    EXPECT_EQ(c.used, 40);
+    EXPECT_LT(c.deviance_after / c.expected_deviance, 1.1);
+  }
 }
 
 // A direct return that the scene does not model, with a strength that drifts, a weak reflection

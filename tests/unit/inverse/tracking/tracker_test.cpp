@@ -156,8 +156,8 @@ Walk random_walk(int frames) {
 
 Kalman kalman_before_first() {
   Kalman kalman;
-  // Normal with the height that the uniform density on 8 m has: sigma = 8 / sqrt(2 pi).
-  kalman.P.diagonal() << 64 / (2 * kPi), 64 / (2 * kPi), std::pow(walking().initial_speed, 2),
+  // Normal with the variance that the uniform density on 8 m has.
+  kalman.P.diagonal() << 64.0 / 12, 64.0 / 12, std::pow(walking().initial_speed, 2),
       std::pow(walking().initial_speed, 2);
   return kalman;
 }

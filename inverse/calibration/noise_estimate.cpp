@@ -1,0 +1,216 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "inverse/calibration/noise_estimate.h"
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "forward/support/quantile.h"
+#include "inverse/calibration/capture_statistics.h"
+
+namespace blindcorner {
+namespace {
+
+/// Smallest spread of the ambient light that is believed, share of its mean: daylight and lamps are
+/// no steadier over the minutes that captures take.
+constexpr double kAmbientSpread = 0.02;
+/// Fewer levels of a zone's ambient light say nothing about their spread: of eight, its 95 % point
+/// is the largest one.
+constexpr std::size_t kMinLevels = 8;
+/// Fewer squared residuals say nothing about the noise model: of a hundred, its variance is known
+/// to 14 % (root of 2 / 100).
+constexpr std::size_t kMinSquares = 100;
+/// Squared residuals beyond this many variances, three standard deviations, are left out of the
+/// noise model ...
+constexpr double kTrim = 9.0;
+/// ... and those within have this mean, E[u^2 | u^2 < 9] of a standard normal u.
+constexpr double kTrimmedMean = 0.9733;
+/// Median of chi-square with one degree of freedom, and the 97.5 % point of a normal variable.
+constexpr double kMedianSquare = 0.455;
+constexpr double kNormalPoint = 1.96;
+
+/// A squared residual of one exposure.
+struct Square {
+  std::size_t zone;
+  double mean, square;
+};
+
+std::vector<Square> squared_residuals(const CalibrationProblem& problem,
+                                      const Evaluations& evaluations,
+                                      const std::vector<double>& keep, const Scene& scene) {
+  std::vector<Square> squares;
+  const double captures = std::accumulate(keep.begin(), keep.end(), 0.0);
+  for (std::size_t c = 0; c < evaluations.size(); ++c) {
+    if (keep[c] <= 0) continue;
+    const Observation& observation = problem.observation(c);
+    for (std::size_t i = 0; i < observation.zones.size(); ++i) {
+      const ObservedZone& zone = observation.zones[i];
+      const double exposures = problem.capture(c).exposures_of(zone.zone);
+      if (exposures <= 0) continue;
+      const auto index = static_cast<std::size_t>(zone.zone);
+      // What the fitted ambient light took away.
+      double lost = 0;
+      if (scene.linear.ambient == LinearMode::per_zone) {
+        const double own =
+            observation.law(zone).variance(std::max(evaluations[c].linear.ambient[i], 1e-12)) /
+            zone.bins();
+        const auto& priors = scene.linear.ambient_prior;
+        const double prior = priors.empty() ? 1e300 : std::pow(priors[index].sigma, 2);
+        lost = prior / (prior + own);
+      }
+      const double correction = zone.bins() / std::max(zone.bins() - lost, 0.5);
+      for (std::size_t k = 0; k < zone.counts.size(); ++k) {
+        // A mean over the captures was taken away from bins with a background.
+        const int bin = zone.first + static_cast<int>(k);
+        const bool fitted = scene.sensor.zones[index].background_at(bin) != 0;
+        if (fitted && captures < 2) continue;
+        const double left = fitted ? captures / (captures - 1) : 1.0;
+        const double r = zone.counts[k] - evaluations[c].mean[i][k];
+        squares.push_back({index, std::max(evaluations[c].mean[i][k], 0.0),
+                           r * r * exposures * correction * left});
+      }
+    }
+  }
+  return squares;
+}
+
+double trimmed_dispersion(const std::vector<Square>& squares, double dispersion) {
+  for (int i = 0; i < 20; ++i) {
+    double numerator = 0, denominator = 0;
+    for (const Square& s : squares) {
+      if (s.square > kTrim * dispersion * std::max(s.mean, 1e-9)) continue;
+      numerator += s.square / kTrimmedMean;
+      denominator += s.mean;
+    }
+    if (denominator > 0 && numerator > 0) dispersion = numerator / denominator;
+  }
+  return dispersion;
+}
+
+/// Floor of each group and the slope that they share, [groups + 1], by reweighted least squares;
+/// none is negative. `group` is [zones].
+Eigen::VectorXd trimmed_law(const std::vector<Square>& squares, const std::vector<int>& group,
+                            Eigen::VectorXd law) {
+  const Eigen::Index groups = law.size() - 1;
+  for (int i = 0; i < 30; ++i) {
+    Eigen::MatrixXd h = Eigen::MatrixXd::Zero(groups + 1, groups + 1);
+    Eigen::VectorXd g = Eigen::VectorXd::Zero(groups + 1);
+    for (const Square& s : squares) {
+      const Eigen::Index own = group[s.zone];
+      const double v = law[own] + law[groups] * s.mean;
+      if (s.square > kTrim * v) continue;
+      const double weight = 1 / (v * v);
+      h(own, own) += weight;
+      h(own, groups) += weight * s.mean;
+      h(groups, groups) += weight * s.mean * s.mean;
+      g[own] += weight * s.square / kTrimmedMean;
+      g[groups] += weight * s.mean * s.square / kTrimmedMean;
+    }
+    // The slope by elimination of the floors, then the floors, and once more the slope where a
+    // floor had to be raised.
+    const auto floors = [&](double slope) {
+      for (Eigen::Index k = 0; k < groups; ++k) {
+        if (h(k, k) <= 0) continue;
+        const double level = g[k] / h(k, k);
+        law[k] = std::max(level - slope * h(k, groups) / h(k, k), 1e-3 * level);
+      }
+    };
+    double numerator = g[groups];
+    double denominator = h(groups, groups);
+    for (Eigen::Index k = 0; k < groups; ++k) {
+      if (h(k, k) <= 0) continue;
+      numerator -= g[k] * h(k, groups) / h(k, k);
+      denominator -= h(k, groups) * h(k, groups) / h(k, k);
+    }
+    floors(denominator > 1e-12 * h(groups, groups) ? std::max(numerator / denominator, 0.0) : 0.0);
+    const double rest = g[groups] - law.head(groups).dot(h.col(groups).head(groups));
+    law[groups] = h(groups, groups) > 0 ? std::max(rest / h(groups, groups), 0.0) : 0.0;
+  }
+  return law;
+}
+
+}  // namespace
+
+void learn_ambient(const CalibrationProblem& problem, const Evaluations& flat,
+                   const std::vector<double>& keep, Scene& scene) {
+  if (scene.linear.ambient != LinearMode::per_zone) return;
+  const std::size_t zones = scene.sensor.zones.size();
+  std::vector<std::vector<double>> levels(zones), variances(zones);
+  for (std::size_t c = 0; c < flat.size(); ++c) {
+    if (keep[c] <= 0) continue;
+    const Observation& observation = problem.observation(c);
+    for (std::size_t i = 0; i < observation.zones.size(); ++i) {
+      const ObservedZone& zone = observation.zones[i];
+      const double level = flat[c].linear.ambient[i];
+      const double lit = std::max(level, 1e-12);
+      if (!has_data(observation, zone, lit)) continue;
+      levels[static_cast<std::size_t>(zone.zone)].push_back(level);
+      variances[static_cast<std::size_t>(zone.zone)].push_back(observation.law(zone).variance(lit) /
+                                                               zone.bins());
+    }
+  }
+  std::vector<NormalPrior> priors(zones, NormalPrior{0, 1e6});
+  for (std::size_t z = 0; z < zones; ++z) {
+    if (levels[z].size() < kMinLevels) {
+      if (!scene.sensor.zones[z].dead) return;  // too few to say anything about a spread
+      continue;
+    }
+    const double middle = quantile(levels[z], 0.5);
+    std::vector<double> away;
+    for (const double level : levels[z]) away.push_back(std::abs(level - middle));
+    const double spread = quantile(std::move(away), 0.95) / kNormalPoint;
+    const double noise = quantile(variances[z], 0.5);
+    priors[z] = {middle,
+                 std::sqrt(std::max(spread * spread - noise,
+                                    std::pow(kAmbientSpread * std::abs(middle), 2) + 1e-12))};
+  }
+  scene.linear.ambient_prior = std::move(priors);
+}
+
+void learn_noise(const CalibrationProblem& problem, const Evaluations& evaluations,
+                 const std::vector<double>& keep, Scene& scene) {
+  const std::vector<Square> squares = squared_residuals(problem, evaluations, keep, scene);
+  if (squares.size() < kMinSquares) return;
+  Sensor& sensor = scene.sensor;
+  if (!sensor.noise.stated_line()) {
+    sensor.dispersion = trimmed_dispersion(squares, sensor.dispersion);
+    return;
+  }
+  std::vector<std::size_t> count(sensor.zones.size());
+  for (const Square& s : squares) ++count[s.zone];
+  std::vector<int> group(sensor.zones.size(), 0);  // 0: those of few
+  int groups = 1;
+  for (std::size_t z = 0; z < count.size(); ++z) {
+    if (count[z] >= kMinSquares) group[z] = groups++;
+  }
+  // Start from what holds half of the squares, so that a poor guess does not trim everything.
+  const auto before = [&](std::size_t zone) {
+    return *sensor.noise_of(static_cast<int>(zone)).stated_line();
+  };
+  std::vector<double> ratio;
+  for (const Square& s : squares) {
+    const VarianceLine own = before(s.zone);
+    ratio.push_back(s.square / (own.floor + own.per_count * s.mean));
+  }
+  const double scale = quantile(std::move(ratio), 0.5) / kMedianSquare;
+  VarianceLine line = *sensor.noise.stated_line();
+  Eigen::VectorXd law(groups + 1);
+  law[0] = line.floor * scale;
+  law[groups] = line.per_count * scale;
+  for (std::size_t z = 0; z < group.size(); ++z) {
+    if (group[z] > 0) law[group[z]] = before(z).floor * scale;
+  }
+  law = trimmed_law(squares, group, law);
+  line.per_count = law[groups];
+  if (groups > 1) line.floor = law.segment(1, groups - 1).mean();
+  if (std::ranges::any_of(squares, [&](const Square& s) { return group[s.zone] == 0; })) {
+    line.floor = law[0];
+  }
+  sensor.noise.state_line(line);
+  for (std::size_t z = 0; z < group.size(); ++z) {
+    if (group[z] > 0) sensor.zones[z].variance_floor = law[group[z]];
+  }
+}
+
+}  // namespace blindcorner
