@@ -224,7 +224,7 @@ void FitOptions::validate() const {
 struct Fitter::Impl {
   Scene scene;
   FitOptions options;
-  std::unique_ptr<SceneKnowledge> knowledge;
+  std::shared_ptr<const SceneKnowledge> knowledge;
   std::mutex mutex;
   std::list<std::shared_ptr<Prepared>> prepared;  ///< last used first
   std::shared_ptr<Prepared> home;                 ///< at the scene's own sensor placement; kept
@@ -237,7 +237,7 @@ struct Fitter::Impl {
       grid.closed_form = options.captures_per_placement < kManyCaptures;
       grid.max_poses = grid.closed_form && knowledge->coarse() ? options.max_closed_form_poses
                                                                : options.max_scored_poses;
-      entry->compiled = compile(scene, *knowledge, placements, options, grid);
+      entry->compiled = compile(scene, placements, options, grid, knowledge);
       if (scene.sensor_covariance) entry->moved = move_sensor(placements, *entry->compiled);
       entry->bytes = entry->compiled->bytes();
     });
@@ -347,10 +347,8 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
     }
     std::vector<Refined> reached(chosen.size());
     tbb::this_task_arena::isolate([&] {
-      tbb::parallel_for(std::size_t{0}, chosen.size(), [&](std::size_t i) {
-        reached[i] =
-            approach(objective, compiled.poses[static_cast<std::size_t>(chosen[i]->index)]);
-      });
+      tbb::parallel_for(std::size_t{0}, chosen.size(),
+                        [&](std::size_t i) { reached[i] = approach(objective, chosen[i]->pose); });
     });
     for (std::size_t i = 0; i < chosen.size(); ++i) {
       const double here = reached[i].value.log_posterior;
@@ -421,7 +419,7 @@ Fitter::Fitter(Scene scene, FitOptions options) : impl_(std::make_unique<Impl>()
   options.validate();
   validate_scene(scene);
   impl_->scene = std::move(scene);
-  impl_->knowledge = std::make_unique<SceneKnowledge>(impl_->scene);
+  impl_->knowledge = std::make_shared<const SceneKnowledge>(impl_->scene);
   impl_->options = options;
 }
 Fitter::~Fitter() = default;

@@ -10,6 +10,7 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/transport/transport_plan.h"
+#include "forward/relay/moving_bodies.h"
 #include "forward/relay/visibility.h"
 
 namespace blindcorner {
@@ -202,14 +203,15 @@ std::vector<CoarseModel::Run> CoarseModel::seen_runs(double most_spread) const {
 }
 
 /// Runs of patches as seen from a point, shadows taken away. `comes_back`: their radiance counts.
-void CoarseModel::see(const Vector3d& middle, const PatchArrays& patches,
-                      const std::vector<Run>& runs, bool comes_back, std::vector<End>& ends) const {
+void CoarseModel::see(const Vector3d& middle, const std::vector<OccluderFace>& occluders,
+                      const PatchArrays& patches, const std::vector<Run>& runs, bool comes_back,
+                      std::vector<End>& ends) const {
   using Sight = ShadowView::Sight;
   thread_local std::vector<Sight> sights;
   sights.assign(static_cast<std::size_t>(patches.size()) + PatchArrays::kBlock, Sight::clear);
   std::optional<ShadowView> shadows;
-  if (!shared_->occluders.empty()) {
-    shadows.emplace(shared_->occluders, middle);
+  if (!occluders.empty()) {
+    shadows.emplace(occluders, middle);
     shadows->leave_out_clear_of(patches.center_of_all, patches.radius_of_all);
     if (shadows->empty()) shadows.reset();
   }
@@ -357,8 +359,8 @@ void CoarseModel::render(const SurfaceCell& cell, const Vector3d& middle, const 
   }
 }
 
-void CoarseModel::three_bounce(const PoseVector& pose, double extra_pulse_sigma,
-                               SparseLight& out) const {
+void CoarseModel::three_bounce(const std::vector<Placement>& placements, double extra_pulse_sigma,
+                               SparseLight& out, int only) const {
   const Scene& scene = shared_->scene;
   const Sensor& sensor = scene.sensor;
   const auto zones = static_cast<std::size_t>(sensor.zone_count());
@@ -380,18 +382,25 @@ void CoarseModel::three_bounce(const PoseVector& pose, double extra_pulse_sigma,
     View view;
   };
   thread_local std::vector<Kept> kept;
-  const std::vector<Placement> placements = placements_at(scene, pose);
   if (kept.size() < placements.size()) kept.resize(placements.size());
   for (std::size_t i = 0; i < placements.size(); ++i) {
+    if (only >= 0 && i != static_cast<std::size_t>(only)) continue;
     const HiddenObject& hidden = hidden_object(scene, static_cast<int>(i));
     const Transform T = object_to_world(hidden.shape, hidden.anchor, placements[i]);
     const Vector3d middle = T.translation();
     Kept& mine = kept[i];
-    if (mine.model != id_ || mine.middle != middle) {
+    if (mine.model != id_ || mine.middle != middle || placements.size() > 1) {
       mine = {id_, middle, std::move(mine.view)};
-      see(middle, seen_, seen_runs_, !pairs_[i], mine.view.seen);
+      std::vector<OccluderFace> in_the_way = shared_->occluders;
+      for (std::size_t j = 0; j < placements.size() && only < 0; ++j) {
+        if (j == i) continue;
+        MovingBodies bodies;
+        bodies.add(hidden_object(scene, static_cast<int>(j)), placements[j]);
+        bodies.faces_seen_from(middle, in_the_way);
+      }
+      see(middle, in_the_way, seen_, seen_runs_, !pairs_[i], mine.view.seen);
       mine.view.lit.clear();
-      if (pairs_[i]) see(middle, lit_, lit_runs_, false, mine.view.lit);
+      if (pairs_[i]) see(middle, in_the_way, lit_, lit_runs_, false, mine.view.lit);
     }
     for (const SurfaceCell& own : shared_->objects[i].cells) {
       const double extra = extra_pulse_sigma * extra_pulse_sigma;

@@ -56,7 +56,12 @@ class CoarseModel {
   CoarseModel(std::shared_ptr<const CoarseScene> shared, const SensorPlacement& placement);
 
   /// Adds `extra_pulse_sigma` (s) of Gaussian width to the pulse.
-  void three_bounce(const PoseVector& pose, double extra_pulse_sigma, SparseLight& out) const;
+  void three_bounce(const PoseVector& pose, double extra_pulse_sigma, SparseLight& out) const {
+    three_bounce(placements_at(shared_->scene, pose), extra_pulse_sigma, out);
+  }
+  /// The same of one of several objects alone, -1: of all.
+  void three_bounce(const std::vector<Placement>& placements, double extra_pulse_sigma,
+                    SparseLight& out, int only = -1) const;
 
  private:
   /// Consecutive patches that are taken together.
@@ -79,8 +84,9 @@ class CoarseModel {
   };
 
   std::vector<Run> seen_runs(double most_spread) const;
-  void see(const Eigen::Vector3d& middle, const PatchArrays& patches, const std::vector<Run>& runs,
-           bool comes_back, std::vector<End>& ends) const;
+  void see(const Eigen::Vector3d& middle, const std::vector<OccluderFace>& occluders,
+           const PatchArrays& patches, const std::vector<Run>& runs, bool comes_back,
+           std::vector<End>& ends) const;
   void render(const SurfaceCell& cell, const Eigen::Vector3d& middle, const View& view,
               std::size_t object, double extra, SparseLight& out) const;
   void add(int zone, double path, double variance, double weight, double extra,

@@ -181,6 +181,15 @@ PoseValue PoseObjective::evaluate_template(int index, LinearSolution& solution, 
                   accuracy);
 }
 
+double PoseObjective::evaluate_light(const Eigen::VectorXf& light, LinearSolution& solution,
+                                     double accuracy) const {
+  ShapeBuffer& buffer = scratch();
+  buffer.object.assign(light.data(), light.data() + light.size());
+  point(buffer, true);
+  solver_.solve(buffer.shapes, solution, false, accuracy);
+  return solution.log_likelihood + solution.log_prior;
+}
+
 PoseValue PoseObjective::evaluate_empty(LinearSolution& solution) const {
   ShapeBuffer buffer;
   point(buffer, false);

@@ -88,6 +88,10 @@ class PoseObjective {
   PoseValue evaluate_template(int index, LinearSolution& solution, bool warm,
                               double accuracy = 0) const;
 
+  /// Log posterior of an object's light at unit amplitude [rows], without a pose's prior.
+  double evaluate_light(const Eigen::VectorXf& light, LinearSolution& solution,
+                        double accuracy = 0) const;
+
   /// No object at all.
   PoseValue evaluate_empty(LinearSolution& solution) const;
 

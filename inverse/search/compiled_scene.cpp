@@ -239,13 +239,13 @@ PoseVector difference_steps(const Scene& scene, const SensorPlacement& placement
 }
 
 SceneKnowledge::SceneKnowledge(const Scene& scene)
-    : scene_(scene), transport_(make_scene_transport(scene)) {
+    : scene_(scene), transport_(make_scene_transport(scene_)) {
   bool measured = false;
   for (int i = 0; i < object_count(scene); ++i) {
     measured =
         measured || std::holds_alternative<MeasuredLawMaterial>(hidden_object(scene, i).material);
   }
-  if (!measured) coarse_ = std::make_shared<const CoarseScene>(scene);
+  if (!measured) coarse_ = std::make_shared<const CoarseScene>(scene_);
 }
 
 std::optional<Fidelity> SceneKnowledge::fidelity(double tolerance) const {
@@ -400,6 +400,45 @@ void render_closed_form(CompiledScene& compiled, double extra_sigma) {
   }
 }
 
+/// Each object's light by itself, at as many poses as a scene with that object alone would score.
+void render_objects(CompiledScene& compiled, int most) {
+  const Scene& scene = compiled.scene;
+  for (int object = 0; object_count(scene) > 1 && object < object_count(scene); ++object) {
+    CompiledScene alone;
+    alone.scene = only_object(scene, object);
+    const PoseVector rates =
+        path_rates(alone.scene, relay_sample(alone.scene, compiled.placements.front()));
+    double pulse = compiled.pulse_path;
+    make_grid(alone, rates, pulse);
+    while (grid_size(alone) > most) {
+      pulse *= 1.1;
+      make_grid(alone, rates, pulse, pulse / compiled.pulse_path);
+    }
+    fill_grid(alone);
+    const double wide = pulse / compiled.pulse_path;
+    const double extra =
+        compiled.pulse_path / kSpeedOfLight * std::sqrt(std::max(wide * wide - 1, 0.0));
+    CompiledScene::ObjectGrid grid;
+    grid.poses = std::move(alone.poses);
+    grid.spacing = alone.spacing;
+    grid.templates.resize(window_rows(compiled), static_cast<Eigen::Index>(grid.poses.size()));
+    tbb::this_task_arena::isolate([&] {
+      tbb::parallel_for(std::size_t{0}, grid.poses.size(), [&](std::size_t i) {
+        std::vector<Placement> placements = stated_placements(scene);
+        placements[static_cast<std::size_t>(object)] =
+            placements_at(alone.scene, grid.poses[i]).front();
+        SparseLight light;
+        float* out = grid.templates.col(static_cast<Eigen::Index>(i)).data();
+        for (std::size_t c = 0; c < compiled.coarse.size(); ++c) {
+          compiled.coarse[c].three_bounce(placements, extra, light, object);
+          out = copy_gates(scene, compiled.windows[c], light.cube, out);
+        }
+      });
+    });
+    compiled.objects.push_back(std::move(grid));
+  }
+}
+
 }  // namespace
 
 namespace {
@@ -440,22 +479,24 @@ const ModelSet& CompiledScene::models_at(int level) const {
       .first->second;
 }
 
-std::unique_ptr<CompiledScene> compile(const Scene& scene, const SceneKnowledge& knowledge,
+std::unique_ptr<CompiledScene> compile(const Scene& scene,
                                        const std::vector<SensorPlacement>& placements,
-                                       const FitOptions& options, const GridOptions& grid) {
+                                       const FitOptions& options, const GridOptions& grid,
+                                       std::shared_ptr<const SceneKnowledge> knowledge) {
+  if (!knowledge) knowledge = std::make_shared<const SceneKnowledge>(scene);
   auto compiled = std::make_unique<CompiledScene>();
   compiled->scene = scene;
   const double pulse_time =
       std::hypot(scene.sensor.response.core_sigma(), scene.sensor.bin_width / std::sqrt(12.0));
   compiled->pulse_path = kSpeedOfLight * pulse_time;
   const PoseVector rates = path_rates(scene, relay_sample(scene, placements.front()));
-  const bool closed_form = grid.closed_form && knowledge.coarse() != nullptr;
+  const bool closed_form = grid.closed_form && knowledge->coarse() != nullptr;
 
-  compiled->knowledge = &knowledge;
+  compiled->knowledge = knowledge;
   compiled->placements = placements;
   const auto models = [&](double extra_sigma, double tolerance) {
     FastModelOptions fast;
-    fast.fidelity = knowledge.fidelity(tolerance);
+    fast.fidelity = knowledge->fidelity(tolerance);
     fast.tolerance = tolerance;
     fast.extra_pulse_sigma = extra_sigma;
     return make_models(*compiled, fast);
@@ -490,7 +531,7 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene, const SceneKnowledge&
   if (closed_form) {
     compiled->ladder.push_back(models(0, tolerance));
     for (const SensorPlacement& placement : placements) {
-      compiled->coarse.emplace_back(knowledge.coarse(), placement);
+      compiled->coarse.emplace_back(knowledge->coarse(), placement);
     }
   } else {
     for (const double sigma : compiled->widths) compiled->ladder.push_back(models(sigma, cheap));
@@ -506,6 +547,9 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene, const SceneKnowledge&
   fill_grid(*compiled);
   if (closed_form) {
     render_closed_form(*compiled, compiled->widths.front());
+    render_objects(*compiled, grid.max_poses);
+    // Objects' own grids are so fine that a descent need not begin with a wide pulse.
+    if (!compiled->objects.empty()) compiled->widths = {0};
   } else {
     compiled->windows = reach(*compiled);
     compiled->templates.resize(window_rows(*compiled),
@@ -529,10 +573,15 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene, const SceneKnowledge&
 
 std::size_t CompiledScene::bytes() const {
   const auto tables = static_cast<std::size_t>(templates.size()) * sizeof(float);
-  const std::size_t grid = poses.size() * (sizeof(PoseVector) + sizeof(double) * axes.size());
+  const std::size_t points = poses.size() * (sizeof(PoseVector) + sizeof(double) * axes.size());
   // Models: patches of relay and object, a few hundred bytes each, and tabulated pulses.
   const std::size_t a_model = 2'000'000;
-  return (spline ? 3 : 1) * tables + grid + ladder.size() * models().size() * a_model;
+  std::size_t of_objects = 0;
+  for (const ObjectGrid& grid : objects) {
+    of_objects += static_cast<std::size_t>(grid.templates.size()) * sizeof(float);
+  }
+  return of_objects + (spline ? 3 : 1) * tables + points +
+         ladder.size() * models().size() * a_model;
 }
 
 }  // namespace blindcorner

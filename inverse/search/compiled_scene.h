@@ -44,6 +44,13 @@ struct CompiledScene {
   std::vector<float> log_prior;   ///< [poses] log density of their prior
   /// gain * S inside the windows, one column per scored pose, rows as in Observation::zones.
   Eigen::MatrixXf templates;
+  /// Of several objects, each one's light by itself, closed form; empty: one object.
+  struct ObjectGrid {
+    std::vector<PoseVector> poses;  ///< of this object's unknowns, in the scene's order
+    PoseVector spacing;
+    Eigen::MatrixXf templates;  ///< as above
+  };
+  std::vector<ObjectGrid> objects;
   /// Between the scored poses; null where the pulse had to be widened, or the grid is too large.
   std::unique_ptr<SplineGrid> spline;
   std::vector<HistogramCube> static_light;  ///< [captures]; none where there is none
@@ -61,7 +68,7 @@ struct CompiledScene {
 
   int unknown_count() const { return static_cast<int>(scene.unknowns.size()); }
 
-  const SceneKnowledge* knowledge = nullptr;
+  std::shared_ptr<const SceneKnowledge> knowledge;
   std::vector<SensorPlacement> placements;  ///< [captures]
 
  private:
@@ -94,17 +101,19 @@ class SceneKnowledge {
   std::optional<Fidelity> fidelity(double tolerance) const;
 
  private:
-  const Scene& scene_;
+  const Scene scene_;
   std::shared_ptr<const SceneTransport> transport_;
   std::shared_ptr<const CoarseScene> coarse_;
   mutable std::mutex mutex_;
   mutable std::map<double, Fidelity> fidelities_;
 };
 
-/// Compiles the scene for the captures' sensor placements. Takes seconds for large search regions.
-std::unique_ptr<CompiledScene> compile(const Scene& scene, const SceneKnowledge& knowledge,
+/// Compiles the scene for the captures' sensor placements. Tables of exact histograms take seconds
+/// for large search regions. Without `knowledge` it is found for this call.
+std::unique_ptr<CompiledScene> compile(const Scene& scene,
                                        const std::vector<SensorPlacement>& placements,
-                                       const FitOptions& options, const GridOptions& grid);
+                                       const FitOptions& options, const GridOptions& grid,
+                                       std::shared_ptr<const SceneKnowledge> knowledge = nullptr);
 
 /// Period of an unknown if it is a yaw whose range covers a full turn of the shape, else 0.
 double period_of(const Scene& scene, std::size_t unknown);

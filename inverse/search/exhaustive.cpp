@@ -28,8 +28,6 @@ void ExhaustiveOptions::validate() const {
 
 struct ExhaustiveSearch::Impl {
   ExhaustiveOptions options;
-  Scene scene;
-  std::unique_ptr<SceneKnowledge> knowledge;
   std::unique_ptr<CompiledScene> compiled;
 
   Observation observe_one(const Capture& capture) const {
@@ -49,9 +47,7 @@ ExhaustiveSearch::ExhaustiveSearch(const Scene& scene, const ExhaustiveOptions& 
   grid.sharp = true;
   FitOptions fit;
   fit.model_tolerance = options.model_tolerance;
-  impl_->scene = scene;
-  impl_->knowledge = std::make_unique<SceneKnowledge>(impl_->scene);
-  impl_->compiled = compile(scene, *impl_->knowledge, {sensor_placement(scene)}, fit, grid);
+  impl_->compiled = compile(scene, {sensor_placement(scene)}, fit, grid);
 }
 
 ExhaustiveSearch::~ExhaustiveSearch() = default;

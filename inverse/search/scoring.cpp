@@ -3,8 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <numeric>
+#include <utility>
 
 #include "blindcorner/forward/constants.h"
 #include "forward/support/multiversion.h"
@@ -182,9 +184,9 @@ MatchedFilter::MatchedFilter(const PoseObjective& objective, const LinearSolutio
   zone_begin_.push_back(row);
 }
 
-Eigen::MatrixXf MatchedFilter::scores_of(const Eigen::MatrixXf& counts,
+Eigen::MatrixXf MatchedFilter::scores_of(const Eigen::MatrixXf& templates,
+                                         const Eigen::MatrixXf& counts,
                                          GainOfAmplitude* gains) const {
-  const Eigen::MatrixXf& templates = objective_.compiled().templates;
   const Eigen::Index sets = counts.cols();
   const bool shared = objective_.solver().unknowns().amplitude != LinearMode::per_zone;
   const bool nuisance = (basis_.array() != 0).any();
@@ -247,12 +249,17 @@ Eigen::MatrixXf MatchedFilter::scores_of(const Eigen::MatrixXf& counts,
 }
 
 Eigen::VectorXf MatchedFilter::scores() const {
+  return scores(objective_.compiled().templates, counts_);
+}
+
+Eigen::VectorXf MatchedFilter::scores(const Eigen::MatrixXf& templates,
+                                      const Eigen::VectorXf& counts) const {
   const LinearUnknowns& unknowns = objective_.solver().unknowns();
   if (priors_ == Priors::ignored || unknowns.amplitude == LinearMode::per_zone) {
-    return scores_of(counts_).col(0);
+    return scores_of(templates, counts).col(0);
   }
   GainOfAmplitude gains;
-  scores_of(counts_, &gains);
+  scores_of(templates, counts, &gains);
   if (unknowns.amplitude == LinearMode::fixed) {
     const auto a = static_cast<float>(unknowns.fixed_amplitude);
     return a * (gains.projection - 0.5F * a * gains.norm);
@@ -261,7 +268,144 @@ Eigen::VectorXf MatchedFilter::scores() const {
 }
 
 Eigen::VectorXf MatchedFilter::largest_scores(const Eigen::MatrixXf& counts) const {
-  return scores_of(counts).colwise().maxCoeff().transpose();
+  return scores_of(objective_.compiled().templates, counts).colwise().maxCoeff().transpose();
+}
+
+namespace {
+
+/// Some of the objects in places, the light of these, and how well that explains the counts.
+struct Arrangement {
+  std::vector<int> place;  // [objects] index into the object's grid; -1: not placed
+  Eigen::VectorXf light;   // [rows]
+  double log_posterior = 0;
+};
+
+/// Objects' places, one after the other.
+class Arranger {
+ public:
+  Arranger(const PoseObjective& objective, const LinearSolution& empty)
+      : objective_(objective),
+        grids_(objective.compiled().objects),
+        filter_(objective, empty, MatchedFilter::Weights::observed, MatchedFilter::Priors::used) {}
+
+  Arrangement nothing() const {
+    return {std::vector<int>(grids_.size(), -1), Eigen::VectorXf::Zero(objective_.rows()), 0};
+  }
+
+  /// The arrangement with the object in its `most` best places, none next to a better one.
+  std::vector<Arrangement> placed(Arrangement from, std::size_t object, std::size_t most) const {
+    const CompiledScene::ObjectGrid& grid = grids_[object];
+    if (from.place[object] >= 0) from.light -= grid.templates.col(from.place[object]);
+    const bool any = std::ranges::any_of(
+        from.place, [&](const int& p) { return p >= 0 && &p != &from.place[object]; });
+    Eigen::VectorXf left = filter_.counts();
+    if (any) left -= amplitude_of(from) * from.light;
+    const Eigen::VectorXf scores = filter_.scores(grid.templates, left);
+    std::vector<int> chosen;
+    for (const int i : best_first(scores, static_cast<std::size_t>(scores.size()) / 4)) {
+      const PoseVector& pose = grid.poses[static_cast<std::size_t>(i)];
+      const bool close = std::ranges::any_of(chosen, [&](int other) {
+        const PoseVector d = grid.poses[static_cast<std::size_t>(other)] - pose;
+        return (d.array().abs() < 1.1 * grid.spacing.array()).all();
+      });
+      if (!close) chosen.push_back(i);
+      if (chosen.size() == most) break;
+    }
+    std::vector<Arrangement> result;
+    for (const int i : chosen) {
+      Arrangement next = from;
+      next.place[object] = i;
+      next.light += grid.templates.col(i);
+      next.log_posterior = value_of(next);
+      result.push_back(std::move(next));
+    }
+    return result;
+  }
+
+  PoseVector pose_of(const Arrangement& arrangement) const {
+    const Scene& scene = objective_.compiled().scene;
+    PoseVector pose(static_cast<Eigen::Index>(scene.unknowns.size()));
+    std::vector<Eigen::Index> used(grids_.size(), 0);
+    for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
+      const auto o = static_cast<std::size_t>(scene.unknowns[i].object);
+      pose[static_cast<Eigen::Index>(i)] =
+          grids_[o].poses[static_cast<std::size_t>(arrangement.place[o])][used[o]++];
+    }
+    return pose;
+  }
+
+ private:
+  /// With all objects in place, with their shadows on each other.
+  double value_of(const Arrangement& arrangement) const {
+    LinearSolution solution;
+    if (std::ranges::any_of(arrangement.place, [](int place) { return place < 0; })) {
+      return objective_.evaluate_light(arrangement.light, solution, kAccuracy);
+    }
+    return objective_
+        .evaluate(LightSource(objective_.compiled().coarse), pose_of(arrangement), solution, false,
+                  kAccuracy)
+        .log_posterior;
+  }
+  float amplitude_of(const Arrangement& arrangement) const {
+    LinearSolution solution;
+    objective_.evaluate_light(arrangement.light, solution, kAccuracy);
+    return static_cast<float>(solution.amplitude.front());
+  }
+
+  const PoseObjective& objective_;
+  const std::vector<CompiledScene::ObjectGrid>& grids_;
+  MatchedFilter filter_;
+};
+
+}  // namespace
+
+std::vector<Candidate> object_starts(const PoseObjective& objective, const LinearSolution& empty,
+                                     std::size_t count) {
+  // Places of the first object, of each further one beside them, and sweeps over what is best.
+  constexpr std::size_t kFirst = 12, kNext = 6, kSwept = 8;
+  const std::size_t objects = objective.compiled().objects.size();
+  const Arranger arranger(objective, empty);
+  const auto better = [](const Arrangement& a, const Arrangement& b) {
+    return a.log_posterior != b.log_posterior ? a.log_posterior > b.log_posterior
+                                              : a.place < b.place;
+  };
+  std::vector<Arrangement> found;
+  for (std::size_t first = 0; first < objects; ++first) {
+    std::vector<Arrangement> beam{arranger.nothing()};
+    for (std::size_t step = 0; step < objects; ++step) {
+      std::vector<Arrangement> next;
+      for (const Arrangement& from : beam) {
+        std::ranges::move(
+            arranger.placed(from, (first + step) % objects, step == 0 ? kFirst : kNext),
+            std::back_inserter(next));
+      }
+      std::ranges::sort(next, better);
+      if (next.size() > kFirst * kNext) next.resize(kFirst * kNext);
+      beam = std::move(next);
+    }
+    std::ranges::move(beam, std::back_inserter(found));
+  }
+  const auto unique = [&] {
+    std::ranges::sort(found, better);
+    const auto same = std::ranges::unique(found, {}, &Arrangement::place);
+    found.erase(same.begin(), same.end());
+  };
+  unique();
+  for (std::size_t i = 0, swept = std::min(kSwept, found.size()); i < swept; ++i) {
+    Arrangement at = found[i];
+    for (std::size_t object = 0; object < objects; ++object) {
+      const Arrangement moved = arranger.placed(at, object, 1).front();
+      if (moved.log_posterior > at.log_posterior) at = moved;
+    }
+    found.push_back(std::move(at));
+  }
+  unique();
+  std::vector<Candidate> starts;
+  for (const Arrangement& arrangement : found) {
+    if (starts.size() == count) break;
+    starts.push_back({-1, arrangement.log_posterior, arranger.pose_of(arrangement)});
+  }
+  return starts;
 }
 
 Scored score(const PoseObjective& objective, const LinearSolution& empty, int count,
@@ -302,8 +446,9 @@ Scored score(const PoseObjective& objective, const LinearSolution& empty, int co
       if (i >= kLeastExact / 2 && result.empty + score + doubt < cut()) break;
       known[static_cast<std::size_t>(pose)] = true;
       LinearSolution solution;
-      scored.push_back(
-          {pose, objective.evaluate_template(pose, solution, false, kAccuracy).log_posterior});
+      scored.push_back({pose,
+                        objective.evaluate_template(pose, solution, false, kAccuracy).log_posterior,
+                        compiled.poses[static_cast<std::size_t>(pose)]});
       if (scored.back().log_posterior > best) {
         best = scored.back().log_posterior;
         gain = std::max(gain_of(scored.back()), 0.0);
@@ -351,6 +496,12 @@ Scored score(const PoseObjective& objective, const LinearSolution& empty, int co
     if (std::none_of(chosen.begin(), chosen.end(), [&](const auto& c) { return near(c, slope); })) {
       chosen.push_back(slope);
     }
+  }
+  if (!compiled.objects.empty()) {
+    std::vector<Candidate> starts =
+        object_starts(objective, empty, static_cast<std::size_t>(count));
+    std::ranges::move(chosen, std::back_inserter(starts));
+    chosen = std::move(starts);
   }
   return result;
 }

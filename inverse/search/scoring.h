@@ -39,6 +39,9 @@ class MatchedFilter {
   /// amplitude's are left out.
   Eigen::VectorXf scores() const;
 
+  /// The same of other templates [rows, poses] for other counts [rows].
+  Eigen::VectorXf scores(const Eigen::MatrixXf& templates, const Eigen::VectorXf& counts) const;
+
   /// Largest gain in log likelihood over all poses for each column of `counts`
   /// [rows, realisations].
   Eigen::VectorXf largest_scores(const Eigen::MatrixXf& counts) const;
@@ -50,7 +53,8 @@ class MatchedFilter {
 
  private:
   /// Free amplitudes' gains for each realisation; of the first one their quadratic as well.
-  Eigen::MatrixXf scores_of(const Eigen::MatrixXf& counts, GainOfAmplitude* gains = nullptr) const;
+  Eigen::MatrixXf scores_of(const Eigen::MatrixXf& templates, const Eigen::MatrixXf& counts,
+                            GainOfAmplitude* gains = nullptr) const;
 
   const PoseObjective& objective_;
   Priors priors_;
@@ -62,8 +66,9 @@ class MatchedFilter {
 
 /// A pose worth refining.
 struct Candidate {
-  int index = 0;             ///< into CompiledScene::poses
+  int index = 0;             ///< into CompiledScene::poses; -1: of no grid
   double log_posterior = 0;  ///< of the template
+  PoseVector pose;
 };
 
 /// What exhaustive scoring found.
@@ -75,6 +80,12 @@ struct Scored {
   std::vector<Candidate> exact;   ///< the matched filter's best poses with their log posterior
   std::vector<Candidate> starts;  ///< separated ones among them, worth refining
 };
+
+/// Places of several objects together, worth refining: one object's place is found alone, the next
+/// one's from what is left of the counts, and the first one's again from what the others leave.
+/// Best first, at most `count`.
+std::vector<Candidate> object_starts(const PoseObjective& objective, const LinearSolution& empty,
+                                     std::size_t count);
 
 /// Scores all poses with the matched filter (faint objects with both weights) and its best ones
 /// exactly, both lists best first. At most `count` starts, none next to a better one on the grid.

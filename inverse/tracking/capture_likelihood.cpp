@@ -94,8 +94,7 @@ class CaptureLikelihood final : public FrameLikelihood {
     std::vector<Refined> basins;
     for (const Candidate& start : scored.starts) {
       if (basins.size() >= kMostStarts) break;
-      basins.push_back(
-          approach(objective_, compiled_.poses[static_cast<std::size_t>(start.index)]));
+      basins.push_back(approach(objective_, start.pose));
     }
     basins = merge(compiled_, std::move(basins), options_.negligible_log_posterior);
     std::vector<Eigen::VectorXd> result;

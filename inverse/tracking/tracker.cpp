@@ -108,6 +108,7 @@ void TrackerOptions::validate() const {
   require(max_modes >= 1, "max_modes", "at least 1");
   require(dwell_time > 0, "dwell_time", "above 0");
   require(inflation_time > 0, "inflation_time", "above 0");
+  require(lag >= 0, "lag", "at least 0");
   require(max_inflation >= 1, "max_inflation", "at least 1");
 }
 
@@ -214,11 +215,12 @@ TrackPoint Tracker::advance(double dt, const FrameLikelihood& frame) {
   keep(explain(frame, point));
   if (presence_ < kGone) modes_.clear();
   for (TrackMode& mode : modes_) {
-    history_[static_cast<std::size_t>(mode.node)].dt = dt;
+    node_of(mode.node).dt = dt;
   }
   heaviest_.push_back(modes_.empty() ? -1 : modes_.front().node);
   if (!modes_.empty() && modes_.front().coasted == 0) adapt(point.innovation, dt);
   ++frames_;
+  forget();
   point.modes = modes_;
   point.presence_probability = presence_;
   return point;
@@ -361,7 +363,7 @@ void Tracker::keep(std::vector<Hypothesis> hypotheses) {
     node.filtered = h.filtered;
     history_.push_back(std::move(node));
     modes_.push_back({weights[i] / total, std::move(h.filtered), h.log_likelihood, h.age, h.coasted,
-                      static_cast<int>(history_.size()) - 1});
+                      forgotten_nodes_ + static_cast<int>(history_.size()) - 1});
   }
   std::stable_sort(modes_.begin(), modes_.end(),
                    [](const TrackMode& a, const TrackMode& b) { return a.weight > b.weight; });
@@ -376,20 +378,32 @@ void Tracker::adapt(const Innovation& innovation, double dt) {
   inflation_ = std::clamp(inflation_, 1.0, options_.max_inflation);
 }
 
+/// Frames before the lag, and their nodes.
+void Tracker::forget() {
+  if (options_.lag <= 0) return;
+  while (static_cast<int>(heaviest_.size()) > options_.lag + 1) heaviest_.pop_front();
+  while (!history_.empty() && history_.front().frame < first_kept_frame()) {
+    history_.pop_front();
+    ++forgotten_nodes_;
+  }
+}
+
 std::vector<std::optional<Gaussian>> Tracker::smoothed() const {
-  std::vector<std::optional<Gaussian>> result(static_cast<std::size_t>(frames_));
-  for (int frame = frames_ - 1; frame >= 0; --frame) {
-    int at = heaviest_[static_cast<std::size_t>(frame)];
-    if (at < 0 || result[static_cast<std::size_t>(frame)]) continue;
+  std::vector<std::optional<Gaussian>> result(heaviest_.size());
+  const auto place = [&](int node) {
+    return static_cast<std::size_t>(node_of(node).frame - first_kept_frame());
+  };
+  for (std::size_t frame = heaviest_.size(); frame-- > 0;) {
+    int at = heaviest_[frame];
+    if (at < 0 || result[frame]) continue;
     // A chain of hypotheses that no later one continues.
-    Gaussian smooth = history_[static_cast<std::size_t>(at)].filtered;
-    while (at >= 0 &&
-           !result[static_cast<std::size_t>(history_[static_cast<std::size_t>(at)].frame)]) {
-      const Node& node = history_[static_cast<std::size_t>(at)];
-      result[static_cast<std::size_t>(node.frame)] = smooth;
+    Gaussian smooth = node_of(at).filtered;
+    while (!result[place(at)]) {
+      const Node& node = node_of(at);
+      result[place(at)] = smooth;
       at = node.parent;
-      if (at < 0) break;
-      const Gaussian& before = history_[static_cast<std::size_t>(at)].filtered;
+      if (at < forgotten_nodes_) break;
+      const Gaussian& before = node_of(at).filtered;
       const MatrixXd gain = node.predicted.covariance.ldlt()
                                 .solve(transition(layout_, node.dt) * before.covariance)
                                 .transpose();
@@ -492,10 +506,11 @@ FitResult track_frame(const Fitter& fitter, Tracker& tracker, const Capture& cap
 
 void add_smoothed(const Scene& scene, const Tracker& tracker, std::span<FitResult> results) {
   const std::vector<std::optional<Gaussian>> smoothed = tracker.smoothed();
-  for (std::size_t i = 0; i < std::min(smoothed.size(), results.size()); ++i) {
-    if (!smoothed[i] || !results[i].track) continue;
-    report(scene, tracker.motion(), *smoothed[i], results[i].track->smoothed_pose,
-           results[i].track->smoothed_covariance);
+  const auto first = static_cast<std::size_t>(tracker.first_kept_frame());
+  for (std::size_t i = 0; i < smoothed.size() && first + i < results.size(); ++i) {
+    std::optional<TrackSummary>& track = results[first + i].track;
+    if (!smoothed[i] || !track) continue;
+    report(scene, tracker.motion(), *smoothed[i], track->smoothed_pose, track->smoothed_covariance);
   }
 }
 

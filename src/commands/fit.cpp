@@ -240,6 +240,10 @@ void add_fit_options(CLI::App& command, FitArguments& arguments) {
       "tolerated error of the fast model, relative to the peak of the signal; default: as "
       "each capture asks for");
   command
+      .add_option("--cache-bytes", options.cache_bytes,
+                  "most memory for compiled sensor placements; the least recently used go first")
+      ->capture_default_str();
+  command
       .add_option("--importance-samples", options.importance_samples,
                   "samples where Laplace's approximation fails; 0: never")
       ->capture_default_str();

@@ -289,5 +289,28 @@ TEST(Fit, SensorPoseUncertaintyWidensTheAnswer) {
   EXPECT_GT(vague.posterior.covariance.trace(), 1.5 * exact.posterior.covariance.trace());
 }
 
+// Where the sensor stood before, and how much of that is remembered, does not change an answer.
+TEST(Fit, AnswersDoNotDependOnWhatTheCacheHolds) {
+  const Scene scene = quick_scene();
+  const PoseVector truth = middle(scene);
+  std::vector<Capture> captures;
+  for (int i = 0; i < 3; ++i) {
+    captures.push_back(reference_capture(scene, truth, 500, static_cast<std::uint64_t>(i)));
+    Transform there = scene.T_world_sensor;
+    there.translation().y() += 0.02 * i;
+    captures.back().T_world_sensor = there;
+  }
+  FitOptions forgetful = quick_options();
+  forgetful.cache_bytes = 1;
+  const Fitter all(scene, quick_options());
+  const Fitter none(scene, forgetful);
+  for (const std::size_t i : {0U, 1U, 2U, 0U, 2U}) {
+    const FitResult a = all.fit(captures[i]);
+    const FitResult b = none.fit(captures[i]);
+    EXPECT_EQ(a.posterior.modes.front().pose, b.posterior.modes.front().pose);
+    EXPECT_EQ(a.false_alarm_probability, b.false_alarm_probability);
+  }
+}
+
 }  // namespace
 }  // namespace blindcorner

@@ -9,6 +9,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <deque>
 #include <optional>
 #include <span>
 #include <vector>
@@ -41,6 +42,8 @@ struct TrackerOptions {
   /// innovations, s.
   double inflation_time = 5.0;
   double max_inflation = 10.0;
+  /// Frames that are kept for smoothing, beside the last: memory is then bounded. 0: all.
+  int lag = 0;
 
   /// Throws Error naming the field that is out of range.
   void validate() const;
@@ -106,8 +109,10 @@ class Tracker {
   TrackPoint advance(double dt, const FrameLikelihood& frame);
 
   /// The state at each frame given all frames, before and after: Rauch-Tung-Striebel smoothing
-  /// along the hypotheses that survived. Empty where nothing was tracked.
+  /// along the hypotheses that survived. Empty where nothing was tracked. Of the frames that are
+  /// kept: [first_kept_frame() to the last].
   std::vector<std::optional<Gaussian>> smoothed() const;
+  int first_kept_frame() const { return frames_ - static_cast<int>(heaviest_.size()); }
 
   const TrackLayout& layout() const { return layout_; }
   const Motion& motion() const { return motion_; }
@@ -134,8 +139,15 @@ class Tracker {
   double presence_prior_;
   Gaussian unknown_;  ///< the measured part before anything is known
   std::vector<TrackMode> modes_;
-  std::vector<Node> history_;
-  std::vector<int> heaviest_;  ///< node of the heaviest mode after each frame; -1: none
+  const Node& node_of(int node) const {
+    return history_[static_cast<std::size_t>(node - forgotten_nodes_)];
+  }
+  Node& node_of(int node) { return history_[static_cast<std::size_t>(node - forgotten_nodes_)]; }
+  void forget();
+
+  std::deque<Node> history_;
+  int forgotten_nodes_ = 0;
+  std::deque<int> heaviest_;  ///< node of the heaviest mode after each kept frame; -1: none
   double presence_ = 0;
   double inflation_ = 1;
   double since_search_ = 0;

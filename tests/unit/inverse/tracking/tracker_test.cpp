@@ -217,6 +217,30 @@ TEST(Tracker, SmootherIsTheJointPosteriorOfAllFrames) {
   }
 }
 
+// Of the frames that it keeps, a tracker with a fixed lag knows what one that keeps all knows.
+TEST(Tracker, FixedLagForgetsFramesButNothingOfTheOthers) {
+  constexpr int kLag = 4;
+  const Walk walk = random_walk(12);
+  TrackerOptions lagged = certain();
+  lagged.lag = kLag;
+  Tracker all(floor_scene(), walking(), certain());
+  Tracker few(floor_scene(), walking(), lagged);
+  for (std::size_t k = 0; k < walk.seen.size(); ++k) {
+    const LinearFrame frame(all.layout(), {walk.seen[k]}, walk.noise);
+    all.advance(walk.dt[k], frame);
+    few.advance(walk.dt[k], frame);
+  }
+  const auto of_all = all.smoothed();
+  const auto of_few = few.smoothed();
+  ASSERT_EQ(of_few.size(), static_cast<std::size_t>(kLag + 1));
+  EXPECT_EQ(few.first_kept_frame(), static_cast<int>(of_all.size()) - kLag - 1);
+  for (std::size_t k = 0; k < of_few.size(); ++k) {
+    const auto& full = of_all[static_cast<std::size_t>(few.first_kept_frame()) + k];
+    EXPECT_EQ(of_few[k]->mean, full->mean);
+    EXPECT_EQ(of_few[k]->covariance, full->covariance);
+  }
+}
+
 TEST(Tracker, InnovationIsThatOfTheMeasurement) {
   const Scene scene = floor_scene();
   const TrackLayout layout(scene, walking());
