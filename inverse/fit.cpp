@@ -341,8 +341,10 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
     std::vector<const Candidate*> chosen;
     for (; next < scored.starts.size() && chosen.size() < kStartsAtOnce; ++next) {
       const Candidate& start = scored.starts[next];
-      const bool hopeless = basins.size() >= 3 && start.log_posterior + 2 * largest_gain <
-                                                      best - 1.5 * options.negligible_log_posterior;
+      // Light of several objects is too rough in closed form to say so.
+      const bool hopeless =
+          compiled.objects.empty() && basins.size() >= 3 &&
+          start.log_posterior + 2 * largest_gain < best - 1.5 * options.negligible_log_posterior;
       if (!hopeless) chosen.push_back(&start);
     }
     std::vector<Refined> reached(chosen.size());
@@ -357,17 +359,26 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
       basins.push_back(std::move(reached[i]));
     }
   }
-  // The cheap model's own error must not decide which basins are dropped.
-  basins = merge(compiled, std::move(basins), 1.5 * options.negligible_log_posterior);
+  // The models' own error must not decide which basins are dropped: what the best one misses of its
+  // expectation, a better model may give to another.
+  basins = merge(compiled, std::move(basins), std::numeric_limits<double>::infinity());
+  double negligible = options.negligible_log_posterior;
+  if (!basins.empty()) {
+    const GoodnessOfFit rough = goodness_of_fit(objective, basins.front());
+    negligible += std::max(0.5 * (rough.deviance - rough.expected), 0.0);
+  }
   std::vector<PoseVector> places;
-  for (const Refined& basin : basins) places.push_back(basin.pose);
-  std::vector<Refined> optima = find_optima(objective, places, options.negligible_log_posterior);
+  for (const Refined& basin : basins) {
+    if (basin.value.log_posterior < basins.front().value.log_posterior - 1.5 * negligible) break;
+    places.push_back(basin.pose);
+  }
+  std::vector<Refined> optima = find_optima(objective, places, negligible);
   if (optima.empty())
     throw Error(captures.front().source, "found no finite likelihood at any pose");
   // Models as good as the light asks for.
   ModelError model_error;
   if (!options.model_tolerance) {
-    model_error = sharpen(objective, optima, options.negligible_log_posterior);
+    model_error = sharpen(objective, optima, negligible);
   }
   result.time_ms.refine = stage.lap();
 
