@@ -30,7 +30,7 @@ constexpr double kPathError = 0.1;
 constexpr int kRoundSegments = 96;
 
 /// Sampling of the known scene's later bounces.
-constexpr StaticLightSampling kDenseBounces{2, 8, 0.35, 2, 1.0, 0.25, 0.04, 0.01};
+constexpr StaticLightSampling kDenseBounces{2, 12, 0.25, 1, 0.6, 0.15, 0.025, 0.006};
 
 /// One of the hidden objects where a pose puts it.
 struct PlacedObject {

@@ -26,6 +26,8 @@ namespace {
 
 using Eigen::Vector3d;
 
+/// Height of a patch over its surface against its distance: a hundred times the precision of a ray.
+constexpr double kLift = 1e-5;
 /// Light below this share of a zone's brightest is rounding.
 constexpr double kNoLight = 1e-7;
 /// Largest edge of a patch against its distance to the sensor.
@@ -125,10 +127,14 @@ struct KnownBounces::Patches {
   std::size_t size() const { return weight.size(); }
   void add(const WeightedPatch& p, int z) {
     cells.push_back(cell_of(p.patch));
+    // Rays end within single precision of their surface, before it or behind: lifted, it does not
+    // hide its own patches.
+    const Vector3d lifted = p.patch.center + kLift * p.patch.distance * p.patch.normal;
+    cells.back().center = lifted;
     zone.push_back(z);
     for (Eigen::Index i = 0; i < 3; ++i) {
       const auto k = static_cast<std::size_t>(i);
-      c[k].push_back(p.patch.center[i]);
+      c[k].push_back(lifted[i]);
       n[k].push_back(p.patch.normal[i]);
       u[k].push_back(p.patch.half_u[i]);
       v[k].push_back(p.patch.half_v[i]);

@@ -140,7 +140,8 @@ Correction PoseObjective::correction(const PoseVector& pose, const ShapeBuffer& 
       cheaply += cheap.object[r];
     }
     // Zones that the cheap light leaves almost dark are corrected by what is added alone.
-    const double scale = cheaply > 0 ? right / cheaply : 1.0;
+    // A spline has the right scale.
+    const double scale = cheaply > 0 && !compiled_.spline ? right / cheaply : 1.0;
     c.scale.push_back(scale > 1 / kMaxScale && scale < kMaxScale ? scale : 1.0);
     for (std::size_t r = begin; r < end; ++r) {
       c.added[r] = light.object[r] - c.scale.back() * cheap.object[r];

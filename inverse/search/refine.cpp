@@ -28,7 +28,7 @@ constexpr Stop kPolish{25, 1e-6, true};
 /// posterior that calls for another.
 constexpr int kMaxCorrections = 5;
 constexpr int kMaxSettlings = 3;
-constexpr double kWorthCorrecting = 0.01;
+constexpr double kWorthCorrecting = 0.005;
 /// Optima this far below the best in log posterior hold less than a per cent of the posterior each:
 /// the steering light's derivatives do for them.
 constexpr double kWorthSettling = 5;

@@ -60,7 +60,9 @@ TEST_P(CoarseLight, KnowsWhichBinsItLights) {
     for (int z = 0; z < light.cube.zones(); ++z) {
       const SparseLight::Range& lit = light.lit[static_cast<std::size_t>(z)];
       for (int k = 0; k < light.cube.bins; ++k) {
-        if (k < lit.begin || k >= lit.end) EXPECT_EQ(light.cube.zone(z)[k], 0);
+        if (k < lit.begin || k >= lit.end) {
+          EXPECT_EQ(light.cube.zone(z)[k], 0);
+        }
       }
     }
   }

@@ -80,7 +80,7 @@ TEST_P(PolishOnSpline, CorrectionIsExactAtItsPose) {
   const Refined optimum = polish(objective, truths_[0]);
   ShapeBuffer corrected;
   ShapeBuffer model;
-  objective.shapes(light_near(on_spline, optimum), optimum.pose, corrected);
+  objective.shapes(light_near(objective, optimum), optimum.pose, corrected);
   objective.shapes(with_->models(), optimum.pose, model);
   const double peak = *std::max_element(model.object.begin(), model.object.end());
   for (std::size_t r = 0; r < model.object.size(); ++r) {
