@@ -227,7 +227,8 @@ struct Fitter::Impl {
   std::shared_ptr<const SceneKnowledge> knowledge;
   std::mutex mutex;
   std::list<std::shared_ptr<Prepared>> prepared;  ///< last used first
-  std::shared_ptr<Prepared> home;                 ///< at the scene's own sensor placement; kept
+  std::once_flag home_once;
+  std::shared_ptr<Prepared> home;  ///< at the scene's own sensor placement; kept
 
   /// The scene compiled for these placements; compiled once, by whoever comes first.
   std::shared_ptr<Prepared> prepare(const std::vector<SensorPlacement>& placements) {
@@ -247,15 +248,16 @@ struct Fitter::Impl {
 
   /// What is known about empty captures. Their law hardly depends on where the sensor stands: that
   /// of the scene's own sensor placement serves all single captures of a sensor that moves.
+  /// Kept for as long as this is: other threads may be asking it while the cache lets it go.
   FalseAlarmCalibration& false_alarms(const std::shared_ptr<Prepared>& own) {
     std::shared_ptr<Prepared> place = own;
-    const bool moves = own->placements.size() == 1 && own->placements.front().relay_points.empty();
-    if (moves) {
-      const std::vector<SensorPlacement> at_home{sensor_placement(scene)};
-      if (at_home.front().relay_points.empty()) place = prepare(at_home);
+    const std::vector<SensorPlacement> at_home{sensor_placement(scene)};
+    if (own->placements.size() == 1 && own->placements.front().relay_points.empty() &&
+        at_home.front().relay_points.empty()) {
+      std::call_once(home_once, [&] { home = prepare(at_home); });
+      place = home;
     }
     const std::scoped_lock lock(mutex);
-    if (place != own || moves) home = place;
     if (!place->false_alarms) {
       place->false_alarms = std::make_unique<FalseAlarmCalibration>(place->compiled.get());
     }
