@@ -60,9 +60,10 @@ class Sampler {
         rotation_(rotation),
         sampling_(sampling) {}
 
-  void sample(const Cell& cell, int splits, int edges) {
+  /// `parent`: a whole cell that this one is a half of, and whose surface it sees.
+  void sample(const Cell& cell, int splits, int edges, const RelayPatch* parent = nullptr) {
     RelayPatch patch;
-    const Trace trace = look(cell, patch);
+    const Trace trace = parent != nullptr ? inherit(cell, *parent, patch) : look(cell, patch);
     if (trace == Trace::mixed && edges < sampling_.edge_depth) {
       for (const Cell& quarter : cell.quarters()) sample(quarter, splits, edges + 1);
       return;
@@ -74,7 +75,10 @@ class Sampler {
       for (const RelayPatch& part : parts) {
         const int split = sampling_.split(part);
         if (split == 0) continue;
-        for (const Cell& half : cell.halves(split)) sample(half, splits + 1, edges);
+        const bool inherited = whole && sampling_.halves_inherit;
+        for (const Cell& half : cell.halves(split)) {
+          sample(half, splits + 1, edges, inherited ? &patch : nullptr);
+        }
         return;
       }
     }
@@ -161,11 +165,28 @@ class Sampler {
     return Trace::whole;
   }
 
-  /// The whole cell as a patch of what its centre sees.
-  void fill(const Cell& cell, const RayHit& hit, RelayPatch& patch) const {
+  /// The patch of a cell that sees the plane of another.
+  Trace inherit(const Cell& cell, const RelayPatch& parent, RelayPatch& patch) const {
+    patch = parent;
     const double uc = 0.5 * (cell.u0 + cell.u1);
     const double vc = 0.5 * (cell.v0 + cell.v1);
+    patch.center = meet(cell, uc, vc, parent);
+    patch.area_center = patch.center;
+    patch.distance = (patch.center - origin_).norm();
+    fill(cell, patch);
+    return Trace::whole;
+  }
+
+  /// The whole cell as a patch of what its centre sees.
+  void fill(const Cell& cell, const RayHit& hit, RelayPatch& patch) const {
     patch = patch_at(hit);
+    fill(cell, patch);
+  }
+
+  /// Extent and solid angle of a cell whose centre is known.
+  void fill(const Cell& cell, RelayPatch& patch) const {
+    const double uc = 0.5 * (cell.u0 + cell.u1);
+    const double vc = 0.5 * (cell.v0 + cell.v1);
     patch.solid_angle = cell.solid_angle();
     patch.half_u = 0.5 * (meet(cell, cell.u1, vc, patch) - meet(cell, cell.u0, vc, patch));
     patch.half_v = 0.5 * (meet(cell, uc, cell.v1, patch) - meet(cell, uc, cell.v0, patch));

@@ -40,6 +40,9 @@ struct RelaySampling {
   bool with_radiance = true;  ///< seen patches know what they send back
   int split_depth = 12;       ///< most halvings demanded by `split`
   Split split;                ///< divides cells further; may be empty
+  /// Halves of a cell whose centre and corners see one flat surface are taken to see it as well:
+  /// no more rays.
+  bool halves_inherit = false;
   /// Gauss-Legendre points along half_u and half_v that represent a cell, which are of one group:
   /// exact for weights of degree 2 n - 1 along n points, and the points' spread is the cell's.
   /// {1, 1} is the centre, with the cell's spread. Empty: always the centre.

@@ -19,8 +19,20 @@ using Eigen::Vector3d;
 /// Largest distance of a given relay point from the relay surface that it is taken to lie on, m.
 constexpr double kRelayPointTolerance = 0.5;
 
-/// Path spread of a cell of the direct return against the pulse's standard deviation.
-constexpr double kDirectSpread = 0.3;
+/// Whether the field lights all directions of a zone, seen from the same point.
+bool lies_within(const AngularRectangle& zone, const FieldOfIllumination& field) {
+  if (const auto* r = std::get_if<AngularRectangle>(&field)) {
+    return zone.left >= r->left && zone.right <= r->right && zone.top >= r->top &&
+           zone.bottom <= r->bottom;
+  }
+  // Convex: the corners tell.
+  for (const double right : {zone.left, zone.right}) {
+    for (const double down : {zone.top, zone.bottom}) {
+      if (!contains(field, direction_from_tangents(std::tan(right), std::tan(down)))) return false;
+    }
+  }
+  return true;
+}
 
 std::vector<Surface> only_occluders(const std::vector<Surface>& surfaces) {
   std::vector<Surface> chosen;
@@ -254,18 +266,18 @@ double RelaySetup::radiance(const RelayPatch& patch, const FieldOfIllumination& 
          patch.albedo / kPi;
 }
 
-HistogramCube RelaySetup::direct_return(const PulseTable& pulses, int divisions, bool gauss) const {
+HistogramCube RelaySetup::direct_return(const PulseTable& pulses,
+                                        const DirectSampling& cells) const {
   const Sensor& sensor = scene_.sensor;
   HistogramCube cube(sensor.rows, sensor.columns, sensor.bins);
   if (sensor.path_origin == PathOrigin::relay || uses_points()) return cube;
   RelaySampling sampling;
-  sampling.divisions = divisions;
-  // Cells over a border are shared between its surfaces: deeper ones change no shipped scene's bins
-  // by more than 3e-6 of the peak.
-  sampling.edge_depth = 4;
-  if (gauss) sampling.nodes = [](const RelayPatch&) { return std::array{2, 2}; };
+  sampling.divisions = cells.divisions;
+  sampling.edge_depth = cells.edge_depth;
+  sampling.halves_inherit = true;
+  sampling.nodes = [](const RelayPatch&) { return std::array{2, 2}; };
   // A cell's paths must lie well within the pulse, or a grazing floor becomes a comb.
-  const double most = kDirectSpread * kSpeedOfLight *
+  const double most = cells.spread * kSpeedOfLight *
                       std::hypot(sensor.response.core_sigma(), sensor.bin_width / std::sqrt(12.0));
   sampling.split = [this, most](const RelayPatch& patch) {
     const Vector3d gradient = 2 * (patch.center - detector_) / patch.distance;
@@ -275,15 +287,24 @@ HistogramCube RelaySetup::direct_return(const PulseTable& pulses, int divisions,
     return u >= v ? 1 : 2;
   };
   const double bins_per_metre = 1 / (kSpeedOfLight * sensor.bin_width);
+  const bool monostatic = (source_ - detector_).norm() < 1e-9;
   const auto add_zone = [&](int z) {
     const Zone& zone = sensor.zones[static_cast<std::size_t>(z)];
     std::vector<double> row(static_cast<std::size_t>(unwrapped_bins(sensor)));
     FieldOfIllumination storage;
     const FieldOfIllumination& field = field_of_zone(z, storage);
+    const bool lights_all = lies_within(std::get<AngularRectangle>(zone.footprint), field);
     for (const WeightedPatch& seen :
          region(detector_, std::get<AngularRectangle>(zone.footprint), sampling, false)) {
       double leg = 0;
-      const double sent = radiance(seen.patch, field, &leg);
+      double sent = 0;
+      if (monostatic && lights_all) {
+        leg = seen.leg;
+        const double cosine = std::max(-seen.leg_direction.dot(seen.patch.normal), 0.0);
+        sent = sensor.radiant_intensity * cosine / (leg * leg) * seen.patch.albedo / kPi;
+      } else {
+        sent = radiance(seen.patch, field, &leg);
+      }
       if (sent <= 0) continue;
       const Vector3d gradient = seen.leg_direction + (seen.patch.center - source_) / leg;
       const double spread = seen.patch.node ? 0.0

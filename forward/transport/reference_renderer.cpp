@@ -133,7 +133,7 @@ ReferenceRenderer::KnownLight::KnownLight(const Scene& scene, const RelaySetup& 
     : pulses(scene.sensor.response, scene.sensor.bin_width,
              std::pow(scene.sensor.response.core_sigma(), 2), kPulseTail),
       bounces(scene, kDenseBounces) {
-  first_bounce = setup.direct_return(pulses, divisions, true);
+  first_bounce = setup.direct_return(pulses, {.divisions = divisions});
   direct = first_bounce;
   bounces.add(setup, pulses, direct);
   mix_zones(scene.sensor, direct);

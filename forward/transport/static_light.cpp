@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "forward/transport/static_light.h"
 
+#include <tbb/parallel_for.h>
+#include <tbb/parallel_invoke.h>
+#include <tbb/task_arena.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -32,6 +36,11 @@ constexpr double kLift = 1e-5;
 constexpr double kNoLight = 1e-7;
 /// Largest edge of a patch against its distance to the sensor.
 constexpr double kSensorAngle = 0.4;
+/// Cells of the direct return that are good to kDirectError.
+constexpr DirectSampling kDirectCells{4, 0.45, 2};
+/// Parts in which the bounces are summed, side by side; fixed, so that sums do not depend on
+/// threads.
+constexpr std::size_t kParts = 8;
 /// Relative error of the direct return: the pulse's shape and the zones' edges.
 constexpr double kDirectError = 1e-3;
 /// Relative error of what bounces on that finer sampling does not show: further bounces.
@@ -358,6 +367,7 @@ KnownBounces::Ends KnownBounces::ends(const RelaySetup& setup, double angle, dou
   const bool confocal = sensor.illumination == Illumination::confocal;
   RelaySampling relay;
   relay.edge_depth = 2;
+  relay.with_radiance = false;
   relay.split = [this, angle, least](const RelayPatch& patch) {
     const double u = 2 * patch.half_u.norm(), v = 2 * patch.half_v.norm();
     const double near = distance({static_cast<std::size_t>(patch.surface), cell_of(patch)});
@@ -408,10 +418,10 @@ struct KnownBounces::TimeRows {
 
 /// Source, p, r, detector.
 void KnownBounces::add_two(const Ends& ends, const std::vector<OccluderFace>& blockers,
-                           TimeRows& rows) const {
+                           std::size_t part, TimeRows& rows) const {
   const Patches& seen = ends.seen;
   Legs in;
-  for (std::size_t r = 0; r < seen.size(); ++r) {
+  for (std::size_t r = part; r < seen.size(); r += kParts) {
     const SurfaceCell& cell = seen.cells[r];
     const Patches& from = ends.lit_for(seen.zone[r]);
     find_legs(cell, ShadowView(blockers, cell.center), from, in);
@@ -465,7 +475,7 @@ struct Gathered {
 
 /// Source, p, cell, r, detector.
 void KnownBounces::add_three(const Ends& ends, const std::vector<OccluderFace>& bodies,
-                             TimeRows& rows) const {
+                             std::size_t part, TimeRows& rows) const {
   std::vector<OccluderFace> blockers = blockers_;
   blockers.insert(blockers.end(), bodies.begin(), bodies.end());
   const Axis& axis = rows.axis;
@@ -474,14 +484,40 @@ void KnownBounces::add_three(const Ends& ends, const std::vector<OccluderFace>& 
   constexpr double kMargin = TimeRows::kMargin;
   Legs in, out;
   Gathered light{std::vector<double>(rows.stride), 0, 0, Vector3d::Zero()};
-  for (const Middle& middle : middle_) {
+  for (std::size_t m = part; m < middle_.size(); m += kParts) {
+    const Middle& middle = middle_[m];
     const SurfaceCell& cell = middle.cell;
     const ShadowView shadows = bodies.empty() ? middle.shadows : ShadowView(blockers, cell.center);
     find_legs(cell, shadows, seen, out);
     int gathered = -1;  // zone
+    // Patches of a zone whose paths adjoin leave together, as one that is as wide as all of them.
+    struct Run {
+      int zone = -1;
+      double weight = 0, length = 0, square = 0, half2 = 0;  // sums over patches, weighted
+    };
+    Run run;
+    const auto flush = [&] {
+      if (run.weight <= 0) return;
+      const double length = run.length / run.weight;
+      const double half2 =
+          std::max(run.square / run.weight - length * length, 0.0) * 3 + run.half2 / run.weight;
+      const double width = std::max(2 * axis.cells_per_metre * std::sqrt(half2), 1.0);
+      // Delayed by the way out and spread evenly: the ends of a sum, half a cell early as above.
+      const double at =
+          length * axis.cells_per_metre + 0.5 + static_cast<double>(light.first) - kMargin;
+      const double weight = middle.scattered * run.weight / width;
+      for (const double end : {-0.5, 0.5}) {
+        const double from = std::max(at + end * width, 0.0);
+        if (from >= static_cast<double>(axis.cells)) continue;
+        add_moved(light.row.data() + light.first, light.last - light.first + 1, from,
+                  end < 0 ? weight : -weight, rows.once_of(run.zone));
+      }
+      run.weight = 0;
+    };
     for (std::size_t r = 0; r < seen.size(); ++r) {
       if (out.weight[r] <= 0) continue;
       if (gathered < 0 || (confocal && seen.zone[r] != gathered)) {
+        flush();
         gathered = seen.zone[r];
         const Patches& from = ends.lit_for(gathered);
         find_legs(cell, shadows, from, in);
@@ -490,20 +526,21 @@ void KnownBounces::add_three(const Ends& ends, const std::vector<OccluderFace>& 
       if (light.first == light.last) continue;
       const Vector3d gradient = light.arrives + Vector3d(out.x[r], out.y[r], out.z[r]);
       const double u = gradient.dot(cell.half_u), v = gradient.dot(cell.half_v);
-      const double spread =
-          std::sqrt(u * u + v * v + out.du[r] * out.du[r] + out.dv[r] * out.dv[r]);
-      const double width = std::max(2 * axis.cells_per_metre * spread, 1.0);
-      // Delayed by the way out and spread evenly: the ends of a sum, half a cell early as above.
-      const double at =
-          out.length[r] * axis.cells_per_metre + 0.5 + static_cast<double>(light.first) - kMargin;
-      const double weight = middle.scattered * out.weight[r] / width;
-      for (const double end : {-0.5, 0.5}) {
-        const double from = std::max(at + end * width, 0.0);
-        if (from >= static_cast<double>(axis.cells)) continue;
-        add_moved(light.row.data() + light.first, light.last - light.first + 1, from,
-                  end < 0 ? weight : -weight, rows.once_of(seen.zone[r]));
+      const double half2 = u * u + v * v + out.du[r] * out.du[r] + out.dv[r] * out.dv[r];
+      if (run.weight > 0) {
+        const double gap = out.length[r] - run.length / run.weight;
+        if (seen.zone[r] != run.zone || gap * gap > 4 * std::max(half2, run.half2 / run.weight)) {
+          flush();
+        }
       }
+      if (run.weight <= 0) run = {seen.zone[r], 0, 0, 0, 0};
+      const double w = out.weight[r];
+      run.weight += w;
+      run.length += w * out.length[r];
+      run.square += w * out.length[r] * out.length[r];
+      run.half2 += w * half2;
     }
+    flush();
   }
 }
 
@@ -513,12 +550,27 @@ void KnownBounces::add(const RelaySetup& setup, const PulseTable& pulses, Histog
   const Sensor& sensor = scene_.sensor;
   const double pulse =
       kSpeedOfLight * std::hypot(sensor.response.core_sigma(), sensor.bin_width / std::sqrt(12.0));
-  TimeRows rows(sensor);
   std::vector<OccluderFace> blockers = blockers_;
   blockers.insert(blockers.end(), bodies.begin(), bodies.end());
   const double least = sampling_.least_patch * pulse;
-  add_two(ends(setup, sampling_.patch_angle, least), blockers, rows);
-  add_three(ends(setup, sampling_.outer_angle, 2 * least), bodies, rows);
+  std::vector<TimeRows> parts(kParts, TimeRows(sensor));
+  // Isolated: whoever waits here must not pick up work that waits for this.
+  tbb::this_task_arena::isolate([&] {
+    Ends near, far;
+    tbb::parallel_invoke([&] { near = ends(setup, sampling_.patch_angle, least); },
+                         [&] { far = ends(setup, sampling_.outer_angle, 2 * least); });
+    tbb::parallel_for(std::size_t{0}, kParts, [&](std::size_t part) {
+      add_two(near, blockers, part, parts[part]);
+      add_three(far, bodies, part, parts[part]);
+    });
+  });
+  TimeRows& rows = parts.front();
+  for (std::size_t part = 1; part < kParts; ++part) {
+    for (std::size_t i = 0; i < rows.once.size(); ++i) {
+      rows.once[i] += parts[part].once[i];
+      rows.twice[i] += parts[part].twice[i];
+    }
+  }
 
   const int bins = unwrapped_bins(sensor);
   std::vector<double> unwrapped(static_cast<std::size_t>(bins));
@@ -548,14 +600,14 @@ StaticLightModel::StaticLightModel(const Scene& scene)
               std::pow(scene.sensor.response.core_sigma(), 2), 1e-7) {}
 
 HistogramCube StaticLightModel::light(const RelaySetup& setup, bool bounces) const {
-  HistogramCube known = setup.direct_return(pulses_, 10, true);
+  HistogramCube known = setup.direct_return(pulses_, kDirectCells);
   if (bounces && bounces_.any()) bounces_.add(setup, pulses_, known);
   mix_zones(scene_.sensor, known);
   return known;
 }
 
 HistogramCube StaticLightModel::error(const RelaySetup& setup, bool bounces) const {
-  HistogramCube error = setup.direct_return(pulses_, 10, true);
+  HistogramCube error = setup.direct_return(pulses_, kDirectCells);
   for (double& value : error.values) value = std::pow(kDirectError * value, 2);
   if (bounces && bounces_.any()) {
     HistogramCube fine(error.rows, error.columns, error.bins), coarse = fine;

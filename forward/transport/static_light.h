@@ -66,8 +66,11 @@ class KnownBounces {
   struct Ends;
   double distance(const Piece& piece) const;
   Ends ends(const RelaySetup& setup, double angle, double least) const;
-  void add_two(const Ends& ends, const std::vector<OccluderFace>& blockers, TimeRows& rows) const;
-  void add_three(const Ends& ends, const std::vector<OccluderFace>& bodies, TimeRows& rows) const;
+  /// One part of the sums.
+  void add_two(const Ends& ends, const std::vector<OccluderFace>& blockers, std::size_t part,
+               TimeRows& rows) const;
+  void add_three(const Ends& ends, const std::vector<OccluderFace>& bodies, std::size_t part,
+                 TimeRows& rows) const;
   static void find_legs(const SurfaceCell& cell, const ShadowView& shadows, const Patches& patches,
                         Legs& legs);
 

@@ -201,6 +201,100 @@ double poisson_quantile(double mean, double z) {
   return photons;
 }
 
+/// Counts and means closer than this share of the counts: the series below is then good to 1e-11.
+constexpr double kNear = 0.05;
+
+/// (x - log(1 + x)) / x^2 for |x| < kNear.
+inline double log_remainder(double x) {
+  return 1.0 / 2 -
+         x * (1.0 / 3 -
+              x * (1.0 / 4 -
+                   x * (1.0 / 5 - x * (1.0 / 6 - x * (1.0 / 7 - x * (1.0 / 8 - x / 9))))));
+}
+
+/// Signed roots of the deviances of bins whose means are near the counts; returns how many are not.
+BLINDCORNER_MULTIVERSION int poisson_residuals(const double* n, const double* m, int bins,
+                                               double scale, double* out) {
+  int far = 0;
+  for (int i = 0; i < bins; ++i) {
+    const double some = std::max(n[i], 1e-300);
+    const double d = m[i] - n[i];
+    const double x = d / some;
+    far += std::abs(x) < kNear ? 0 : 1;
+    out[i] = d * std::sqrt(2 * scale * log_remainder(x) / some);
+  }
+  return far;
+}
+
+/// Half deviances of the bins whose means are near the counts, before the noise model's scale.
+BLINDCORNER_MULTIVERSION double poisson_half_deviance(const double* n, const double* m, int bins,
+                                                      int* far) {
+  constexpr int kLanes = 8;
+  double sums[kLanes] = {};
+  int many[kLanes] = {};
+  const auto add = [&](int i, int lane) {
+    const double some = std::max(n[i], 1e-300);
+    const double d = m[i] - n[i];
+    const double x = d / some;
+    const bool near = std::abs(x) < kNear;
+    many[lane] += near ? 0 : 1;
+    sums[lane] += near ? d * x * log_remainder(x) : 0.0;
+  };
+  int i = 0;
+  for (; i + kLanes <= bins; i += kLanes) {
+    for (int k = 0; k < kLanes; ++k) add(i + k, k);
+  }
+  for (int k = 0; i < bins; ++i, ++k) add(i, k);
+  double sum = 0;
+  *far = 0;
+  for (int k = 0; k < kLanes; ++k) {
+    sum += sums[k];
+    *far += many[k];
+  }
+  return sum;
+}
+
+/// Derivatives of the sum of m - n log m with m = amplitude * s + direct * t + ambient.
+BLINDCORNER_MULTIVERSION void poisson_terms(const double* n, const double* s, const double* t,
+                                            int bins, double amplitude, double direct,
+                                            double ambient, double least, LinearTerms* terms) {
+  constexpr int kLanes = 4;
+  double ga[kLanes] = {}, gc[kLanes] = {}, gb[kLanes] = {}, haa[kLanes] = {}, hac[kLanes] = {},
+         hab[kLanes] = {}, hcc[kLanes] = {}, hcb[kLanes] = {}, hbb[kLanes] = {};
+  const auto add = [&](int i, int k) {
+    const double si = s[i], ti = t[i];
+    const double inverse = 1 / std::max(amplitude * si + direct * ti + ambient, least);
+    const double ratio = n[i] * inverse;
+    const double d1 = 1 - ratio;
+    const double d2 = ratio * inverse;
+    ga[k] += d1 * si;
+    gc[k] += d1;
+    gb[k] += d1 * ti;
+    haa[k] += d2 * si * si;
+    hac[k] += d2 * si;
+    hab[k] += d2 * si * ti;
+    hcc[k] += d2;
+    hcb[k] += d2 * ti;
+    hbb[k] += d2 * ti * ti;
+  };
+  int i = 0;
+  for (; i + kLanes <= bins; i += kLanes) {
+    for (int k = 0; k < kLanes; ++k) add(i + k, k);
+  }
+  for (int k = 0; i < bins; ++i, ++k) add(i, k);
+  for (int k = 0; k < kLanes; ++k) {
+    terms->ga += ga[k];
+    terms->gc += gc[k];
+    terms->gb += gb[k];
+    terms->haa += haa[k];
+    terms->hac += hac[k];
+    terms->hab += hab[k];
+    terms->hcc += hcc[k];
+    terms->hcb += hcb[k];
+    terms->hbb += hbb[k];
+  }
+}
+
 class PoissonLikelihood final : public BinLikelihood {
  public:
   PoissonLikelihood(const PoissonNoise&, double dispersion, double exposures)
@@ -223,12 +317,20 @@ class PoissonLikelihood final : public BinLikelihood {
 
   double residual(double n, double mean, double /*least_value*/, double best_mean) const override {
     const double m = std::max(mean, kLeastMean);
-    double half = half_deviance(n, m, 0);
-    // n log(n/m) + m - n without cancellation where m is close to n.
-    const double x = n > 0 ? (m - n) / n : 0;
-    if (n > 0 && std::abs(x) < 1e-3) half = scale() * n * x * x * (0.5 - x * (1.0 / 3 - x * 0.25));
-    const double root = std::sqrt(std::max(2 * half, 0.0));
+    // Without cancellation where m is close to n.
+    if (near(n, m)) return (m - n) * std::sqrt(2 * scale() * log_remainder((m - n) / n) / n);
+    const double root = std::sqrt(std::max(2 * half_deviance(n, m, 0), 0.0));
     return m >= best_mean ? root : -root;
+  }
+
+  void residuals(const CountRow& row, const double* m, const double* least, const double* best,
+                 double* out) const override {
+    int far = poisson_residuals(row.counts, m, row.bins, scale(), out);
+    for (int i = 0; i < row.bins && far > 0; ++i) {
+      if (near(row.counts[i], m[i])) continue;
+      out[i] = PoissonLikelihood::residual(row.counts[i], m[i], least[i], best[i]);
+      --far;
+    }
   }
 
   void slopes(const CountRow& row, const double* m, double* first, double* second) const override {
@@ -240,60 +342,36 @@ class PoissonLikelihood final : public BinLikelihood {
   }
 
   double half_deviance(const CountRow& row, const double* m, double /*least_sum*/) const override {
-    double sum = 0;
-    for (int i = 0; i < row.bins; ++i)
+    int far = 0;
+    double sum = scale() * poisson_half_deviance(row.counts, m, row.bins, &far);
+    for (int i = 0; i < row.bins && far > 0; ++i) {
+      if (near(row.counts[i], m[i])) continue;
       sum += PoissonLikelihood::half_deviance(row.counts[i], m[i], 0);
+      --far;
+    }
     return sum;
   }
 
   void add_linear_terms(const CountRow& row, const LinearLight& light,
                         LinearTerms& terms) const override {
-    const double* n = row.counts;
-    const double* s = light.object;
-    const double* t = light.direct;
-    const double amplitude = light.amplitude, ambient = light.ambient, direct = light.direct_scale;
-    double ga = 0, gc = 0, gb = 0, haa = 0, hac = 0, hab = 0, hcc = 0, hcb = 0, hbb = 0;
-    const double k = scale();
-    if (t == nullptr) {
-      for (int i = 0; i < row.bins; ++i) {
-        const double si = s != nullptr ? s[i] : 0.0;
-        const double inverse = 1 / std::max(amplitude * si + ambient, kLeastMean);
-        const double ratio = n[i] * inverse;
-        const double d1 = 1 - ratio;
-        const double d2 = ratio * inverse;
-        ga += d1 * si;
-        gc += d1;
-        haa += d2 * si * si;
-        hac += d2 * si;
-        hcc += d2;
-      }
-    } else {
-      for (int i = 0; i < row.bins; ++i) {
-        const double si = s != nullptr ? s[i] : 0.0;
-        const double inverse = 1 / std::max(amplitude * si + direct * t[i] + ambient, kLeastMean);
-        const double ratio = n[i] * inverse;
-        const double d1 = 1 - ratio;
-        const double d2 = ratio * inverse;
-        ga += d1 * si;
-        gc += d1;
-        gb += d1 * t[i];
-        haa += d2 * si * si;
-        hac += d2 * si;
-        hab += d2 * si * t[i];
-        hcc += d2;
-        hcb += d2 * t[i];
-        hbb += d2 * t[i] * t[i];
-      }
+    thread_local std::vector<double> dark;
+    if (dark.size() < static_cast<std::size_t>(row.bins)) {
+      dark.resize(static_cast<std::size_t>(row.bins), 0.0);
     }
-    terms.ga += k * ga;
-    terms.gc += k * gc;
-    terms.gb += k * gb;
-    terms.haa += k * haa;
-    terms.hac += k * hac;
-    terms.hab += k * hab;
-    terms.hcc += k * hcc;
-    terms.hcb += k * hcb;
-    terms.hbb += k * hbb;
+    LinearTerms sum;
+    poisson_terms(row.counts, light.object != nullptr ? light.object : dark.data(),
+                  light.direct != nullptr ? light.direct : dark.data(), row.bins, light.amplitude,
+                  light.direct_scale, light.ambient, kLeastMean, &sum);
+    const double k = scale();
+    terms.ga += k * sum.ga;
+    terms.gc += k * sum.gc;
+    terms.gb += k * sum.gb;
+    terms.haa += k * sum.haa;
+    terms.hac += k * sum.hac;
+    terms.hab += k * sum.hab;
+    terms.hcc += k * sum.hcc;
+    terms.hcb += k * sum.hcb;
+    terms.hbb += k * sum.hbb;
   }
 
   Terms equal_bins(double bins, double sum, double /*squares*/, double mean) const override {
@@ -313,6 +391,9 @@ class PoissonLikelihood final : public BinLikelihood {
   }
 
  private:
+  /// As the loops over rows decide it.
+  static bool near(double n, double m) { return std::abs((m - n) / std::max(n, 1e-300)) < kNear; }
+
   static constexpr double kLeastMean = 1e-300;
   static constexpr double kLeastInformed = 1e-12;  ///< below it the information says no more
 };
@@ -478,6 +559,11 @@ void LinearLight::expected(int bins, double* out) const {
 double BinLikelihood::residual(double n, double m, double least_value, double best_mean) const {
   const double root = std::sqrt(std::max(2 * half_deviance(n, m, least_value), 0.0));
   return m >= best_mean ? root : -root;
+}
+
+void BinLikelihood::residuals(const CountRow& row, const double* m, const double* least,
+                              const double* best, double* out) const {
+  for (int i = 0; i < row.bins; ++i) out[i] = residual(row.counts[i], m[i], least[i], best[i]);
 }
 
 void BinLikelihood::add_linear_terms(const CountRow& row, const LinearLight& light,

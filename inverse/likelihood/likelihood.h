@@ -82,6 +82,9 @@ class BinLikelihood {
   /// (far from the data) the information stands for the second.
   virtual void slopes(const CountRow& row, const double* m, double* first,
                       double* second) const = 0;
+  /// residual() of each bin, [bins]; `least` and `best` are those of the counts.
+  virtual void residuals(const CountRow& row, const double* m, const double* least,
+                         const double* best, double* out) const;
   /// Sum of the half deviances; `least_sum` is that of the least values.
   virtual double half_deviance(const CountRow& row, const double* m, double least_sum) const = 0;
   /// Adds the derivatives of the row's value in the linear unknowns, curvatures as by slopes().

@@ -64,6 +64,14 @@ LinearSolver::LinearSolver(const Observation& observation, const LinearUnknowns&
       prefix.push_back(next);
     }
     prefix_.push_back(std::move(prefix));
+    // The mean of the lower half: the object and the direct return only add.
+    std::vector<double> sorted = zone.counts;
+    const std::size_t half = std::max<std::size_t>(1, sorted.size() / 2);
+    const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(half);
+    std::nth_element(sorted.begin(), middle - 1, sorted.end());
+    double level = std::accumulate(sorted.begin(), middle, 0.0) / static_cast<double>(half);
+    if (zone.outside_bins > 0) level = std::max(level, zone.outside_count / zone.outside_bins);
+    lower_half_.push_back(level);
   }
   unknowns_.fixed_direct = 1;  // what is fixed is part of the shape
   if (unknowns_.ambient != LinearMode::per_zone) unknowns_.ambient_prior.clear();
@@ -148,15 +156,8 @@ void LinearSolver::start(std::span<const ZoneShapes> shapes, LinearSolution& sol
   for (std::size_t z = 0; z < zones; ++z) {
     const ObservedZone& zone = observation_.zones[z];
     if (unknowns_.ambient == LinearMode::per_zone) {
-      // The mean of the lower half: the object and the direct return only add.
-      std::vector<double> sorted = zone.counts;
-      std::sort(sorted.begin(), sorted.end());
-      const std::size_t half = std::max<std::size_t>(1, sorted.size() / 2);
-      double level =
-          std::accumulate(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(half), 0.0) /
-          static_cast<double>(half);
       const double all = zone.bins() + zone.outside_bins;
-      if (zone.outside_bins > 0) level = std::max(level, zone.outside_count / zone.outside_bins);
+      const double level = lower_half_[z];
       solution.ambient[z] =
           std::max({level, 0.5 / (all * std::max(observation_.law(zone).scale(), 1e-12)),
                     ambient_floor_[z]});
@@ -411,15 +412,15 @@ void LinearSolver::residuals(std::span<const ZoneShapes> shapes, const LinearSol
         shapes[z].object != nullptr ? static_cast<std::size_t>(shapes[z].object_first) : 0;
     const std::size_t lit_end =
         shapes[z].object != nullptr ? static_cast<std::size_t>(shapes[z].object_end) : 0;
-    for (std::size_t k = 0; k < zone.counts.size(); ++k) {
-      if (known_dark && (k < lit_first || k >= lit_end)) {
-        const double half = prefix_[z][k + 1].fixed - prefix_[z][k].fixed;
-        const double root = std::sqrt(std::max(2 * half, 0.0));
-        *out++ = unknowns_.fixed_ambient >= zone.best[k] ? root : -root;
-        continue;
-      }
-      *out++ = law.residual(zone.counts[k], mean[k], zone.least[k], zone.best[k]);
+    law.residuals(row_of(zone, 0, zone.bins()), mean.data(), zone.least.data(), zone.best.data(),
+                  out);
+    for (std::size_t k = 0; k < zone.counts.size() && known_dark; ++k) {
+      if (k >= lit_first && k < lit_end) continue;
+      const double half = prefix_[z][k + 1].fixed - prefix_[z][k].fixed;
+      const double root = std::sqrt(std::max(2 * half, 0.0));
+      out[k] = unknowns_.fixed_ambient >= zone.best[k] ? root : -root;
     }
+    out += zone.bins();
     if (zone.outside_bins > 0) {
       const double n = zone.outside_count;
       *out++ = law.residual(n, zone.outside_bins * solution.ambient[z], law.least(n), law.best(n));

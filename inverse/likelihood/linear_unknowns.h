@@ -98,6 +98,7 @@ class LinearSolver {
   const Observation& observation_;
   LinearUnknowns unknowns_;
   std::vector<double> ambient_floor_;        // [observed zones]
+  std::vector<double> lower_half_;           // [observed zones] mean of the lower half of the bins
   std::vector<std::vector<Prefix>> prefix_;  // [observed zones][bins + 1]
   int residual_count_ = 0;
   bool has_direct_ = false;
