@@ -125,10 +125,9 @@ void answer_darkness(const CompiledScene& compiled, const Observation& observati
   const AmplitudePrior& prior = scene.linear.amplitude_prior;
   double dark = 0;
   int count = 0;
-  const Eigen::Index stride = std::max<Eigen::Index>(1, compiled.templates.cols() / 500);
-  for (Eigen::Index i = 0; i < compiled.templates.cols(); i += stride) {
-    const double light = observation.likelihood.front()->scale() *
-                         static_cast<double>(compiled.templates.col(i).sum());
+  const std::size_t stride = std::max<std::size_t>(1, compiled.templates.poses() / 500);
+  for (std::size_t i = 0; i < compiled.templates.poses(); i += stride) {
+    const double light = observation.likelihood.front()->scale() * compiled.templates.sum(i);
     for (int k = -4; k <= 4; ++k) {
       const double u = 0.5 * k;
       const double a = prior.median * std::exp(prior.sigma_log * u);
@@ -336,6 +335,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
       score(objective, empty, options.max_starts, options.negligible_log_posterior);
   result.time_ms.score = stage.lap();
   std::vector<Refined> basins;
+  std::vector<PoseVector> approached;  // with a wide pulse
   double best = -std::numeric_limits<double>::infinity();
   double largest_gain = 0;
   for (std::size_t next = 0; next < scored.starts.size();) {
@@ -349,15 +349,29 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
           start.log_posterior + 2 * largest_gain < best - 1.5 * options.negligible_log_posterior;
       if (!hopeless) chosen.push_back(&start);
     }
-    std::vector<Refined> reached(chosen.size());
-    tbb::this_task_arena::isolate([&] {
-      tbb::parallel_for(std::size_t{0}, chosen.size(),
-                        [&](std::size_t i) { reached[i] = approach(objective, chosen[i]->pose); });
-    });
+    // Of those that a wide pulse brings to the same place one will do.
+    std::vector<PoseVector> places;
+    for (const Candidate* start : chosen) places.push_back(start->pose);
+    places = approach_widely(objective, places);
+    std::vector<std::size_t> apart;
     for (std::size_t i = 0; i < chosen.size(); ++i) {
+      const bool known = compiled.widths.size() > 1 &&
+                         std::ranges::any_of(approached, [&](const PoseVector& other) {
+                           return same_place(compiled, other, places[i]);
+                         });
+      if (known) continue;
+      approached.push_back(places[i]);
+      apart.push_back(i);
+    }
+    std::vector<Refined> reached(apart.size());
+    tbb::this_task_arena::isolate([&] {
+      tbb::parallel_for(std::size_t{0}, apart.size(),
+                        [&](std::size_t i) { reached[i] = approach(objective, places[apart[i]]); });
+    });
+    for (std::size_t i = 0; i < apart.size(); ++i) {
       const double here = reached[i].value.log_posterior;
       best = std::max(best, here);
-      largest_gain = std::max(largest_gain, here - chosen[i]->log_posterior);
+      largest_gain = std::max(largest_gain, here - chosen[apart[i]]->log_posterior);
       basins.push_back(std::move(reached[i]));
     }
   }
@@ -399,8 +413,11 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   for (int again = 0; again < kMostReturns && !posterior.promising.empty(); ++again) {
     // Sampling came upon places that may be better: refine from there and, if so, think again.
     const double before = optima.front().value.log_posterior;
-    optima = find_optima(objective, posterior.promising, options.negligible_log_posterior,
-                         std::move(optima));
+    const std::vector<PoseVector> promising =
+        model_error.level > 0 ? new_places(compiled, observation, posterior.promising, optima)
+                              : posterior.promising;
+    if (promising.empty()) break;
+    optima = find_optima(objective, promising, options.negligible_log_posterior, std::move(optima));
     if (optima.front().value.log_posterior < before + kWorthAnother) break;
     posterior = think();
   }

@@ -402,8 +402,8 @@ void CoarseModel::three_bounce(const std::vector<Placement>& placements, double 
       mine.view.lit.clear();
       if (pairs_[i]) see(middle, in_the_way, lit_, lit_runs_, false, mine.view.lit);
     }
+    const double extra = extra_pulse_sigma * extra_pulse_sigma;
     for (const SurfaceCell& own : shared_->objects[i].cells) {
-      const double extra = extra_pulse_sigma * extra_pulse_sigma;
       render(placed(own, T, placements[i].size), middle, mine.view, i, extra, out);
     }
   }

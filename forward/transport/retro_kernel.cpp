@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "forward/transport/retro_kernel.h"
 
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
 #include <algorithm>
 
 #include "blindcorner/forward/constants.h"
@@ -11,6 +14,8 @@ namespace {
 /// Width of a path cell in pulse standard deviations: pairs in one cell differ by a spread of
 /// s = 0.4^2 / 6 = 0.03, whose closure error is below 1e-4. Wider cells leave kinks in the pose.
 constexpr double kPathCell = 0.4;
+/// Parts of a costly object's cells, side by side; fixed, so that sums do not depend on threads.
+constexpr std::size_t kParts = 4;
 
 }  // namespace
 
@@ -29,12 +34,33 @@ RetroKernel::RetroKernel(const KernelInputs& inputs)
 
 void RetroKernel::render(const ObjectInPlace& object, Scratch& s) const {
   s.prepare(scene().sensor.zone_count(), path_cells_);
-  std::vector<ShadowView> shadows;
-  std::vector<std::vector<OccluderFace>> faces;  // of each node, where bodies are in the way
   const std::vector<SurfaceCell> cells = divide(scene().hidden.shape, object.T_world_object,
                                                 object.placement.size, sampling_->object_edge, 1);
   begin(cells, s);
-  for (std::size_t c = 0; c < cells.size(); ++c) {
+  if (!costly() || cells.size() < kParts) {
+    add_cells(object, cells, 0, 1, s);
+  } else {
+    thread_local std::vector<Scratch> parts(kParts);
+    std::vector<Scratch>& own = parts;  // this thread's, whoever works on them
+    // Isolated: whoever waits here must not pick up a render that needs the same scratch.
+    tbb::this_task_arena::isolate([&] {
+      tbb::parallel_for(std::size_t{0}, kParts, [&](std::size_t part) {
+        own[part].prepare(scene().sensor.zone_count(), path_cells_);
+        own[part].pair_count = 0;
+        add_cells(object, cells, part, kParts, own[part]);
+      });
+    });
+    for (Scratch& part : own) collect(part, s);
+  }
+  flush(s);
+}
+
+/// Every `step`-th cell.
+void RetroKernel::add_cells(const ObjectInPlace& object, const std::vector<SurfaceCell>& cells,
+                            std::size_t first, std::size_t step, Scratch& s) const {
+  std::vector<ShadowView> shadows;
+  std::vector<std::vector<OccluderFace>> faces;  // of each node, where bodies are in the way
+  for (std::size_t c = first; c < cells.size(); c += step) {
     if (!faces_relay(*sampling_, cells[c].center, cells[c].normal)) continue;
     const CellNodes nodes(cells[c], sampling_->object_midpoint);
     shadows.clear();
@@ -50,7 +76,28 @@ void RetroKernel::render(const ObjectInPlace& object, Scratch& s) const {
     using Lists = std::span<const std::vector<OccluderFace>>;
     add_cell({c, nodes, shadows, faces.empty() ? Lists(&object.occluders, 1) : Lists(faces)}, s);
   }
-  flush(s);
+}
+
+/// Moves the light of a part to the whole; leaves the part's cells empty.
+void RetroKernel::collect(Scratch& part, Scratch& whole) const {
+  whole.pair_count += part.pair_count;
+  for (std::size_t z = 0; z < static_cast<std::size_t>(scene().sensor.zone_count()); ++z) {
+    Range& own = part.touched[z];
+    if (whole_axis_) own = {0, path_cells_};
+    if (own.begin >= own.end) continue;
+    Range& all = whole.touched[z];
+    all = all.begin < all.end ? Range{std::min(all.begin, own.begin), std::max(all.end, own.end)}
+                              : own;
+    Sums* from = part.cells.data() + z * static_cast<std::size_t>(path_cells_);
+    Sums* to = whole.cells.data() + z * static_cast<std::size_t>(path_cells_);
+    for (int c = own.begin; c < own.end; ++c) {
+      to[c].weight += from[c].weight;
+      to[c].first += from[c].first;
+      to[c].second += from[c].second;
+      from[c] = {};
+    }
+    own = {};
+  }
 }
 
 void RetroKernel::add_pulses(Scratch& s, int zone, std::size_t begin, std::size_t end) const {

@@ -36,6 +36,8 @@ class RetroKernel : public TransportKernel {
   /// Before the first cell of a placement.
   virtual void begin(const std::vector<SurfaceCell>& /*cells*/, Scratch& /*s*/) const {}
   virtual void add_cell(const ShadedCell& cell, Scratch& s) const = 0;
+  /// Whether an object takes milliseconds: its cells are then shared among threads.
+  virtual bool costly() const { return false; }
 
   const Scene& scene() const { return transport_->scene; }
   const Sampling& sampling() const { return *sampling_; }
@@ -47,6 +49,9 @@ class RetroKernel : public TransportKernel {
   void add_pulses(Scratch& s, int zone, std::size_t begin, std::size_t end) const;
 
  private:
+  void add_cells(const ObjectInPlace& object, const std::vector<SurfaceCell>& cells,
+                 std::size_t first, std::size_t step, Scratch& s) const;
+  void collect(Scratch& part, Scratch& whole) const;
   void flush(Scratch& s) const;
 
   std::shared_ptr<const SceneTransport> transport_;

@@ -78,6 +78,12 @@ class RetroPairsKernel final : public RetroKernel {
     }
   }
 
+  /// Some ten nanoseconds a pair, of which few are in reach, for each of some hundred nodes.
+  bool costly() const override {
+    return static_cast<double>(sampling().lit.size()) * sampling().seen.size() > kCostly;
+  }
+
+  static constexpr double kCostly = 1e5;  ///< pairs of patches
   LobePairs pairs_;
 };
 

@@ -37,7 +37,7 @@ constexpr double kNoLight = 1e-7;
 /// Largest edge of a patch against its distance to the sensor.
 constexpr double kSensorAngle = 0.4;
 /// Cells of the direct return that are good to kDirectError.
-constexpr DirectSampling kDirectCells{4, 0.45, 2};
+constexpr DirectSampling kDirectCells{4, 0.3, 2};
 /// Parts in which the bounces are summed, side by side; fixed, so that sums do not depend on
 /// threads.
 constexpr std::size_t kParts = 8;

@@ -174,9 +174,12 @@ PoseValue PoseObjective::evaluate(const LightSource& light, const PoseVector& po
 PoseValue PoseObjective::evaluate_template(int index, LinearSolution& solution, bool warm,
                                            double accuracy) const {
   ShapeBuffer& buffer = scratch();
-  buffer.object.resize(static_cast<std::size_t>(rows_));
-  const float* column = compiled_.templates.col(index).data();
-  for (std::size_t i = 0; i < buffer.object.size(); ++i) buffer.object[i] = column[i];
+  buffer.object.assign(static_cast<std::size_t>(rows_), 0.0);
+  const Templates::Column& column = compiled_.templates.column(static_cast<std::size_t>(index));
+  for (const Templates::Piece& piece : column.pieces) {
+    const float* counts = column.counts.data() + piece.from;
+    std::copy(counts, counts + piece.count, buffer.object.data() + piece.row);
+  }
   point(buffer, true);
   return evaluate(buffer, compiled_.poses[static_cast<std::size_t>(index)], solution, warm,
                   accuracy);

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "inverse/posterior/importance.h"
 
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
@@ -134,7 +137,12 @@ class Sampler {
   }
 
   void stage(int count) {
+    const std::size_t first = samples_.size();
     for (int i = 0; i < count; ++i) draw();
+    // Isolated: whoever waits here must not pick up work that waits for this.
+    tbb::this_task_arena::isolate([&] {
+      tbb::parallel_for(first, samples_.size(), [&](std::size_t i) { evaluate(samples_[i]); });
+    });
     for (std::size_t c = 0; c < shares_.size(); ++c) drawn_[c] += count * shares_[c];
     weigh();
   }
@@ -197,21 +205,24 @@ class Sampler {
         sample.peak = j;
       }
     }
-    if (std::isfinite(log_pose_prior(scene_, sample.pose))) {
-      LinearSolution linear = optima_[sample.peak]->linear;  // warm start
-      const bool near = nearest < kNear * kNear;
-      PoseValue value = objective_.evaluate(near ? lights_.near[sample.peak] : lights_.far,
-                                            sample.pose, linear, true, kAccuracy);
-      if (!near && lights_.far_is_rough &&
-          value.log_posterior > optima_.front()->value.log_posterior - kFarMatters) {
-        value = objective_.evaluate(objective_.compiled().models(), sample.pose, linear, true,
-                                    kAccuracy);
-      }
-      sample.log_posterior = value.log_posterior;
-      sample.log_target = tempered(value, inflation_);
-    }
+    near_.push_back(nearest < kNear * kNear);
     samples_.push_back(std::move(sample));
     densities_.push_back(std::move(densities));
+  }
+
+  void evaluate(PosteriorSample& sample) const {
+    if (!std::isfinite(log_pose_prior(scene_, sample.pose))) return;
+    LinearSolution linear = optima_[sample.peak]->linear;  // warm start
+    const bool near = near_[static_cast<std::size_t>(&sample - samples_.data())];
+    PoseValue value = objective_.evaluate(near ? lights_.near[sample.peak] : lights_.far,
+                                          sample.pose, linear, true, kAccuracy);
+    if (!near && lights_.far_is_rough &&
+        value.log_posterior > optima_.front()->value.log_posterior - kFarMatters) {
+      value =
+          objective_.evaluate(objective_.compiled().models(), sample.pose, linear, true, kAccuracy);
+    }
+    sample.log_posterior = value.log_posterior;
+    sample.log_target = tempered(value, inflation_);
   }
 
   void weigh() {
@@ -280,6 +291,7 @@ class Sampler {
   std::vector<double> shares_;    // of the grid, then of the components; sums to one
   std::vector<double> drawn_;     // expected number of samples from each so far
   std::vector<PosteriorSample> samples_;
+  std::vector<bool> near_;                      // [sample] to a peak
   std::vector<std::vector<double>> densities_;  // [sample][grid, components]
   double log_evidence_ = 0;
   double effective_ = 0;

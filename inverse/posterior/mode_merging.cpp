@@ -26,6 +26,11 @@ constexpr std::size_t kMaxGroups = 6;
 
 }  // namespace
 
+bool same_place(const CompiledScene& compiled, const PoseVector& a, const PoseVector& b) {
+  const PoseVector d = pose_difference(compiled.scene, a, b);
+  return (d.array().abs() < kSamePlace * compiled.spacing.array()).all();
+}
+
 std::vector<Refined> merge(const CompiledScene& compiled, std::vector<Refined> optima,
                            double negligible) {
   std::stable_sort(optima.begin(), optima.end(), [](const Refined& a, const Refined& b) {
@@ -39,8 +44,7 @@ std::vector<Refined> merge(const CompiledScene& compiled, std::vector<Refined> o
       break;
     }
     const bool known = std::any_of(kept.begin(), kept.end(), [&](const Refined& other) {
-      const PoseVector d = pose_difference(compiled.scene, other.pose, optimum.pose);
-      return (d.array().abs() < kSamePlace * compiled.spacing.array()).all();
+      return same_place(compiled, other.pose, optimum.pose);
     });
     if (!known) kept.push_back(std::move(optimum));
   }

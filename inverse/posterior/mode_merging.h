@@ -13,6 +13,9 @@
 
 namespace blindcorner {
 
+/// Whether descents that ended at two poses ended at the same place.
+bool same_place(const CompiledScene& compiled, const PoseVector& a, const PoseVector& b);
+
 /// Merges refined starts that ended at the same optimum, best first; drops those `negligible` or
 /// more in log posterior below the best.
 std::vector<Refined> merge(const CompiledScene& compiled, std::vector<Refined> optima,

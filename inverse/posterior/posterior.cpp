@@ -96,6 +96,14 @@ SampleLights sample_lights(const PoseObjective& objective,
   double high = -low;
   double best = high;
   for (const Peak& peak : peaks) best = std::max(best, peak.log_evidence);
+  // The compiled scene's own models, corrected by what they lack of better ones.
+  for (const Refined* optimum : optima) {
+    ShapeBuffer right;
+    ShapeBuffer cheap;
+    objective.shapes(light_near(objective, *optimum), optimum->pose, right);
+    objective.shapes(compiled.models(), optimum->pose, cheap);
+    lights.corrections.push_back(objective.correction(optimum->pose, right, cheap));
+  }
   const auto value = [&](const LightSource& light, const PoseVector& pose, LinearSolution linear) {
     return tempered(objective.evaluate(light, pose, linear, true, kSampleAccuracy), inflation);
   };
@@ -104,10 +112,10 @@ SampleLights sample_lights(const PoseObjective& objective,
     const LightSource light = compiled.spline ? *steering : light_near(objective, top);
     lights.near.push_back(light);
     if (!compiled.spline && peaks[j].log_evidence < best - kMinorEvidence) continue;
+    const LightSource model = LightSource(compiled.models()).corrected(lights.corrections[j]);
     const auto note = [&](const PoseVector& pose) {
       if (!std::isfinite(log_pose_prior(compiled.scene, pose))) return;
-      const double difference =
-          value(light, pose, top.linear) - value(objective.models(), pose, top.linear);
+      const double difference = value(light, pose, top.linear) - value(model, pose, top.linear);
       low = std::min(low, difference);
       high = std::max(high, difference);
     };
@@ -121,15 +129,7 @@ SampleLights sample_lights(const PoseObjective& objective,
     lights.far_is_rough = !compiled.spline;
     return lights;
   }
-  // The compiled scene's own models, corrected by what they lack of better ones.
   lights.near.clear();
-  for (const Refined* optimum : optima) {
-    ShapeBuffer right;
-    ShapeBuffer cheap;
-    objective.shapes(light_near(objective, *optimum), optimum->pose, right);
-    objective.shapes(compiled.models(), optimum->pose, cheap);
-    lights.corrections.push_back(objective.correction(optimum->pose, right, cheap));
-  }
   for (const Correction& correction : lights.corrections) {
     lights.near.push_back(LightSource(compiled.models()).corrected(correction));
   }

@@ -298,19 +298,63 @@ float* copy_gates(const Scene& scene, const std::vector<BinWindow>& windows,
   return out;
 }
 
-/// Histograms of the scored poses from `models`.
-void render_templates(CompiledScene& compiled, const ModelSet& models) {
+/// Histograms of the scored poses from `models`, [rows, poses].
+Eigen::MatrixXf render_templates(const CompiledScene& compiled, const ModelSet& models) {
+  Eigen::MatrixXf templates(window_rows(compiled), std::ssize(compiled.poses));
   // Isolated: whoever waits here must not pick up another fit that waits for this compilation.
   tbb::this_task_arena::isolate([&] {
     tbb::parallel_for(std::size_t{0}, compiled.poses.size(), [&](std::size_t index) {
       HistogramCube light;
-      float* out = compiled.templates.col(static_cast<Eigen::Index>(index)).data();
+      float* out = templates.col(static_cast<Eigen::Index>(index)).data();
       for (std::size_t c = 0; c < models.size(); ++c) {
         models[c]->three_bounce(compiled.poses[index], light);
         out = copy_gates(compiled.scene, compiled.windows[c], light, out);
       }
     });
   });
+  return templates;
+}
+
+/// Where the rows of each zone begin, [all captures' zones with rows + 1].
+std::vector<int> zone_rows(const CompiledScene& compiled) {
+  std::vector<int> begin{0};
+  for (const auto& gates : compiled.windows) {
+    for (const BinWindow& gate : gates) {
+      if (gate.first < gate.end) begin.push_back(begin.back() + gate.end - gate.first);
+    }
+  }
+  return begin;
+}
+
+/// Adds one capture's light, times the zones' gains, to a column; its rows are still bins.
+void append_light(const Sensor& sensor, const SparseLight& light, Templates::Column& column) {
+  for (std::size_t z = 0; z < light.lit.size(); ++z) {
+    const SparseLight::Range& lit = light.lit[z];
+    column.pieces.push_back({lit.begin, lit.end - lit.begin, column.counts.size()});
+    const double* row = light.cube.zone(static_cast<int>(z));
+    for (int k = lit.begin; k < lit.end; ++k) {
+      column.counts.push_back(static_cast<float>(sensor.zones[z].gain * row[k]));
+    }
+  }
+}
+
+/// Turns the bins of a column's pieces into rows of the time gates.
+void cut_to_gates(const CompiledScene& compiled, Templates::Column& column) {
+  std::vector<Templates::Piece> pieces;
+  auto piece = column.pieces.begin();
+  int row = 0;
+  for (const auto& gates : compiled.windows) {
+    for (const BinWindow& gate : gates) {
+      const Templates::Piece& own = *piece++;
+      const int first = std::max(own.row, gate.first);
+      const int end = std::min(own.row + own.count, gate.end);
+      if (gate.first >= gate.end) continue;
+      pieces.push_back({row + std::max(first - gate.first, 0), std::max(end - first, 0),
+                        own.from + static_cast<std::size_t>(std::max(first - own.row, 0))});
+      row += gate.end - gate.first;
+    }
+  }
+  column.pieces = std::move(pieces);
 }
 
 /// Time gates and histograms of the scored poses in closed form, `extra_sigma` (s) wider.
@@ -318,29 +362,19 @@ void render_closed_form(CompiledScene& compiled, double extra_sigma) {
   const Scene& scene = compiled.scene;
   const Sensor& sensor = scene.sensor;
   const auto zones = static_cast<std::size_t>(sensor.zone_count());
-  struct Row {
-    std::vector<SparseLight::Range> lit;  // [captures * zones]
-    std::vector<float> counts;            // of the lit bins, one after the other
-  };
-  std::vector<Row> rows(compiled.poses.size());
+  std::vector<Templates::Column> columns(compiled.poses.size());
   tbb::this_task_arena::isolate([&] {
     // Chunks, so that what the object's middle sees is worked out once for its yaws.
-    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, rows.size(), 16), [&](const auto& part) {
-      SparseLight light;
-      for (std::size_t i = part.begin(); i != part.end(); ++i) {
-        for (const CoarseModel& model : compiled.coarse) {
-          model.three_bounce(compiled.poses[i], extra_sigma, light);
-          for (std::size_t z = 0; z < zones; ++z) {
-            const double gain = sensor.zones[z].gain;
-            rows[i].lit.push_back(light.lit[z]);
-            for (int k = light.lit[z].begin; k < light.lit[z].end; ++k) {
-              rows[i].counts.push_back(
-                  static_cast<float>(gain * light.cube.zone(static_cast<int>(z))[k]));
-            }
-          }
-        }
-      }
-    });
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, columns.size(), 16),
+                      [&](const auto& part) {
+                        SparseLight light;
+                        for (std::size_t i = part.begin(); i != part.end(); ++i) {
+                          for (const CoarseModel& model : compiled.coarse) {
+                            model.three_bounce(compiled.poses[i], extra_sigma, light);
+                            append_light(sensor, light, columns[i]);
+                          }
+                        }
+                      });
   });
 
   // Gates: what any pose lights, and the tails that the closed form cuts off.
@@ -357,11 +391,11 @@ void render_closed_form(CompiledScene& compiled, double extra_sigma) {
       if (zone.dead) gate = {0, 0};
       if (summarise && !zone.dead) {
         gate = {valid_end, zone.first_valid_bin};
-        for (const Row& row : rows) {
-          const SparseLight::Range& lit = row.lit[c * zones + z];
-          if (lit.begin == lit.end) continue;
-          gate.first = std::min(gate.first, lit.begin - before);
-          gate.end = std::max(gate.end, lit.end + after);
+        for (const Templates::Column& column : columns) {
+          const Templates::Piece& lit = column.pieces[c * zones + z];
+          if (lit.count == 0) continue;
+          gate.first = std::min(gate.first, lit.row - before);
+          gate.end = std::max(gate.end, lit.row + lit.count + after);
         }
         const double* direct = nullptr;
         if (has_static_light(scene)) {
@@ -383,21 +417,8 @@ void render_closed_form(CompiledScene& compiled, double extra_sigma) {
     compiled.windows.push_back(std::move(gates));
   }
 
-  compiled.templates.setZero(window_rows(compiled), static_cast<Eigen::Index>(rows.size()));
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    float* out = compiled.templates.col(static_cast<Eigen::Index>(i)).data();
-    const float* in = rows[i].counts.data();
-    for (std::size_t c = 0; c < compiled.coarse.size(); ++c) {
-      for (std::size_t z = 0; z < zones; ++z) {
-        const BinWindow& gate = compiled.windows[c][z];
-        const SparseLight::Range& lit = rows[i].lit[c * zones + z];
-        for (int k = lit.begin; k < lit.end; ++k, ++in) {
-          if (k >= gate.first && k < gate.end) out[k - gate.first] = *in;
-        }
-        out += std::max(gate.end - gate.first, 0);
-      }
-    }
-  }
+  for (Templates::Column& column : columns) cut_to_gates(compiled, column);
+  compiled.templates = {window_rows(compiled), std::move(columns)};
 }
 
 /// Each object's light by itself, at as many poses as a scene with that object alone would score.
@@ -421,20 +442,21 @@ void render_objects(CompiledScene& compiled, int most) {
     CompiledScene::ObjectGrid grid;
     grid.poses = std::move(alone.poses);
     grid.spacing = alone.spacing;
-    grid.templates.resize(window_rows(compiled), static_cast<Eigen::Index>(grid.poses.size()));
+    std::vector<Templates::Column> columns(grid.poses.size());
     tbb::this_task_arena::isolate([&] {
       tbb::parallel_for(std::size_t{0}, grid.poses.size(), [&](std::size_t i) {
         std::vector<Placement> placements = stated_placements(scene);
         placements[static_cast<std::size_t>(object)] =
             placements_at(alone.scene, grid.poses[i]).front();
         SparseLight light;
-        float* out = grid.templates.col(static_cast<Eigen::Index>(i)).data();
-        for (std::size_t c = 0; c < compiled.coarse.size(); ++c) {
-          compiled.coarse[c].three_bounce(placements, extra, light, object);
-          out = copy_gates(scene, compiled.windows[c], light.cube, out);
+        for (const CoarseModel& model : compiled.coarse) {
+          model.three_bounce(placements, extra, light, object);
+          append_light(scene.sensor, light, columns[i]);
         }
+        cut_to_gates(compiled, columns[i]);
       });
     });
+    grid.templates = {window_rows(compiled), std::move(columns)};
     compiled.objects.push_back(std::move(grid));
   }
 }
@@ -458,9 +480,19 @@ ModelSet make_models(const CompiledScene& compiled, FastModelOptions fast) {
 /// pairs, because one sum has an error of its own.
 FastModelOptions options_of(int level, const Fidelity& first, bool lobes) {
   FastModelOptions fast;
-  fast.tolerance = level == 1 ? 0.01 : 0.001;
-  fast.fidelity = first;
-  if (lobes) fast.fidelity = {level == 1 ? 5.657 : 4.0, 5.657, true};
+  if (!lobes) {
+    fast.tolerance = level == 1 ? 0.01 : 0.001;
+    fast.fidelity = first;
+    return fast;
+  }
+  fast.tolerance = kCheapTolerance;
+  Fidelity pairs{std::sqrt(8.0), 4.0, true};
+  if (level > 1) pairs = {2.0, std::sqrt(8.0), true};
+  if (first.lobe_pairs) {
+    pairs.relay = std::min(pairs.relay, first.relay);
+    pairs.object = std::min(pairs.object, first.object);
+  }
+  fast.fidelity = pairs;
   return fast;
 }
 
@@ -522,7 +554,8 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
     }
   }
   const double widest = grid.widen ? pulse_time * std::sqrt(widening * widening - 1) : 0.0;
-  for (double sigma = widest; sigma > 0.5 * pulse_time; sigma /= 2) {
+  // From twice the pulse a descent lands where the pulse itself leads on.
+  for (double sigma = widest; sigma > (closed_form ? 1.0 : 0.5) * pulse_time; sigma /= 2) {
     compiled->widths.push_back(sigma);
   }
   compiled->widths.push_back(0);
@@ -552,12 +585,11 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
     if (!compiled->objects.empty()) compiled->widths = {0};
   } else {
     compiled->windows = reach(*compiled);
-    compiled->templates.resize(window_rows(*compiled),
-                               static_cast<Eigen::Index>(compiled->poses.size()));
-    render_templates(*compiled,
-                     grid.sharp || spline ? compiled->models() : compiled->ladder.front());
+    const Eigen::MatrixXf templates = render_templates(
+        *compiled, grid.sharp || spline ? compiled->models() : compiled->ladder.front());
+    if (spline) compiled->spline = std::make_unique<SplineGrid>(templates, compiled->axes);
+    compiled->templates = Templates(templates, zone_rows(*compiled));
   }
-  if (spline) compiled->spline = std::make_unique<SplineGrid>(compiled->templates, compiled->axes);
   for (std::size_t c = 0; c < compiled->static_light.size(); ++c) {
     const HistogramCube& direct = compiled->static_light[c];
     for (int z = 0; z < direct.zones(); ++z) {
@@ -572,15 +604,16 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
 }
 
 std::size_t CompiledScene::bytes() const {
-  const auto tables = static_cast<std::size_t>(templates.size()) * sizeof(float);
+  const std::size_t tables = templates.bytes();
   const std::size_t points = poses.size() * (sizeof(PoseVector) + sizeof(double) * axes.size());
   // Models: patches of relay and object, a few hundred bytes each, and tabulated pulses.
   const std::size_t a_model = 2'000'000;
   std::size_t of_objects = 0;
   for (const ObjectGrid& grid : objects) {
-    of_objects += static_cast<std::size_t>(grid.templates.size()) * sizeof(float);
+    of_objects += grid.templates.bytes();
   }
-  return of_objects + (spline ? 3 : 1) * tables + points +
+  const auto dense = static_cast<std::size_t>(templates.rows()) * poses.size() * sizeof(float);
+  return of_objects + tables + (spline ? 2 * dense : 0) + points +
          ladder.size() * models().size() * a_model;
 }
 

@@ -15,6 +15,7 @@
 #include "forward/transport/coarse_model.h"
 #include "inverse/likelihood/observation.h"
 #include "inverse/search/spline_grid.h"
+#include "inverse/search/templates.h"
 
 namespace blindcorner {
 
@@ -43,12 +44,12 @@ struct CompiledScene {
   std::vector<PoseVector> poses;  ///< scored poses, last unknown fastest
   std::vector<float> log_prior;   ///< [poses] log density of their prior
   /// gain * S inside the windows, one column per scored pose, rows as in Observation::zones.
-  Eigen::MatrixXf templates;
+  Templates templates;
   /// Of several objects, each one's light by itself, closed form; empty: one object.
   struct ObjectGrid {
     std::vector<PoseVector> poses;  ///< of this object's unknowns, in the scene's order
     PoseVector spacing;
-    Eigen::MatrixXf templates;  ///< as above
+    Templates templates;  ///< as above
   };
   std::vector<ObjectGrid> objects;
   /// Between the scored poses; null where the pulse had to be widened, or the grid is too large.

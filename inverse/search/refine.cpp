@@ -29,6 +29,9 @@ constexpr Stop kPolish{25, 1e-6, true};
 constexpr int kMaxCorrections = 5;
 constexpr int kMaxSettlings = 3;
 constexpr double kWorthCorrecting = 0.005;
+/// A gain from a move of a fifth of a standard deviation or less: a correction made at its
+/// beginning is right at its end.
+constexpr double kSmallGain = 0.02;
 /// Optima this far below the best in log posterior hold less than a per cent of the posterior each:
 /// the steering light's derivatives do for them.
 constexpr double kWorthSettling = 5;
@@ -149,17 +152,19 @@ Refined finish(const PoseObjective& objective, const LightSource& light, Refined
 }
 
 /// The model's value at the pose, and what the steering light lacks there.
+/// `known`: the model's light there, where that is known.
 Refined finish_corrected(const PoseObjective& objective, const LightSource& steering,
-                         Refined result) {
+                         Refined result, const ShapeBuffer* known = nullptr) {
   const CompiledScene& compiled = objective.compiled();
   wrap_pose(compiled.scene, result.pose);
   ShapeBuffer model;
   ShapeBuffer cheap;
-  objective.shapes(objective.models(), result.pose, model);
+  if (known == nullptr) objective.shapes(objective.models(), result.pose, model);
   objective.shapes(steering, result.pose, cheap);
-  result.correction = objective.correction(result.pose, model, cheap);
+  const ShapeBuffer& right = known != nullptr ? *known : model;
+  result.correction = objective.correction(result.pose, right, cheap);
   result.value =
-      objective.evaluate(model, result.pose, result.linear, !result.linear.ambient.empty());
+      objective.evaluate(right, result.pose, result.linear, !result.linear.ambient.empty());
   ++result.evaluations;
   return result;
 }
@@ -218,15 +223,32 @@ Refined approach(const PoseObjective& objective, const PoseVector& start) {
     return finish(objective, *compiled.spline, std::move(result));
   }
   if (!compiled.coarse.empty()) {
-    for (const double width : compiled.widths) {
-      minimise(objective, LightSource(compiled.coarse, width), kApproach, result);
-    }
+    minimise(objective, LightSource(compiled.coarse, compiled.widths.back()), kApproach, result);
     return polish_steered(objective, LightSource(compiled.coarse), std::move(result), 1);
   }
   for (std::size_t rung = 0; rung + 1 < compiled.ladder.size(); ++rung) {
     minimise(objective, compiled.ladder[rung], kApproach, result);
   }
   return finish(objective, compiled.cheap_models(), std::move(result));
+}
+
+std::vector<PoseVector> approach_widely(const PoseObjective& objective,
+                                        const std::vector<PoseVector>& starts) {
+  const CompiledScene& compiled = objective.compiled();
+  std::vector<Refined> reached(starts.size());
+  tbb::this_task_arena::isolate([&] {
+    tbb::parallel_for(std::size_t{0}, starts.size(), [&](std::size_t i) {
+      reached[i].pose = starts[i];
+      for (std::size_t w = 0; w + 1 < compiled.widths.size() && !compiled.coarse.empty(); ++w) {
+        minimise(objective, LightSource(compiled.coarse, compiled.widths[w]), kApproach,
+                 reached[i]);
+      }
+      wrap_pose(compiled.scene, reached[i].pose);
+    });
+  });
+  std::vector<PoseVector> places;
+  for (const Refined& refined : reached) places.push_back(refined.pose);
+  return places;
 }
 
 Refined polish(const PoseObjective& objective, const PoseVector& start) {
@@ -240,7 +262,7 @@ Refined polish(const PoseObjective& objective, const PoseVector& start) {
   return finish(objective, objective.models(), std::move(result));
 }
 
-void settle_again(const PoseObjective& objective, Refined& optimum) {
+void settle_again(const PoseObjective& objective, Refined& optimum, const ShapeBuffer* here) {
   const std::optional<LightSource> steering = steering_light(objective.compiled());
   if (!steering) {
     minimise(objective, objective.models(), kPolish, optimum);
@@ -251,20 +273,24 @@ void settle_again(const PoseObjective& objective, Refined& optimum) {
     optimum = polish_steered(objective, *steering, std::move(optimum), kMaxCorrections);
     return;
   }
-  Eigen::MatrixXd of_correction = std::move(optimum.correction.slope);
-  Refined best = finish_corrected(objective, *steering, std::move(optimum));
+  // What the slopes of the steering light lack is the same for all models.
+  const Eigen::MatrixXd slope = std::move(optimum.correction.slope);
+  Refined best = finish_corrected(objective, *steering, std::move(optimum), here);
+  best.correction.slope = slope;
   for (int k = 0; k < kMaxSettlings; ++k) {
-    ShapeBuffer light;
-    objective.shapes(light_near(objective, best), best.pose, light);
-    const Linearisation at{best.pose, light.object, best.slope};
     Refined next = best;
-    minimise(objective, at, kApproachCheap, next);
-    next = finish_corrected(objective, *steering, std::move(next));
+    minimise(objective, steering->corrected(best.correction), kApproachCheap, next);
+    next = finish(objective, steering->corrected(best.correction), std::move(next));
     const double gain = next.value.log_posterior - best.value.log_posterior;
-    if (gain > 0) best = std::move(next);
-    if (gain < kWorthCorrecting) break;
+    if (gain < kSmallGain) {
+      if (gain > 0) best = std::move(next);
+      break;
+    }
+    next = finish_corrected(objective, *steering, std::move(next));
+    if (next.value.log_posterior <= best.value.log_posterior) break;
+    best = std::move(next);
+    best.correction.slope = slope;
   }
-  best.correction.slope = std::move(of_correction);
   optimum = std::move(best);
 }
 
@@ -281,12 +307,33 @@ std::vector<Refined> find_optima(const PoseObjective& objective,
   optima = merge(compiled, std::move(optima), negligible);
   if (compiled.coarse.empty() || optima.empty()) return optima;
   const double least = optima.front().value.log_posterior - kWorthSettling;
-  for (Refined& optimum : optima) {
-    if (optimum.slope.size() == 0 && optimum.value.log_posterior >= least) {
-      settle(objective, LightSource(compiled.coarse), optimum);
-    }
-  }
+  tbb::this_task_arena::isolate([&] {
+    tbb::parallel_for(std::size_t{0}, optima.size(), [&](std::size_t i) {
+      if (optima[i].slope.size() == 0 && optima[i].value.log_posterior >= least) {
+        settle(objective, LightSource(compiled.coarse), optima[i]);
+      }
+    });
+  });
   return merge(compiled, std::move(optima), negligible);
+}
+
+std::vector<PoseVector> new_places(const CompiledScene& compiled, const Observation& observation,
+                                   const std::vector<PoseVector>& starts,
+                                   const std::vector<Refined>& optima) {
+  const PoseObjective objective(compiled, observation);
+  std::vector<Refined> reached(starts.size());
+  tbb::this_task_arena::isolate([&] {
+    tbb::parallel_for(std::size_t{0}, starts.size(),
+                      [&](std::size_t i) { reached[i] = polish(objective, starts[i]); });
+  });
+  std::vector<PoseVector> places;
+  for (const Refined& refined : reached) {
+    const bool known = std::ranges::any_of(optima, [&](const Refined& optimum) {
+      return same_place(compiled, optimum.pose, refined.pose);
+    });
+    if (!known) places.push_back(refined.pose);
+  }
+  return places;
 }
 
 }  // namespace blindcorner

@@ -19,10 +19,15 @@ struct Refined {
   bool converged = false;
 };
 
+/// Where descents from `starts` end on closed-form light with widened pulses; without such light
+/// the starts themselves.
+std::vector<PoseVector> approach_widely(const PoseObjective& objective,
+                                        const std::vector<PoseVector>& starts);
+
 /// Minimises the deviance from `start` with Ceres (Levenberg-Marquardt, bounds, forward
 /// differences in steps of CompiledScene::step): on the spline through the scored poses where there
-/// is one (the value is its), else on closed-form light, wide pulses first (the value is the
-/// model's), else on the ladder's cheap models (the value is theirs).
+/// is one (the value is its), else on closed-form light (the value is the model's), else on the
+/// ladder's cheap models (the value is theirs).
 Refined approach(const PoseObjective& objective, const PoseVector& start);
 
 /// The same with the model of the wanted tolerance, from a start in the right basin: a steering
@@ -37,8 +42,16 @@ std::vector<Refined> find_optima(const PoseObjective& objective,
                                  std::vector<Refined> optima = {});
 
 /// Moves an optimum to where the objective's models, which are others now but with much the same
-/// slopes, have it.
-void settle_again(const PoseObjective& objective, Refined& optimum);
+/// slopes, have it. `here`: their light at its pose, where that is known. After a move that gains
+/// next to nothing the value is that of the corrected steering light.
+void settle_again(const PoseObjective& objective, Refined& optimum,
+                  const ShapeBuffer* here = nullptr);
+
+/// Of `starts` those from which the compiled scene's own models do not lead back to `optima`:
+/// better models need not be asked about the others.
+std::vector<PoseVector> new_places(const CompiledScene& compiled, const Observation& observation,
+                                   const std::vector<PoseVector>& starts,
+                                   const std::vector<Refined>& optima);
 
 /// The light at and near a refined pose: the corrected steering light where there is one, else the
 /// model.

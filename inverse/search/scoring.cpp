@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "inverse/search/scoring.h"
 
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
 #include <algorithm>
 #include <cmath>
 #include <iterator>
@@ -22,6 +26,8 @@ constexpr int kLeastExact = 64;
 constexpr double kFaint = 100;
 /// Accuracy of a template's log posterior, far below what half a grid step does to it.
 constexpr double kAccuracy = 1e-2;
+/// Templates whose exact scores are worked out at a time.
+constexpr std::size_t kTogether = 8;
 /// Starts that are refined even when the grid has fewer local maxima.
 constexpr std::size_t kLeastStarts = 2;
 
@@ -184,8 +190,7 @@ MatchedFilter::MatchedFilter(const PoseObjective& objective, const LinearSolutio
   zone_begin_.push_back(row);
 }
 
-Eigen::MatrixXf MatchedFilter::scores_of(const Eigen::MatrixXf& templates,
-                                         const Eigen::MatrixXf& counts,
+Eigen::MatrixXf MatchedFilter::scores_of(const Templates& templates, const Eigen::MatrixXf& counts,
                                          GainOfAmplitude* gains) const {
   const Eigen::Index sets = counts.cols();
   const bool shared = objective_.solver().unknowns().amplitude != LinearMode::per_zone;
@@ -204,35 +209,32 @@ Eigen::MatrixXf MatchedFilter::scores_of(const Eigen::MatrixXf& templates,
   }
   residual = residual * weight_.asDiagonal();
 
-  // Zones may be taken together when they have the amplitude in common and nothing else.
-  const std::vector<int> whole{0, objective_.rows()};
-  const std::vector<int>& borders = shared && !nuisance ? whole : zone_begin_;
-  Eigen::MatrixXf scores(templates.cols(), sets);
-  Eigen::VectorXf along(sets);
-  Eigen::VectorXf projection(sets);
-  Eigen::VectorXf total(sets);
+  const auto poses = static_cast<Eigen::Index>(templates.poses());
+  Eigen::MatrixXf scores(poses, sets);
   if (gains != nullptr) {
-    gains->projection.resize(templates.cols());
-    gains->norm.resize(templates.cols());
+    gains->projection.resize(poses);
+    gains->norm.resize(poses);
   }
-  for (Eigen::Index pose = 0; pose < templates.cols(); ++pose) {
+  const auto score = [&](Eigen::Index pose, Eigen::VectorXf& along, Eigen::VectorXf& projection,
+                         Eigen::VectorXf& total) {
     projection.setZero();
     total.setZero();
     float norm = 0;
-    for (std::size_t z = 0; z + 1 < borders.size(); ++z) {
-      const int begin = borders[z];
-      const int bins = borders[z + 1] - begin;
-      const float* t = templates.col(pose).data() + begin;
-      float square = weighted_square(t, weight_.data() + begin, bins);
+    const Templates::Column& column = templates.column(static_cast<std::size_t>(pose));
+    for (const Templates::Piece& piece : column.pieces) {
+      if (piece.count == 0) continue;
+      const float* t = column.counts.data() + piece.from;
+      float square = weighted_square(t, weight_.data() + piece.row, piece.count);
       for (Eigen::Index k = 0; k < basis_.cols() && nuisance; ++k) {
-        const float explained = dot(t, weighted_basis.col(k).data() + begin, bins);
+        const float explained = dot(t, weighted_basis.col(k).data() + piece.row, piece.count);
         square -= explained * explained;
       }
       if (sets == 1) {
-        along[0] = dot(t, residual.data() + begin, bins);
+        along[0] = dot(t, residual.data() + piece.row, piece.count);
       } else {
         along.setZero();
-        add_dots(t, residual.col(begin).data(), bins, static_cast<int>(sets), along.data());
+        add_dots(t, residual.col(piece.row).data(), piece.count, static_cast<int>(sets),
+                 along.data());
       }
       norm += square;
       projection += along;
@@ -244,7 +246,16 @@ Eigen::MatrixXf MatchedFilter::scores_of(const Eigen::MatrixXf& templates,
       gains->projection[pose] = projection[0];
       gains->norm[pose] = norm;
     }
-  }
+  };
+  // Isolated: whoever waits here must not pick up work that waits for this.
+  tbb::this_task_arena::isolate([&] {
+    tbb::parallel_for(tbb::blocked_range<Eigen::Index>(0, poses, 64), [&](const auto& part) {
+      Eigen::VectorXf along = Eigen::VectorXf::Zero(sets), projection = along, total = along;
+      for (Eigen::Index pose = part.begin(); pose != part.end(); ++pose) {
+        score(pose, along, projection, total);
+      }
+    });
+  });
   return scores;
 }
 
@@ -252,7 +263,7 @@ Eigen::VectorXf MatchedFilter::scores() const {
   return scores(objective_.compiled().templates, counts_);
 }
 
-Eigen::VectorXf MatchedFilter::scores(const Eigen::MatrixXf& templates,
+Eigen::VectorXf MatchedFilter::scores(const Templates& templates,
                                       const Eigen::VectorXf& counts) const {
   const LinearUnknowns& unknowns = objective_.solver().unknowns();
   if (priors_ == Priors::ignored || unknowns.amplitude == LinearMode::per_zone) {
@@ -295,7 +306,9 @@ class Arranger {
   /// The arrangement with the object in its `most` best places, none next to a better one.
   std::vector<Arrangement> placed(Arrangement from, std::size_t object, std::size_t most) const {
     const CompiledScene::ObjectGrid& grid = grids_[object];
-    if (from.place[object] >= 0) from.light -= grid.templates.col(from.place[object]);
+    if (from.place[object] >= 0) {
+      grid.templates.add(static_cast<std::size_t>(from.place[object]), -1, from.light);
+    }
     const bool any = std::ranges::any_of(
         from.place, [&](const int& p) { return p >= 0 && &p != &from.place[object]; });
     Eigen::VectorXf left = filter_.counts();
@@ -315,7 +328,7 @@ class Arranger {
     for (const int i : chosen) {
       Arrangement next = from;
       next.place[object] = i;
-      next.light += grid.templates.col(i);
+      grid.templates.add(static_cast<std::size_t>(i), 1, next.light);
       next.log_posterior = value_of(next);
       result.push_back(std::move(next));
     }
@@ -438,21 +451,34 @@ Scored score(const PoseObjective& objective, const LinearSolution& empty, int co
   // scene; when even half as much again falls short of what a start needs, the rest does too.
   const auto evaluate_best = [&](const Eigen::VectorXf& scores, const std::vector<int>& order,
                                  std::size_t end) {
-    for (std::size_t i = 0; i < order.size() && scored.size() < end; ++i) {
-      const int pose = order[i];
-      if (known[static_cast<std::size_t>(pose)]) continue;
-      const auto score = static_cast<double>(scores[pose]);
-      const double doubt = 0.5 * std::abs(score - static_cast<double>(prior[pose]));
-      if (i >= kLeastExact / 2 && result.empty + score + doubt < cut()) break;
-      known[static_cast<std::size_t>(pose)] = true;
-      LinearSolution solution;
-      scored.push_back({pose,
-                        objective.evaluate_template(pose, solution, false, kAccuracy).log_posterior,
-                        compiled.poses[static_cast<std::size_t>(pose)]});
-      if (scored.back().log_posterior > best) {
-        best = scored.back().log_posterior;
-        gain = std::max(gain_of(scored.back()), 0.0);
+    for (std::size_t i = 0; i < order.size() && scored.size() < end;) {
+      // As many as are worked on at a time; fixed, so that answers do not depend on threads.
+      const std::size_t first = scored.size();
+      bool hopeless = false;
+      for (; i < order.size() && scored.size() < std::min(end, first + kTogether); ++i) {
+        const int pose = order[i];
+        if (known[static_cast<std::size_t>(pose)]) continue;
+        const auto score = static_cast<double>(scores[pose]);
+        const double doubt = 0.5 * std::abs(score - static_cast<double>(prior[pose]));
+        hopeless = i >= kLeastExact / 2 && result.empty + score + doubt < cut();
+        if (hopeless) break;
+        known[static_cast<std::size_t>(pose)] = true;
+        scored.push_back({pose, 0, compiled.poses[static_cast<std::size_t>(pose)]});
       }
+      tbb::this_task_arena::isolate([&] {
+        tbb::parallel_for(first, scored.size(), [&](std::size_t k) {
+          LinearSolution solution;
+          scored[k].log_posterior =
+              objective.evaluate_template(scored[k].index, solution, false, kAccuracy)
+                  .log_posterior;
+        });
+      });
+      for (std::size_t k = first; k < scored.size(); ++k) {
+        if (scored[k].log_posterior <= best) continue;
+        best = scored[k].log_posterior;
+        gain = std::max(gain_of(scored[k]), 0.0);
+      }
+      if (hopeless) break;
     }
   };
   // A bright object's photons raise the variance of their bins; where a few photons lie on a faint

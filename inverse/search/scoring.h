@@ -39,8 +39,8 @@ class MatchedFilter {
   /// amplitude's are left out.
   Eigen::VectorXf scores() const;
 
-  /// The same of other templates [rows, poses] for other counts [rows].
-  Eigen::VectorXf scores(const Eigen::MatrixXf& templates, const Eigen::VectorXf& counts) const;
+  /// The same of other templates for other counts [rows].
+  Eigen::VectorXf scores(const Templates& templates, const Eigen::VectorXf& counts) const;
 
   /// Largest gain in log likelihood over all poses for each column of `counts`
   /// [rows, realisations].
@@ -53,7 +53,7 @@ class MatchedFilter {
 
  private:
   /// Free amplitudes' gains for each realisation; of the first one their quadratic as well.
-  Eigen::MatrixXf scores_of(const Eigen::MatrixXf& templates, const Eigen::MatrixXf& counts,
+  Eigen::MatrixXf scores_of(const Templates& templates, const Eigen::MatrixXf& counts,
                             GainOfAmplitude* gains = nullptr) const;
 
   const PoseObjective& objective_;

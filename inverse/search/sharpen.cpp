@@ -16,8 +16,10 @@ namespace {
 /// that of the models in use.
 using Errors = std::array<double, kModelLevels>;
 constexpr Errors kMattErrors = {0.06, 0.02, 0.007};
-/// Of retroreflectors: finer pairs take tenths of a second.
-constexpr Errors kLobeErrors = {0.06, 0.045, 0.025};
+constexpr Errors kLobeErrors = {0.06, 0.02, 0.005};
+/// Optima this far below the best in log posterior hold less than a per cent of the posterior each:
+/// the models that found them do for them.
+constexpr double kWorthSharpening = 5;
 /// A move of this part of a standard deviation is not worth a better model: carried in the
 /// covariance, it widens it by 2 %.
 constexpr double kSmallMove = 0.2;
@@ -55,10 +57,17 @@ ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima, doubl
     error.covariance = move * move.transpose();
     if (size < kSmallMove) break;
     objective.use(finer);
-    for (Refined& optimum : optima) settle_again(objective, optimum);
+    const double least = top.value.log_posterior - kWorthSharpening;
+    for (Refined& optimum : optima) {
+      if (optimum.value.log_posterior < least) continue;
+      settle_again(objective, optimum, &optimum == &optima.front() ? &then : nullptr);
+    }
     optima = merge(compiled, std::move(optima), negligible);
-    error.covariance *= std::pow(errors[static_cast<std::size_t>(level)] / before, 2);
+    const double left = errors[static_cast<std::size_t>(level)] / before;
+    error.covariance *= left * left;
     error.level = level;
+    // What the next one would move it, errors being alike.
+    if (left * size < kSmallMove) break;
   }
   return error;
 }
