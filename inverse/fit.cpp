@@ -15,6 +15,7 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
+#include "inverse/likelihood/direct_error.h"
 #include "inverse/posterior/detection.h"
 #include "inverse/posterior/fitted_histograms.h"
 #include "inverse/posterior/goodness_of_fit.h"
@@ -305,7 +306,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   // What no capture changes: models, windows, scored poses.
   const std::shared_ptr<Prepared> known = prepare(placements);
   const CompiledScene& compiled = *known->compiled;
-  const Observation observation = observe(scene, captures, compiled.windows);
+  const Observation observation = observe(compiled, captures);
   PoseObjective objective(compiled, observation);
   result.time_ms.prepare = stage.lap();
   if (observation.zones.empty()) {
@@ -355,11 +356,11 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
     places = approach_widely(objective, places);
     std::vector<std::size_t> apart;
     for (std::size_t i = 0; i < chosen.size(); ++i) {
-      const bool known = compiled.widths.size() > 1 &&
-                         std::ranges::any_of(approached, [&](const PoseVector& other) {
-                           return same_place(compiled, other, places[i]);
-                         });
-      if (known) continue;
+      const bool double_start = compiled.widths.size() > 1 &&
+                                std::ranges::any_of(approached, [&](const PoseVector& other) {
+                                  return same_place(compiled, other, places[i]);
+                                });
+      if (double_start) continue;
       approached.push_back(places[i]);
       apart.push_back(i);
     }
@@ -413,11 +414,8 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   for (int again = 0; again < kMostReturns && !posterior.promising.empty(); ++again) {
     // Sampling came upon places that may be better: refine from there and, if so, think again.
     const double before = optima.front().value.log_posterior;
-    const std::vector<PoseVector> promising =
-        model_error.level > 0 ? new_places(compiled, observation, posterior.promising, optima)
-                              : posterior.promising;
-    if (promising.empty()) break;
-    optima = find_optima(objective, promising, options.negligible_log_posterior, std::move(optima));
+    optima = find_more(objective, observation, posterior.promising,
+                       options.negligible_log_posterior, std::move(optima));
     if (optima.front().value.log_posterior < before + kWorthAnother) break;
     posterior = think();
   }

@@ -305,7 +305,7 @@ const HistogramCube& FastModel::direct_return() const {
     const Sensor& sensor = scene_.sensor;
     direct_ = HistogramCube(sensor.rows, sensor.columns, sensor.bins);
     if (!holds_known_light()) return;
-    direct_ = view_->transport->static_light()->light(setup_, bounces());
+    direct_ = view_->transport->static_light()->light(setup_, bounces(), first_bounce_);
   });
   return direct_;
 }
@@ -313,7 +313,8 @@ const HistogramCube& FastModel::direct_return() const {
 HistogramCube FastModel::direct_error() const {
   const Sensor& sensor = scene_.sensor;
   if (!holds_known_light()) return {sensor.rows, sensor.columns, sensor.bins};
-  return view_->transport->static_light()->error(setup_, bounces());
+  const HistogramCube& light = direct_return();
+  return view_->transport->static_light()->error(light, first_bounce_);
 }
 
 /// Whether captures hold light of the known scene.

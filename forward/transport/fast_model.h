@@ -75,7 +75,7 @@ class FastModel final : public ForwardModel {
   std::vector<OccluderFace> occluders_;  ///< of poses in the search region
   mutable std::once_flag plan_once_, direct_once_;
   mutable TransportPlan plan_;
-  mutable HistogramCube direct_;
+  mutable HistogramCube direct_, first_bounce_;
 };
 
 /// The cheapest fidelity that meets `options.tolerance`.

@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <cstddef>
+#include <mutex>
 #include <vector>
 
 #include "blindcorner/forward/sensor/capture.h"
@@ -16,14 +17,14 @@ namespace blindcorner {
 /// How finely the light that bounces on within the known scene is sampled. Cells get smaller with
 /// their distance to what they face, down to a least edge.
 struct StaticLightSampling {
-  int zone_divisions = 1;      ///< cells along each side of a zone, at least
-  int field_divisions = 4;     ///< cells along each side of the field, at least
-  double patch_angle = 0.7;    ///< edge of the patches of two bounces against that distance
-  double least_patch = 4;      ///< their least edge in standard deviations of the pulse's path
-  double outer_angle = 2.0;    ///< edge of the patches of three bounces against that distance
-  double middle_angle = 0.4;   ///< edge of the cells between these against that distance
-  double middle_edge = 0.08;   ///< their largest edge against the largest surface's extent
-  double least_middle = 0.02;  ///< their least edge against the same
+  int zone_divisions = 1;       ///< cells along each side of a zone, at least
+  int field_divisions = 8;      ///< cells along each side of the field, at least
+  double patch_angle = 0.4;     ///< edge of the patches of two bounces against that distance
+  double least_patch = 4;       ///< their least edge in standard deviations of the pulse's path
+  double outer_angle = 2.0;     ///< edge of the patches of three bounces against that distance
+  double middle_angle = 0.6;    ///< edge of the cells between these against that distance
+  double middle_edge = 0.12;    ///< their largest edge against the largest surface's extent
+  double least_middle = 0.008;  ///< their least edge against the same
 };
 
 /// Faces of a placed body that hide what is behind them.
@@ -86,16 +87,26 @@ class StaticLightModel {
  public:
   explicit StaticLightModel(const Scene& scene);
   bool any_bounces() const { return bounces_.any(); }
-  /// W/m^2 per bin, crosstalk included. Without `bounces` the direct return alone.
-  HistogramCube light(const RelaySetup& setup, bool bounces) const;
-  /// Standard deviation of the model's own error in that.
-  HistogramCube error(const RelaySetup& setup, bool bounces) const;
+  /// W/m^2 per bin, crosstalk included. Without `bounces` the direct return alone, which is handed
+  /// out as well.
+  HistogramCube light(const RelaySetup& setup, bool bounces, HistogramCube& direct) const;
+  /// Standard deviation of the model's own error in `light` and `direct`, both as by light(), as
+  /// large as if bins had errors of their own: those of neighbouring bins and zones go together,
+  /// and add up. What the light does not tell is measured once, at the scene's own placement.
+  HistogramCube error(const HistogramCube& light, const HistogramCube& direct) const;
 
  private:
+  /// Relative errors.
+  struct Shares {
+    double direct = 0, bounces = 0;
+  };
+  const Shares& shares() const;
+
   const Scene& scene_;
   KnownBounces bounces_;
-  KnownBounces coarse_;  // tells how far off the others are
   PulseTable pulses_;
+  mutable std::once_flag measured_;
+  mutable Shares shares_;
 };
 
 }  // namespace blindcorner

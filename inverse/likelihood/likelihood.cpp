@@ -226,9 +226,19 @@ BLINDCORNER_MULTIVERSION int poisson_residuals(const double* n, const double* m,
   return far;
 }
 
+/// The weights of a row, ones where it has none.
+const double* weights_of(const CountRow& row) {
+  if (row.weight != nullptr) return row.weight;
+  thread_local std::vector<double> ones;
+  if (ones.size() < static_cast<std::size_t>(row.bins)) {
+    ones.resize(static_cast<std::size_t>(row.bins), 1.0);
+  }
+  return ones.data();
+}
+
 /// Half deviances of the bins whose means are near the counts, before the noise model's scale.
-BLINDCORNER_MULTIVERSION double poisson_half_deviance(const double* n, const double* m, int bins,
-                                                      int* far) {
+BLINDCORNER_MULTIVERSION double poisson_half_deviance(const double* n, const double* m,
+                                                      const double* weight, int bins, int* far) {
   constexpr int kLanes = 8;
   double sums[kLanes] = {};
   int many[kLanes] = {};
@@ -238,7 +248,7 @@ BLINDCORNER_MULTIVERSION double poisson_half_deviance(const double* n, const dou
     const double x = d / some;
     const bool near = std::abs(x) < kNear;
     many[lane] += near ? 0 : 1;
-    sums[lane] += near ? d * x * log_remainder(x) : 0.0;
+    sums[lane] += near ? weight[i] * d * x * log_remainder(x) : 0.0;
   };
   int i = 0;
   for (; i + kLanes <= bins; i += kLanes) {
@@ -255,9 +265,10 @@ BLINDCORNER_MULTIVERSION double poisson_half_deviance(const double* n, const dou
 }
 
 /// Derivatives of the sum of m - n log m with m = amplitude * s + direct * t + ambient.
-BLINDCORNER_MULTIVERSION void poisson_terms(const double* n, const double* s, const double* t,
-                                            int bins, double amplitude, double direct,
-                                            double ambient, double least, LinearTerms* terms) {
+BLINDCORNER_MULTIVERSION void poisson_terms(const double* n, const double* weight, const double* s,
+                                            const double* t, int bins, double amplitude,
+                                            double direct, double ambient, double least,
+                                            LinearTerms* terms) {
   constexpr int kLanes = 4;
   double ga[kLanes] = {}, gc[kLanes] = {}, gb[kLanes] = {}, haa[kLanes] = {}, hac[kLanes] = {},
          hab[kLanes] = {}, hcc[kLanes] = {}, hcb[kLanes] = {}, hbb[kLanes] = {};
@@ -265,8 +276,8 @@ BLINDCORNER_MULTIVERSION void poisson_terms(const double* n, const double* s, co
     const double si = s[i], ti = t[i];
     const double inverse = 1 / std::max(amplitude * si + direct * ti + ambient, least);
     const double ratio = n[i] * inverse;
-    const double d1 = 1 - ratio;
-    const double d2 = ratio * inverse;
+    const double d1 = weight[i] * (1 - ratio);
+    const double d2 = weight[i] * ratio * inverse;
     ga[k] += d1 * si;
     gc[k] += d1;
     gb[k] += d1 * ti;
@@ -343,10 +354,11 @@ class PoissonLikelihood final : public BinLikelihood {
 
   double half_deviance(const CountRow& row, const double* m, double /*least_sum*/) const override {
     int far = 0;
-    double sum = scale() * poisson_half_deviance(row.counts, m, row.bins, &far);
+    const double* weight = weights_of(row);
+    double sum = scale() * poisson_half_deviance(row.counts, m, weight, row.bins, &far);
     for (int i = 0; i < row.bins && far > 0; ++i) {
       if (near(row.counts[i], m[i])) continue;
-      sum += PoissonLikelihood::half_deviance(row.counts[i], m[i], 0);
+      sum += weight[i] * PoissonLikelihood::half_deviance(row.counts[i], m[i], 0);
       --far;
     }
     return sum;
@@ -359,7 +371,7 @@ class PoissonLikelihood final : public BinLikelihood {
       dark.resize(static_cast<std::size_t>(row.bins), 0.0);
     }
     LinearTerms sum;
-    poisson_terms(row.counts, light.object != nullptr ? light.object : dark.data(),
+    poisson_terms(row.counts, weights_of(row), light.object != nullptr ? light.object : dark.data(),
                   light.direct != nullptr ? light.direct : dark.data(), row.bins, light.amplitude,
                   light.direct_scale, light.ambient, kLeastMean, &sum);
     const double k = scale();
@@ -507,6 +519,11 @@ void GaussianLikelihood::slopes(const CountRow& row, const double* m, double* fi
 
 double GaussianLikelihood::half_deviance(const CountRow& row, const double* m,
                                          double least_sum) const {
+  if (row.weight != nullptr) {
+    double sum = -least_sum;
+    for (int i = 0; i < row.bins; ++i) sum += row.weight[i] * value(row.counts[i], m[i]);
+    return sum;
+  }
   double total = gaussian_sum(row.counts, m, row.counted, row.bins, floor_, per_count_) - least_sum;
   for (const int i : row.censored) total -= log_normal_tail(-m[i] / std::sqrt(variance(m[i])));
   return total;
@@ -578,8 +595,9 @@ void BinLikelihood::add_linear_terms(const CountRow& row, const LinearLight& lig
   for (std::size_t i = 0; i < bins; ++i) {
     const double si = light.object != nullptr ? light.object[i] : 0.0;
     const double ti = light.direct != nullptr ? light.direct[i] : 0.0;
-    const double d1 = first[i];
-    const double d2 = second[i];
+    const double weight = row.weight != nullptr ? row.weight[i] : 1.0;
+    const double d1 = weight * first[i];
+    const double d2 = weight * second[i];
     h.ga += d1 * si;
     h.gc += d1;
     h.gb += d1 * ti;

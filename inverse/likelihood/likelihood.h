@@ -15,6 +15,7 @@ struct CountRow {
   const double* counted = nullptr;  ///< [bins] 0 in the censored bins, 1 in the others
   std::span<const int> censored;    ///< bins whose count stands for "zero or less"
   int bins = 0;
+  const double* weight = nullptr;  ///< [bins] factor on each bin's log likelihood; null: one
 };
 
 /// What a row of bins expects: amplitude * object + direct_scale * direct + ambient.
@@ -82,16 +83,18 @@ class BinLikelihood {
   /// (far from the data) the information stands for the second.
   virtual void slopes(const CountRow& row, const double* m, double* first,
                       double* second) const = 0;
-  /// residual() of each bin, [bins]; `least` and `best` are those of the counts.
+  /// residual() of each bin, [bins], without the row's weights; `least` and `best` are those of the
+  /// counts.
   virtual void residuals(const CountRow& row, const double* m, const double* least,
                          const double* best, double* out) const;
-  /// Sum of the half deviances; `least_sum` is that of the least values.
+  /// Sum of the half deviances; `least_sum` is that of the least values, weighted as the row is.
   virtual double half_deviance(const CountRow& row, const double* m, double least_sum) const = 0;
   /// Adds the derivatives of the row's value in the linear unknowns, curvatures as by slopes().
   virtual void add_linear_terms(const CountRow& row, const LinearLight& light,
                                 LinearTerms& terms) const;
   /// Value and derivatives summed over `bins` uncensored bins that expect the same m, of counts
-  /// that add up to `sum` and whose squares add up to `squares`.
+  /// that add up to `sum` and whose squares add up to `squares`; where bins have weights, sums of
+  /// these and of what they multiply.
   virtual Terms equal_bins(double bins, double sum, double squares, double m) const = 0;
 
   /// Adds mean and variance of the deviances of counts that expect `means`: one and two only where

@@ -24,7 +24,8 @@ CountRow row_of(const ObservedZone& zone, int begin, int end) {
        it != zone.censored.end() && *it < end; ++it) {
     censored.push_back(*it - begin);
   }
-  return {zone.counts.data() + begin, zone.counted.data() + begin, censored, end - begin};
+  return {zone.counts.data() + begin, zone.counted.data() + begin, censored, end - begin,
+          zone.weight.empty() ? nullptr : zone.weight.data() + begin};
 }
 
 /// What the bins from `begin` on expect.
@@ -54,12 +55,14 @@ LinearSolver::LinearSolver(const Observation& observation, const LinearUnknowns&
     std::vector<Prefix> prefix(1);
     for (std::size_t k = 0; k < zone.counts.size(); ++k) {
       const double n = zone.counts[k];
+      const double weight = zone.weight_of(static_cast<int>(k));
       Prefix next = prefix.back();
-      next.count += n;
-      next.square += n * n;
-      next.least += zone.least[k];
+      next.bins += weight;
+      next.count += weight * n;
+      next.square += weight * n * n;
+      next.least += weight * zone.least[k];
       if (unknowns_.ambient == LinearMode::fixed) {
-        next.fixed += law.half_deviance(n, unknowns_.fixed_ambient, zone.least[k]);
+        next.fixed += weight * law.half_deviance(n, unknowns_.fixed_ambient, zone.least[k]);
       }
       prefix.push_back(next);
     }
@@ -110,11 +113,10 @@ LinearSolver::Lit LinearSolver::lit(std::size_t zone, const ZoneShapes& shapes) 
   }
   const std::vector<Prefix>& prefix = prefix_[zone];
   result.rest = prefix.back();
-  result.rest_bins = observed.bins();
   for (std::size_t r = 0; r < result.count; ++r) {
     const Prefix& begin = prefix[static_cast<std::size_t>(result.ranges[r].first)];
     const Prefix& end = prefix[static_cast<std::size_t>(result.ranges[r].second)];
-    result.rest_bins -= result.ranges[r].second - result.ranges[r].first;
+    result.rest.bins -= end.bins - begin.bins;
     result.rest.count -= end.count - begin.count;
     result.rest.square -= end.square - begin.square;
     result.rest.least -= end.least - begin.least;
@@ -134,7 +136,7 @@ LinearTerms LinearSolver::local(std::size_t z, const ZoneShapes& shapes, double 
     law.add_linear_terms(row_of(zone, begin, end),
                          light_of(shapes, begin, amplitude, ambient, direct), h);
   }
-  const double dark_bins = zone.outside_bins + bins.rest_bins;
+  const double dark_bins = zone.outside_bins + bins.rest.bins;
   if (dark_bins > 0 && unknowns_.ambient == LinearMode::per_zone) {
     const BinLikelihood::Terms dark =
         law.equal_bins(dark_bins, zone.outside_count + bins.rest.count, bins.rest.square, ambient);
@@ -376,10 +378,10 @@ void LinearSolver::solve(std::span<const ZoneShapes> shapes, LinearSolution& sol
       const Prefix& after = prefix_[z][static_cast<std::size_t>(end)];
       loss += law.half_deviance(row_of(zone, begin, end), mean.data(), after.least - before.least);
     }
-    if (bins.rest_bins > 0) {
+    if (bins.rest.bins > 0) {
       loss += unknowns_.ambient == LinearMode::fixed
                   ? bins.rest.fixed
-                  : law.equal_bins(bins.rest_bins, bins.rest.count, bins.rest.square, c).value -
+                  : law.equal_bins(bins.rest.bins, bins.rest.count, bins.rest.square, c).value -
                         bins.rest.least;
     }
     if (zone.outside_bins > 0) {
@@ -414,6 +416,7 @@ void LinearSolver::residuals(std::span<const ZoneShapes> shapes, const LinearSol
         shapes[z].object != nullptr ? static_cast<std::size_t>(shapes[z].object_end) : 0;
     law.residuals(row_of(zone, 0, zone.bins()), mean.data(), zone.least.data(), zone.best.data(),
                   out);
+    for (std::size_t k = 0; k < zone.weight.size(); ++k) out[k] *= std::sqrt(zone.weight[k]);
     for (std::size_t k = 0; k < zone.counts.size() && known_dark; ++k) {
       if (k >= lit_first && k < lit_end) continue;
       const double half = prefix_[z][k + 1].fixed - prefix_[z][k].fixed;

@@ -69,6 +69,7 @@ class LinearSolver {
  private:
   /// Sums over the bins before one.
   struct Prefix {
+    double bins = 0;               ///< of these and all others each bin's weight times
     double count = 0, square = 0;  ///< n and n^2
     double least = 0;              ///< least negative log likelihood
     double fixed = 0;              ///< half deviance at the fixed ambient light
@@ -78,7 +79,6 @@ class LinearSolver {
   struct Lit {
     std::array<std::pair<int, int>, 2> ranges;
     std::size_t count = 0;
-    double rest_bins = 0;
     Prefix rest;
   };
   /// Prior of the ambient light of an observed zone; null: none.

@@ -25,11 +25,17 @@ struct ObservedZone {
   std::vector<int> censored;    ///< bins of the window whose count stands for "zero or less"
   std::vector<double> counted;  ///< [window] 0 in those bins, else 1
   std::vector<double> best;     ///< [window] the mean that attains it
-  double outside_bins = 0;      ///< valid bins outside the window, where photons are counted
-  double outside_count = 0;     ///< their total count
-  double gain = 1;              ///< counts per W/m^2
+  /// [window] factor on each bin's log likelihood: the share of the photon noise in what a bin may
+  /// be off by, the known light's own error included. Empty: ones.
+  std::vector<double> weight;
+  double outside_bins = 0;   ///< valid bins outside the window, where photons are counted
+  double outside_count = 0;  ///< their total count
+  double gain = 1;           ///< counts per W/m^2
 
   int bins() const { return static_cast<int>(counts.size()); }
+  double weight_of(int bin) const {
+    return weight.empty() ? 1.0 : weight[static_cast<std::size_t>(bin)];
+  }
 };
 
 /// Window of bins per zone: [first, end).

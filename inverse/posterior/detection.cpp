@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "blindcorner/forward/constants.h"
+#include "inverse/likelihood/direct_error.h"
 
 namespace blindcorner {
 
@@ -118,9 +119,8 @@ std::vector<Capture> blank_captures(const CompiledScene& compiled, const EmptyLe
 EmptyScores simulate_empty(const CompiledScene& compiled, const EmptyLevel& level, int captures,
                            std::uint64_t seed) {
   const std::vector<Capture> blank = blank_captures(compiled, level);
-  const Observation observation = observe(compiled.scene, blank, compiled.windows);
-  const PoseObjective objective(compiled, observation);
-  const LinearUnknowns& unknowns = objective.solver().unknowns();
+  Observation observation = observe(compiled.scene, blank, compiled.windows);
+  const LinearUnknowns& unknowns = compiled.scene.linear;
   LinearSolution typical;
   typical.amplitude.assign(observation.zones.size(), 0.0);
   typical.direct.assign(observation.zones.size(), 1.0);
@@ -130,6 +130,8 @@ EmptyScores simulate_empty(const CompiledScene& compiled, const EmptyLevel& leve
       std::exp2(level.ambient) * static_cast<double>(observation.zones.size()) / units;
   typical.ambient.assign(observation.zones.size(),
                          unknowns.ambient == LinearMode::fixed ? unknowns.fixed_ambient : ambient);
+  weigh(compiled, typical, observation);
+  const PoseObjective objective(compiled, observation);
   const MatchedFilter filter(objective, typical, MatchedFilter::Weights::expected,
                              MatchedFilter::Priors::ignored);
 
@@ -140,8 +142,11 @@ EmptyScores simulate_empty(const CompiledScene& compiled, const EmptyLevel& leve
     const BinLikelihood& law = observation.law(zone);
     for (int k = 0; k < zone.bins(); ++k, ++row) {
       const auto mean = static_cast<double>(filter.mean()[row]);
+      // The known light's own error adds to the photon noise.
+      const double wider = 1 / std::sqrt(zone.weight_of(k));
       for (int i = 0; i < captures; ++i) {
-        counts(row, i) = static_cast<float>(law.quantile(mean, deviates.next()));
+        const double drawn = law.quantile(mean, deviates.next());
+        counts(row, i) = static_cast<float>(wider > 1 ? mean + wider * (drawn - mean) : drawn);
       }
     }
   }

@@ -93,7 +93,7 @@ Eigen::MatrixXd fisher_information(const LinearSolver& solver, std::span<const Z
     Eigen::VectorXd weight(bins);
     Eigen::MatrixXd local = Eigen::MatrixXd::Zero(bins, 3);
     for (int k = 0; k < bins; ++k) {
-      weight[k] = law.information(mean[k]);
+      weight[k] = zone.weight_of(k) * law.information(mean[k]);
       if (own.amplitude) local(k, 0) = a * shapes[z].object[k];
       if (own.ambient) local(k, 1) = 1;
       if (own.direct) local(k, 2) = shapes[z].direct[k];
@@ -101,7 +101,8 @@ Eigen::MatrixXd fisher_information(const LinearSolver& solver, std::span<const Z
     if (gradient != nullptr) {
       Eigen::VectorXd first(bins);
       for (int k = 0; k < bins; ++k) {
-        first[k] = law.terms(zone.counts[static_cast<std::size_t>(k)], mean[k]).first;
+        first[k] =
+            zone.weight_of(k) * law.terms(zone.counts[static_cast<std::size_t>(k)], mean[k]).first;
       }
       *gradient -= counts.transpose() * first;
     }

@@ -28,6 +28,11 @@ constexpr double kAccuracy = 1e-2;
 constexpr double kNear = 5;
 /// Samples whose log posterior lies this far below the best optimum's count less than 1e-3 of it.
 constexpr double kFarMatters = 8;
+/// Samples that are weighed again with better lights: enough for a covariance good to a fifth.
+constexpr int kWeighedAgain = 64;
+/// Largest change of a sample's log posterior that this believes: what a light that is right at the
+/// peak and wrong by half two standard deviations off comes to.
+constexpr double kMaxChange = 2;
 constexpr int kStages = 3;     ///< that make up the samples asked for
 constexpr int kMostTimes = 4;  ///< as many samples as asked for, when few are effective
 
@@ -175,6 +180,48 @@ class Sampler {
     next[0] = std::clamp(next[0] / sum, kLeastGridShare, 0.9);
     for (std::size_t c = 1; c < next.size(); ++c) next[c] *= (1 - next[0]) / rest;
     shares_ = std::move(next);
+  }
+
+  /// Draws a few of the samples by their weights and weighs them with the better lights.
+  void weigh_again() {
+    std::uniform_real_distribution<double> uniform;
+    std::vector<PosteriorSample> chosen;
+    std::vector<bool> near;
+    double at = uniform(random_) / kWeighedAgain, sum = 0;
+    for (std::size_t i = 0; i < samples_.size(); ++i) {
+      sum += samples_[i].weight;
+      double drawn = 0;
+      for (; at < sum; at += 1.0 / kWeighedAgain) ++drawn;
+      if (drawn <= 0) continue;
+      chosen.push_back(samples_[i]);
+      chosen.back().weight = drawn;
+      near.push_back(near_[i]);
+    }
+    std::vector<double> change(chosen.size(), 0.0);
+    tbb::this_task_arena::isolate([&] {
+      tbb::parallel_for(std::size_t{0}, chosen.size(), [&](std::size_t i) {
+        if (!near[i]) return;
+        PosteriorSample& sample = chosen[i];
+        LinearSolution linear = optima_[sample.peak]->linear;
+        const PoseValue value =
+            objective_.evaluate(lights_.better[sample.peak], sample.pose, linear, true, kAccuracy);
+        sample.log_posterior = value.log_posterior;
+        change[i] = tempered(value, inflation_) - sample.log_target;
+        sample.log_target += change[i];
+      });
+    });
+    double total = 0, all = 0, squares = 0;
+    for (std::size_t i = 0; i < chosen.size(); ++i) {
+      total += chosen[i].weight;
+      chosen[i].weight *= std::exp(std::clamp(change[i], -kMaxChange, kMaxChange));
+      all += chosen[i].weight;
+      squares += chosen[i].weight * chosen[i].weight;
+    }
+    if (!(all > 0)) return;
+    log_evidence_ += std::log(all / total);
+    effective_ = std::min(effective_, all * all / squares);
+    for (PosteriorSample& sample : chosen) sample.weight /= all;
+    samples_ = std::move(chosen);
   }
 
   double effective() const { return effective_; }
@@ -336,8 +383,10 @@ PosteriorSamples sample_posterior(const PoseObjective& objective, const SampleLi
   do {
     if (sampler.count() > 0) sampler.adapt();
     sampler.stage(stage);
-  } while (sampler.effective() < options.samples / 3.0 &&
+    // The model itself is dear: half as many will do.
+  } while (sampler.effective() < options.samples / (lights.far.models == nullptr ? 3.0 : 6.0) &&
            sampler.count() < kMostTimes * options.samples);
+  if (!lights.better.empty() && sampler.effective() > 1) sampler.weigh_again();
   return std::move(sampler).result();
 }
 

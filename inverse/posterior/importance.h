@@ -50,9 +50,11 @@ void moments(const Scene& scene, const std::vector<const PosteriorSample*>& samp
 
 /// What samples are evaluated with.
 struct SampleLights {
-  std::vector<LightSource> near;        ///< [peaks] about each peak
-  LightSource far;                      ///< elsewhere
-  std::vector<Correction> corrections;  ///< that the near lights use
+  std::vector<LightSource> near;  ///< [peaks] about each peak
+  LightSource far;                ///< elsewhere
+  /// [peaks] lights that some of the samples near peaks are weighed again with; empty: none.
+  std::vector<LightSource> better;
+  std::vector<Correction> corrections;  ///< that the better lights use
   /// The far light is too rough to be believed of a sample that matters: the model decides then.
   bool far_is_rough = false;
 };

@@ -84,13 +84,16 @@ bool laplace_holds(const PoseObjective& objective, const Refined& optimum, const
 }
 
 /// What samples about each peak are evaluated with: the steering light where it agrees with the
-/// model about the peaks' shapes (and, uncorrected, about their differences), else the model.
+/// model about the peaks' shapes (and, uncorrected, about their differences); where it does so
+/// roughly, some of them are weighed again with the model; else the model.
 SampleLights sample_lights(const PoseObjective& objective,
                            const std::vector<const Refined*>& optima,
                            const std::vector<Peak>& peaks, double inflation) {
-  constexpr double kAgreement = 0.25;
+  // Half of what a Gaussian falls to there; beyond several times that samples of one are none of
+  // the other.
+  constexpr double kAgreement = 0.25, kUseless = 1.5;
   const CompiledScene& compiled = objective.compiled();
-  SampleLights lights{{}, compiled.models(), {}};
+  SampleLights lights{{}, compiled.models(), {}, {}};
   const auto steering = steering_light(compiled);
   double low = std::numeric_limits<double>::infinity();
   double high = -low;
@@ -107,7 +110,7 @@ SampleLights sample_lights(const PoseObjective& objective,
   const auto value = [&](const LightSource& light, const PoseVector& pose, LinearSolution linear) {
     return tempered(objective.evaluate(light, pose, linear, true, kSampleAccuracy), inflation);
   };
-  for (std::size_t j = 0; j < peaks.size() && steering && high - low < kAgreement; ++j) {
+  for (std::size_t j = 0; j < peaks.size() && steering && high - low < kUseless; ++j) {
     const Refined& top = *optima[j];
     const LightSource light = compiled.spline ? *steering : light_near(objective, top);
     lights.near.push_back(light);
@@ -124,15 +127,17 @@ SampleLights sample_lights(const PoseObjective& objective,
       note(top.pose + (i % 2 == 0 ? 1 : -1) * peaks[j].root.col(i));
     }
   }
-  if (lights.near.size() == peaks.size() && high - low < kAgreement) {
-    lights.far = *steering;
-    lights.far_is_rough = !compiled.spline;
+  std::vector<LightSource> models;
+  for (const Correction& correction : lights.corrections) {
+    models.push_back(LightSource(compiled.models()).corrected(correction));
+  }
+  if (lights.near.size() < peaks.size() || high - low > kUseless) {
+    lights.near = std::move(models);
     return lights;
   }
-  lights.near.clear();
-  for (const Correction& correction : lights.corrections) {
-    lights.near.push_back(LightSource(compiled.models()).corrected(correction));
-  }
+  lights.far = *steering;
+  lights.far_is_rough = !compiled.spline;
+  if (high - low > kAgreement) lights.better = std::move(models);
   return lights;
 }
 

@@ -511,6 +511,30 @@ const ModelSet& CompiledScene::models_at(int level) const {
       .first->second;
 }
 
+namespace {
+
+/// The error of the known light inside the windows, counts.
+void add_direct_error(CompiledScene& compiled) {
+  if (compiled.direct.empty()) return;
+  const Scene& scene = compiled.scene;
+  const LinearUnknowns& linear = scene.linear;
+  const double scale = linear.direct == LinearMode::fixed ? linear.fixed_direct : 1.0;
+  std::vector<double>& rows = compiled.direct_error;
+  for (std::size_t c = 0; c < compiled.models().size(); ++c) {
+    const HistogramCube error = compiled.models()[c]->direct_error();
+    for (int z = 0; z < scene.sensor.zone_count(); ++z) {
+      const BinWindow& window = compiled.windows[c][static_cast<std::size_t>(z)];
+      const double counts = scale * scene.sensor.zones[static_cast<std::size_t>(z)].gain;
+      for (int k = window.first; k < window.end; ++k) {
+        rows.push_back(error.values.empty() ? 0.0 : counts * error.zone(z)[k]);
+      }
+    }
+  }
+  if (std::ranges::all_of(rows, [](double e) { return e == 0; })) rows.clear();
+}
+
+}  // namespace
+
 std::unique_ptr<CompiledScene> compile(const Scene& scene,
                                        const std::vector<SensorPlacement>& placements,
                                        const FitOptions& options, const GridOptions& grid,
@@ -600,6 +624,7 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
   }
   const bool any = std::ranges::any_of(compiled->direct, [](double v) { return v != 0; });
   if (!any) compiled->direct.clear();
+  add_direct_error(*compiled);
   return compiled;
 }
 

@@ -57,6 +57,8 @@ struct CompiledScene {
   std::vector<HistogramCube> static_light;  ///< [captures]; none where there is none
   /// The same inside the windows, rows as above; empty when absent.
   std::vector<double> direct;
+  /// Standard deviation of the model's own error in that; empty: none.
+  std::vector<double> direct_error;
 
   const ModelSet& models() const { return ladder.back(); }
   /// Models of a level of exactness, 0 (models()) to kModelLevels - 1, made when they are asked

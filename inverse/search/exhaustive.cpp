@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "blindcorner/forward/error.h"
+#include "inverse/likelihood/direct_error.h"
 #include "inverse/posterior/mode_merging.h"
 #include "inverse/posterior/posterior.h"
 #include "inverse/search/compiled_scene.h"
@@ -31,7 +32,7 @@ struct ExhaustiveSearch::Impl {
   std::unique_ptr<CompiledScene> compiled;
 
   Observation observe_one(const Capture& capture) const {
-    return observe(compiled->scene, {&capture, 1}, compiled->windows);
+    return blindcorner::observe(*compiled, {&capture, 1});
   }
 };
 

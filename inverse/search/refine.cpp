@@ -317,23 +317,23 @@ std::vector<Refined> find_optima(const PoseObjective& objective,
   return merge(compiled, std::move(optima), negligible);
 }
 
-std::vector<PoseVector> new_places(const CompiledScene& compiled, const Observation& observation,
-                                   const std::vector<PoseVector>& starts,
-                                   const std::vector<Refined>& optima) {
-  const PoseObjective objective(compiled, observation);
-  std::vector<Refined> reached(starts.size());
-  tbb::this_task_arena::isolate([&] {
-    tbb::parallel_for(std::size_t{0}, starts.size(),
-                      [&](std::size_t i) { reached[i] = polish(objective, starts[i]); });
-  });
-  std::vector<PoseVector> places;
-  for (const Refined& refined : reached) {
-    const bool known = std::ranges::any_of(optima, [&](const Refined& optimum) {
-      return same_place(compiled, optimum.pose, refined.pose);
-    });
-    if (!known) places.push_back(refined.pose);
+std::vector<Refined> find_more(const PoseObjective& objective, const Observation& observation,
+                               const std::vector<PoseVector>& starts, double negligible,
+                               std::vector<Refined> optima) {
+  const CompiledScene& compiled = objective.compiled();
+  if (&objective.models() == &compiled.models()) {
+    return find_optima(objective, starts, negligible, std::move(optima));
   }
-  return places;
+  const PoseObjective rough(compiled, observation);
+  for (Refined& found : find_optima(rough, starts, negligible)) {
+    const bool known = std::ranges::any_of(optima, [&](const Refined& optimum) {
+      return same_place(compiled, optimum.pose, found.pose);
+    });
+    if (known) continue;
+    settle_again(objective, found);
+    optima.push_back(std::move(found));
+  }
+  return merge(compiled, std::move(optima), negligible);
 }
 
 }  // namespace blindcorner

@@ -47,11 +47,11 @@ std::vector<Refined> find_optima(const PoseObjective& objective,
 void settle_again(const PoseObjective& objective, Refined& optimum,
                   const ShapeBuffer* here = nullptr);
 
-/// Of `starts` those from which the compiled scene's own models do not lead back to `optima`:
-/// better models need not be asked about the others.
-std::vector<PoseVector> new_places(const CompiledScene& compiled, const Observation& observation,
-                                   const std::vector<PoseVector>& starts,
-                                   const std::vector<Refined>& optima);
+/// Optima from starts that are no known optima's, and `optima`. The compiled scene's own models
+/// find them; the objective's, where these are better ones, then move them.
+std::vector<Refined> find_more(const PoseObjective& objective, const Observation& observation,
+                               const std::vector<PoseVector>& starts, double negligible,
+                               std::vector<Refined> optima);
 
 /// The light at and near a refined pose: the corrected steering light where there is one, else the
 /// model.

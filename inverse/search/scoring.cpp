@@ -147,7 +147,8 @@ MatchedFilter::MatchedFilter(const PoseObjective& objective, const LinearSolutio
       }
       mean_[row + k] = static_cast<float>(mean[i]);
       counts_[row + k] = static_cast<float>(zone.counts[i]);
-      weight_[row + k] = static_cast<float>(1 / std::max(law.variance(level), 1e-12));
+      weight_[row + k] =
+          static_cast<float>(zone.weight_of(k) / std::max(law.variance(level), 1e-12));
     }
     // Nuisance directions: the ambient light (its prior and its bins outside the window count as
     // well), then the direct return, orthogonal in the weighted inner product.

@@ -9,6 +9,7 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
+#include "inverse/likelihood/direct_error.h"
 #include "inverse/posterior/fisher_information.h"
 #include "inverse/posterior/fitted_histograms.h"
 #include "inverse/posterior/goodness_of_fit.h"
@@ -49,7 +50,7 @@ class CaptureLikelihood final : public FrameLikelihood {
         compiled_(*kept_),
         options_(options),
         capture_(capture),
-        observation_(observe(compiled_.scene, {&capture_, 1}, compiled_.windows)),
+        observation_(observe(compiled_, {&capture_, 1})),
         objective_(compiled_, observation_),
         solver_(observation_, without_amplitude(compiled_.scene)) {
     if (observation_.zones.empty()) {

@@ -89,7 +89,7 @@ double loss(const Problem& p, const LinearUnknowns& u, const std::vector<double>
     for (int k = 0; k < zone.bins(); ++k) {
       const double m = a[z] * p.shapes[z].object[k] + c[z] +
                        (p.shapes[z].direct != nullptr ? b[z] * p.shapes[z].direct[k] : 0.0);
-      total += excess(zone.counts[static_cast<std::size_t>(k)], m);
+      total += zone.weight_of(k) * excess(zone.counts[static_cast<std::size_t>(k)], m);
     }
     if (zone.outside_bins > 0) {
       total += excess(zone.outside_count, zone.outside_bins * c[z]);
@@ -139,6 +139,7 @@ struct LinearCase {
   NoiseModel law;
   LinearMode amplitude, ambient;
   double true_amplitude, true_ambient;
+  bool weighted = false;
 };
 void PrintTo(const LinearCase& c, std::ostream* out) { *out << c.name; }
 
@@ -155,7 +156,14 @@ class EveryLinearCase : public testing::TestWithParam<LinearCase> {
     return u;
   }
   Problem problem(bool with_direct, unsigned seed = 5) const {
-    return {GetParam().law, GetParam().true_amplitude, GetParam().true_ambient, with_direct, seed};
+    Problem p(GetParam().law, GetParam().true_amplitude, GetParam().true_ambient, with_direct,
+              seed);
+    for (std::size_t z = 0; z < 2 && GetParam().weighted; ++z) {
+      for (int k = 0; k < kBins; ++k) {
+        p.observation.zones[z].weight.push_back(0.1 + 0.01 * ((13 * k) % 90));
+      }
+    }
+    return p;
   }
 };
 
@@ -169,7 +177,10 @@ std::vector<LinearCase> linear_cases() {
           {"poisson_sparse", poisson, LinearMode::shared, LinearMode::per_zone, 0.3, 0.05},
           {"poisson_bright", poisson, LinearMode::shared, LinearMode::per_zone, 3000, 900},
           {"gaussian", gaussian, LinearMode::shared, LinearMode::per_zone, 8, 5},
-          {"gaussian_shot", shot, LinearMode::per_zone, LinearMode::per_zone, 8, 5}};
+          {"gaussian_shot", shot, LinearMode::per_zone, LinearMode::per_zone, 8, 5},
+          {"poisson_weighted", poisson, LinearMode::shared, LinearMode::per_zone, 8, 5, true},
+          {"poisson_fixed_weighted", poisson, LinearMode::shared, LinearMode::fixed, 8, 5, true},
+          {"gaussian_weighted", shot, LinearMode::per_zone, LinearMode::per_zone, 8, 5, true}};
 }
 
 // No direction improves the solution: every derivative of the posterior, by central differences

@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: Apache-2.0
+/// The fast model's error in the known scene's own light must not become an object's.
+#include "inverse/likelihood/direct_error.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+
+#include "blindcorner/io/scene_file.h"
+#include "blindcorner/simulation/credible_level.h"
+#include "unit/test_scenes.h"
+
+namespace blindcorner {
+namespace {
+
+using namespace testing_scenes;
+
+/// The wall's own light and that of its partition.
+Scene wall(double albedo) {
+  Scene scene = read_scene(SOURCE_DIR "/scenes/tmf8828_wall.json");
+  scene.surfaces.front().albedo = albedo;
+  return scene;
+}
+
+Capture drawn(const Scene& scene, const HistogramCube& light, const HistogramCube& known,
+              double exposures, std::uint64_t seed) {
+  Capture capture;
+  capture.source = "drawn";
+  capture.exposures = exposures;
+  capture.counts = draw_counts(
+      scene, expected_counts(scene, light, known, {1.0, scene.linear.fixed_ambient, 1.0}),
+      exposures, seed);
+  return capture;
+}
+
+std::unique_ptr<CompiledScene> compiled_for_one_fit(const Scene& scene) {
+  GridOptions grid;
+  grid.closed_form = true;
+  grid.max_poses = 200;
+  return compile(scene, {sensor_placement(scene)}, {}, grid);
+}
+
+TEST(DirectError, WeighsBinsByThePhotonsShareOfWhatTheyMayBeOffBy) {
+  const Scene scene = wall(0.97);
+  const auto compiled = compiled_for_one_fit(scene);
+  ASSERT_FALSE(compiled->direct_error.empty());
+  const HistogramCube nothing(scene.sensor.rows, scene.sensor.columns, scene.sensor.bins);
+  const HistogramCube known = compiled->models().front()->direct_return();
+  for (const double exposures : {1.0, 100.0}) {
+    const Capture capture = drawn(scene, nothing, known, exposures, 1);
+    const Observation observation = observe(*compiled, {&capture, 1});
+    std::size_t row = 0;
+    for (const ObservedZone& zone : observation.zones) {
+      for (int k = 0; k < zone.bins(); ++k, ++row) {
+        const double photons =
+            (compiled->direct[row] + scene.linear.fixed_ambient) / exposures;  // Poisson
+        const double error = std::pow(compiled->direct_error[row], 2);
+        // The level is smoothed over bins and fitted: no more than the half right where light
+        // rises.
+        EXPECT_GE(zone.weight_of(k), photons / (photons + error) - 0.02);
+        if (k > 100) {
+          EXPECT_NEAR(zone.weight_of(k), photons / (photons + error), 0.05);
+        }
+      }
+    }
+  }
+}
+
+TEST(DirectError, NegligibleOnesLeaveBinsAsTheyAre) {
+  const Scene scene = wall(0.7);
+  const auto compiled = compiled_for_one_fit(scene);
+  const HistogramCube nothing(scene.sensor.rows, scene.sensor.columns, scene.sensor.bins);
+  const HistogramCube known = compiled->models().front()->direct_return();
+  const Capture faint = drawn(scene, nothing, known, 1e-3, 1);
+  for (const ObservedZone& zone : observe(*compiled, {&faint, 1}).zones) {
+    EXPECT_TRUE(zone.weight.empty());
+  }
+}
+
+// Some ten thousand photons from the object and more, and a wall that sends nearly all light on.
+TEST(DirectError, OfABrightWallLeavesTheTruthInsideTheRegion) {
+  const Scene scene = wall(0.97);
+  const auto reference = make_reference_renderer(scene, sensor_placement(scene));
+  const Fitter fitter(scene);
+  std::mt19937_64 random(7);
+  int inside = 0, misfits = 0;
+  for (int i = 0; i < 10; ++i) {
+    const PoseVector truth = random_pose(scene, random);
+    const HistogramCube light = reference->three_bounce(truth);
+    const HistogramCube known = reference->static_return(truth);
+    for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+      const FitResult result = fitter.fit(drawn(scene, light, known, 2000, seed));
+      inside += credible_level(scene, result.posterior, truth) <= 0.95 ? 1 : 0;
+      misfits += std::ranges::count(result.flags, "model_misfit") > 0 ? 1 : 0;
+    }
+  }
+  EXPECT_GE(inside, 44);
+  EXPECT_LE(misfits, 2);
+}
+
+TEST(DirectError, IsNoObjectHoweverBrightTheRoom) {
+  const Scene scene = wall(0.7);
+  const auto reference = make_reference_renderer(scene, sensor_placement(scene));
+  const HistogramCube nothing(scene.sensor.rows, scene.sensor.columns, scene.sensor.bins);
+  const Fitter fitter(scene);
+  for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+    const FitResult result =
+        fitter.fit(drawn(scene, nothing, reference->direct_return(), 10'000, seed));
+    EXPECT_LT(result.posterior.presence_probability, 0.5);
+    EXPECT_GT(std::ranges::count(result.flags, "nothing_detected"), 0);
+  }
+}
+
+}  // namespace
+}  // namespace blindcorner
