@@ -42,6 +42,10 @@ constexpr double kWorthAnother = 0.01;
 constexpr int kManyCaptures = 50;
 /// Starts that are followed at a time: more find out too late that others are better.
 constexpr std::size_t kStartsAtOnce = 4;
+/// Gain of the model's optimum over where closed-form light led that shows it to be too rough to
+/// choose starts with, and starts that the model chooses then.
+constexpr double kTooRough = 3;
+constexpr std::size_t kMorePlaces = 8;
 /// Finite-difference steps of the sensor's own pose, m and rad.
 constexpr double kSensorStep = 2e-3;
 
@@ -392,10 +396,16 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   std::vector<Refined> optima = find_optima(objective, places, negligible);
   if (optima.empty())
     throw Error(captures.front().source, "found no finite likelihood at any pose");
+  if (!compiled.coarse.empty() &&
+      optima.front().value.log_posterior > basins.front().value.log_posterior + kTooRough) {
+    const std::vector<PoseVector> more = best_by_model(objective, scored, kMorePlaces);
+    places.insert(places.end(), more.begin(), more.end());
+    optima = find_optima(objective, more, negligible, std::move(optima));
+  }
   // Models as good as the light asks for.
   ModelError model_error;
   if (!options.model_tolerance) {
-    model_error = sharpen(objective, optima, negligible);
+    model_error = sharpen(objective, optima, places, negligible);
   }
   result.time_ms.refine = stage.lap();
 

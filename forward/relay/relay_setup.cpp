@@ -19,6 +19,12 @@ using Eigen::Vector3d;
 /// Largest distance of a given relay point from the relay surface that it is taken to lie on, m.
 constexpr double kRelayPointTolerance = 0.5;
 
+/// Cells along a side of a zone where the field ends in it, and points along each side of these
+/// that tell how much of one is lit: the light then changes by less than 2e-5 of a bin with twice
+/// as many.
+constexpr int kRimDivisions = 64;
+constexpr int kRimPoints = 4;
+
 /// Whether the field lights all directions of a zone, seen from the same point.
 bool lies_within(const AngularRectangle& zone, const FieldOfIllumination& field) {
   if (const auto* r = std::get_if<AngularRectangle>(&field)) {
@@ -229,14 +235,28 @@ std::vector<WeightedPatch> RelaySetup::lit_by_zone(int zone, const RelaySampling
   return patches;
 }
 
+/// Whether the field ends within the patch.
+bool RelaySetup::on_rim(const RelayPatch& patch, const FieldOfIllumination& field) const {
+  const Eigen::Matrix3d to_sensor = placement_.T_world_sensor.linear().transpose();
+  int lit = 0;
+  for (const double a : {-1.0, 1.0}) {
+    for (const double b : {-1.0, 1.0}) {
+      const Vector3d corner = patch.area_center + a * patch.half_u + b * patch.half_v;
+      if (contains(field, to_sensor * (corner - source_))) ++lit;
+    }
+  }
+  const bool middle = contains(field, to_sensor * (patch.area_center - source_));
+  return lit != (middle ? 4 : 0);
+}
+
 double RelaySetup::radiance(int zone, const RelayPatch& patch) const {
   if (uses_points()) return patch.albedo / kPi;
   FieldOfIllumination storage;
   return radiance(patch, field_of_zone(zone, storage), nullptr);
 }
 
-double RelaySetup::radiance(const RelayPatch& patch, const FieldOfIllumination& field,
-                            double* leg) const {
+double RelaySetup::radiance(const RelayPatch& patch, const FieldOfIllumination& field, double* leg,
+                            int rim_points) const {
   const Eigen::Matrix3d to_sensor = placement_.T_world_sensor.linear().transpose();
   const auto lit = [&](double a, double b) {
     return contains(
@@ -246,14 +266,13 @@ double RelaySetup::radiance(const RelayPatch& patch, const FieldOfIllumination& 
   double fraction = center ? 1 : 0;
   if (lit(-1, -1) != center || lit(1, -1) != center || lit(-1, 1) != center ||
       lit(1, 1) != center) {
-    constexpr int kSide = 12;
     int count = 0;
-    for (int i = 0; i < kSide; ++i) {
-      for (int j = 0; j < kSide; ++j) {
-        if (lit((2 * i + 1.0) / kSide - 1, (2 * j + 1.0) / kSide - 1)) ++count;
+    for (int i = 0; i < rim_points; ++i) {
+      for (int j = 0; j < rim_points; ++j) {
+        if (lit((2 * i + 1.0) / rim_points - 1, (2 * j + 1.0) / rim_points - 1)) ++count;
       }
     }
-    fraction = static_cast<double>(count) / (kSide * kSide);
+    fraction = static_cast<double>(count) / (rim_points * rim_points);
   }
   const Vector3d way = patch.center - source_;
   const double distance = way.norm();
@@ -279,13 +298,6 @@ HistogramCube RelaySetup::direct_return(const PulseTable& pulses,
   // A cell's paths must lie well within the pulse, or a grazing floor becomes a comb.
   const double most = cells.spread * kSpeedOfLight *
                       std::hypot(sensor.response.core_sigma(), sensor.bin_width / std::sqrt(12.0));
-  sampling.split = [this, most](const RelayPatch& patch) {
-    const Vector3d gradient = 2 * (patch.center - detector_) / patch.distance;
-    const double u = std::abs(gradient.dot(patch.half_u)) / std::sqrt(3.0);
-    const double v = std::abs(gradient.dot(patch.half_v)) / std::sqrt(3.0);
-    if (std::max(u, v) <= most) return 0;
-    return u >= v ? 1 : 2;
-  };
   const double bins_per_metre = 1 / (kSpeedOfLight * sensor.bin_width);
   const bool monostatic = (source_ - detector_).norm() < 1e-9;
   const auto add_zone = [&](int z) {
@@ -293,9 +305,22 @@ HistogramCube RelaySetup::direct_return(const PulseTable& pulses,
     std::vector<double> row(static_cast<std::size_t>(unwrapped_bins(sensor)));
     FieldOfIllumination storage;
     const FieldOfIllumination& field = field_of_zone(z, storage);
-    const bool lights_all = lies_within(std::get<AngularRectangle>(zone.footprint), field);
-    for (const WeightedPatch& seen :
-         region(detector_, std::get<AngularRectangle>(zone.footprint), sampling, false)) {
+    const auto& footprint = std::get<AngularRectangle>(zone.footprint);
+    const bool lights_all = lies_within(footprint, field);
+    const double rim = (footprint.right - footprint.left) / kRimDivisions;
+    RelaySampling own = sampling;
+    own.split = [&](const RelayPatch& patch) {
+      const Vector3d gradient = 2 * (patch.center - detector_) / patch.distance;
+      const double u = std::abs(gradient.dot(patch.half_u)) / std::sqrt(3.0);
+      const double v = std::abs(gradient.dot(patch.half_v)) / std::sqrt(3.0);
+      if (std::max(u, v) > most) return u >= v ? 1 : 2;
+      if (lights_all) return 0;
+      // The field's rim is a step.
+      const double wide = patch.half_u.norm(), high = patch.half_v.norm();
+      if (2 * std::max(wide, high) <= rim * patch.distance || !on_rim(patch, field)) return 0;
+      return wide >= high ? 1 : 2;
+    };
+    for (const WeightedPatch& seen : region(detector_, footprint, own, false)) {
       double leg = 0;
       double sent = 0;
       if (monostatic && lights_all) {
@@ -303,7 +328,7 @@ HistogramCube RelaySetup::direct_return(const PulseTable& pulses,
         const double cosine = std::max(-seen.leg_direction.dot(seen.patch.normal), 0.0);
         sent = sensor.radiant_intensity * cosine / (leg * leg) * seen.patch.albedo / kPi;
       } else {
-        sent = radiance(seen.patch, field, &leg);
+        sent = radiance(seen.patch, field, &leg, kRimPoints);
       }
       if (sent <= 0) continue;
       const Vector3d gradient = seen.leg_direction + (seen.patch.center - source_) / leg;

@@ -95,7 +95,9 @@ class RelaySetup {
   /// distance has been taken off, which leaves minus the distance on the way back.
   void take_off_direct_path(std::vector<WeightedPatch>& seen) const;
   /// Radiance sent back by the patch, the rim of the field resolved within the patch.
-  double radiance(const RelayPatch& patch, const FieldOfIllumination& field, double* leg) const;
+  double radiance(const RelayPatch& patch, const FieldOfIllumination& field, double* leg,
+                  int rim_points = 12) const;
+  bool on_rim(const RelayPatch& patch, const FieldOfIllumination& field) const;
   const FieldOfIllumination& field_of_zone(int zone, FieldOfIllumination& storage) const;
 
   const Scene& scene_;

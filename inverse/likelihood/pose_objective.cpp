@@ -26,6 +26,7 @@ std::optional<LightSource> steering_light(const CompiledScene& compiled) {
 PoseObjective::PoseObjective(const CompiledScene& compiled, const Observation& observation)
     : compiled_(compiled),
       models_(&compiled.models()),
+      rough_(&compiled.models()),
       solver_(observation, compiled.scene.linear) {
   for (const ObservedZone& zone : observation.zones) {
     std::pair<int, int> lit{0, 0};

@@ -110,6 +110,10 @@ class PoseObjective {
   /// this.
   const ModelSet& models() const { return *models_; }
   void use(const ModelSet& models) { models_ = &models; }
+  /// Models that are right enough beside the photon noise to say what the posterior looks like
+  /// where they are corrected at its optima: the compiled scene's, unless others were chosen.
+  const ModelSet& rough_models() const { return *rough_; }
+  void use_roughly(const ModelSet& models) { rough_ = &models; }
 
   const LinearSolver& solver() const { return solver_; }
   const CompiledScene& compiled() const { return compiled_; }
@@ -121,6 +125,7 @@ class PoseObjective {
 
   const CompiledScene& compiled_;
   const ModelSet* models_;
+  const ModelSet* rough_;
   LinearSolver solver_;
   std::vector<std::pair<int, int>> direct_range_;  // [observed zones] lit bins, [first, end)
   int rows_ = 0;

@@ -28,8 +28,8 @@ constexpr double kAccuracy = 1e-2;
 constexpr double kNear = 5;
 /// Samples whose log posterior lies this far below the best optimum's count less than 1e-3 of it.
 constexpr double kFarMatters = 8;
-/// Samples that are weighed again with better lights: enough for a covariance good to a fifth.
-constexpr int kWeighedAgain = 64;
+/// Samples that are weighed again with better lights: enough for a covariance good to a quarter.
+constexpr int kWeighedAgain = 40;
 /// Largest change of a sample's log posterior that this believes: what a light that is right at the
 /// peak and wrong by half two standard deviations off comes to.
 constexpr double kMaxChange = 2;
@@ -265,8 +265,7 @@ class Sampler {
                                           sample.pose, linear, true, kAccuracy);
     if (!near && lights_.far_is_rough &&
         value.log_posterior > optima_.front()->value.log_posterior - kFarMatters) {
-      value =
-          objective_.evaluate(objective_.compiled().models(), sample.pose, linear, true, kAccuracy);
+      value = objective_.evaluate(objective_.rough_models(), sample.pose, linear, true, kAccuracy);
     }
     sample.log_posterior = value.log_posterior;
     sample.log_target = tempered(value, inflation_);

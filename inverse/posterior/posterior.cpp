@@ -31,6 +31,8 @@ constexpr double kBetter = 20 * kSampleAccuracy;
 /// squares gains about that much on a sample. Descents on a spline are so cheap, and so many, that
 /// there only a better sample counts.
 constexpr double kPromising = 1.0;
+/// Log posterior by which a sample must exceed what the known optima's widths say.
+constexpr double kSurprise = 2.0;
 /// Places that sampling proposes at once; there are further rounds.
 constexpr std::size_t kMaxPromising = 3;
 
@@ -93,18 +95,18 @@ SampleLights sample_lights(const PoseObjective& objective,
   // the other.
   constexpr double kAgreement = 0.25, kUseless = 1.5;
   const CompiledScene& compiled = objective.compiled();
-  SampleLights lights{{}, compiled.models(), {}, {}};
+  SampleLights lights{{}, objective.rough_models(), {}, {}};
   const auto steering = steering_light(compiled);
   double low = std::numeric_limits<double>::infinity();
   double high = -low;
   double best = high;
   for (const Peak& peak : peaks) best = std::max(best, peak.log_evidence);
-  // The compiled scene's own models, corrected by what they lack of better ones.
+  // The rough models, corrected by what they lack of better ones.
   for (const Refined* optimum : optima) {
     ShapeBuffer right;
     ShapeBuffer cheap;
     objective.shapes(light_near(objective, *optimum), optimum->pose, right);
-    objective.shapes(compiled.models(), optimum->pose, cheap);
+    objective.shapes(objective.rough_models(), optimum->pose, cheap);
     lights.corrections.push_back(objective.correction(optimum->pose, right, cheap));
   }
   const auto value = [&](const LightSource& light, const PoseVector& pose, LinearSolution linear) {
@@ -115,7 +117,8 @@ SampleLights sample_lights(const PoseObjective& objective,
     const LightSource light = compiled.spline ? *steering : light_near(objective, top);
     lights.near.push_back(light);
     if (!compiled.spline && peaks[j].log_evidence < best - kMinorEvidence) continue;
-    const LightSource model = LightSource(compiled.models()).corrected(lights.corrections[j]);
+    const LightSource model =
+        LightSource(objective.rough_models()).corrected(lights.corrections[j]);
     const auto note = [&](const PoseVector& pose) {
       if (!std::isfinite(log_pose_prior(compiled.scene, pose))) return;
       const double difference = value(light, pose, top.linear) - value(model, pose, top.linear);
@@ -129,7 +132,7 @@ SampleLights sample_lights(const PoseObjective& objective,
   }
   std::vector<LightSource> models;
   for (const Correction& correction : lights.corrections) {
-    models.push_back(LightSource(compiled.models()).corrected(correction));
+    models.push_back(LightSource(objective.rough_models()).corrected(correction));
   }
   if (lights.near.size() < peaks.size() || high - low > kUseless) {
     lights.near = std::move(models);
@@ -163,22 +166,34 @@ void finish_mixture(const Scene& scene, PoseMixture& mixture) {
 /// The best samples at which least squares might end somewhere new.
 std::vector<PoseVector> promising(const PoseObjective& objective, const SampleLights& lights,
                                   const std::vector<const Refined*>& optima,
+                                  const std::vector<Peak>& peaks,
                                   const std::vector<PosteriorSample>& samples) {
   const CompiledScene& compiled = objective.compiled();
   // The light may be the spline's: compare with what it says of the optima.
   double known = -std::numeric_limits<double>::infinity();
   std::vector<PoseVector> taken;
+  std::vector<double> tops;
   for (std::size_t j = 0; j < optima.size(); ++j) {
     LinearSolution linear = optima[j]->linear;
     const PoseValue value =
         objective.evaluate(lights.near[j], optima[j]->pose, linear, true, kSampleAccuracy);
     known = std::max(known, value.log_posterior);
+    tops.push_back(value.log_posterior);
     taken.push_back(optima[j]->pose);
   }
   const double least = compiled.spline ? known + kBetter : known - kPromising;
+  // On the slope of a known optimum a sample has what that one's width leaves it.
+  const auto explained = [&](const PosteriorSample& sample) {
+    for (std::size_t j = 0; j < peaks.size(); ++j) {
+      const double drop = 0.5 * mahalanobis2(compiled.scene, peaks[j], sample.pose);
+      if (sample.log_posterior < tops[j] - drop + kSurprise) return true;
+    }
+    return false;
+  };
   std::vector<const PosteriorSample*> order;
   for (const PosteriorSample& sample : samples) {
-    if (sample.log_posterior > least) order.push_back(&sample);
+    const bool better = sample.log_posterior >= known + kBetter;
+    if (sample.log_posterior > least && (better || !explained(sample))) order.push_back(&sample);
   }
   std::stable_sort(order.begin(), order.end(),
                    [](auto* a, auto* b) { return a->log_posterior > b->log_posterior; });
@@ -256,7 +271,7 @@ Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& 
     const SampleLights lights = sample_lights(objective, tops, peaks, options.inflation);
     drawn = sample_posterior(objective, lights, peaks, tops, *scored,
                              {options.samples, options.inflation, options.seed});
-    result.promising = promising(objective, lights, tops, drawn.samples);
+    result.promising = promising(objective, lights, tops, peaks, drawn.samples);
   }
   if (!(drawn.effective > 1)) {
     double sum = 0;

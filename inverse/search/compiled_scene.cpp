@@ -481,13 +481,13 @@ ModelSet make_models(const CompiledScene& compiled, FastModelOptions fast) {
 FastModelOptions options_of(int level, const Fidelity& first, bool lobes) {
   FastModelOptions fast;
   if (!lobes) {
-    fast.tolerance = level == 1 ? 0.01 : 0.001;
+    fast.tolerance = std::pow(10.0, -1 - level);
     fast.fidelity = first;
     return fast;
   }
   fast.tolerance = kCheapTolerance;
-  Fidelity pairs{std::sqrt(8.0), 4.0, true};
-  if (level > 1) pairs = {2.0, std::sqrt(8.0), true};
+  const double finer = std::pow(2.0, 0.5 * (level - 1));
+  Fidelity pairs{std::sqrt(8.0) / finer, 4 / finer, true};
   if (first.lobe_pairs) {
     pairs.relay = std::min(pairs.relay, first.relay);
     pairs.object = std::min(pairs.object, first.object);

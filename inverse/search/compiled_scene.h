@@ -25,7 +25,7 @@ using ModelSet = std::vector<std::unique_ptr<ForwardModel>>;  // [captures]
 class SceneKnowledge;
 
 /// Levels of exactness that a fit may go through.
-inline constexpr int kModelLevels = 3;
+inline constexpr int kModelLevels = 4;
 
 struct CompiledScene {
   Scene scene;

@@ -321,11 +321,16 @@ std::vector<Refined> find_more(const PoseObjective& objective, const Observation
                                const std::vector<PoseVector>& starts, double negligible,
                                std::vector<Refined> optima) {
   const CompiledScene& compiled = objective.compiled();
-  if (&objective.models() == &compiled.models()) {
+  if (&objective.models() == &objective.rough_models()) {
     return find_optima(objective, starts, negligible, std::move(optima));
   }
-  const PoseObjective rough(compiled, observation);
+  PoseObjective rough(compiled, observation);
+  rough.use(objective.rough_models());
+  LinearSolution linear = optima.front().linear;
+  const double best =
+      rough.evaluate(rough.models(), optima.front().pose, linear, true).log_posterior;
   for (Refined& found : find_optima(rough, starts, negligible)) {
+    if (found.value.log_posterior < best - kWorthSettling) continue;
     const bool known = std::ranges::any_of(optima, [&](const Refined& optimum) {
       return same_place(compiled, optimum.pose, found.pose);
     });

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <iterator>
 #include <limits>
 #include <numeric>
@@ -531,6 +532,36 @@ Scored score(const PoseObjective& objective, const LinearSolution& empty, int co
     chosen = std::move(starts);
   }
   return result;
+}
+
+std::vector<PoseVector> best_by_model(const PoseObjective& objective, const Scored& scored,
+                                      std::size_t count) {
+  const CompiledScene& compiled = objective.compiled();
+  struct Place {
+    double log_posterior;
+    PoseVector pose;
+  };
+  std::vector<Place> places;
+  for (const Candidate& c : scored.exact) places.push_back({0, c.pose});
+  tbb::this_task_arena::isolate([&] {
+    tbb::parallel_for(std::size_t{0}, places.size(), [&](std::size_t i) {
+      LinearSolution linear;
+      places[i].log_posterior =
+          objective.evaluate(objective.models(), places[i].pose, linear, false, kAccuracy)
+              .log_posterior;
+    });
+  });
+  std::ranges::stable_sort(places, std::greater{}, &Place::log_posterior);
+  std::vector<PoseVector> chosen;
+  for (const Place& place : places) {
+    const bool near = std::ranges::any_of(chosen, [&](const PoseVector& other) {
+      const PoseVector d = pose_difference(compiled.scene, other, place.pose);
+      return (d.array().abs() < 1.1 * compiled.spacing.array()).all();
+    });
+    if (!near) chosen.push_back(place.pose);
+    if (chosen.size() == count) break;
+  }
+  return chosen;
 }
 
 }  // namespace blindcorner

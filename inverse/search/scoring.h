@@ -92,4 +92,9 @@ std::vector<Candidate> object_starts(const PoseObjective& objective, const Linea
 Scored score(const PoseObjective& objective, const LinearSolution& empty, int count,
              double negligible);
 
+/// Of the poses that were scored exactly in closed form, the best by the model's own light that are
+/// no neighbours, at most `count`: for captures so bright that the closed form is too rough.
+std::vector<PoseVector> best_by_model(const PoseObjective& objective, const Scored& scored,
+                                      std::size_t count);
+
 }  // namespace blindcorner

@@ -2,6 +2,7 @@
 #include "inverse/search/sharpen.h"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <array>
 #include <cmath>
 
@@ -15,18 +16,40 @@ namespace {
 /// Relative error (L2) of each level's light on the shipped scenes, at most; the first level is
 /// that of the models in use.
 using Errors = std::array<double, kModelLevels>;
-constexpr Errors kMattErrors = {0.06, 0.02, 0.007};
-constexpr Errors kLobeErrors = {0.06, 0.02, 0.005};
+constexpr Errors kMattErrors = {0.06, 0.02, 0.007, 0.002};
+constexpr Errors kLobeErrors = {0.06, 0.02, 0.005, 0.002};
 /// Optima this far below the best in log posterior hold less than a per cent of the posterior each:
 /// the models that found them do for them.
 constexpr double kWorthSharpening = 5;
 /// A move of this part of a standard deviation is not worth a better model: carried in the
 /// covariance, it widens it by 2 %.
 constexpr double kSmallMove = 0.2;
+/// Part of a move that the next one comes to, at least: moves fall less than errors (light of the
+/// oblique floor at a million photons: by 0.3 to 2, half of them by less than 0.6).
+constexpr double kLeft = 0.5;
+/// A larger move than this is no correction: the worse model's posterior is another one.
+constexpr double kLargeMove = 1.0;
+/// The same for changes of the log posterior at the optimum: what it changes there it may change
+/// elsewhere, and more.
+constexpr double kSmallShift = 0.3, kLargeShift = 1.0;
+
+/// Moves the optima that may matter; `here`: the models' light at the first.
+void sharpen_each(const PoseObjective& objective, std::vector<Refined>& optima,
+                  const ShapeBuffer& here) {
+  const double rough = optima.front().value.log_posterior;
+  settle_again(objective, optima.front(), &here);
+  // What the better model does to one optimum it may do to another.
+  const double least =
+      rough - kWorthSharpening - 2 * std::abs(optima.front().value.log_posterior - rough);
+  for (std::size_t i = 1; i < optima.size(); ++i) {
+    if (optima[i].value.log_posterior >= least) settle_again(objective, optima[i]);
+  }
+}
 
 }  // namespace
 
-ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima, double negligible) {
+ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima,
+                   const std::vector<PoseVector>& places, double negligible) {
   const CompiledScene& compiled = objective.compiled();
   ModelError error;
   const auto n = static_cast<Eigen::Index>(compiled.unknown_count());
@@ -55,15 +78,22 @@ ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima, doubl
     const Eigen::VectorXd move = precision.ldlt().solve(info.disturbance.col(0));
     const double size = std::sqrt(move.dot(precision * move));
     error.covariance = move * move.transpose();
-    if (size < kSmallMove) break;
+    LinearSolution linear = top.linear;
+    const double shift = std::abs(objective.evaluate(then, top.pose, linear, true).log_posterior -
+                                  top.value.log_posterior);
+    if (size < kSmallMove && shift < kSmallShift) break;
     objective.use(finer);
-    const double least = top.value.log_posterior - kWorthSharpening;
-    for (Refined& optimum : optima) {
-      if (optimum.value.log_posterior < least) continue;
-      settle_again(objective, optimum, &optimum == &optima.front() ? &then : nullptr);
+    if (size > kLargeMove || shift > kLargeShift) {
+      // What worse models say of other optima, and of the posterior's shape, is no longer good.
+      objective.use_roughly(finer);
+      std::vector<PoseVector> starts = places;
+      for (const Refined& optimum : optima) starts.push_back(optimum.pose);
+      optima = find_optima(objective, starts, negligible);
+    } else {
+      sharpen_each(objective, optima, then);
     }
     optima = merge(compiled, std::move(optima), negligible);
-    const double left = errors[static_cast<std::size_t>(level)] / before;
+    const double left = std::max(errors[static_cast<std::size_t>(level)] / before, kLeft);
     error.covariance *= left * left;
     error.level = level;
     // What the next one would move it, errors being alike.

@@ -19,6 +19,7 @@ struct ModelError {
 /// of its standard deviation: the objective then uses them, and the optima are moved to where they
 /// have them. The covariance is that of the last move, times the ratio of the levels' errors where
 /// there is no tighter model.
-ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima, double negligible);
+ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima,
+                   const std::vector<PoseVector>& places, double negligible);
 
 }  // namespace blindcorner
