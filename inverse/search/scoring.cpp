@@ -29,8 +29,9 @@ constexpr double kFaint = 100;
 constexpr double kAccuracy = 1e-2;
 /// Templates whose exact scores are worked out at a time.
 constexpr std::size_t kTogether = 8;
-/// Starts that are refined even when the grid has fewer local maxima.
-constexpr std::size_t kLeastStarts = 2;
+/// Starts that are refined even when the grid has fewer local maxima: ridges run between its
+/// points.
+constexpr std::size_t kLeastStarts = 8;
 
 /// Gain in log likelihood of the best amplitude that is not negative.
 float gain(float projection, float norm) {

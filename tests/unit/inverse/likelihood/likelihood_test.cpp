@@ -323,5 +323,37 @@ TEST(LikelihoodTest, CensoredTermsAreFiniteAndContinuousInTheTails) {
   EXPECT_NEAR(before.second, after.second, 1e-3);
 }
 
+// Rows take a series where means are near the counts, and logarithms elsewhere: both are right, and
+// neither leaves a step.
+TEST(LikelihoodTest, RowsOfPhotonsAreRightNearTheirCountsAndFarFromThem) {
+  const auto owner = make_likelihood(PoissonNoise{}, 1, 4);
+  const BinLikelihood& law = *owner;
+  std::vector<double> counts, means, least, best;
+  for (const double n : {0.0, 1.0, 250.0, 1e5, 3e8}) {
+    for (const double ratio :
+         {0.3, 0.949999, 0.950001, 0.999999, 1.0, 1.02, 1.049999, 1.050001, 2.0}) {
+      counts.push_back(n);
+      means.push_back(std::max(n, 0.5) * ratio);
+      least.push_back(law.least(n));
+      best.push_back(law.best(n));
+    }
+  }
+  const std::vector<double> counted(counts.size(), 1.0);
+  const CountRow row{counts.data(), counted.data(), {}, static_cast<int>(counts.size()), nullptr};
+  std::vector<double> residuals(counts.size());
+  law.residuals(row, means.data(), least.data(), best.data(), residuals.data());
+  long double sum = 0;
+  for (std::size_t i = 0; i < counts.size(); ++i) {
+    const long double n = counts[i], m = means[i];
+    const long double half = 4 * (n > 0 ? m - n + n * std::log(n / m) : m);
+    sum += half;
+    const auto expected = static_cast<double>(std::sqrt(2 * std::max(half, 0.0L)));
+    EXPECT_NEAR(std::abs(residuals[i]), expected, 1e-7 * expected + 1e-6) << counts[i];
+    EXPECT_GE(residuals[i] * (means[i] - counts[i]), 0);
+  }
+  EXPECT_NEAR(law.half_deviance(row, means.data(), 0), static_cast<double>(sum),
+              1e-9 * static_cast<double>(sum));
+}
+
 }  // namespace
 }  // namespace blindcorner
