@@ -236,7 +236,7 @@ struct Fitter::Impl {
 
   /// The scene compiled for these placements; compiled once, by whoever comes first.
   std::shared_ptr<Prepared> prepare(const std::vector<SensorPlacement>& placements) {
-    const std::shared_ptr<Prepared> entry = find(placements);
+    std::shared_ptr<Prepared> entry = find(placements);
     std::call_once(entry->once, [&] {
       GridOptions grid;
       grid.closed_form = options.captures_per_placement < kManyCaptures;

@@ -584,7 +584,7 @@ void BinLikelihood::residuals(const CountRow& row, const double* m, const double
 }
 
 void BinLikelihood::add_linear_terms(const CountRow& row, const LinearLight& light,
-                                     LinearTerms& h) const {
+                                     LinearTerms& terms) const {
   thread_local std::vector<double> mean, first, second;
   const auto bins = static_cast<std::size_t>(row.bins);
   for (auto* v : {&mean, &first, &second}) {
@@ -598,15 +598,15 @@ void BinLikelihood::add_linear_terms(const CountRow& row, const LinearLight& lig
     const double weight = row.weight != nullptr ? row.weight[i] : 1.0;
     const double d1 = weight * first[i];
     const double d2 = weight * second[i];
-    h.ga += d1 * si;
-    h.gc += d1;
-    h.gb += d1 * ti;
-    h.haa += d2 * si * si;
-    h.hac += d2 * si;
-    h.hab += d2 * si * ti;
-    h.hcc += d2;
-    h.hcb += d2 * ti;
-    h.hbb += d2 * ti * ti;
+    terms.ga += d1 * si;
+    terms.gc += d1;
+    terms.gb += d1 * ti;
+    terms.haa += d2 * si * si;
+    terms.hac += d2 * si;
+    terms.hab += d2 * si * ti;
+    terms.hcc += d2;
+    terms.hcb += d2 * ti;
+    terms.hbb += d2 * ti * ti;
   }
 }
 

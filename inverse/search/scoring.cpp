@@ -403,8 +403,9 @@ std::vector<Candidate> object_starts(const PoseObjective& objective, const Linea
   }
   const auto unique = [&] {
     std::ranges::sort(found, better);
-    const auto same = std::ranges::unique(found, {}, &Arrangement::place);
-    found.erase(same.begin(), same.end());
+    found.erase(std::unique(found.begin(), found.end(),
+                            [](const auto& a, const auto& b) { return a.place == b.place; }),
+                found.end());
   };
   unique();
   for (std::size_t i = 0, swept = std::min(kSwept, found.size()); i < swept; ++i) {
