@@ -370,8 +370,9 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
     }
     std::vector<Refined> reached(apart.size());
     tbb::this_task_arena::isolate([&] {
-      tbb::parallel_for(std::size_t{0}, apart.size(),
-                        [&](std::size_t i) { reached[i] = approach(objective, places[apart[i]]); });
+      tbb::parallel_for(std::size_t{0}, apart.size(), [&](std::size_t i) {
+        reached[i] = approach_closely(objective, places[apart[i]]);
+      });
     });
     for (std::size_t i = 0; i < apart.size(); ++i) {
       const double here = reached[i].value.log_posterior;

@@ -262,10 +262,8 @@ double RelaySetup::radiance(const RelayPatch& patch, const FieldOfIllumination& 
     return contains(
         field, to_sensor * (patch.area_center + a * patch.half_u + b * patch.half_v - source_));
   };
-  const bool center = lit(0, 0);
-  double fraction = center ? 1 : 0;
-  if (lit(-1, -1) != center || lit(1, -1) != center || lit(-1, 1) != center ||
-      lit(1, 1) != center) {
+  double fraction = lit(0, 0) ? 1 : 0;
+  if (on_rim(patch, field)) {
     int count = 0;
     for (int i = 0; i < rim_points; ++i) {
       for (int j = 0; j < rim_points; ++j) {

@@ -62,6 +62,7 @@ StaticLightSampling coarser_sampling() {
   return sampling;
 }
 
+/// Part of that difference that is carried: in the street it is 1.27 times the error.
 constexpr double kOfCoarser = 0.8;
 
 /// Light smoothed over the pulse's width.

@@ -214,10 +214,10 @@ LightSource light_near(const PoseObjective& objective, const Refined& refined) {
   return objective.models();
 }
 
-Refined approach(const PoseObjective& objective, const PoseVector& start) {
+Refined approach_closely(const PoseObjective& objective, const PoseVector& place) {
   const CompiledScene& compiled = objective.compiled();
   Refined result;
-  result.pose = start;
+  result.pose = place;
   if (compiled.spline) {
     minimise(objective, *compiled.spline, kApproachCheap, result);
     return finish(objective, *compiled.spline, std::move(result));
@@ -249,6 +249,10 @@ std::vector<PoseVector> approach_widely(const PoseObjective& objective,
   std::vector<PoseVector> places;
   for (const Refined& refined : reached) places.push_back(refined.pose);
   return places;
+}
+
+Refined approach(const PoseObjective& objective, const PoseVector& start) {
+  return approach_closely(objective, approach_widely(objective, {start}).front());
 }
 
 Refined polish(const PoseObjective& objective, const PoseVector& start) {

@@ -72,6 +72,11 @@ BLINDCORNER_MULTIVERSION float weighted_square(const float* t, const float* w, i
   return std::accumulate(lanes, lanes + kLanes, 0.0F);
 }
 
+/// Whether poses that differ by this are neighbours on the grid.
+bool adjoin(const PoseVector& difference, const PoseVector& spacing) {
+  return (difference.array().abs() < 1.1 * spacing.array()).all();
+}
+
 /// The poses with the `count` highest scores, best first.
 std::vector<int> best_first(const Eigen::VectorXf& scores, std::size_t count) {
   std::vector<int> order(static_cast<std::size_t>(scores.size()));
@@ -321,8 +326,7 @@ class Arranger {
     for (const int i : best_first(scores, static_cast<std::size_t>(scores.size()) / 4)) {
       const PoseVector& pose = grid.poses[static_cast<std::size_t>(i)];
       const bool close = std::ranges::any_of(chosen, [&](int other) {
-        const PoseVector d = grid.poses[static_cast<std::size_t>(other)] - pose;
-        return (d.array().abs() < 1.1 * grid.spacing.array()).all();
+        return adjoin(grid.poses[static_cast<std::size_t>(other)] - pose, grid.spacing);
       });
       if (!close) chosen.push_back(i);
       if (chosen.size() == most) break;
@@ -505,7 +509,7 @@ Scored score(const PoseObjective& objective, const LinearSolution& empty, int co
     const PoseVector d =
         pose_difference(compiled.scene, compiled.poses[static_cast<std::size_t>(a.index)],
                         compiled.poses[static_cast<std::size_t>(b.index)]);
-    return (d.array().abs() < 1.1 * compiled.spacing.array()).all();
+    return adjoin(d, compiled.spacing);
   };
   // Local maxima of the grid first; then the best of what lies on slopes, in case a ridge runs
   // between the grid points.
@@ -558,7 +562,7 @@ std::vector<PoseVector> best_by_model(const PoseObjective& objective, const Scor
   for (const Place& place : places) {
     const bool near = std::ranges::any_of(chosen, [&](const PoseVector& other) {
       const PoseVector d = pose_difference(compiled.scene, other, place.pose);
-      return (d.array().abs() < 1.1 * compiled.spacing.array()).all();
+      return adjoin(d, compiled.spacing);
     });
     if (!near) chosen.push_back(place.pose);
     if (chosen.size() == count) break;

@@ -91,8 +91,8 @@ ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima,
       optima = find_optima(objective, starts, negligible);
     } else {
       sharpen_each(objective, optima, then);
+      optima = merge(compiled, std::move(optima), negligible);
     }
-    optima = merge(compiled, std::move(optima), negligible);
     const double left = std::max(errors[static_cast<std::size_t>(level)] / before, kLeft);
     error.covariance *= left * left;
     error.level = level;

@@ -32,7 +32,6 @@ class Templates {
 
   int rows() const { return rows_; }
   std::size_t poses() const { return columns_.size(); }
-  bool empty() const { return columns_.empty(); }
   const Column& column(std::size_t pose) const { return columns_[pose]; }
   /// into += factor * column; `into` is [rows].
   void add(std::size_t pose, float factor, Eigen::VectorXf& into) const;
