@@ -130,9 +130,9 @@ void answer_darkness(const CompiledScene& compiled, const Observation& observati
   const AmplitudePrior& prior = scene.linear.amplitude_prior;
   double dark = 0;
   int count = 0;
-  const std::size_t stride = std::max<std::size_t>(1, compiled.templates.poses() / 500);
-  for (std::size_t i = 0; i < compiled.templates.poses(); i += stride) {
-    const double light = observation.likelihood.front()->scale() * compiled.templates.sum(i);
+  const std::size_t stride = std::max<std::size_t>(1, compiled.templates().poses() / 500);
+  for (std::size_t i = 0; i < compiled.templates().poses(); i += stride) {
+    const double light = observation.likelihood.front()->scale() * compiled.templates().sum(i);
     for (int k = -4; k <= 4; ++k) {
       const double u = 0.5 * k;
       const double a = prior.median * std::exp(prior.sigma_log * u);
@@ -350,7 +350,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
       const Candidate& start = scored.starts[next];
       // Light of several objects is too rough in closed form to say so.
       const bool hopeless =
-          compiled.objects.empty() && basins.size() >= 3 &&
+          compiled.objects().empty() && basins.size() >= 3 &&
           start.log_posterior + 2 * largest_gain < best - 1.5 * options.negligible_log_posterior;
       if (!hopeless) chosen.push_back(&start);
     }
@@ -444,6 +444,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
         false_alarms(known).probability(objective, empty, options.empty_captures, options.seed);
   }
   result.time_ms.detect = stage.lap();
+  known->bytes = compiled.bytes();  // what this capture asked for is there now
 
   set_flags(scene, posterior, result);
   for (std::size_t i = 0; i < captures.size(); ++i) {

@@ -2,9 +2,11 @@
 #include "forward/transport/coarse_model.h"
 
 #include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <utility>
 
@@ -357,6 +359,63 @@ void CoarseModel::render(const SurfaceCell& cell, const Vector3d& middle, const 
           extra, out);
     }
   }
+}
+
+std::vector<SparseLight::Range> CoarseModel::reach() const {
+  const Scene& scene = shared_->scene;
+  const Sensor& sensor = scene.sensor;
+  const auto zones = static_cast<std::size_t>(sensor.zone_count());
+  const SparseLight::Range all{0, sensor.bins}, none{sensor.bins, 0};
+  std::vector<SparseLight::Range> reached(zones, sensor.crosstalk.empty() ? none : all);
+  // The path between the relay and a region, with the way to the patch times `way`.
+  struct Paths {
+    double shortest = std::numeric_limits<double>::infinity(), longest = 0;
+  };
+  for (int object = 0; object < object_count(scene); ++object) {
+    Eigen::AlignedBox3d region;
+    for (const Vector3d& corner : search_region_corners(scene, object)) region.extend(corner);
+    const auto paths = [&](const PatchArrays& patches, std::size_t set, double way) {
+      Paths found;
+      const auto [begin, end] = patches.set(set);
+      for (std::size_t k = begin; k < end; ++k) {
+        const auto i = static_cast<int>(k);
+        const Vector3d u = patches.half_u(i), v = patches.half_v(i);
+        for (const Vector3d& d : {Vector3d(0 * u), Vector3d(u + v), Vector3d(u - v), Vector3d(v - u),
+                                  Vector3d(-u - v)}) {
+          const Vector3d from = patches.area_center(i) + d;
+          const double leg =
+              way * (patches.leg[k] + patches.leg_direction(i).dot(from - patches.center(i)));
+          // To the region's nearest point and to its farthest corner.
+          const Vector3d far = (from - region.center()).cwiseAbs() + 0.5 * region.sizes();
+          found.shortest = std::min(found.shortest, leg + region.exteriorDistance(from));
+          found.longest = std::max(found.longest, leg + far.norm());
+        }
+      }
+      return found;
+    };
+    const bool pairs = pairs_[static_cast<std::size_t>(object)];
+    for (std::size_t z = 0; z < zones; ++z) {
+      const Paths out = paths(seen_, z, pairs ? 1.0 : way_in_);
+      const Paths in = pairs ? paths(lit_, confocal_ ? z : 0, 1.0) : out;
+      if (out.longest == 0 || in.longest == 0) continue;  // dead, or without patches
+      if (sensor.wrap(static_cast<int>(z)) > 0) {
+        reached[z] = all;
+        continue;
+      }
+      const auto bin = [&](double path) {
+        return shared_->pulses.reach((sensor.zones[z].time_zero + path / kSpeedOfLight) /
+                                     sensor.bin_width);
+      };
+      const int first = std::max(bin(in.shortest + out.shortest).first, 0);
+      const int last = std::min(bin(in.longest + out.longest).second, sensor.bins);
+      if (first >= last) continue;
+      reached[z] = {std::min(reached[z].begin, first), std::max(reached[z].end, last)};
+    }
+  }
+  for (SparseLight::Range& range : reached) {
+    if (range.begin >= range.end) range = {};
+  }
+  return reached;
 }
 
 void CoarseModel::three_bounce(const std::vector<Placement>& placements, double extra_pulse_sigma,

@@ -63,6 +63,10 @@ class CoarseModel {
   void three_bounce(const std::vector<Placement>& placements, double extra_pulse_sigma,
                     SparseLight& out, int only = -1) const;
 
+  /// Bins of each zone that light of the search region may reach: bounds from the shortest and the
+  /// longest path between the zone's patches and the region, widest pulse included. [zones]
+  std::vector<SparseLight::Range> reach() const;
+
  private:
   /// Consecutive patches that are taken together.
   struct Run {

@@ -65,26 +65,6 @@ std::string number(double value) {
   return text;
 }
 
-/// Points that span an object's search region: corners of boxes around it at the probed placements.
-std::vector<Vector3d> region_corners(const Scene& scene, int index) {
-  const HiddenObject& object = hidden_object(scene, index);
-  const bool turns = std::ranges::any_of(scene.unknowns, [&](const Unknown& u) {
-    return u.object == index && u.component == Component::yaw;
-  });
-  std::vector<Vector3d> points;
-  for (const Placement& probe : probe_placements(scene, index)) {
-    const Transform T = object_to_world(object.shape, object.anchor, probe);
-    const auto yaw = turns ? std::nullopt : std::optional(probe.yaw);
-    const Vector3d half = probe.size * half_extents(object.shape, yaw);
-    for (int corner = 0; corner < 8; ++corner) {
-      const Vector3d sign((corner & 1) != 0 ? 1 : -1, (corner & 2) != 0 ? 1 : -1,
-                          (corner & 4) != 0 ? 1 : -1);
-      points.push_back(T.translation() + half.cwiseProduct(sign));
-    }
-  }
-  return points;
-}
-
 double lobe_ratio(const Scene& scene, const std::vector<Vector3d>& relay_points,
                   double lit_extent) {
   const auto* retro = std::get_if<RetroreflectiveMaterial>(&scene.hidden.material);
@@ -157,6 +137,25 @@ std::vector<Placement> probe_placements(const Scene& scene, int object) {
   return placements;
 }
 
+std::vector<Vector3d> search_region_corners(const Scene& scene, int index) {
+  const HiddenObject& object = hidden_object(scene, index);
+  const bool turns = std::ranges::any_of(scene.unknowns, [&](const Unknown& u) {
+    return u.object == index && u.component == Component::yaw;
+  });
+  std::vector<Vector3d> points;
+  for (const Placement& probe : probe_placements(scene, index)) {
+    const Transform T = object_to_world(object.shape, object.anchor, probe);
+    const auto yaw = turns ? std::nullopt : std::optional(probe.yaw);
+    const Vector3d half = probe.size * half_extents(object.shape, yaw);
+    for (int corner = 0; corner < 8; ++corner) {
+      const Vector3d sign((corner & 1) != 0 ? 1 : -1, (corner & 2) != 0 ? 1 : -1,
+                          (corner & 4) != 0 ? 1 : -1);
+      points.push_back(T.translation() + half.cwiseProduct(sign));
+    }
+  }
+  return points;
+}
+
 bool in_search_region(const Scene& scene, const Placement& placement, int object) {
   for (const Unknown& unknown : scene.unknowns) {
     if (unknown.object != object) continue;
@@ -207,7 +206,7 @@ std::vector<OccluderFace> body_faces(const Shape& shape, const Transform& T_worl
 void decide_view(TransportPlan& plan, const Scene& scene, const std::vector<Vector3d>& seen) {
   std::vector<Vector3d> region;
   for (int i = 0; i < object_count(scene); ++i) {
-    const std::vector<Vector3d> corners = region_corners(scene, i);
+    const std::vector<Vector3d> corners = search_region_corners(scene, i);
     region.insert(region.end(), corners.begin(), corners.end());
   }
   const bool apart = separated(seen, region, 0.0);
@@ -229,7 +228,7 @@ std::vector<OccluderFace> occluders_between(const Scene& scene,
                                             std::vector<Vector3d> relay_points) {
   if (faces.empty()) return {};
   for (int i = 0; i < object_count(scene); ++i) {
-    const std::vector<Vector3d> corners = region_corners(scene, i);
+    const std::vector<Vector3d> corners = search_region_corners(scene, i);
     relay_points.insert(relay_points.end(), corners.begin(), corners.end());
   }
   return faces_among(faces, relay_points);

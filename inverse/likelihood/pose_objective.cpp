@@ -176,7 +176,7 @@ PoseValue PoseObjective::evaluate_template(int index, LinearSolution& solution, 
                                            double accuracy) const {
   ShapeBuffer& buffer = scratch();
   buffer.object.assign(static_cast<std::size_t>(rows_), 0.0);
-  const Templates::Column& column = compiled_.templates.column(static_cast<std::size_t>(index));
+  const Templates::Column& column = compiled_.templates().column(static_cast<std::size_t>(index));
   for (const Templates::Piece& piece : column.pieces) {
     const float* counts = column.counts.data() + piece.from;
     std::copy(counts, counts + piece.count, buffer.object.data() + piece.row);

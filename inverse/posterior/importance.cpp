@@ -6,11 +6,13 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <random>
 
 #include "blindcorner/forward/constants.h"
+#include "inverse/posterior/quadratic_trend.h"
 
 namespace blindcorner {
 namespace {
@@ -28,11 +30,11 @@ constexpr double kAccuracy = 1e-2;
 constexpr double kNear = 5;
 /// Samples whose log posterior lies this far below the best optimum's count less than 1e-3 of it.
 constexpr double kFarMatters = 8;
-/// Samples that are weighed again with better lights: enough for a covariance good to a quarter.
-constexpr int kWeighedAgain = 40;
-/// Largest change of a sample's log posterior that this believes: what a light that is right at the
-/// peak and wrong by half two standard deviations off comes to.
-constexpr double kMaxChange = 2;
+/// Samples that are weighed with better lights, first and once more: the trend of six unknowns has
+/// 28 coefficients.
+constexpr std::array<int, 2> kWeighedAgain = {28, 20};
+/// Ripple of the models' log posterior about the change's trend: what ten per cent models have.
+constexpr double kTrendNoise = 0.2;
 constexpr int kStages = 3;     ///< that make up the samples asked for
 constexpr int kMostTimes = 4;  ///< as many samples as asked for, when few are effective
 
@@ -182,46 +184,44 @@ class Sampler {
     shares_ = std::move(next);
   }
 
-  /// Draws a few of the samples by their weights and weighs them with the better lights.
+  /// Works out what the better lights change of a few samples, drawn by their weights, and weighs
+  /// all with that change's trend; then once more with samples drawn by the new weights.
   void weigh_again() {
-    std::uniform_real_distribution<double> uniform;
-    std::vector<PosteriorSample> chosen;
-    std::vector<bool> near;
-    double at = uniform(random_) / kWeighedAgain, sum = 0;
-    for (std::size_t i = 0; i < samples_.size(); ++i) {
-      sum += samples_[i].weight;
-      double drawn = 0;
-      for (; at < sum; at += 1.0 / kWeighedAgain) ++drawn;
-      if (drawn <= 0) continue;
-      chosen.push_back(samples_[i]);
-      chosen.back().weight = drawn;
-      near.push_back(near_[i]);
-    }
-    std::vector<double> change(chosen.size(), 0.0);
-    tbb::this_task_arena::isolate([&] {
-      tbb::parallel_for(std::size_t{0}, chosen.size(), [&](std::size_t i) {
-        if (!near[i]) return;
-        PosteriorSample& sample = chosen[i];
-        LinearSolution linear = optima_[sample.peak]->linear;
-        const PoseValue value =
-            objective_.evaluate(lights_.better[sample.peak], sample.pose, linear, true, kAccuracy);
-        sample.log_posterior = value.log_posterior;
-        change[i] = tempered(value, inflation_) - sample.log_target;
-        sample.log_target += change[i];
+    std::vector<double> rough, change(samples_.size(), 0.0);
+    for (const PosteriorSample& sample : samples_) rough.push_back(sample.log_target);
+    std::vector<bool> known(samples_.size(), false);
+    const std::vector<Peak> spreads = spread_about_peaks();
+    for (const int count : kWeighedAgain) {
+      std::vector<std::size_t> chosen = draw_by_weight(count);
+      std::erase_if(chosen, [&](std::size_t i) { return known[i] || !near_[i]; });
+      tbb::this_task_arena::isolate([&] {
+        tbb::parallel_for(std::size_t{0}, chosen.size(), [&](std::size_t k) {
+          PosteriorSample& sample = samples_[chosen[k]];
+          LinearSolution linear = optima_[sample.peak]->linear;
+          const PoseValue value = objective_.evaluate(lights_.better[sample.peak], sample.pose,
+                                                      linear, true, kAccuracy);
+          sample.log_posterior = value.log_posterior;
+          change[chosen[k]] = tempered(value, inflation_) - rough[chosen[k]];
+        });
       });
-    });
-    double total = 0, all = 0, squares = 0;
-    for (std::size_t i = 0; i < chosen.size(); ++i) {
-      total += chosen[i].weight;
-      chosen[i].weight *= std::exp(std::clamp(change[i], -kMaxChange, kMaxChange));
-      all += chosen[i].weight;
-      squares += chosen[i].weight * chosen[i].weight;
+      for (const std::size_t i : chosen) known[i] = true;
+      for (std::size_t peak = 0; peak < peaks_.size(); ++peak) {
+        std::vector<Eigen::VectorXd> points;
+        std::vector<double> values;
+        for (std::size_t i = 0; i < samples_.size(); ++i) {
+          if (!known[i] || samples_[i].peak != peak) continue;
+          points.push_back(whitened(scene_, spreads[peak], samples_[i].pose));
+          values.push_back(change[i]);
+        }
+        const QuadraticTrend trend(points, values, kTrendNoise);
+        for (std::size_t i = 0; i < samples_.size(); ++i) {
+          if (!near_[i] || samples_[i].peak != peak) continue;
+          samples_[i].log_target =
+              rough[i] + trend(whitened(scene_, spreads[peak], samples_[i].pose));
+        }
+      }
+      weigh();
     }
-    if (!(all > 0)) return;
-    log_evidence_ += std::log(all / total);
-    effective_ = std::min(effective_, all * all / squares);
-    for (PosteriorSample& sample : chosen) sample.weight /= all;
-    samples_ = std::move(chosen);
   }
 
   double effective() const { return effective_; }
@@ -269,6 +269,41 @@ class Sampler {
     }
     sample.log_posterior = value.log_posterior;
     sample.log_target = tempered(value, inflation_);
+  }
+
+  /// Indices of `count` samples drawn by their weights, each once.
+  std::vector<std::size_t> draw_by_weight(int count) {
+    std::uniform_real_distribution<double> uniform;
+    std::vector<std::size_t> chosen;
+    double at = uniform(random_) / count, sum = 0;
+    for (std::size_t i = 0; i < samples_.size(); ++i) {
+      sum += samples_[i].weight;
+      if (at >= sum) continue;
+      chosen.push_back(i);
+      while (at < sum) at += 1.0 / count;
+    }
+    return chosen;
+  }
+
+  /// The samples' own moments about each peak; the peak itself where there are too few.
+  std::vector<Peak> spread_about_peaks() const {
+    std::vector<Peak> spreads = peaks_;
+    for (std::size_t j = 0; j < peaks_.size(); ++j) {
+      std::vector<const PosteriorSample*> own;
+      double sum = 0, squares = 0;
+      for (std::size_t i = 0; i < samples_.size(); ++i) {
+        if (!near_[i] || samples_[i].peak != j || !(samples_[i].weight > 0)) continue;
+        own.push_back(&samples_[i]);
+        sum += samples_[i].weight;
+        squares += samples_[i].weight * samples_[i].weight;
+      }
+      if (sum * sum < 2.0 * static_cast<double>(peaks_[j].center.size()) * squares || own.empty())
+        continue;
+      moments(scene_, own, peaks_[j].center, spreads[j].center, spreads[j].covariance);
+      spreads[j].covariance += 1e-4 * peaks_[j].covariance;
+      spreads[j].root = spreads[j].covariance.llt().matrixL();
+    }
+    return spreads;
   }
 
   void weigh() {
@@ -346,9 +381,13 @@ class Sampler {
 
 }  // namespace
 
-double mahalanobis2(const Scene& scene, const Peak& peak, const PoseVector& pose) {
+PoseVector whitened(const Scene& scene, const Peak& peak, const PoseVector& pose) {
   const PoseVector d = pose_difference(scene, peak.center, pose);
-  return peak.root.triangularView<Eigen::Lower>().solve(d).squaredNorm();
+  return peak.root.triangularView<Eigen::Lower>().solve(d);
+}
+
+double mahalanobis2(const Scene& scene, const Peak& peak, const PoseVector& pose) {
+  return whitened(scene, peak, pose).squaredNorm();
 }
 
 double tempered(const PoseValue& value, double inflation) {

@@ -24,6 +24,9 @@ struct Peak {
   double log_evidence = 0;  ///< Laplace
 };
 
+/// A pose's distance from a peak in standard deviations, uncorrelated.
+PoseVector whitened(const Scene& scene, const Peak& peak, const PoseVector& pose);
+
 /// Squared distance of a pose from a peak in units of its covariance.
 double mahalanobis2(const Scene& scene, const Peak& peak, const PoseVector& pose);
 

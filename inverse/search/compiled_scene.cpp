@@ -357,50 +357,31 @@ void cut_to_gates(const CompiledScene& compiled, Templates::Column& column) {
   column.pieces = std::move(pieces);
 }
 
-/// Time gates and histograms of the scored poses in closed form, `extra_sigma` (s) wider.
-void render_closed_form(CompiledScene& compiled, double extra_sigma) {
+/// Time gates from closed form: what any pose may light, and the tails that the closed form cuts
+/// off.
+std::vector<std::vector<BinWindow>> closed_form_gates(const CompiledScene& compiled) {
   const Scene& scene = compiled.scene;
   const Sensor& sensor = scene.sensor;
-  const auto zones = static_cast<std::size_t>(sensor.zone_count());
-  std::vector<Templates::Column> columns(compiled.poses.size());
-  tbb::this_task_arena::isolate([&] {
-    // Chunks, so that what the object's middle sees is worked out once for its yaws.
-    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, columns.size(), 16),
-                      [&](const auto& part) {
-                        SparseLight light;
-                        for (std::size_t i = part.begin(); i != part.end(); ++i) {
-                          for (const CoarseModel& model : compiled.coarse) {
-                            model.three_bounce(compiled.poses[i], extra_sigma, light);
-                            append_light(sensor, light, columns[i]);
-                          }
-                        }
-                      });
-  });
-
-  // Gates: what any pose lights, and the tails that the closed form cuts off.
   const auto [early, late] = sensor.response.support(kReach, 0);
   const int before = 2 + static_cast<int>(std::ceil(std::abs(early) / sensor.bin_width));
   const int after = 2 + static_cast<int>(std::ceil(std::abs(late) / sensor.bin_width));
   const bool summarise = sensor.noise.counts_photons();
+  std::vector<std::vector<BinWindow>> all;
   for (std::size_t c = 0; c < compiled.coarse.size(); ++c) {
+    const std::vector<SparseLight::Range> reached = compiled.coarse[c].reach();
     std::vector<BinWindow> gates;
-    for (std::size_t z = 0; z < zones; ++z) {
-      const Zone& zone = sensor.zones[z];
-      const int valid_end = sensor.valid_end(static_cast<int>(z));
+    for (int z = 0; z < sensor.zone_count(); ++z) {
+      const Zone& zone = sensor.zones[static_cast<std::size_t>(z)];
+      const int valid_end = sensor.valid_end(z);
       BinWindow gate{zone.first_valid_bin, valid_end};
       if (zone.dead) gate = {0, 0};
       if (summarise && !zone.dead) {
         gate = {valid_end, zone.first_valid_bin};
-        for (const Templates::Column& column : columns) {
-          const Templates::Piece& lit = column.pieces[c * zones + z];
-          if (lit.count == 0) continue;
-          gate.first = std::min(gate.first, lit.row - before);
-          gate.end = std::max(gate.end, lit.row + lit.count + after);
-        }
-        const double* direct = nullptr;
+        const SparseLight::Range& lit = reached[static_cast<std::size_t>(z)];
+        if (lit.begin < lit.end) gate = {lit.begin - before, lit.end + after};
         if (has_static_light(scene)) {
           const HistogramCube& light = compiled.static_light[c];
-          direct = light.zone(static_cast<int>(z));
+          const double* direct = light.zone(z);
           const double peak = *std::ranges::max_element(light.values);
           for (int k = 0; k < sensor.bins; ++k) {
             if (std::abs(direct[k]) <= 1e-7 * peak) continue;
@@ -414,16 +395,36 @@ void render_closed_form(CompiledScene& compiled, double extra_sigma) {
       }
       gates.push_back(gate);
     }
-    compiled.windows.push_back(std::move(gates));
+    all.push_back(std::move(gates));
   }
+  return all;
+}
 
-  for (Templates::Column& column : columns) cut_to_gates(compiled, column);
-  compiled.templates = {window_rows(compiled), std::move(columns)};
+/// Histograms of the scored poses in closed form, `extra_sigma` (s) wider.
+Templates render_closed_form(const CompiledScene& compiled, double extra_sigma) {
+  std::vector<Templates::Column> columns(compiled.poses.size());
+  // Isolated: whoever waits here must not pick up another fit that waits for these.
+  tbb::this_task_arena::isolate([&] {
+    // Chunks, so that what the object's middle sees is worked out once for its yaws.
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, columns.size(), 16),
+                      [&](const auto& part) {
+                        SparseLight light;
+                        for (std::size_t i = part.begin(); i != part.end(); ++i) {
+                          for (const CoarseModel& model : compiled.coarse) {
+                            model.three_bounce(compiled.poses[i], extra_sigma, light);
+                            append_light(compiled.scene.sensor, light, columns[i]);
+                          }
+                          cut_to_gates(compiled, columns[i]);
+                        }
+                      });
+  });
+  return {window_rows(compiled), std::move(columns)};
 }
 
 /// Each object's light by itself, at as many poses as a scene with that object alone would score.
-void render_objects(CompiledScene& compiled, int most) {
+std::vector<CompiledScene::ObjectGrid> render_objects(const CompiledScene& compiled, int most) {
   const Scene& scene = compiled.scene;
+  std::vector<CompiledScene::ObjectGrid> grids;
   for (int object = 0; object_count(scene) > 1 && object < object_count(scene); ++object) {
     CompiledScene alone;
     alone.scene = only_object(scene, object);
@@ -457,8 +458,9 @@ void render_objects(CompiledScene& compiled, int most) {
       });
     });
     grid.templates = {window_rows(compiled), std::move(columns)};
-    compiled.objects.push_back(std::move(grid));
+    grids.push_back(std::move(grid));
   }
+  return grids;
 }
 
 }  // namespace
@@ -603,16 +605,16 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
   compiled->step = difference_steps(scene, placements.front());
   fill_grid(*compiled);
   if (closed_form) {
-    render_closed_form(*compiled, compiled->widths.front());
-    render_objects(*compiled, grid.max_poses);
+    compiled->windows = closed_form_gates(*compiled);
+    compiled->render_later(compiled->widths.front(), grid.max_poses);
     // Objects' own grids are so fine that a descent need not begin with a wide pulse.
-    if (!compiled->objects.empty()) compiled->widths = {0};
+    if (object_count(scene) > 1) compiled->widths = {0};
   } else {
     compiled->windows = reach(*compiled);
     const Eigen::MatrixXf templates = render_templates(
         *compiled, grid.sharp || spline ? compiled->models() : compiled->ladder.front());
     if (spline) compiled->spline = std::make_unique<SplineGrid>(templates, compiled->axes);
-    compiled->templates = Templates(templates, zone_rows(*compiled));
+    compiled->set_templates(Templates(templates, zone_rows(*compiled)));
   }
   for (std::size_t c = 0; c < compiled->static_light.size(); ++c) {
     const HistogramCube& direct = compiled->static_light[c];
@@ -628,18 +630,43 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
   return compiled;
 }
 
+const CompiledScene::Rendered& CompiledScene::rendered() const {
+  std::call_once(rendered_once_, [&] {
+    if (!wanted_) return;
+    rendered_.templates = render_closed_form(*this, wanted_->extra_sigma);
+    rendered_.objects = render_objects(*this, wanted_->most_poses);
+    rendered_bytes_ = rendered_.bytes();
+  });
+  return rendered_;
+}
+
+void CompiledScene::render_later(double extra_sigma, int most_poses) {
+  wanted_ = {extra_sigma, most_poses};
+}
+
+void CompiledScene::set_templates(Templates templates) {
+  rendered_.templates = std::move(templates);
+  rendered_bytes_ = rendered_.bytes();
+}
+
+std::size_t CompiledScene::Rendered::bytes() const {
+  std::size_t sum = templates.bytes();
+  for (const ObjectGrid& grid : objects) sum += grid.templates.bytes();
+  return sum;
+}
+
 std::size_t CompiledScene::bytes() const {
-  const std::size_t tables = templates.bytes();
   const std::size_t points = poses.size() * (sizeof(PoseVector) + sizeof(double) * axes.size());
   // Models: patches of relay and object, a few hundred bytes each, and tabulated pulses.
   const std::size_t a_model = 2'000'000;
-  std::size_t of_objects = 0;
-  for (const ObjectGrid& grid : objects) {
-    of_objects += grid.templates.bytes();
+  std::size_t sets = ladder.size();
+  {
+    const std::scoped_lock lock(mutex_);
+    sets += finer_.size();
   }
-  const auto dense = static_cast<std::size_t>(templates.rows()) * poses.size() * sizeof(float);
-  return of_objects + tables + (spline ? 2 * dense : 0) + points +
-         ladder.size() * models().size() * a_model;
+  const std::size_t dense =
+      spline ? static_cast<std::size_t>(window_rows(*this)) * poses.size() * sizeof(float) : 0;
+  return rendered_bytes_ + 2 * dense + points + sets * models().size() * a_model;
 }
 
 }  // namespace blindcorner

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <atomic>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -44,14 +45,16 @@ struct CompiledScene {
   std::vector<PoseVector> poses;  ///< scored poses, last unknown fastest
   std::vector<float> log_prior;   ///< [poses] log density of their prior
   /// gain * S inside the windows, one column per scored pose, rows as in Observation::zones.
-  Templates templates;
+  /// Closed-form ones are rendered when somebody asks: a frame that is tracked does not. Thread
+  /// safe.
+  const Templates& templates() const { return rendered().templates; }
   /// Of several objects, each one's light by itself, closed form; empty: one object.
   struct ObjectGrid {
     std::vector<PoseVector> poses;  ///< of this object's unknowns, in the scene's order
     PoseVector spacing;
     Templates templates;  ///< as above
   };
-  std::vector<ObjectGrid> objects;
+  const std::vector<ObjectGrid>& objects() const { return rendered().objects; }
   /// Between the scored poses; null where the pulse had to be widened, or the grid is too large.
   std::unique_ptr<SplineGrid> spline;
   std::vector<HistogramCube> static_light;  ///< [captures]; none where there is none
@@ -66,8 +69,14 @@ struct CompiledScene {
   const ModelSet& models_at(int level) const;
   /// Without closed-form models only.
   const ModelSet& cheap_models() const { return ladder[ladder.size() - 2]; }
-  /// Memory that it keeps, bytes: tables by their size, models by an estimate.
+  /// Memory that it keeps at present, bytes: tables by their size, models by an estimate. Thread
+  /// safe.
   std::size_t bytes() const;
+
+  /// Templates in closed form, `extra_sigma` (s) wider, of several objects at most `most_poses`
+  /// each; or these.
+  void render_later(double extra_sigma, int most_poses);
+  void set_templates(Templates templates);
 
   int unknown_count() const { return static_cast<int>(scene.unknowns.size()); }
 
@@ -75,6 +84,21 @@ struct CompiledScene {
   std::vector<SensorPlacement> placements;  ///< [captures]
 
  private:
+  struct Rendered {
+    Templates templates;
+    std::vector<ObjectGrid> objects;
+    std::size_t bytes() const;
+  };
+  struct Wanted {
+    double extra_sigma = 0;
+    int most_poses = 0;
+  };
+  const Rendered& rendered() const;
+
+  std::optional<Wanted> wanted_;
+  mutable std::once_flag rendered_once_;
+  mutable Rendered rendered_;
+  mutable std::atomic<std::size_t> rendered_bytes_{0};
   mutable std::mutex mutex_;
   mutable std::map<int, ModelSet> finer_;  ///< by level
 };

@@ -21,17 +21,20 @@ struct Stop {
   double function_tolerance;
   bool central = false;  ///< central differences; forward ones are good enough to find a basin
 };
-constexpr Stop kApproach{12, 1e-5};
-constexpr Stop kApproachCheap{40, 1e-6};
+constexpr Stop kApproach{8, 1e-4};
+constexpr Stop kApproachCheap{40, 1e-5};
+constexpr Stop kSettle{40, 1e-6};
 constexpr Stop kPolish{25, 1e-6, true};
 /// Corrections of the steering light by the model, linearisations of the model, and the gain in log
 /// posterior that calls for another.
-constexpr int kMaxCorrections = 5;
-constexpr int kMaxSettlings = 3;
+constexpr int kMaxCorrections = 2;
+constexpr int kMaxSettlings = 8;
 constexpr double kWorthCorrecting = 0.005;
 /// A gain from a move of a fifth of a standard deviation or less: a correction made at its
 /// beginning is right at its end.
 constexpr double kSmallGain = 0.02;
+/// Part of a step below which no more of it is tried.
+constexpr double kLeastStep = 0.2;
 /// Optima this far below the best in log posterior hold less than a per cent of the posterior each:
 /// the steering light's derivatives do for them.
 constexpr double kWorthSettling = 5;
@@ -187,23 +190,29 @@ Refined polish_steered(const PoseObjective& objective, const LightSource& steeri
   return best;
 }
 
-/// Least squares on the model's own linearisation, until that gains no more; keeps its slopes,
-/// taken where the last step began.
+/// Least squares on the steering light with the model's values and slopes at the last pose, until
+/// that gains no more; keeps the slopes, taken where the last step began. Where the whole step
+/// leads uphill, part of it is taken.
 void settle(const PoseObjective& objective, const LightSource& steering, Refined& best) {
   for (int k = 0; k < kMaxSettlings; ++k) {
-    ShapeBuffer light;
-    objective.shapes(objective.models(), best.pose, light);
-    Linearisation at{best.pose, light.object,
-                     light_slope(objective, objective.models(), best.pose)};
-    Refined next = best;
-    minimise(objective, at, kApproachCheap, next);
-    next = finish_corrected(objective, steering, std::move(next));
-    const double gain = next.value.log_posterior - best.value.log_posterior;
-    if (gain > 0) best = std::move(next);
-    best.slope = std::move(at.slope);
+    best.slope = light_slope(objective, objective.models(), best.pose);
+    objective.correct_slope(best.slope, light_slope(objective, steering, best.pose),
+                            best.correction);
+    Refined end = best;
+    minimise(objective, steering.corrected(best.correction), kSettle, end);
+    const PoseVector step = pose_difference(objective.compiled().scene, best.pose, end.pose);
+    Refined next = finish_corrected(objective, steering, std::move(end));
+    double gain = next.value.log_posterior - best.value.log_posterior;
+    for (double part = 0.5; gain < 0 && part > kLeastStep; part *= 0.5) {
+      next.pose = best.pose + part * step;
+      next = finish_corrected(objective, steering, std::move(next));
+      gain = next.value.log_posterior - best.value.log_posterior;
+    }
+    if (gain <= 0) break;
+    next.correction.slope = std::move(best.correction.slope);
+    best = std::move(next);
     if (gain < kWorthCorrecting) break;
   }
-  objective.correct_slope(best.slope, light_slope(objective, steering, best.pose), best.correction);
 }
 
 }  // namespace

@@ -268,7 +268,7 @@ Eigen::MatrixXf MatchedFilter::scores_of(const Templates& templates, const Eigen
 }
 
 Eigen::VectorXf MatchedFilter::scores() const {
-  return scores(objective_.compiled().templates, counts_);
+  return scores(objective_.compiled().templates(), counts_);
 }
 
 Eigen::VectorXf MatchedFilter::scores(const Templates& templates,
@@ -287,7 +287,7 @@ Eigen::VectorXf MatchedFilter::scores(const Templates& templates,
 }
 
 Eigen::VectorXf MatchedFilter::largest_scores(const Eigen::MatrixXf& counts) const {
-  return scores_of(objective_.compiled().templates, counts).colwise().maxCoeff().transpose();
+  return scores_of(objective_.compiled().templates(), counts).colwise().maxCoeff().transpose();
 }
 
 namespace {
@@ -304,7 +304,7 @@ class Arranger {
  public:
   Arranger(const PoseObjective& objective, const LinearSolution& empty)
       : objective_(objective),
-        grids_(objective.compiled().objects),
+        grids_(objective.compiled().objects()),
         filter_(objective, empty, MatchedFilter::Weights::observed, MatchedFilter::Priors::used) {}
 
   Arrangement nothing() const {
@@ -383,7 +383,7 @@ std::vector<Candidate> object_starts(const PoseObjective& objective, const Linea
                                      std::size_t count) {
   // Places of the first object, of each further one beside them, and sweeps over what is best.
   constexpr std::size_t kFirst = 12, kNext = 6, kSwept = 8;
-  const std::size_t objects = objective.compiled().objects.size();
+  const std::size_t objects = objective.compiled().objects().size();
   const Arranger arranger(objective, empty);
   const auto better = [](const Arrangement& a, const Arrangement& b) {
     return a.log_posterior != b.log_posterior ? a.log_posterior > b.log_posterior
@@ -531,7 +531,7 @@ Scored score(const PoseObjective& objective, const LinearSolution& empty, int co
       chosen.push_back(slope);
     }
   }
-  if (!compiled.objects.empty()) {
+  if (!compiled.objects().empty()) {
     std::vector<Candidate> starts =
         object_starts(objective, empty, static_cast<std::size_t>(count));
     std::ranges::move(chosen, std::back_inserter(starts));

@@ -75,6 +75,10 @@ struct PlanOverrides {
 /// upper values of its unknowns), for judging spreads and gates before any pose is known.
 std::vector<Placement> probe_placements(const Scene& scene, int object = 0);
 
+/// Points (m) that span an object's search region: corners of boxes around it at the probed
+/// placements. Every point of its surface lies within their convex hull.
+std::vector<Eigen::Vector3d> search_region_corners(const Scene& scene, int object = 0);
+
 /// Whether every free component of an object's placement lies in the range of its unknown: the plan
 /// holds there.
 bool in_search_region(const Scene& scene, const Placement& placement, int object = 0);
