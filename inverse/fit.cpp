@@ -394,20 +394,21 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
     if (basin.value.log_posterior < basins.front().value.log_posterior - 1.5 * negligible) break;
     places.push_back(basin.pose);
   }
-  std::vector<Refined> optima = find_optima(objective, places, negligible);
+  std::vector<Refined> optima = polish_all(objective, places, negligible);
   if (optima.empty())
     throw Error(captures.front().source, "found no finite likelihood at any pose");
   if (!compiled.coarse.empty() &&
       optima.front().value.log_posterior > basins.front().value.log_posterior + kTooRough) {
     const std::vector<PoseVector> more = best_by_model(objective, scored, kMorePlaces);
     places.insert(places.end(), more.begin(), more.end());
-    optima = find_optima(objective, more, negligible, std::move(optima));
+    optima = polish_all(objective, more, negligible, std::move(optima));
   }
   // Models as good as the light asks for.
   ModelError model_error;
   if (!options.model_tolerance) {
     model_error = sharpen(objective, optima, places, negligible);
   }
+  optima = settle_all(objective, std::move(optima), negligible);
   result.time_ms.refine = stage.lap();
 
   // How sure: goodness of fit, Fisher information, evidences.

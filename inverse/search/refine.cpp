@@ -176,9 +176,10 @@ Refined finish_corrected(const PoseObjective& objective, const LightSource& stee
 /// model corrects it at the last pose, until that gains no more. Where it stops, J'r = 0 holds with
 /// the cheap light's Jacobian instead of the model's; if their columns differ by a share e, the log
 /// posterior lacks e^2 / 2 an unknown there, times the misfit (chi squared a degree of freedom).
+/// `here`: the model's light at the start, where that is known.
 Refined polish_steered(const PoseObjective& objective, const LightSource& steering, Refined start,
-                       int corrections) {
-  Refined best = finish_corrected(objective, steering, std::move(start));
+                       int corrections, const ShapeBuffer* here = nullptr) {
+  Refined best = finish_corrected(objective, steering, std::move(start), here);
   for (int k = 0; k < corrections; ++k) {
     Refined next = best;
     minimise(objective, steering.corrected(best.correction), kApproachCheap, next);
@@ -191,11 +192,12 @@ Refined polish_steered(const PoseObjective& objective, const LightSource& steeri
 }
 
 /// Least squares on the steering light with the model's values and slopes at the last pose, until
-/// that gains no more; keeps the slopes, taken where the last step began. Where the whole step
-/// leads uphill, part of it is taken.
+/// that gains no more; keeps the slopes, taken where the last step began. Slopes are the rough
+/// models': they differ by no more than their light does, a share of which squared is what the log
+/// posterior lacks. Where the whole step leads downhill, part of it is taken.
 void settle(const PoseObjective& objective, const LightSource& steering, Refined& best) {
   for (int k = 0; k < kMaxSettlings; ++k) {
-    best.slope = light_slope(objective, objective.models(), best.pose);
+    best.slope = light_slope(objective, objective.rough_models(), best.pose);
     objective.correct_slope(best.slope, light_slope(objective, steering, best.pose),
                             best.correction);
     Refined end = best;
@@ -283,7 +285,7 @@ void settle_again(const PoseObjective& objective, Refined& optimum, const ShapeB
     return;
   }
   if (optimum.slope.size() == 0) {
-    optimum = polish_steered(objective, *steering, std::move(optimum), kMaxCorrections);
+    optimum = polish_steered(objective, *steering, std::move(optimum), kMaxCorrections, here);
     return;
   }
   // What the slopes of the steering light lack is the same for all models.
@@ -307,17 +309,21 @@ void settle_again(const PoseObjective& objective, Refined& optimum, const ShapeB
   optimum = std::move(best);
 }
 
-std::vector<Refined> find_optima(const PoseObjective& objective,
-                                 const std::vector<PoseVector>& starts, double negligible,
-                                 std::vector<Refined> optima) {
-  const CompiledScene& compiled = objective.compiled();
+std::vector<Refined> polish_all(const PoseObjective& objective,
+                                const std::vector<PoseVector>& starts, double negligible,
+                                std::vector<Refined> optima) {
   const std::size_t known = optima.size();
   optima.resize(known + starts.size());
   tbb::this_task_arena::isolate([&] {
     tbb::parallel_for(std::size_t{0}, starts.size(),
                       [&](std::size_t i) { optima[known + i] = polish(objective, starts[i]); });
   });
-  optima = merge(compiled, std::move(optima), negligible);
+  return merge(objective.compiled(), std::move(optima), negligible);
+}
+
+std::vector<Refined> settle_all(const PoseObjective& objective, std::vector<Refined> optima,
+                                double negligible) {
+  const CompiledScene& compiled = objective.compiled();
   if (compiled.coarse.empty() || optima.empty()) return optima;
   const double least = optima.front().value.log_posterior - kWorthSettling;
   tbb::this_task_arena::isolate([&] {
@@ -328,6 +334,13 @@ std::vector<Refined> find_optima(const PoseObjective& objective,
     });
   });
   return merge(compiled, std::move(optima), negligible);
+}
+
+std::vector<Refined> find_optima(const PoseObjective& objective,
+                                 const std::vector<PoseVector>& starts, double negligible,
+                                 std::vector<Refined> optima) {
+  return settle_all(objective, polish_all(objective, starts, negligible, std::move(optima)),
+                    negligible);
 }
 
 std::vector<Refined> find_more(const PoseObjective& objective, const Observation& observation,

@@ -40,8 +40,17 @@ Refined approach_closely(const PoseObjective& objective, const PoseVector& place
 Refined polish(const PoseObjective& objective, const PoseVector& start);
 
 /// Optima from starts in the right basins, and `optima` that are known already: polished and
-/// merged, best first. Where closed-form light steered, those that may matter are settled by the
-/// model's own derivatives.
+/// merged, best first.
+std::vector<Refined> polish_all(const PoseObjective& objective,
+                                const std::vector<PoseVector>& starts, double negligible,
+                                std::vector<Refined> optima = {});
+
+/// Where closed-form light steered: those that may matter settled by the model's own derivatives,
+/// and merged.
+std::vector<Refined> settle_all(const PoseObjective& objective, std::vector<Refined> optima,
+                                double negligible);
+
+/// Both.
 std::vector<Refined> find_optima(const PoseObjective& objective,
                                  const std::vector<PoseVector>& starts, double negligible,
                                  std::vector<Refined> optima = {});

@@ -88,7 +88,7 @@ ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima,
       objective.use_roughly(finer);
       std::vector<PoseVector> starts = places;
       for (const Refined& optimum : optima) starts.push_back(optimum.pose);
-      optima = find_optima(objective, starts, negligible);
+      optima = polish_all(objective, starts, negligible);
     } else {
       sharpen_each(objective, optima, then);
       optima = merge(compiled, std::move(optima), negligible);
