@@ -200,15 +200,22 @@ void settle(const PoseObjective& objective, const LightSource& steering, Refined
     best.slope = light_slope(objective, objective.rough_models(), best.pose);
     objective.correct_slope(best.slope, light_slope(objective, steering, best.pose),
                             best.correction);
-    Refined end = best;
-    minimise(objective, steering.corrected(best.correction), kSettle, end);
-    const PoseVector step = pose_difference(objective.compiled().scene, best.pose, end.pose);
-    Refined next = finish_corrected(objective, steering, std::move(end));
+    const LightSource corrected = steering.corrected(best.correction);
+    Refined next = best;
+    minimise(objective, corrected, kSettle, next);
+    next = finish(objective, corrected, std::move(next));
     double gain = next.value.log_posterior - best.value.log_posterior;
-    for (double part = 0.5; gain < 0 && part > kLeastStep; part *= 0.5) {
+    if (gain < kWorthCorrecting) {
+      // So small a step that the corrected light is right at its end.
+      if (gain > 0) best = std::move(next);
+      break;
+    }
+    const PoseVector step = pose_difference(objective.compiled().scene, best.pose, next.pose);
+    for (double part = 1; part > kLeastStep; part *= 0.5) {
       next.pose = best.pose + part * step;
       next = finish_corrected(objective, steering, std::move(next));
       gain = next.value.log_posterior - best.value.log_posterior;
+      if (gain > -kWorthCorrecting) break;
     }
     if (gain <= 0) break;
     next.correction.slope = std::move(best.correction.slope);
