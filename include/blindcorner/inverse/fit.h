@@ -26,7 +26,7 @@ struct FitOptions {
   /// Most poses scored exhaustively before refinement. The pulse is widened when the search region
   /// would need more of them. In closed form, a pose costs microseconds for each sensor placement.
   int max_scored_poses = 20'000;
-  int max_closed_form_poses = 1'200;
+  int max_closed_form_poses = 600;
   /// Captures to expect of each sensor placement. Where they are many, tables of exact histograms
   /// are worth their seconds; else poses are scored in closed form.
   int captures_per_placement = 1;
