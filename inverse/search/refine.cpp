@@ -25,14 +25,18 @@ constexpr Stop kApproach{8, 1e-4};
 constexpr Stop kApproachCheap{40, 1e-5};
 constexpr Stop kSettle{40, 1e-6};
 constexpr Stop kPolish{25, 1e-6, true};
-/// Corrections of the steering light by the model, linearisations of the model, and the gain in log
+/// Corrections of the steering light by the model in a row, linearisations of the model, and the gain in log
 /// posterior that calls for another.
 constexpr int kMaxCorrections = 2;
 constexpr int kMaxSettlings = 8;
 constexpr double kWorthCorrecting = 0.005;
 /// A gain from a move of a fifth of a standard deviation or less: a correction made at its
-/// beginning is right at its end.
+/// beginning, slopes included, is right at its end.
 constexpr double kSmallGain = 0.02;
+/// A gain from a move of two standard deviations, over which the difference between the rough
+/// models and better ones may change; and how often that is looked up.
+constexpr double kLargeGain = 2;
+constexpr int kMaxMoves = 3;
 /// Part of a step below which no more of it is tried.
 constexpr double kLeastStep = 0.2;
 /// Optima this far below the best in log posterior hold less than a per cent of the posterior each:
@@ -154,17 +158,50 @@ Refined finish(const PoseObjective& objective, const LightSource& light, Refined
   return result;
 }
 
+/// What decides near a pose: the objective's models or, where these are better ones than the rough
+/// models and cost more, the rough ones corrected by what they lack at that pose.
+class NearbyModel {
+ public:
+  /// `here`: the models' light at the pose, where that is known.
+  NearbyModel(const PoseObjective& objective, const PoseVector& pose, const ShapeBuffer* here)
+      : light_(objective.models()) {
+    if (here == nullptr) {
+      objective.shapes(objective.models(), pose, own_);
+      here = &own_;
+    }
+    here_ = here;
+    if (&objective.models() == &objective.rough_models()) return;
+    ShapeBuffer rough;
+    objective.shapes(objective.rough_models(), pose, rough);
+    correction_ = objective.correction(pose, *here, rough);
+    light_ = LightSource(objective.rough_models()).corrected(correction_);
+  }
+  NearbyModel(const NearbyModel&) = delete;
+  NearbyModel& operator=(const NearbyModel&) = delete;
+
+  const LightSource& light() const { return light_; }
+  /// The models' light at the pose.
+  const ShapeBuffer& here() const { return *here_; }
+
+ private:
+  ShapeBuffer own_;
+  const ShapeBuffer* here_ = nullptr;
+  Correction correction_;
+  LightSource light_;
+};
+
 /// The model's value at the pose, and what the steering light lacks there.
-/// `known`: the model's light there, where that is known.
+/// `here`: the model's light there, where that is known.
 Refined finish_corrected(const PoseObjective& objective, const LightSource& steering,
-                         Refined result, const ShapeBuffer* known = nullptr) {
+                         const LightSource& model, Refined result,
+                         const ShapeBuffer* here = nullptr) {
   const CompiledScene& compiled = objective.compiled();
   wrap_pose(compiled.scene, result.pose);
-  ShapeBuffer model;
+  ShapeBuffer own;
   ShapeBuffer cheap;
-  if (known == nullptr) objective.shapes(objective.models(), result.pose, model);
+  if (here == nullptr) objective.shapes(model, result.pose, own);
   objective.shapes(steering, result.pose, cheap);
-  const ShapeBuffer& right = known != nullptr ? *known : model;
+  const ShapeBuffer& right = here != nullptr ? *here : own;
   result.correction = objective.correction(result.pose, right, cheap);
   result.value =
       objective.evaluate(right, result.pose, result.linear, !result.linear.ambient.empty());
@@ -176,14 +213,14 @@ Refined finish_corrected(const PoseObjective& objective, const LightSource& stee
 /// model corrects it at the last pose, until that gains no more. Where it stops, J'r = 0 holds with
 /// the cheap light's Jacobian instead of the model's; if their columns differ by a share e, the log
 /// posterior lacks e^2 / 2 an unknown there, times the misfit (chi squared a degree of freedom).
-/// `here`: the model's light at the start, where that is known.
 Refined polish_steered(const PoseObjective& objective, const LightSource& steering, Refined start,
-                       int corrections, const ShapeBuffer* here = nullptr) {
-  Refined best = finish_corrected(objective, steering, std::move(start), here);
+                       int corrections) {
+  const LightSource model = objective.models();
+  Refined best = finish_corrected(objective, steering, model, std::move(start));
   for (int k = 0; k < corrections; ++k) {
     Refined next = best;
     minimise(objective, steering.corrected(best.correction), kApproachCheap, next);
-    next = finish_corrected(objective, steering, std::move(next));
+    next = finish_corrected(objective, steering, model, std::move(next));
     const double gain = next.value.log_posterior - best.value.log_posterior;
     if (gain > 0) best = std::move(next);
     if (gain < kWorthCorrecting) break;
@@ -191,36 +228,52 @@ Refined polish_steered(const PoseObjective& objective, const LightSource& steeri
   return best;
 }
 
-/// Least squares on the steering light with the model's values and slopes at the last pose, until
-/// that gains no more; keeps the slopes, taken where the last step began. Slopes are the rough
-/// models': they differ by no more than their light does, a share of which squared is what the log
-/// posterior lacks. Where the whole step leads downhill, part of it is taken.
-void settle(const PoseObjective& objective, const LightSource& steering, Refined& best) {
+/// One descent on the steering light with the model's value and slopes at the last pose. Where the
+/// whole step leads downhill, part of it is taken. Returns what it gained.
+double step_down(const PoseObjective& objective, const LightSource& steering,
+                 const LightSource& model, Refined& best) {
+  const LightSource corrected = steering.corrected(best.correction);
+  Refined next = best;
+  minimise(objective, corrected, kSettle, next);
+  next = finish(objective, corrected, std::move(next));
+  double gain = next.value.log_posterior - best.value.log_posterior;
+  if (gain < kWorthCorrecting) {
+    // So small a step that the corrected light is right at its end.
+    if (gain > 0) best = std::move(next);
+    return gain;
+  }
+  const PoseVector step = pose_difference(objective.compiled().scene, best.pose, next.pose);
+  for (double part = 1; part > kLeastStep; part *= 0.5) {
+    next.pose = best.pose + part * step;
+    next = finish_corrected(objective, steering, model, std::move(next));
+    gain = next.value.log_posterior - best.value.log_posterior;
+    if (gain > -kWorthCorrecting) break;
+  }
+  if (gain <= 0) return gain;
+  next.correction.slope = std::move(best.correction.slope);
+  best = std::move(next);
+  return gain;
+}
+
+/// Least squares on the model: descents on the steering light with the model's slopes, which are
+/// taken again where these have moved the optimum, until that gains no more. Slopes are the rough
+/// models': they differ from better ones' by no more than their light does, a share of which
+/// squared is what the log posterior lacks.
+void settle(const PoseObjective& objective, const LightSource& steering, const LightSource& model,
+            Refined& best) {
   for (int k = 0; k < kMaxSettlings; ++k) {
-    best.slope = light_slope(objective, objective.rough_models(), best.pose);
-    objective.correct_slope(best.slope, light_slope(objective, steering, best.pose),
-                            best.correction);
-    const LightSource corrected = steering.corrected(best.correction);
-    Refined next = best;
-    minimise(objective, corrected, kSettle, next);
-    next = finish(objective, corrected, std::move(next));
-    double gain = next.value.log_posterior - best.value.log_posterior;
-    if (gain < kWorthCorrecting) {
-      // So small a step that the corrected light is right at its end.
-      if (gain > 0) best = std::move(next);
-      break;
+    if (k > 0 || best.slope.size() == 0) {
+      best.slope = light_slope(objective, objective.rough_models(), best.pose);
+      objective.correct_slope(best.slope, light_slope(objective, steering, best.pose),
+                              best.correction);
     }
-    const PoseVector step = pose_difference(objective.compiled().scene, best.pose, next.pose);
-    for (double part = 1; part > kLeastStep; part *= 0.5) {
-      next.pose = best.pose + part * step;
-      next = finish_corrected(objective, steering, std::move(next));
-      gain = next.value.log_posterior - best.value.log_posterior;
-      if (gain > -kWorthCorrecting) break;
+    double gained = 0;
+    for (int j = 0; j < kMaxCorrections; ++j) {
+      const double gain = step_down(objective, steering, model, best);
+      gained += std::max(gain, 0.0);
+      if (gain < kWorthCorrecting) break;
     }
-    if (gain <= 0) break;
-    next.correction.slope = std::move(best.correction.slope);
-    best = std::move(next);
-    if (gain < kWorthCorrecting) break;
+    if (gained < kSmallGain) break;
   }
 }
 
@@ -284,36 +337,25 @@ Refined polish(const PoseObjective& objective, const PoseVector& start) {
   return finish(objective, objective.models(), std::move(result));
 }
 
-void settle_again(const PoseObjective& objective, Refined& optimum, const ShapeBuffer* here) {
-  const std::optional<LightSource> steering = steering_light(objective.compiled());
-  if (!steering) {
-    minimise(objective, objective.models(), kPolish, optimum);
-    optimum = finish(objective, objective.models(), std::move(optimum));
+void settle(const PoseObjective& objective, Refined& optimum, const ShapeBuffer* here) {
+  const CompiledScene& compiled = objective.compiled();
+  if (compiled.coarse.empty()) {
+    optimum = polish(objective, optimum.pose);
     return;
   }
-  if (optimum.slope.size() == 0) {
-    optimum = polish_steered(objective, *steering, std::move(optimum), kMaxCorrections, here);
-    return;
+  const LightSource steering(compiled.coarse);
+  for (int k = 0; k < kMaxMoves; ++k) {
+    const NearbyModel model(objective, optimum.pose, k == 0 ? here : nullptr);
+    // What the slopes of the steering light lack is the same for all models.
+    Eigen::MatrixXd slope = std::move(optimum.correction.slope);
+    optimum = finish_corrected(objective, steering, model.light(), std::move(optimum),
+                               &model.here());
+    optimum.correction.slope = std::move(slope);
+    const double before = optimum.value.log_posterior;
+    settle(objective, steering, model.light(), optimum);
+    if (model.light().correction == nullptr) break;
+    if (optimum.value.log_posterior < before + kLargeGain) break;
   }
-  // What the slopes of the steering light lack is the same for all models.
-  const Eigen::MatrixXd slope = std::move(optimum.correction.slope);
-  Refined best = finish_corrected(objective, *steering, std::move(optimum), here);
-  best.correction.slope = slope;
-  for (int k = 0; k < kMaxSettlings; ++k) {
-    Refined next = best;
-    minimise(objective, steering->corrected(best.correction), kApproachCheap, next);
-    next = finish(objective, steering->corrected(best.correction), std::move(next));
-    const double gain = next.value.log_posterior - best.value.log_posterior;
-    if (gain < kSmallGain) {
-      if (gain > 0) best = std::move(next);
-      break;
-    }
-    next = finish_corrected(objective, *steering, std::move(next));
-    if (next.value.log_posterior <= best.value.log_posterior) break;
-    best = std::move(next);
-    best.correction.slope = slope;
-  }
-  optimum = std::move(best);
 }
 
 std::vector<Refined> polish_all(const PoseObjective& objective,
@@ -336,7 +378,7 @@ std::vector<Refined> settle_all(const PoseObjective& objective, std::vector<Refi
   tbb::this_task_arena::isolate([&] {
     tbb::parallel_for(std::size_t{0}, optima.size(), [&](std::size_t i) {
       if (optima[i].slope.size() == 0 && optima[i].value.log_posterior >= least) {
-        settle(objective, LightSource(compiled.coarse), optima[i]);
+        settle(objective, optima[i]);
       }
     });
   });
@@ -368,7 +410,7 @@ std::vector<Refined> find_more(const PoseObjective& objective, const Observation
       return same_place(compiled, optimum.pose, found.pose);
     });
     if (known) continue;
-    settle_again(objective, found);
+    settle(objective, found);
     optima.push_back(std::move(found));
   }
   return merge(compiled, std::move(optima), negligible);

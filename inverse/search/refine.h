@@ -55,11 +55,10 @@ std::vector<Refined> find_optima(const PoseObjective& objective,
                                  const std::vector<PoseVector>& starts, double negligible,
                                  std::vector<Refined> optima = {});
 
-/// Moves an optimum to where the objective's models, which are others now but with much the same
-/// slopes, have it. `here`: their light at its pose, where that is known. After a move that gains
-/// next to nothing the value is that of the corrected steering light.
-void settle_again(const PoseObjective& objective, Refined& optimum,
-                  const ShapeBuffer* here = nullptr);
+/// Moves an optimum to where the objective's models have it; of slopes that it has already it makes
+/// use. `here`: the models' light at its pose, where that is known. Values at the end are those of
+/// lights that were corrected less than two standard deviations off.
+void settle(const PoseObjective& objective, Refined& optimum, const ShapeBuffer* here = nullptr);
 
 /// Optima from starts that are no known optima's, and `optima`. The compiled scene's own models
 /// find them; the objective's, where these are better ones, then move them.

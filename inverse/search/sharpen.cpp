@@ -37,12 +37,12 @@ constexpr double kSmallShift = 0.3, kLargeShift = 1.0;
 void sharpen_each(const PoseObjective& objective, std::vector<Refined>& optima,
                   const ShapeBuffer& here) {
   const double rough = optima.front().value.log_posterior;
-  settle_again(objective, optima.front(), &here);
+  settle(objective, optima.front(), &here);
   // What the better model does to one optimum it may do to another.
   const double least =
       rough - kWorthSharpening - 2 * std::abs(optima.front().value.log_posterior - rough);
   for (std::size_t i = 1; i < optima.size(); ++i) {
-    if (optima[i].value.log_posterior >= least) settle_again(objective, optima[i]);
+    if (optima[i].value.log_posterior >= least) settle(objective, optima[i]);
   }
 }
 
