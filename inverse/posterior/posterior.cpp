@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "inverse/posterior/posterior.h"
 
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
@@ -102,13 +105,17 @@ SampleLights sample_lights(const PoseObjective& objective,
   double best = high;
   for (const Peak& peak : peaks) best = std::max(best, peak.log_evidence);
   // The rough models, corrected by what they lack of better ones.
-  for (const Refined* optimum : optima) {
-    ShapeBuffer right;
-    ShapeBuffer cheap;
-    objective.shapes(light_near(objective, *optimum), optimum->pose, right);
-    objective.shapes(objective.rough_models(), optimum->pose, cheap);
-    lights.corrections.push_back(objective.correction(optimum->pose, right, cheap));
-  }
+  lights.corrections.resize(optima.size());
+  tbb::this_task_arena::isolate([&] {
+    tbb::parallel_for(std::size_t{0}, optima.size(), [&](std::size_t j) {
+      const PoseVector& pose = optima[j]->pose;
+      ShapeBuffer right;
+      ShapeBuffer cheap;
+      objective.shapes(light_near(objective, *optima[j]), pose, right);
+      objective.shapes(objective.rough_models(), pose, cheap);
+      lights.corrections[j] = objective.correction(pose, right, cheap);
+    });
+  });
   const auto value = [&](const LightSource& light, const PoseVector& pose, LinearSolution linear) {
     return tempered(objective.evaluate(light, pose, linear, true, kSampleAccuracy), inflation);
   };
@@ -119,15 +126,23 @@ SampleLights sample_lights(const PoseObjective& objective,
     if (!compiled.spline && peaks[j].log_evidence < best - kMinorEvidence) continue;
     const LightSource model =
         LightSource(objective.rough_models()).corrected(lights.corrections[j]);
-    const auto note = [&](const PoseVector& pose) {
-      if (!std::isfinite(log_pose_prior(compiled.scene, pose))) return;
-      const double difference = value(light, pose, top.linear) - value(model, pose, top.linear);
+    std::vector<PoseVector> places{top.pose};
+    for (Eigen::Index i = 0; i < peaks[j].center.size(); ++i) {
+      places.push_back(top.pose + (i % 2 == 0 ? 1 : -1) * peaks[j].root.col(i));
+    }
+    std::erase_if(places, [&](const PoseVector& pose) {
+      return !std::isfinite(log_pose_prior(compiled.scene, pose));
+    });
+    std::vector<double> differences(places.size());
+    tbb::this_task_arena::isolate([&] {
+      tbb::parallel_for(std::size_t{0}, places.size(), [&](std::size_t k) {
+        differences[k] =
+            value(light, places[k], top.linear) - value(model, places[k], top.linear);
+      });
+    });
+    for (const double difference : differences) {
       low = std::min(low, difference);
       high = std::max(high, difference);
-    };
-    note(top.pose);
-    for (Eigen::Index i = 0; i < peaks[j].center.size(); ++i) {
-      note(top.pose + (i % 2 == 0 ? 1 : -1) * peaks[j].root.col(i));
     }
   }
   std::vector<LightSource> models;

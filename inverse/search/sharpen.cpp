@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "inverse/search/sharpen.h"
 
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
@@ -41,9 +44,11 @@ void sharpen_each(const PoseObjective& objective, std::vector<Refined>& optima,
   // What the better model does to one optimum it may do to another.
   const double least =
       rough - kWorthSharpening - 2 * std::abs(optima.front().value.log_posterior - rough);
-  for (std::size_t i = 1; i < optima.size(); ++i) {
-    if (optima[i].value.log_posterior >= least) settle(objective, optima[i]);
-  }
+  tbb::this_task_arena::isolate([&] {
+    tbb::parallel_for(std::size_t{1}, optima.size(), [&](std::size_t i) {
+      if (optima[i].value.log_posterior >= least) settle(objective, optima[i]);
+    });
+  });
 }
 
 }  // namespace
