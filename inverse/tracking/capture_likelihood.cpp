@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "inverse/tracking/capture_likelihood.h"
 
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
@@ -24,8 +27,10 @@ namespace {
 constexpr double kWorthAStep = 2e-3;
 constexpr int kMostSteps = 12;
 constexpr int kMostHalvings = 5;
-/// Times that the closed-form light is corrected by the model on the way.
-constexpr int kCorrections = 3;
+/// Times that the closed-form light is corrected by the model on the way, and the move in standard
+/// deviations over which a correction holds, slopes included.
+constexpr int kCorrections = 4;
+constexpr double kSmallMove = 0.3;
 /// Starts that are followed when nothing is known.
 constexpr std::size_t kMostStarts = 6;
 
@@ -63,20 +68,8 @@ class CaptureLikelihood final : public FrameLikelihood {
 
   Update update(const Gaussian& prior, const Eigen::VectorXd& start,
                 double inflation) const override {
-    // The steering light finds the optimum, the model settles it.
-    Eigen::VectorXd at = start;
-    if (compiled_.spline) {
-      at = descend(*compiled_.spline, prior, at, inflation).at;
-    } else if (!compiled_.coarse.empty()) {
-      for (int k = 0; k < kCorrections; ++k) {
-        const Eigen::VectorXd before = at;
-        const Correction correction = correction_at(at);
-        at = descend(LightSource(compiled_.coarse).corrected(correction), prior, at, inflation).at;
-        const auto moved = (at - before).head(poses()).cwiseAbs().array();
-        if ((moved < 2 * compiled_.step.array()).all()) break;
-      }
-    }
-    const State best = descend(compiled_.models(), prior, at, inflation);
+    const State best = compiled_.coarse.empty() ? optimum_on_model(prior, start, inflation)
+                                                : optimum_steered(prior, start, inflation);
     Update result;
     result.posterior.mean = best.at;
     result.posterior.covariance = best.covariance;
@@ -92,11 +85,12 @@ class CaptureLikelihood final : public FrameLikelihood {
     objective_.evaluate_empty(empty);
     const Scored scored =
         score(objective_, empty, options_.max_starts, options_.negligible_log_posterior);
-    std::vector<Refined> basins;
-    for (const Candidate& start : scored.starts) {
-      if (basins.size() >= kMostStarts) break;
-      basins.push_back(approach(objective_, start.pose));
-    }
+    std::vector<Refined> basins(std::min(scored.starts.size(), kMostStarts));
+    tbb::this_task_arena::isolate([&] {
+      tbb::parallel_for(std::size_t{0}, basins.size(), [&](std::size_t i) {
+        basins[i] = approach(objective_, scored.starts[i].pose);
+      });
+    });
     basins = merge(compiled_, std::move(basins), options_.negligible_log_posterior);
     std::vector<Eigen::VectorXd> result;
     for (const Refined& basin : basins) {
@@ -155,13 +149,38 @@ class CaptureLikelihood final : public FrameLikelihood {
     for (double& value : light.object) value *= a;
   }
 
-  Correction correction_at(const Eigen::VectorXd& at) const {
-    const PoseVector pose = at.head(poses());
-    ShapeBuffer model;
-    ShapeBuffer cheap;
-    objective_.shapes(compiled_.models(), pose, model);
-    objective_.shapes(LightSource(compiled_.coarse), pose, cheap);
-    return objective_.correction(pose, model, cheap);
+  State optimum_on_model(const Gaussian& prior, const Eigen::VectorXd& start,
+                         double inflation) const {
+    Eigen::VectorXd at = start;
+    if (compiled_.spline) at = descend(*compiled_.spline, prior, at, inflation).at;
+    return descend(compiled_.models(), prior, at, inflation);
+  }
+
+  /// The model corrects the closed-form light, first its values, then its slopes as well, until
+  /// that hardly moves the optimum.
+  State optimum_steered(const Gaussian& prior, const Eigen::VectorXd& start,
+                        double inflation) const {
+    const LightSource steering(compiled_.coarse);
+    State best;
+    best.at = start;
+    for (int k = 0; k < kCorrections; ++k) {
+      const PoseVector before = best.at.head(poses());
+      ShapeBuffer model;
+      ShapeBuffer cheap;
+      objective_.shapes(compiled_.models(), before, model);
+      objective_.shapes(steering, before, cheap);
+      Correction correction = objective_.correction(before, model, cheap);
+      if (k > 0) {
+        objective_.correct_slope(light_slope(objective_, compiled_.models(), before),
+                                 light_slope(objective_, steering, before), correction);
+      }
+      best = descend(steering.corrected(correction), prior, best.at, inflation);
+      const PoseVector moved =
+          pose_difference(compiled_.scene, before, best.at.head(poses()));
+      const Eigen::MatrixXd covariance = best.covariance.topLeftCorner(poses(), poses());
+      if (k > 0 && moved.dot(covariance.ldlt().solve(moved)) < kSmallMove * kSmallMove) break;
+    }
+    return best;
   }
 
   Eigen::VectorXd from_mean(const Gaussian& prior, const Eigen::VectorXd& at) const {

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "blindcorner/inverse/tracking/tracker.h"
 
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
@@ -240,9 +243,18 @@ std::vector<Tracker::Hypothesis> Tracker::explain(const FrameLikelihood& frame, 
   const double log_empty = frame.log_evidence_empty(inflation_);
   std::vector<Hypothesis> shown;
   bool surprised = false;
-  for (const TrackMode& mode : modes_) {
+  std::vector<FrameLikelihood::Update> updates(modes_.size());
+  // Isolated: whoever waits here must not pick up work that waits for this.
+  tbb::this_task_arena::isolate([&] {
+    tbb::parallel_for(std::size_t{0}, modes_.size(), [&](std::size_t i) {
+      const Gaussian prior = measured_part(layout_, modes_[i].state);
+      updates[i] = frame.update(prior, prior.mean, inflation_);
+    });
+  });
+  for (std::size_t i = 0; i < modes_.size(); ++i) {
+    const TrackMode& mode = modes_[i];
     const Gaussian prior = measured_part(layout_, mode.state);
-    const FrameLikelihood::Update update = frame.update(prior, prior.mean, inflation_);
+    const FrameLikelihood::Update& update = updates[i];
     Hypothesis next;
     next.log_weight = std::log(mode.weight) + update.log_evidence;
     next.predicted = next.filtered = mode.state;
@@ -294,8 +306,14 @@ std::vector<Tracker::Hypothesis> Tracker::explain(const FrameLikelihood& frame, 
 /// New hypotheses from the whole search region; `share` is their prior weight together.
 void Tracker::search(const FrameLikelihood& frame, double share,
                      std::vector<Hypothesis>& hypotheses) {
-  for (const VectorXd& start : frame.starts()) {
-    const FrameLikelihood::Update update = frame.update(unknown_, start, inflation_);
+  const std::vector<VectorXd> starts = frame.starts();
+  std::vector<FrameLikelihood::Update> updates(starts.size());
+  tbb::this_task_arena::isolate([&] {
+    tbb::parallel_for(std::size_t{0}, starts.size(), [&](std::size_t i) {
+      updates[i] = frame.update(unknown_, starts[i], inflation_);
+    });
+  });
+  for (const FrameLikelihood::Update& update : updates) {
     Hypothesis born;
     born.log_weight = std::log(share) + update.log_evidence;
     born.log_likelihood = update.log_likelihood;
