@@ -8,6 +8,7 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <list>
 #include <memory>
@@ -15,6 +16,7 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
+#include "blindcorner/forward/transport/transport_plan.h"
 #include "inverse/likelihood/direct_error.h"
 #include "inverse/posterior/detection.h"
 #include "inverse/posterior/fitted_histograms.h"
@@ -42,9 +44,10 @@ constexpr double kWorthAnother = 0.01;
 constexpr int kManyCaptures = 50;
 /// Starts that are followed at a time: more find out too late that others are better.
 constexpr std::size_t kStartsAtOnce = 4;
-/// Gain of the model's optimum over where closed-form light led that shows it to be too rough to
-/// choose starts with, and starts that the model chooses then.
-constexpr double kTooRough = 3;
+/// Difference in log posterior between closed-form light and the model at an optimum that shows it
+/// to be too rough to choose starts with (another optimum may gain as much), and starts that the
+/// model chooses then.
+constexpr double kTooRough = 10;
 constexpr std::size_t kMorePlaces = 8;
 /// Finite-difference steps of the sensor's own pose, m and rad.
 constexpr double kSensorStep = 2e-3;
@@ -68,6 +71,8 @@ struct Prepared {
   std::vector<SensorPlacement> placements;
   std::once_flag once;
   std::unique_ptr<CompiledScene> compiled;
+  /// With the ranges near the relay, where these are a small part; its finer grid gives starts.
+  std::unique_ptr<CompiledScene> near;
   std::unique_ptr<MovedModels> moved;
   std::unique_ptr<FalseAlarmCalibration> false_alarms;  ///< null until somebody asks
   std::atomic<std::size_t> bytes{0};                    ///< 0 until it is compiled
@@ -195,6 +200,13 @@ void set_flags(const Scene& scene, const Posterior& posterior, FitResult& result
   flag(at_bound, "at_bound");
 }
 
+bool closed_form_is_too_rough(const PoseObjective& objective, const Refined& optimum) {
+  LinearSolution linear = optimum.linear;
+  const LightSource light(objective.compiled().coarse);
+  const double value = objective.evaluate(light, optimum.pose, linear, true).log_posterior;
+  return std::abs(value - optimum.value.log_posterior) > kTooRough;
+}
+
 void validate_scene(const Scene& scene) {
   const std::string where = scene_place(scene);
   if (scene.unknowns.empty()) {
@@ -243,6 +255,12 @@ struct Fitter::Impl {
       grid.max_poses = grid.closed_form && knowledge->coarse() ? options.max_closed_form_poses
                                                                : options.max_scored_poses;
       entry->compiled = compile(scene, placements, options, grid, knowledge);
+      const auto ranges = ranges_near_relay(scene);
+      if (ranges && knowledge->coarse()) {
+        Scene part = scene;
+        part.unknowns = *ranges;
+        entry->near = compile(part, placements, options, grid, knowledge);
+      }
       if (scene.sensor_covariance) entry->moved = move_sensor(placements, *entry->compiled);
       entry->bytes = entry->compiled->bytes();
     });
@@ -288,6 +306,24 @@ struct Fitter::Impl {
       const bool keep = it == prepared.begin() || bytes <= options.cache_bytes || (*it)->bytes == 0;
       it = keep ? std::next(it) : prepared.erase(it);
     }
+  }
+
+  /// Starts from a part of the search region, with their log posterior in the whole one.
+  void add_starts(const CompiledScene& part, std::span<const Capture> captures,
+                  const PoseObjective& whole, Scored& scored) const {
+    const Observation observation = observe(part, captures);
+    const PoseObjective objective(part, observation);
+    LinearSolution empty;
+    objective.evaluate_empty(empty);
+    const LightSource light(whole.compiled().coarse);
+    for (Candidate& start :
+         score(objective, empty, options.max_starts, options.negligible_log_posterior).starts) {
+      LinearSolution linear;
+      start.index = -1;
+      start.log_posterior = whole.evaluate(light, start.pose, linear, false).log_posterior;
+      scored.starts.push_back(std::move(start));
+    }
+    std::ranges::stable_sort(scored.starts, std::greater{}, &Candidate::log_posterior);
   }
 
   FitResult fit(std::span<const Capture> captures);
@@ -336,8 +372,8 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   // The scene without an object; every pose on the grid; the best ones refined.
   LinearSolution empty;
   const PoseValue nothing = objective.evaluate_empty(empty);
-  const Scored scored =
-      score(objective, empty, options.max_starts, options.negligible_log_posterior);
+  Scored scored = score(objective, empty, options.max_starts, options.negligible_log_posterior);
+  if (known->near) add_starts(*known->near, captures, objective, scored);
   result.time_ms.score = stage.lap();
   std::vector<Refined> basins;
   std::vector<PoseVector> approached;  // with a wide pulse
@@ -397,8 +433,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   std::vector<Refined> optima = polish_all(objective, places, negligible);
   if (optima.empty())
     throw Error(captures.front().source, "found no finite likelihood at any pose");
-  if (!compiled.coarse.empty() &&
-      optima.front().value.log_posterior > basins.front().value.log_posterior + kTooRough) {
+  if (!compiled.coarse.empty() && closed_form_is_too_rough(objective, optima.front())) {
     const std::vector<PoseVector> more = best_by_model(objective, scored, kMorePlaces);
     places.insert(places.end(), more.begin(), more.end());
     optima = polish_all(objective, more, negligible, std::move(optima));

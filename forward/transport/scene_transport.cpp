@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "forward/transport/scene_transport.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <utility>
 
 #include "blindcorner/forward/constants.h"
@@ -19,21 +21,32 @@ std::vector<Transform> transforms(const Scene& scene, const std::vector<Placemen
   return made;
 }
 
-std::vector<PoseVector> halton_poses(const Scene& scene) {
+/// Poses all over the given ranges of the unknowns.
+std::vector<PoseVector> halton_poses(const std::vector<Unknown>& unknowns) {
   constexpr int kPoses = 8;
   constexpr std::array<int, 6> kPrimes{2, 3, 5, 7, 11, 13};
   std::vector<PoseVector> poses;
-  for (int i = 0; i < (scene.unknowns.empty() ? 1 : kPoses); ++i) {
-    PoseVector pose(static_cast<Eigen::Index>(scene.unknowns.size()));
-    for (std::size_t k = 0; k < scene.unknowns.size(); ++k) {
+  for (int i = 0; i < (unknowns.empty() ? 1 : kPoses); ++i) {
+    PoseVector pose(static_cast<Eigen::Index>(unknowns.size()));
+    for (std::size_t k = 0; k < unknowns.size(); ++k) {
       // Radical inverse (Halton).
       const int base = kPrimes[k % kPrimes.size()];
       double t = 0;
       double digit = 1.0 / base;
       for (int n = i + 1; n > 0; n /= base, digit /= base) t += digit * (n % base);
-      pose[static_cast<Eigen::Index>(k)] = scene.unknowns[k].lower + t * scene.unknowns[k].range();
+      pose[static_cast<Eigen::Index>(k)] = unknowns[k].lower + t * unknowns[k].range();
     }
     poses.push_back(pose);
+  }
+  return poses;
+}
+
+/// Poses that a sampling is judged by: all over the search region, and near the relay as well where
+/// that is a small part of it: light and its detail are there.
+std::vector<PoseVector> poses_to_judge_by(const Scene& scene) {
+  std::vector<PoseVector> poses = halton_poses(scene.unknowns);
+  if (const auto near = ranges_near_relay(scene)) {
+    std::ranges::move(halton_poses(*near), std::back_inserter(poses));
   }
   return poses;
 }
@@ -61,7 +74,7 @@ SceneTransport::SceneTransport(const Scene& one, std::shared_ptr<const SurfaceRa
       occluders(occluder_faces(scene.surfaces)),
       probes(probe_placements(scene)),
       T_world_probes(transforms(scene, probes)),
-      probe_poses(halton_poses(scene)) {}
+      probe_poses(poses_to_judge_by(scene)) {}
 
 SceneTransport::SceneTransport(const Scene& all)
     : SceneTransport(all, std::make_shared<SurfaceRays>(all.surfaces)) {

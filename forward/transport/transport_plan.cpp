@@ -156,6 +156,46 @@ std::vector<Vector3d> search_region_corners(const Scene& scene, int index) {
   return points;
 }
 
+std::optional<std::vector<Unknown>> ranges_near_relay(const Scene& scene) {
+  constexpr double kNear = 2;  // half edges of the part, in the region's distances from the relay
+  std::vector<Unknown> near = scene.unknowns;
+  bool smaller = false;
+  for (int object = 0; object < object_count(scene); ++object) {
+    const HiddenObject& hidden = hidden_object(scene, object);
+    Vector3d low = hidden.placement.position;
+    Vector3d high = low;
+    const auto moves = [&](const Unknown& u) {
+      return u.object == object && u.component <= Component::z;
+    };
+    for (const Unknown& u : scene.unknowns) {
+      if (!moves(u)) continue;
+      low[static_cast<int>(u.component)] = u.lower;
+      high[static_cast<int>(u.component)] = u.upper;
+    }
+    double distance = std::numeric_limits<double>::infinity();
+    Vector3d nearest = low;
+    for (const Surface& surface : scene.surfaces) {
+      if (!surface.relay) continue;
+      const Vector3d middle = surface.T_world_surface.translation();
+      const Vector3d point = middle.cwiseMax(low).cwiseMin(high);
+      if ((point - middle).norm() >= distance) continue;
+      distance = (point - middle).norm();
+      nearest = point;
+    }
+    if (!std::isfinite(distance)) continue;
+    const double reach =
+        kNear * std::max(distance, bounding_radius(hidden.shape, hidden.anchor));
+    for (Unknown& u : near) {
+      if (!moves(u)) continue;
+      const double at = nearest[static_cast<int>(u.component)];
+      smaller = smaller || u.range() > 2 * reach;
+      u.lower = std::max(u.lower, at - reach);
+      u.upper = std::min(u.upper, at + reach);
+    }
+  }
+  return smaller ? std::optional(near) : std::nullopt;
+}
+
 bool in_search_region(const Scene& scene, const Placement& placement, int object) {
   for (const Unknown& unknown : scene.unknowns) {
     if (unknown.object != object) continue;

@@ -25,6 +25,9 @@ constexpr int kLeastExact = 64;
 /// Gain in log likelihood over the empty scene below which an object is faint: about a hundred
 /// photons on a background of as many.
 constexpr double kFaint = 100;
+/// Poses that the model scores again where closed form is too rough: it costs a hundred times as
+/// much.
+constexpr std::size_t kMostByModel = 64;
 /// Accuracy of a template's log posterior, far below what half a grid step does to it.
 constexpr double kAccuracy = 1e-2;
 /// Templates whose exact scores are worked out at a time.
@@ -548,7 +551,9 @@ std::vector<PoseVector> best_by_model(const PoseObjective& objective, const Scor
     PoseVector pose;
   };
   std::vector<Place> places;
-  for (const Candidate& c : scored.exact) places.push_back({0, c.pose});
+  for (const Candidate& c : scored.exact) {
+    if (places.size() < kMostByModel) places.push_back({0, c.pose});
+  }
   tbb::this_task_arena::isolate([&] {
     tbb::parallel_for(std::size_t{0}, places.size(), [&](std::size_t i) {
       LinearSolution linear;

@@ -79,6 +79,11 @@ std::vector<Placement> probe_placements(const Scene& scene, int object = 0);
 /// placements. Every point of its surface lies within their convex hull.
 std::vector<Eigen::Vector3d> search_region_corners(const Scene& scene, int object = 0);
 
+/// The unknowns with the ranges of the part of the search region that is near the relay: within
+/// twice its distance from there, m. Light and its detail are in that part. Nothing where no range
+/// of a position is larger than that.
+std::optional<std::vector<Unknown>> ranges_near_relay(const Scene& scene);
+
 /// Whether every free component of an object's placement lies in the range of its unknown: the plan
 /// holds there.
 bool in_search_region(const Scene& scene, const Placement& placement, int object = 0);
