@@ -380,8 +380,8 @@ std::vector<SparseLight::Range> CoarseModel::reach() const {
       for (std::size_t k = begin; k < end; ++k) {
         const auto i = static_cast<int>(k);
         const Vector3d u = patches.half_u(i), v = patches.half_v(i);
-        for (const Vector3d& d : {Vector3d(0 * u), Vector3d(u + v), Vector3d(u - v), Vector3d(v - u),
-                                  Vector3d(-u - v)}) {
+        for (const Vector3d& d : {Vector3d(0 * u), Vector3d(u + v), Vector3d(u - v),
+                                  Vector3d(v - u), Vector3d(-u - v)}) {
           const Vector3d from = patches.area_center(i) + d;
           const double leg =
               way * (patches.leg[k] + patches.leg_direction(i).dot(from - patches.center(i)));

@@ -183,8 +183,7 @@ std::optional<std::vector<Unknown>> ranges_near_relay(const Scene& scene) {
       nearest = point;
     }
     if (!std::isfinite(distance)) continue;
-    const double reach =
-        kNear * std::max(distance, bounding_radius(hidden.shape, hidden.anchor));
+    const double reach = kNear * std::max(distance, bounding_radius(hidden.shape, hidden.anchor));
     for (Unknown& u : near) {
       if (!moves(u)) continue;
       const double at = nearest[static_cast<int>(u.component)];

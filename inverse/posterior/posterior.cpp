@@ -136,8 +136,7 @@ SampleLights sample_lights(const PoseObjective& objective,
     std::vector<double> differences(places.size());
     tbb::this_task_arena::isolate([&] {
       tbb::parallel_for(std::size_t{0}, places.size(), [&](std::size_t k) {
-        differences[k] =
-            value(light, places[k], top.linear) - value(model, places[k], top.linear);
+        differences[k] = value(light, places[k], top.linear) - value(model, places[k], top.linear);
       });
     });
     for (const double difference : differences) {

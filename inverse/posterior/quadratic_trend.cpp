@@ -9,7 +9,8 @@ namespace blindcorner {
 namespace {
 
 /// Prior standard deviations of the slopes and of the second-order coefficients, of changes in log
-/// posterior over a standard deviation: lights that differ by more are not compared (posterior.cpp).
+/// posterior over a standard deviation: lights that differ by more are not compared
+/// (posterior.cpp).
 constexpr double kSlope = 2, kCurvature = 1;
 
 Eigen::Index terms(Eigen::Index n) { return 1 + n + n * (n + 1) / 2; }

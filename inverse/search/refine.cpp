@@ -25,8 +25,8 @@ constexpr Stop kApproach{8, 1e-4};
 constexpr Stop kApproachCheap{40, 1e-5};
 constexpr Stop kSettle{40, 1e-6};
 constexpr Stop kPolish{25, 1e-6, true};
-/// Corrections of the steering light by the model in a row, linearisations of the model, and the gain in log
-/// posterior that calls for another.
+/// Corrections of the steering light by the model in a row, linearisations of the model, and the
+/// gain in log posterior that calls for another.
 constexpr int kMaxCorrections = 2;
 constexpr int kMaxSettlings = 8;
 constexpr double kWorthCorrecting = 0.005;
@@ -348,8 +348,8 @@ void settle(const PoseObjective& objective, Refined& optimum, const ShapeBuffer*
     const NearbyModel model(objective, optimum.pose, k == 0 ? here : nullptr);
     // What the slopes of the steering light lack is the same for all models.
     Eigen::MatrixXd slope = std::move(optimum.correction.slope);
-    optimum = finish_corrected(objective, steering, model.light(), std::move(optimum),
-                               &model.here());
+    optimum =
+        finish_corrected(objective, steering, model.light(), std::move(optimum), &model.here());
     optimum.correction.slope = std::move(slope);
     const double before = optimum.value.log_posterior;
     settle(objective, steering, model.light(), optimum);

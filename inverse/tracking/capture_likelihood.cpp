@@ -175,8 +175,7 @@ class CaptureLikelihood final : public FrameLikelihood {
                                  light_slope(objective_, steering, before), correction);
       }
       best = descend(steering.corrected(correction), prior, best.at, inflation);
-      const PoseVector moved =
-          pose_difference(compiled_.scene, before, best.at.head(poses()));
+      const PoseVector moved = pose_difference(compiled_.scene, before, best.at.head(poses()));
       const Eigen::MatrixXd covariance = best.covariance.topLeftCorner(poses(), poses());
       if (k > 0 && moved.dot(covariance.ldlt().solve(moved)) < kSmallMove * kSmallMove) break;
     }

@@ -51,6 +51,21 @@ TEST_P(CoarseLight, IsAMatchedFilterForTheModels) {
   EXPECT_GT(mean, 0.91);
 }
 
+// Time gates are made from the bounds, so no pose may light a bin beyond them.
+TEST_P(CoarseLight, StaysWithinItsReach) {
+  const std::vector<SparseLight::Range> reach = coarse_.reach();
+  std::mt19937_64 random(8);
+  SparseLight light;
+  for (int i = 0; i < 50; ++i) {
+    coarse_.three_bounce(testing_scenes::random_pose(scene_, random), 0, light);
+    for (std::size_t z = 0; z < reach.size(); ++z) {
+      if (light.lit[z].begin == light.lit[z].end) continue;
+      EXPECT_GE(light.lit[z].begin, reach[z].begin) << "zone " << z;
+      EXPECT_LE(light.lit[z].end, reach[z].end) << "zone " << z;
+    }
+  }
+}
+
 // Bins outside of the ranges that are said to be lit hold nothing, also when a cube is used again.
 TEST_P(CoarseLight, KnowsWhichBinsItLights) {
   std::mt19937_64 random(6);
