@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Scenes at the ends of what the solver is asked: objects at the wall, sizes that trade with
+/// brightness, search regions far larger than the light reaches. Captures are the reference
+/// renderer's.
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <string>
+
+#include "blindcorner/forward/transport/forward_model.h"
+#include "blindcorner/forward/transport/transport_plan.h"
+#include "blindcorner/inverse/fit.h"
+#include "blindcorner/io/scene_file.h"
+#include "blindcorner/simulation/synthetic.h"
+
+namespace blindcorner {
+namespace {
+
+Scene tmf_wall() { return read_scene(std::string(SOURCE_DIR) + "/scenes/tmf8828_wall.json"); }
+
+Unknown unknown(Component component, double lower, double upper) {
+  Unknown u;
+  u.component = component;
+  u.lower = lower;
+  u.upper = upper;
+  return u;
+}
+
+/// What became of captures of truths within `low` to `high`.
+struct Outcome {
+  int detected = 0;
+  int in_region = 0;  ///< truths in a mode's region, of those detected
+};
+
+struct Study {
+  Scene scene;
+  PoseVector low, high;
+  int captures = 12;
+  double photons = 1000;
+  double region = 0;  ///< quantile of chi squared
+  double amplitude_spread = 0;
+};
+
+Outcome run(const Study& study) {
+  const Fitter fitter(study.scene, FitOptions{});
+  const auto renderer = make_reference_renderer(study.scene, sensor_placement(study.scene));
+  std::mt19937_64 random(7);
+  std::uniform_real_distribution<double> uniform;
+  std::normal_distribution<double> normal;
+  Outcome outcome;
+  for (int i = 0; i < study.captures; ++i) {
+    PoseVector truth = study.low;
+    for (Eigen::Index k = 0; k < truth.size(); ++k) {
+      truth[k] += (study.high[k] - study.low[k]) * uniform(random);
+    }
+    LightBudget budget;
+    budget.third_bounce_photons = study.photons;
+    budget.amplitude = std::exp(study.amplitude_spread * normal(random));
+    const auto seed = static_cast<std::uint64_t>(100 + i);
+    const FitResult result = fitter.fit(make_capture(study.scene, *renderer, truth, budget, seed));
+    if (std::ranges::find(result.flags, "nothing_detected") != result.flags.end()) continue;
+    ++outcome.detected;
+    const bool in = std::ranges::any_of(result.posterior.modes, [&](const PoseMode& mode) {
+      const PoseVector d = pose_error(study.scene, mode.pose, truth);
+      return d.dot(mode.covariance.ldlt().solve(d)) <= study.region;
+    });
+    outcome.in_region += in ? 1 : 0;
+  }
+  return outcome;
+}
+
+constexpr double k95Of2 = 5.991, k999Of3 = 16.27;
+
+TEST(ExtremeScenes, ABoxThatTouchesTheWallIsWhereTheFitSays) {
+  Study study;
+  study.scene = tmf_wall();
+  study.scene.hidden.shape = BoxShape{Eigen::Vector3d::Constant(0.2)};
+  study.scene.hidden.placement.position = {0.48, 0.5, 1.0};
+  study.scene.hidden.placement.yaw = 0;
+  study.scene.unknowns = {unknown(Component::x, 0.15, 0.499), unknown(Component::y, 0.35, 0.7)};
+  study.low = Eigen::Vector2d(0.45, 0.4);  // 0 to 5 cm between box and wall
+  study.high = Eigen::Vector2d(0.4999, 0.65);
+  study.photons = 5000;
+  study.region = k95Of2;
+  const Outcome outcome = run(study);
+  EXPECT_EQ(outcome.detected, study.captures);
+  EXPECT_GE(outcome.in_region, 10);
+}
+
+TEST(ExtremeScenes, SizeAndBrightnessMayBothBeFree) {
+  Study study;
+  study.scene = tmf_wall();
+  study.scene.unknowns = {unknown(Component::x, 0.15, 0.38), unknown(Component::y, 0.35, 0.7),
+                          unknown(Component::size, 0.5, 2)};
+  study.low = Eigen::Vector3d(0.15, 0.35, 0.5);
+  study.high = Eigen::Vector3d(0.38, 0.7, 2);
+  study.photons = 5000;
+  study.region = k999Of3;
+  study.amplitude_spread = 1;
+  const Outcome outcome = run(study);
+  EXPECT_EQ(outcome.detected, study.captures);
+  EXPECT_GE(outcome.in_region, 9);
+}
+
+class LargeRegion : public testing::TestWithParam<double> {};
+
+TEST_P(LargeRegion, ShowsTheObjectNearTheWall) {
+  const double range = GetParam();
+  Study study;
+  study.scene = tmf_wall();
+  study.scene.unknowns = {unknown(Component::x, 0.55 - range, 0.55),
+                          unknown(Component::y, 0.35, 0.35 + range),
+                          unknown(Component::yaw, -1.3, 0.5)};
+  study.low = Eigen::Vector3d(0.1, 0.35, -1.3);
+  study.high = Eigen::Vector3d(0.4, 0.8, 0.5);
+  study.region = k999Of3;
+  const Outcome outcome = run(study);
+  EXPECT_GE(outcome.detected, 9);
+  EXPECT_GE(outcome.in_region, outcome.detected - 3);
+}
+
+INSTANTIATE_TEST_SUITE_P(Metres, LargeRegion, testing::Values(10.0, 1000.0));
+
+TEST(RangesNearRelay, AreNoneWhereTheRegionIsNear) { EXPECT_FALSE(ranges_near_relay(tmf_wall())); }
+
+TEST(RangesNearRelay, AreThoseOfPositionsOnly) {
+  Scene scene = tmf_wall();
+  scene.unknowns = {unknown(Component::x, -9, 0.5), unknown(Component::y, 0.3, 10),
+                    unknown(Component::yaw, -1, 1)};
+  const auto near = ranges_near_relay(scene);
+  ASSERT_TRUE(near);
+  // The region's nearest point to the wall's middle (0.6, 0, 1) is (0.5, 0.3, 1.05).
+  const double reach = 2 * std::hypot(0.1, 0.3, 0.05);
+  EXPECT_NEAR((*near)[0].lower, 0.5 - reach, 1e-9);
+  EXPECT_NEAR((*near)[0].upper, 0.5, 1e-9);
+  EXPECT_NEAR((*near)[1].lower, 0.3, 1e-9);
+  EXPECT_NEAR((*near)[1].upper, 0.3 + reach, 1e-9);
+  EXPECT_EQ((*near)[2].lower, -1);
+  EXPECT_EQ((*near)[2].upper, 1);
+}
+
+}  // namespace
+}  // namespace blindcorner
