@@ -492,8 +492,9 @@ FastModelOptions options_of(int level, const Fidelity& first, bool lobes) {
   const double finer = std::pow(2.0, 0.5 * (level - 1));
   Fidelity pairs{std::sqrt(8.0) / finer, 4 / finer, true};
   if (first.lobe_pairs) {
-    pairs.relay = std::min(pairs.relay, first.relay);
-    pairs.object = std::min(pairs.object, first.object);
+    // Else the step from the first level is none, and what it does not move passes for exact.
+    pairs.relay = std::min(pairs.relay, first.relay / std::sqrt(2.0) / finer);
+    pairs.object = std::min(pairs.object, first.object / std::sqrt(2.0) / finer);
   }
   fast.fidelity = pairs;
   return fast;
