@@ -20,7 +20,7 @@ namespace {
 /// that of the models in use.
 using Errors = std::array<double, kModelLevels>;
 constexpr Errors kMattErrors = {0.06, 0.02, 0.007, 0.002};
-constexpr Errors kLobeErrors = {0.06, 0.02, 0.005, 0.002};
+constexpr Errors kLobeErrors = {0.1, 0.02, 0.005, 0.003};
 /// Optima this far below the best in log posterior hold less than a per cent of the posterior each:
 /// the models that found them do for them.
 constexpr double kWorthSharpening = 5;

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "inverse/search/compiled_scene.h"
+
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "blindcorner/forward/constants.h"
+#include "blindcorner/io/scene_file.h"
+
+namespace blindcorner {
+namespace {
+
+std::unique_ptr<CompiledScene> compiled(const Scene& scene) {
+  GridOptions grid;
+  grid.closed_form = true;
+  grid.max_poses = 100;
+  return compile(scene, {sensor_placement(scene)}, FitOptions{}, grid);
+}
+
+Scene shipped(const std::string& name) {
+  return read_scene(std::string(SOURCE_DIR) + "/scenes/" + name + ".json");
+}
+
+// A level that is no finer than the one before moves nothing, and what moves nothing passes for
+// exact: lobes that are summed as pairs from the first level on had four levels alike.
+TEST(ModelLevels, OfWideLobesAreEachFinerThanTheLast) {
+  Scene scene = shipped("tmf8828_wall");
+  scene.hidden.material = RetroreflectiveMaterial{8 * kDegree};
+  const auto known = compiled(scene);
+  ASSERT_TRUE(known->models_at(0).front()->fidelity()->lobe_pairs);
+  for (int level = 1; level < kModelLevels; ++level) {
+    const Fidelity before = *known->models_at(level - 1).front()->fidelity();
+    const Fidelity now = *known->models_at(level).front()->fidelity();
+    EXPECT_LT(now.relay, before.relay) << "level " << level;
+    EXPECT_LT(now.object, before.object) << "level " << level;
+  }
+}
+
+// A tracked frame scores nothing and should not pay for it.
+TEST(ClosedFormTemplates, AreRenderedWhenSomebodyAsks) {
+  const auto known = compiled(shipped("tmf8828_wall"));
+  const std::size_t before = known->bytes();
+  EXPECT_EQ(known->templates().poses(), known->poses.size());
+  EXPECT_EQ(known->bytes(), before + known->templates().bytes());
+}
+
+}  // namespace
+}  // namespace blindcorner
