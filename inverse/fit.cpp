@@ -48,6 +48,8 @@ constexpr std::size_t kStartsAtOnce = 4;
 /// to be too rough to choose starts with (another optimum may gain as much), and starts that the
 /// model chooses then.
 constexpr double kTooRough = 10;
+/// Times as rough as there that it may be elsewhere.
+constexpr double kRoughElsewhere = 1.5;
 constexpr std::size_t kMorePlaces = 8;
 /// Finite-difference steps of the sensor's own pose, m and rad.
 constexpr double kSensorStep = 2e-3;
@@ -200,11 +202,13 @@ void set_flags(const Scene& scene, const Posterior& posterior, FitResult& result
   flag(at_bound, "at_bound");
 }
 
-bool closed_form_is_too_rough(const PoseObjective& objective, const Refined& optimum) {
+/// What closed-form light is off by in log posterior at an optimum.
+double roughness_of_closed_form(const PoseObjective& objective, const Refined& optimum) {
+  if (objective.compiled().coarse.empty()) return 0;
   LinearSolution linear = optimum.linear;
   const LightSource light(objective.compiled().coarse);
   const double value = objective.evaluate(light, optimum.pose, linear, true).log_posterior;
-  return std::abs(value - optimum.value.log_posterior) > kTooRough;
+  return std::abs(value - optimum.value.log_posterior);
 }
 
 void validate_scene(const Scene& scene) {
@@ -433,8 +437,10 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   std::vector<Refined> optima = polish_all(objective, places, negligible);
   if (optima.empty())
     throw Error(captures.front().source, "found no finite likelihood at any pose");
-  if (!compiled.coarse.empty() && closed_form_is_too_rough(objective, optima.front())) {
-    const std::vector<PoseVector> more = best_by_model(objective, scored, kMorePlaces);
+  const double roughness = roughness_of_closed_form(objective, optima.front());
+  if (roughness > kTooRough) {
+    const std::vector<PoseVector> more =
+        best_by_model(objective, scored, kMorePlaces, kRoughElsewhere * roughness);
     places.insert(places.end(), more.begin(), more.end());
     optima = polish_all(objective, more, negligible, std::move(optima));
   }

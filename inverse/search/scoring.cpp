@@ -544,7 +544,7 @@ Scored score(const PoseObjective& objective, const LinearSolution& empty, int co
 }
 
 std::vector<PoseVector> best_by_model(const PoseObjective& objective, const Scored& scored,
-                                      std::size_t count) {
+                                      std::size_t count, double within) {
   const CompiledScene& compiled = objective.compiled();
   struct Place {
     double log_posterior;
@@ -552,7 +552,9 @@ std::vector<PoseVector> best_by_model(const PoseObjective& objective, const Scor
   };
   std::vector<Place> places;
   for (const Candidate& c : scored.exact) {
-    if (places.size() < kMostByModel) places.push_back({0, c.pose});
+    if (places.size() == kMostByModel) break;
+    if (c.log_posterior < scored.exact.front().log_posterior - within) break;
+    places.push_back({0, c.pose});
   }
   tbb::this_task_arena::isolate([&] {
     tbb::parallel_for(std::size_t{0}, places.size(), [&](std::size_t i) {

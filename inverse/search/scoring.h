@@ -93,8 +93,9 @@ Scored score(const PoseObjective& objective, const LinearSolution& empty, int co
              double negligible);
 
 /// Of the poses that were scored exactly in closed form, the best by the model's own light that are
-/// no neighbours, at most `count`: for captures so bright that the closed form is too rough.
+/// no neighbours, at most `count`: for captures so bright that the closed form is too rough. Looks
+/// at those whose score is at most `within` below the best.
 std::vector<PoseVector> best_by_model(const PoseObjective& objective, const Scored& scored,
-                                      std::size_t count);
+                                      std::size_t count, double within);
 
 }  // namespace blindcorner
