@@ -78,6 +78,8 @@ struct Prepared {
   std::unique_ptr<MovedModels> moved;
   std::unique_ptr<FalseAlarmCalibration> false_alarms;  ///< null until somebody asks
   std::atomic<std::size_t> bytes{0};                    ///< 0 until it is compiled
+
+  void count_bytes() { bytes = compiled->bytes() + (near ? near->bytes() : 0); }
 };
 
 bool same(const std::vector<SensorPlacement>& a, const std::vector<SensorPlacement>& b) {
@@ -266,7 +268,7 @@ struct Fitter::Impl {
         entry->near = compile(part, placements, options, grid, knowledge);
       }
       if (scene.sensor_covariance) entry->moved = move_sensor(placements, *entry->compiled);
-      entry->bytes = entry->compiled->bytes();
+      entry->count_bytes();
     });
     drop_least_used();
     return entry;
@@ -486,7 +488,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
         false_alarms(known).probability(objective, empty, options.empty_captures, options.seed);
   }
   result.time_ms.detect = stage.lap();
-  known->bytes = compiled.bytes();  // what this capture asked for is there now
+  known->count_bytes();  // what this capture asked for is there now
 
   set_flags(scene, posterior, result);
   for (std::size_t i = 0; i < captures.size(); ++i) {
