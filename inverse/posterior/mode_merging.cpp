@@ -9,7 +9,7 @@
 namespace blindcorner {
 namespace {
 
-/// Optima closer than this share of the grid's resolution along every unknown are one. That is
+/// Optima closer than this share of the grid's spacing along every unknown are one. Spacings are
 /// about the pose's uncertainty at moderate light, and descents end a small share of that apart.
 constexpr double kSamePlace = 0.25;
 /// Standard deviations within which an optimum belongs to a better one: two equal Gaussians have
@@ -28,7 +28,7 @@ constexpr std::size_t kMaxGroups = 6;
 
 bool same_place(const CompiledScene& compiled, const PoseVector& a, const PoseVector& b) {
   const PoseVector d = pose_difference(compiled.scene, a, b);
-  return (d.array().abs() < kSamePlace * compiled.resolution.array()).all();
+  return (d.array().abs() < kSamePlace * compiled.spacing.array()).all();
 }
 
 std::vector<Refined> merge(const CompiledScene& compiled, std::vector<Refined> optima,

@@ -215,7 +215,7 @@ std::vector<PoseVector> promising(const PoseObjective& objective, const SampleLi
   for (const PosteriorSample* sample : order) {
     const bool apart = std::none_of(taken.begin(), taken.end(), [&](const PoseVector& other) {
       return (pose_difference(compiled.scene, other, sample->pose).array().abs() <
-              compiled.resolution.array())
+              compiled.spacing.array())
           .all();
     });
     if (!apart && sample->log_posterior < known + kBetter) continue;

@@ -573,10 +573,8 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
   }
   // Else widen the pulse until the grid is small enough.
   double widening = 1;
-  compiled->resolution = compiled->spacing;
   if (!spline) {
     make_grid(*compiled, rates, compiled->pulse_path / grid.density, 1 / grid.density);
-    compiled->resolution = compiled->spacing;
     while (grid_size(*compiled) > most && widening < 64) {
       widening *= 1.1;
       make_grid(*compiled, rates, widening * compiled->pulse_path / grid.density,

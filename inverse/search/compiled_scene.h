@@ -41,7 +41,6 @@ struct CompiledScene {
   double pulse_path = 0.0;        ///< m, standard deviation of pulse and bin as optical path
   PoseVector step;                ///< [n] finite-difference steps
   PoseVector spacing;             ///< [n] of the axes
-  PoseVector resolution;          ///< [n] the same of a grid that the pulse itself asks for
   std::vector<GridAxis> axes;     ///< [n] of the scored grid, bounds included
   std::vector<PoseVector> poses;  ///< scored poses, last unknown fastest
   std::vector<float> log_prior;   ///< [poses] log density of their prior
