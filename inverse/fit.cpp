@@ -74,11 +74,14 @@ struct Prepared {
   std::once_flag once;
   std::unique_ptr<CompiledScene> compiled;
   /// With the ranges near the relay, where these are a small part; its finer grid gives starts.
+  /// Null until a fit searches: a frame that is tracked does not.
+  std::once_flag near_once;
   std::unique_ptr<CompiledScene> near;
   std::unique_ptr<MovedModels> moved;
   std::unique_ptr<FalseAlarmCalibration> false_alarms;  ///< null until somebody asks
   std::atomic<std::size_t> bytes{0};                    ///< 0 until it is compiled
 
+  /// For who has fitted with this.
   void count_bytes() { bytes = compiled->bytes() + (near ? near->bytes() : 0); }
 };
 
@@ -256,22 +259,32 @@ struct Fitter::Impl {
   std::shared_ptr<Prepared> prepare(const std::vector<SensorPlacement>& placements) {
     std::shared_ptr<Prepared> entry = find(placements);
     std::call_once(entry->once, [&] {
-      GridOptions grid;
-      grid.closed_form = options.captures_per_placement < kManyCaptures;
-      grid.max_poses = grid.closed_form && knowledge->coarse() ? options.max_closed_form_poses
-                                                               : options.max_scored_poses;
-      entry->compiled = compile(scene, placements, options, grid, knowledge);
-      const auto ranges = ranges_near_relay(scene);
-      if (ranges && knowledge->coarse()) {
-        Scene part = scene;
-        part.unknowns = *ranges;
-        entry->near = compile(part, placements, options, grid, knowledge);
-      }
+      entry->compiled = compile(scene, placements, options, grid_options(), knowledge);
       if (scene.sensor_covariance) entry->moved = move_sensor(placements, *entry->compiled);
-      entry->count_bytes();
+      entry->bytes = entry->compiled->bytes();
     });
     drop_least_used();
     return entry;
+  }
+
+  GridOptions grid_options() const {
+    GridOptions grid;
+    grid.closed_form = options.captures_per_placement < kManyCaptures;
+    grid.max_poses = grid.closed_form && knowledge->coarse() ? options.max_closed_form_poses
+                                                             : options.max_scored_poses;
+    return grid;
+  }
+
+  /// The part near the relay, where the scene needs one; null where it does not.
+  const CompiledScene* near_relay(Prepared& whole) const {
+    std::call_once(whole.near_once, [&] {
+      const auto ranges = ranges_near_relay(scene);
+      if (!ranges || whole.compiled->coarse.empty()) return;
+      Scene part = scene;
+      part.unknowns = *ranges;
+      whole.near = compile(part, whole.placements, options, grid_options(), knowledge);
+    });
+    return whole.near.get();
   }
 
   /// What is known about empty captures. Their law hardly depends on where the sensor stands: that
@@ -379,7 +392,9 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   LinearSolution empty;
   const PoseValue nothing = objective.evaluate_empty(empty);
   Scored scored = score(objective, empty, options.max_starts, options.negligible_log_posterior);
-  if (known->near) add_starts(*known->near, captures, objective, scored);
+  if (const CompiledScene* part = near_relay(*known)) {
+    add_starts(*part, captures, objective, scored);
+  }
   result.time_ms.score = stage.lap();
   std::vector<Refined> basins;
   std::vector<PoseVector> approached;  // with a wide pulse

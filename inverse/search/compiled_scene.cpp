@@ -590,8 +590,8 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
   const double tolerance = options.model_tolerance.value_or(kCheapTolerance);
   const double cheap = std::max(kCheapTolerance, tolerance);
   const auto make_exact = [&] {
-    for (const double sigma : compiled->widths) {
-      if (!closed_form) compiled->ladder.push_back(models(sigma, cheap));
+    if (!closed_form) {
+      for (const double sigma : compiled->widths) compiled->ladder.push_back(models(sigma, cheap));
     }
     compiled->ladder.push_back(models(0, tolerance));
     if (!has_static_light(scene)) return;

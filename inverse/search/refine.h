@@ -27,8 +27,7 @@ std::vector<PoseVector> approach_widely(const PoseObjective& objective,
 /// Minimises the deviance from `start` with Ceres (Levenberg-Marquardt, bounds, forward
 /// differences in steps of CompiledScene::step): on the spline through the scored poses where there
 /// is one (the value is its), else on closed-form light, wide pulses first (the value is the
-/// model's), else on the
-/// ladder's cheap models (the value is theirs).
+/// model's), else on the ladder's cheap models (the value is theirs).
 Refined approach(const PoseObjective& objective, const PoseVector& start);
 
 /// The last part of that, from where approach_widely() ended: for those who follow only one of the

@@ -122,6 +122,21 @@ TEST_P(LargeRegion, ShowsTheObjectNearTheWall) {
   EXPECT_GE(outcome.in_region, outcome.detected - 3);
 }
 
+// Where many captures share a placement, tables of exact histograms take the closed form's place,
+// and there is no light to score another grid with.
+TEST(LargeRegionOfManyCaptures, IsFittedWithoutClosedForm) {
+  Scene scene = tmf_wall();
+  scene.unknowns = {unknown(Component::x, -9.45, 0.55), unknown(Component::y, 0.35, 10.35)};
+  FitOptions options;
+  options.captures_per_placement = 50;
+  options.max_scored_poses = 400;
+  const auto renderer = make_reference_renderer(scene, sensor_placement(scene));
+  LightBudget budget;
+  budget.third_bounce_photons = 1000;
+  const Capture capture = make_capture(scene, *renderer, Eigen::Vector2d(0.28, 0.5), budget, 1);
+  EXPECT_FALSE(fit(scene, capture, options).posterior.modes.empty());
+}
+
 INSTANTIATE_TEST_SUITE_P(Metres, LargeRegion, testing::Values(10.0, 1000.0));
 
 TEST(RangesNearRelay, AreNoneWhereTheRegionIsNear) { EXPECT_FALSE(ranges_near_relay(tmf_wall())); }
