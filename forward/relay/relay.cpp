@@ -34,7 +34,9 @@ struct Cell {
   }
   /// Solid angle per unit of the parameters, up to a constant.
   double density(double u, double v) const {
-    return polar ? std::sin(u) : std::pow(1 + u * u + v * v, -1.5);
+    if (polar) return std::sin(u);
+    const double square = 1 + u * u + v * v;
+    return 1 / (square * std::sqrt(square));
   }
   std::array<Cell, 2> halves(int along) const {
     const double u = 0.5 * (u0 + u1);
@@ -69,27 +71,24 @@ class Sampler {
       return;
     }
     if (trace == Trace::nothing) return;
-    const bool whole = trace == Trace::whole;
-    std::vector<RelayPatch> parts = whole ? std::vector{patch} : parts_of(cell);
-    if (splits < sampling_.split_depth && sampling_.split) {
-      for (const RelayPatch& part : parts) {
-        const int split = sampling_.split(part);
-        if (split == 0) continue;
-        const bool inherited = whole && sampling_.halves_inherit;
-        for (const Cell& half : cell.halves(split)) {
-          sample(half, splits + 1, edges, inherited ? &patch : nullptr);
-        }
-        return;
+    if (trace == Trace::whole) {
+      if (divide(cell, patch, splits, edges, &patch)) return;
+      patch.group = group_++;
+      const auto [nu, nv] = sampling_.nodes ? sampling_.nodes(patch) : std::array{1, 1};
+      if (nu * nv > 1) {
+        add_nodes(cell, patch, gauss_legendre(nu), gauss_legendre(nv));
+      } else {
+        patches.push_back(patch);
       }
+      return;
+    }
+    std::vector<RelayPatch> parts = parts_of(cell);
+    for (const RelayPatch& part : parts) {
+      if (divide(cell, part, splits, edges, nullptr)) return;
     }
     for (RelayPatch& part : parts) {
       part.group = group_++;
-      const auto [nu, nv] = sampling_.nodes && whole ? sampling_.nodes(part) : std::array{1, 1};
-      if (nu * nv > 1) {
-        add_nodes(cell, part, gauss_legendre(nu), gauss_legendre(nv));
-      } else {
-        patches.push_back(part);
-      }
+      patches.push_back(part);
     }
   }
 
@@ -97,6 +96,18 @@ class Sampler {
 
  private:
   enum class Trace { nothing, mixed, whole };
+
+  /// Samples the halves of a cell where `patch`, all or a part of what it sees, asks for that.
+  bool divide(const Cell& cell, const RelayPatch& patch, int splits, int edges,
+              const RelayPatch* whole) {
+    if (splits >= sampling_.split_depth || !sampling_.split) return false;
+    const int split = sampling_.split(patch);
+    if (split == 0) return false;
+    for (const Cell& half : cell.halves(split)) {
+      sample(half, splits + 1, edges, sampling_.halves_inherit ? whole : nullptr);
+    }
+    return true;
+  }
 
   /// Nodes with the solid angle shared by its density.
   void add_nodes(const Cell& cell, const RelayPatch& whole, const std::vector<QuadraturePoint>& us,
@@ -113,6 +124,10 @@ class Sampler {
         node.node = true;
         node.center = meet(cell, u, v, whole);
         node.distance = (node.center - origin_).norm();
+        node.solid_angle = pu.weight * pv.weight * cell.density(u, v);
+        total += node.solid_angle;
+        patches.push_back(node);
+        if (!sampling_.node_extents) continue;
         // Its part of the cell, as a parallelogram through the middles of the part's edges.
         const double um = uc + 0.5 * (pu.begin + pu.end) * hu;
         const double vm = vc + 0.5 * (pv.begin + pv.end) * hv;
@@ -120,12 +135,9 @@ class Sampler {
         const Vector3d right = meet(cell, uc + pu.end * hu, vm, whole);
         const Vector3d low = meet(cell, um, vc + pv.begin * hv, whole);
         const Vector3d high = meet(cell, um, vc + pv.end * hv, whole);
-        node.half_u = 0.5 * (right - left);
-        node.half_v = 0.5 * (high - low);
-        node.area_center = 0.25 * (left + right + low + high);
-        node.solid_angle = pu.weight * pv.weight * cell.density(u, v);
-        total += node.solid_angle;
-        patches.push_back(node);
+        patches.back().half_u = 0.5 * (right - left);
+        patches.back().half_v = 0.5 * (high - low);
+        patches.back().area_center = 0.25 * (left + right + low + high);
       }
     }
     for (std::size_t i = first; i < patches.size(); ++i) {

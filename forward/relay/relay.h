@@ -47,6 +47,8 @@ struct RelaySampling {
   /// exact for weights of degree 2 n - 1 along n points, and the points' spread is the cell's.
   /// {1, 1} is the centre, with the cell's spread. Empty: always the centre.
   std::function<std::array<int, 2>(const RelayPatch&)> nodes;
+  /// Nodes know the part of the cell that they stand for; else their edges are the cell's.
+  bool node_extents = true;
 };
 
 /// Casts the region's directions from `origin` and returns the patches that they hit, whole solid

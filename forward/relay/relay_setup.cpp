@@ -133,18 +133,18 @@ std::vector<WeightedPatch> RelaySetup::region(const Vector3d& origin,
                                               const FieldOfIllumination& field,
                                               const RelaySampling& sampling,
                                               bool relay_only) const {
+  const std::vector<RelayPatch> sampled = sample_region(
+      rays_->all, scene_.surfaces, origin, placement_.T_world_sensor.linear(), field, sampling);
   std::vector<WeightedPatch> patches;
-  for (const RelayPatch& patch :
-       sample_region(rays_->all, scene_.surfaces, origin, placement_.T_world_sensor.linear(), field,
-                     sampling)) {
+  patches.reserve(sampled.size());
+  for (const RelayPatch& patch : sampled) {
     if (patch.albedo <= 0) continue;
     if (relay_only && !scene_.surfaces[static_cast<std::size_t>(patch.surface)].relay) continue;
-    WeightedPatch weighted;
+    WeightedPatch& weighted = patches.emplace_back();
     weighted.patch = patch;
     weighted.weight = patch.solid_angle * patch.albedo / kPi;
     weighted.leg = patch.distance;
     weighted.leg_direction = (patch.center - origin) / patch.distance;
-    patches.push_back(weighted);
   }
   return patches;
 }
@@ -307,6 +307,7 @@ HistogramCube RelaySetup::direct_return(const PulseTable& pulses,
     const bool lights_all = lies_within(footprint, field);
     const double rim = (footprint.right - footprint.left) / kRimDivisions;
     RelaySampling own = sampling;
+    own.node_extents = !lights_all;  // where the field's rim is asked for
     own.split = [&](const RelayPatch& patch) {
       const Vector3d gradient = 2 * (patch.center - detector_) / patch.distance;
       const double u = std::abs(gradient.dot(patch.half_u)) / std::sqrt(3.0);

@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /// The cheapest sampling that meets a tolerance, by what finer ones would change.
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -95,13 +98,19 @@ class FidelitySearch {
   /// Histograms of the probed poses; learns which share of all pairs of patches they look at.
   std::vector<HistogramCube> probe(const FastModel& model) {
     const Scene& scene = view_->transport->scene;
-    std::vector<HistogramCube> cubes;
-    double pairs = 0;
-    for (const PoseVector& pose : view_->transport->probe_poses) {
-      const Placement placement = place(scene.hidden.placement, scene.unknowns, pose);
-      pairs = std::max(pairs, model.render(placement, {}, cubes.emplace_back()));
+    const std::vector<PoseVector>& poses = view_->transport->probe_poses;
+    std::vector<HistogramCube> cubes(poses.size());
+    std::vector<double> pairs(poses.size());
+    // Isolated: whoever waits here must not pick up work that waits for this.
+    tbb::this_task_arena::isolate([&] {
+      tbb::parallel_for(std::size_t{0}, poses.size(), [&](std::size_t i) {
+        const Placement placement = place(scene.hidden.placement, scene.unknowns, poses[i]);
+        pairs[i] = model.render(placement, {}, cubes[i]);
+      });
+    });
+    if (kernel_ == Kernel::retro_pairs) {
+      near_share_ = *std::ranges::max_element(pairs) / std::max(pair_count(model), 1.0);
     }
-    if (kernel_ == Kernel::retro_pairs) near_share_ = pairs / std::max(pair_count(model), 1.0);
     return cubes;
   }
 

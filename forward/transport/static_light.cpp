@@ -354,36 +354,43 @@ KnownBounces::KnownBounces(const Scene& scene, const StaticLightSampling& sampli
     : scene_(scene), sampling_(sampling), blockers_(blocking_faces(scene.surfaces)) {
   // Captures whose times count from the relay hold no returns of the known scene.
   if (scene.sensor.path_origin == PathOrigin::relay) return;
-  double largest = 0;
   for (std::size_t i = 0; i < scene.surfaces.size(); ++i) {
     const Surface& surface = scene.surfaces[i];
     if (surface.albedo <= 0) continue;
-    largest = std::max(largest, 2 * bounding_radius(surface.shape, Anchor::center));
+    largest_ = std::max(largest_, 2 * bounding_radius(surface.shape, Anchor::center));
     for (const SurfaceCell& cell : divide(surface.shape, surface.T_world_surface, 1.0, 1e9)) {
       faces_.push_back({i, cell});
     }
   }
-  const double least = sampling.least_middle * largest;
-  const auto refine = [&](const auto& self, const Piece& owned) -> void {
-    const double edge = 2 * std::max(owned.cell.half_u.norm(), owned.cell.half_v.norm());
-    const double near = distance(owned);
-    if (near == std::numeric_limits<double>::infinity()) return;
-    if (edge >
-        std::max(std::min(sampling.middle_angle * near, sampling.middle_edge * largest), least)) {
-      for (const SurfaceCell& part : halves(owned.cell)) self(self, {owned.surface, part});
-      return;
-    }
-    const double albedo = scene.surfaces[owned.surface].albedo;
-    middle_.push_back(
-        {owned.cell, owned.cell.area * albedo / kPi, ShadowView(blockers_, owned.cell.center)});
-  };
-  for (const Piece& face : faces_) refine(refine, face);
+  for (const Piece& face : faces_) {
+    if (distance(face, faces_) < std::numeric_limits<double>::infinity()) add_middle(face);
+  }
+  roots_ = middle_.size();
+  // Breadth first: halves are neighbours.
+  for (std::size_t i = 0; i < middle_.size(); ++i) {
+    const Piece whole = middle_[i].piece;
+    if (middle_[i].edge <= allowed_edge(distance(whole, faces_))) continue;
+    middle_[i].parts = middle_.size();
+    for (const SurfaceCell& half : halves(whole.cell)) add_middle({whole.surface, half});
+  }
 }
 
-/// From the middle of a piece to the nearest face that it faces; infinite without any.
-double KnownBounces::distance(const Piece& piece) const {
+void KnownBounces::add_middle(const Piece& piece) {
+  const SurfaceCell& cell = piece.cell;
+  middle_.push_back({piece, cell.area * scene_.surfaces[piece.surface].albedo / kPi,
+                     ShadowView(blockers_, cell.center),
+                     2 * std::max(cell.half_u.norm(), cell.half_v.norm())});
+}
+
+double KnownBounces::allowed_edge(double distance) const {
+  return std::max(std::min(sampling_.middle_angle * distance, sampling_.middle_edge * largest_),
+                  sampling_.least_middle * largest_);
+}
+
+/// From the middle of a piece to the nearest of the faces that it faces; infinite without any.
+double KnownBounces::distance(const Piece& piece, const std::vector<Piece>& faces) {
   double least = std::numeric_limits<double>::infinity();
-  for (const Piece& face : faces_) {
+  for (const Piece& face : faces) {
     if (facing(piece, face)) {
       least = std::min(least, distance_to(piece.cell.center, face.cell));
     }
@@ -410,9 +417,69 @@ void KnownBounces::find_legs(const SurfaceCell& cell, const ShadowView& shadows,
   }
 }
 
+namespace {
+
+/// Rectangles around patches, one on each face that has some.
+class Extents {
+ public:
+  explicit Extents(const std::vector<KnownBounces::Piece>& faces)
+      : faces_(faces), ranges_(faces.size()) {}
+
+  void add(const RelayPatch& patch) {
+    for (std::size_t f = 0; f < faces_.size(); ++f) {
+      const SurfaceCell& face = faces_[f].cell;
+      if (faces_[f].surface != static_cast<std::size_t>(patch.surface)) continue;
+      if (face.normal.dot(patch.normal) < kSameNormal) continue;
+      for (const double a : {-1.0, 1.0}) {
+        for (const double b : {-1.0, 1.0}) {
+          const Vector3d way = patch.center + a * patch.half_u + b * patch.half_v - face.center;
+          ranges_[f].add(way.dot(face.half_u) / face.half_u.squaredNorm(),
+                         way.dot(face.half_v) / face.half_v.squaredNorm());
+        }
+      }
+    }
+  }
+
+  std::vector<KnownBounces::Piece> pieces() const {
+    std::vector<KnownBounces::Piece> all;
+    for (std::size_t f = 0; f < faces_.size(); ++f) {
+      const Ranges& r = ranges_[f];
+      if (!(r.low_u < r.high_u && r.low_v < r.high_v)) continue;
+      SurfaceCell cell = faces_[f].cell;
+      cell.center += 0.5 * (r.low_u + r.high_u) * cell.half_u;
+      cell.center += 0.5 * (r.low_v + r.high_v) * cell.half_v;
+      cell.half_u *= 0.5 * (r.high_u - r.low_u);
+      cell.half_v *= 0.5 * (r.high_v - r.low_v);
+      all.push_back({faces_[f].surface, cell});
+    }
+    return all;
+  }
+
+ private:
+  /// Curved faces are approximated by flat ones.
+  static constexpr double kSameNormal = 0.8;
+  /// Of the face's half edges.
+  struct Ranges {
+    double low_u = 1, high_u = -1, low_v = 1, high_v = -1;
+    void add(double u, double v) {
+      u = std::clamp(u, -1.0, 1.0);
+      v = std::clamp(v, -1.0, 1.0);
+      low_u = std::min(low_u, u);
+      high_u = std::max(high_u, u);
+      low_v = std::min(low_v, v);
+      high_v = std::max(high_v, v);
+    }
+  };
+  const std::vector<KnownBounces::Piece>& faces_;
+  std::vector<Ranges> ranges_;
+};
+
+}  // namespace
+
 struct KnownBounces::Ends {
   std::vector<Patches> lit;  // one, or one for each zone (confocal)
   Patches seen;
+  std::vector<Piece> extents;  // of all patches on a face: the rectangle around them
 
   const Patches& lit_for(int zone) const {
     return lit[lit.size() == 1 ? 0 : static_cast<std::size_t>(zone)];
@@ -427,28 +494,50 @@ KnownBounces::Ends KnownBounces::ends(const RelaySetup& setup, double angle, dou
   relay.with_radiance = false;
   relay.split = [this, angle, least](const RelayPatch& patch) {
     const double u = 2 * patch.half_u.norm(), v = 2 * patch.half_v.norm();
-    const double near = distance({static_cast<std::size_t>(patch.surface), cell_of(patch)});
+    const double near = distance({static_cast<std::size_t>(patch.surface), cell_of(patch)}, faces_);
     const double most = std::min(kSensorAngle * patch.distance, std::max(angle * near, least));
     return std::max(u, v) <= most ? 0 : (u >= v ? 1 : 2);
   };
   Ends ends;
   ends.lit.resize(confocal ? sensor.zones.size() : 1);
+  Extents extents(faces_);
+  const auto add = [&](const WeightedPatch& p, int zone, Patches& to) {
+    to.add(p, zone);
+    extents.add(p.patch);
+  };
   relay.divisions = sampling_.field_divisions;
   if (!confocal) {
-    for (const WeightedPatch& p : setup.lit(relay, false)) ends.lit[0].add(p, 0);
+    for (const WeightedPatch& p : setup.lit(relay, false)) add(p, 0, ends.lit[0]);
   }
   relay.divisions = sampling_.zone_divisions;
   for (int z = 0; z < sensor.zone_count(); ++z) {
     if (sensor.zones[static_cast<std::size_t>(z)].dead) continue;
-    for (const WeightedPatch& p : setup.seen(z, relay, false)) ends.seen.add(p, z);
+    for (const WeightedPatch& p : setup.seen(z, relay, false)) add(p, z, ends.seen);
     if (!confocal) continue;
     for (const WeightedPatch& p : setup.lit_by_zone(z, relay, false)) {
-      ends.lit[static_cast<std::size_t>(z)].add(p, z);
+      add(p, z, ends.lit[static_cast<std::size_t>(z)]);
     }
   }
   for (Patches& p : ends.lit) p.pad();
   ends.seen.pad();
+  ends.extents = extents.pieces();
   return ends;
+}
+
+std::vector<const KnownBounces::Middle*> KnownBounces::middle_for(const Ends& ends) const {
+  std::vector<const Middle*> chosen;
+  const auto visit = [&](const auto& self, const Middle& cell) -> void {
+    const double near = distance(cell.piece, ends.extents);
+    if (near == std::numeric_limits<double>::infinity()) return;
+    if (cell.parts == 0 || cell.edge <= allowed_edge(near)) {
+      chosen.push_back(&cell);
+      return;
+    }
+    self(self, middle_[cell.parts]);
+    self(self, middle_[cell.parts + 1]);
+  };
+  for (std::size_t i = 0; i < roots_; ++i) visit(visit, middle_[i]);
+  return chosen;
 }
 
 /// Light of all zones by path, to be summed once and twice.
@@ -531,8 +620,9 @@ struct Gathered {
 }  // namespace
 
 /// Source, p, cell, r, detector.
-void KnownBounces::add_three(const Ends& ends, const std::vector<OccluderFace>& bodies,
-                             std::size_t part, TimeRows& rows) const {
+void KnownBounces::add_three(const Ends& ends, const std::vector<const Middle*>& all_middle,
+                             const std::vector<OccluderFace>& bodies, std::size_t part,
+                             TimeRows& rows) const {
   std::vector<OccluderFace> blockers = blockers_;
   blockers.insert(blockers.end(), bodies.begin(), bodies.end());
   const Axis& axis = rows.axis;
@@ -541,9 +631,9 @@ void KnownBounces::add_three(const Ends& ends, const std::vector<OccluderFace>& 
   constexpr double kMargin = TimeRows::kMargin;
   Legs in, out;
   Gathered light{std::vector<double>(rows.stride), 0, 0, Vector3d::Zero()};
-  for (std::size_t m = part; m < middle_.size(); m += kParts) {
-    const Middle& middle = middle_[m];
-    const SurfaceCell& cell = middle.cell;
+  for (std::size_t m = part; m < all_middle.size(); m += kParts) {
+    const Middle& middle = *all_middle[m];
+    const SurfaceCell& cell = middle.piece.cell;
     const ShadowView shadows = bodies.empty() ? middle.shadows : ShadowView(blockers, cell.center);
     find_legs(cell, shadows, seen, out);
     int gathered = -1;  // zone
@@ -616,9 +706,10 @@ void KnownBounces::add(const RelaySetup& setup, const PulseTable& pulses, Histog
     Ends near, far;
     tbb::parallel_invoke([&] { near = ends(setup, sampling_.patch_angle, least); },
                          [&] { far = ends(setup, sampling_.outer_angle, 2 * least); });
+    const std::vector<const Middle*> middle = middle_for(far);
     tbb::parallel_for(std::size_t{0}, kParts, [&](std::size_t part) {
       add_two(near, blockers, part, parts[part]);
-      add_three(far, bodies, part, parts[part]);
+      add_three(far, middle, bodies, part, parts[part]);
     });
   });
   TimeRows& rows = parts.front();

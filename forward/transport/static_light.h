@@ -22,7 +22,7 @@ struct StaticLightSampling {
   double patch_angle = 0.4;     ///< edge of the patches of two bounces against that distance
   double least_patch = 4;       ///< their least edge in standard deviations of the pulse's path
   double outer_angle = 2.0;     ///< edge of the patches of three bounces against that distance
-  double middle_angle = 0.6;    ///< edge of the cells between these against that distance
+  double middle_angle = 0.45;   ///< edge of the cells between these against that distance
   double middle_edge = 0.12;    ///< their largest edge against the largest surface's extent
   double least_middle = 0.008;  ///< their least edge against the same
 };
@@ -35,8 +35,9 @@ std::vector<OccluderFace> known_faces(const Shape& shape, const Transform& T_wor
 /// surfaces send each other light whose paths spread over their extent, so that coarse patches give
 /// no comb. What a middle cell gathers is one histogram, which each zone's patches then delay.
 ///
-/// Once for a scene: the cells in the middle, and which faces can hide something. For a sensor
-/// pose: the light's and the zones' patches.
+/// Once for a scene: a tree of cells in the middle, fine enough for any patch, and which faces can
+/// hide something. For a sensor pose: the light's and the zones' patches, and which cells of the
+/// tree are fine enough for these.
 class KnownBounces {
  public:
   explicit KnownBounces(const Scene& scene, const StaticLightSampling& sampling = {});
@@ -59,27 +60,36 @@ class KnownBounces {
 
  private:
   struct Middle {
-    SurfaceCell cell;
+    Piece piece;
     double scattered;  ///< area times albedo over pi
     ShadowView shadows;
+    double edge;            ///< m
+    std::size_t parts = 0;  ///< of the first of its halves, which are neighbours; 0: not halved
   };
   /// Patches of the field, or of each zone's own (confocal), and of all zones.
   struct Ends;
-  double distance(const Piece& piece) const;
+  static double distance(const Piece& piece, const std::vector<Piece>& faces);
+  /// Largest edge of a cell in the middle at that distance from what it faces.
+  double allowed_edge(double distance) const;
+  void add_middle(const Piece& piece);
+  /// The coarsest cells that what the ends light and see allows.
+  std::vector<const Middle*> middle_for(const Ends& ends) const;
   Ends ends(const RelaySetup& setup, double angle, double least) const;
   /// One part of the sums.
   void add_two(const Ends& ends, const std::vector<OccluderFace>& blockers, std::size_t part,
                TimeRows& rows) const;
-  void add_three(const Ends& ends, const std::vector<OccluderFace>& bodies, std::size_t part,
-                 TimeRows& rows) const;
+  void add_three(const Ends& ends, const std::vector<const Middle*>& middle,
+                 const std::vector<OccluderFace>& bodies, std::size_t part, TimeRows& rows) const;
   static void find_legs(const SurfaceCell& cell, const ShadowView& shadows, const Patches& patches,
                         Legs& legs);
 
   const Scene& scene_;
   StaticLightSampling sampling_;
   std::vector<OccluderFace> blockers_;
-  std::vector<Piece> faces_;  // reflecting ones
-  std::vector<Middle> middle_;
+  std::vector<Piece> faces_;    // reflecting ones
+  double largest_ = 0;          // m, extent of the largest of them
+  std::vector<Middle> middle_;  // faces that face others, then what these may be divided into
+  std::size_t roots_ = 0;       // how many of these faces
 };
 
 /// The known scene's light for any sensor pose.

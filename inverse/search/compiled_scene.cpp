@@ -589,24 +589,26 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
   compiled->widths.push_back(0);
   const double tolerance = options.model_tolerance.value_or(kCheapTolerance);
   const double cheap = std::max(kCheapTolerance, tolerance);
-  const auto make_exact = [&] {
-    if (!closed_form) {
-      for (const double sigma : compiled->widths) compiled->ladder.push_back(models(sigma, cheap));
-    }
-    compiled->ladder.push_back(models(0, tolerance));
-    if (!has_static_light(scene)) return;
+  if (!closed_form) {
+    for (const double sigma : compiled->widths) compiled->ladder.push_back(models(sigma, cheap));
+  }
+  knowledge->fidelity(tolerance);
+  // Isolated: whoever waits here must not pick up another fit that waits for this compilation.
+  tbb::this_task_arena::isolate([&] {
+    tbb::parallel_invoke([&] { compiled->ladder.push_back(models(0, tolerance)); },
+                         [&] {
+                           if (!closed_form) return;
+                           for (const SensorPlacement& placement : placements) {
+                             compiled->coarse.emplace_back(knowledge->coarse(), placement);
+                           }
+                         });
+  });
+  // Not beside these: who waits for work that is parallel inside may not help with it.
+  if (has_static_light(scene)) {
     for (const auto& model : compiled->models()) {
       compiled->static_light.push_back(static_light(scene, model->direct_return()));
     }
-  };
-  const auto make_coarse = [&] {
-    if (!closed_form) return;
-    for (const SensorPlacement& placement : placements) {
-      compiled->coarse.emplace_back(knowledge->coarse(), placement);
-    }
-  };
-  // Isolated: whoever waits here must not pick up another fit that waits for this compilation.
-  tbb::this_task_arena::isolate([&] { tbb::parallel_invoke(make_exact, make_coarse); });
+  }
 
   compiled->step = difference_steps(scene, placements.front());
   fill_grid(*compiled);
