@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 #include "blindcorner/forward/constants.h"
@@ -15,6 +16,15 @@ constexpr int kMaxIterations = 100;
 constexpr double kQuadratic = 1e-6;
 /// Expected photons at which the ambient light of a whole zone is taken as none.
 constexpr double kAmbientFloor = 1e-6;
+/// Photons below which a residual, a root of the mean then, bends within a difference step; its
+/// slope is taken over a change by as many.
+constexpr double kFewPhotons = 1e-2;
+/// Share of an unknown's column that must be left for it to be told from those before it: light as
+/// even as the ambient one leaves rounding.
+constexpr double kNothingNew = 1e-12;
+constexpr double kDoubleMax = std::numeric_limits<double>::max();
+/// Residuals below which their slope is that of the quadratic about the best mean.
+constexpr double kSmallResidual = 1e-6;
 
 /// Bins [begin, end) of a zone.
 CountRow row_of(const ObservedZone& zone, int begin, int end) {
@@ -437,6 +447,126 @@ void LinearSolver::residuals(std::span<const ZoneShapes> shapes, const LinearSol
   }
   if (unknowns_.amplitude == LinearMode::shared) {
     *out++ = (std::log(solution.amplitude.front()) - prior_mean) / sigma;
+  }
+}
+
+int LinearSolver::residual_count(std::size_t zone) const {
+  const ObservedZone& observed = observation_.zones[zone];
+  return observed.bins() + (observed.outside_bins > 0 ? 1 : 0) +
+         (ambient_prior(zone) != nullptr ? 1 : 0) +
+         (unknowns_.amplitude == LinearMode::per_zone ? 1 : 0);
+}
+
+void LinearSolver::zone_jacobian(std::size_t z, const ZoneShapes& shapes,
+                                 const LinearSolution& solution,
+                                 const Eigen::Ref<const Eigen::MatrixXd>& slope,
+                                 const double* residuals, Eigen::MatrixXd& out) const {
+  const ObservedZone& zone = observation_.zones[z];
+  const BinLikelihood& law = observation_.law(zone);
+  const Eigen::Index bins = zone.bins();
+  const Eigen::Index n = slope.cols();
+  const double a = solution.amplitude[z];
+  thread_local std::vector<double> mean, first, second;
+  for (auto* v : {&mean, &first, &second}) v->resize(zone.counts.size());
+  expected(zone, shapes, a, solution.ambient[z], solution.direct[z], mean.data());
+  const CountRow row = row_of(zone, 0, zone.bins());
+  law.slopes(row, mean.data(), first.data(), second.data());
+
+  // Of each residual in its mean, [bins].
+  thread_local Eigen::ArrayXd rate;
+  rate.resize(bins);
+  const double few = law.counts_photons() ? kFewPhotons / law.scale() : -kDoubleMax;
+  for (Eigen::Index k = 0; k < bins; ++k) {
+    const auto i = static_cast<std::size_t>(k);
+    const double root = zone.weight.empty() ? 1.0 : std::sqrt(zone.weight[i]);
+    const double residual = residuals[k];
+    if (mean[i] < few) {
+      const double moved = law.residual(zone.counts[i], mean[i] + few, zone.least[i], zone.best[i]);
+      rate[k] = (root * moved - residual) / few;
+    } else if (std::abs(residual) > kSmallResidual) {
+      rate[k] = root * root * first[i] / residual;
+    } else {
+      rate[k] = root * std::sqrt(std::max(second[i], 0.0));
+    }
+  }
+
+  out.setZero(residual_count(z), n + 1);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    out.col(i).head(bins).array() = a * rate * slope.col(i).array();
+  }
+  if (shapes.object != nullptr) {
+    out.col(n).head(bins).array() =
+        a * rate * Eigen::Map<const Eigen::ArrayXd>(shapes.object, bins);
+  }
+  // Columns of the zone's own unknowns, made orthonormal one after the other: what they explain is
+  // taken off.
+  thread_local Eigen::MatrixXd own;
+  own.setZero(out.rows(), 3);
+  Eigen::Index count = 0;
+  const auto take_off = [&] {
+    auto column = own.col(count);
+    const double before = column.squaredNorm();
+    for (Eigen::Index j = 0; j < count; ++j) column -= own.col(j).dot(column) * own.col(j);
+    const double norm = column.squaredNorm();
+    if (!(norm > kNothingNew * before)) {
+      column.setZero();
+      return;
+    }
+    column /= std::sqrt(norm);
+    for (Eigen::Index i = 0; i <= n; ++i) out.col(i) -= column.dot(out.col(i)) * column;
+    ++count;
+  };
+  Eigen::Index next = bins;
+  const bool ambient_free = unknowns_.ambient == LinearMode::per_zone &&
+                            solution.ambient[z] > ambient_floor_[z] * (1 + 1e-9);
+  if (ambient_free) own.col(0).head(bins) = rate;
+  if (zone.outside_bins > 0) {
+    const double m = zone.outside_bins * solution.ambient[z];
+    if (ambient_free) own(next, 0) = zone.outside_bins * std::sqrt(law.information(m));
+    ++next;
+  }
+  if (const NormalPrior* prior = ambient_prior(z)) {
+    if (ambient_free) own(next, 0) = 1 / prior->sigma;
+    ++next;
+  }
+  if (ambient_free) take_off();
+  if (has_direct_ && shapes.direct != nullptr && solution.direct[z] > 0) {
+    own.col(count).head(bins).array() =
+        rate * Eigen::Map<const Eigen::ArrayXd>(shapes.direct, bins);
+    take_off();
+  }
+  if (unknowns_.amplitude == LinearMode::per_zone) {
+    // What is left of its column is taken off the others'.
+    out(next, n) = 1 / unknowns_.amplitude_prior.sigma_log;
+    own.col(count) = out.col(n);
+    take_off();
+  }
+}
+
+void LinearSolver::jacobian(std::span<const ZoneShapes> shapes, const LinearSolution& solution,
+                            const Eigen::MatrixXd& slope, const double* residuals,
+                            double* out) const {
+  using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  const Eigen::Index n = slope.cols();
+  Eigen::Map<RowMajor> all(out, residual_count_, n);
+  thread_local Eigen::MatrixXd zone;
+  thread_local Eigen::VectorXd amplitude;  // column of the shared one
+  amplitude.resize(residual_count_);
+  Eigen::Index row = 0, bin = 0;
+  for (std::size_t z = 0; z < observation_.zones.size(); ++z) {
+    const Eigen::Index bins = observation_.zones[z].bins();
+    zone_jacobian(z, shapes[z], solution, slope.middleRows(bin, bins), residuals + row, zone);
+    all.middleRows(row, zone.rows()) = zone.leftCols(n);
+    amplitude.segment(row, zone.rows()) = zone.col(n);
+    row += zone.rows();
+    bin += bins;
+  }
+  if (unknowns_.amplitude != LinearMode::shared) return;
+  all.row(row).setZero();
+  amplitude[row] = 1 / unknowns_.amplitude_prior.sigma_log;
+  const double square = amplitude.squaredNorm();
+  for (Eigen::Index i = 0; i < n; ++i) {
+    all.col(i) -= all.col(i).dot(amplitude) / square * amplitude;
   }
 }
 

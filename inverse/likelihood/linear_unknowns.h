@@ -3,6 +3,7 @@
 /// ambient light and direct return that explain the counts best.
 #pragma once
 
+#include <Eigen/Core>
 #include <array>
 #include <span>
 #include <utility>
@@ -63,6 +64,13 @@ class LinearSolver {
                  double* out) const;
   int residual_count() const { return residual_count_; }
 
+  /// Derivatives of these residuals in what the object's light depends on, the linear unknowns
+  /// following as they do to first order (Kaufman 1975): [residual_count(), n] row by row.
+  /// `slope` is the light's, [rows of all windows, n], `residuals` those of the solution, which
+  /// must be the eliminated one: the gradient is then exact.
+  void jacobian(std::span<const ZoneShapes> shapes, const LinearSolution& solution,
+                const Eigen::MatrixXd& slope, const double* residuals, double* out) const;
+
   const Observation& observation() const { return observation_; }
   const LinearUnknowns& unknowns() const { return unknowns_; }
 
@@ -87,6 +95,13 @@ class LinearSolver {
     return &unknowns_.ambient_prior[static_cast<std::size_t>(observation_.zones[zone].zone)];
   }
   Lit lit(std::size_t zone, const ZoneShapes& shapes) const;
+  /// Rows of a zone: its bins, those outside of its window, its priors.
+  int residual_count(std::size_t zone) const;
+  /// A zone's part of a Jacobian [residual_count(zone), n + 1], the last column that of the
+  /// logarithm of its amplitude, with its own unknowns following.
+  void zone_jacobian(std::size_t zone, const ZoneShapes& shapes, const LinearSolution& solution,
+                     const Eigen::Ref<const Eigen::MatrixXd>& slope, const double* residuals,
+                     Eigen::MatrixXd& out) const;
   /// Whether bins with ambient light alone can be taken together.
   bool summable(const ObservedZone& zone) const;
   LinearTerms local(std::size_t z, const ZoneShapes& shapes, double amplitude, double ambient,

@@ -55,20 +55,19 @@ Eigen::MatrixXd light_slope(const PoseObjective& objective, const LightSource& s
                             const PoseVector& pose) {
   const PoseVector& step = objective.compiled().step;
   Eigen::MatrixXd slope(objective.rows(), pose.size());
+  std::vector<ShapeBuffer> lights(static_cast<std::size_t>(pose.size()) + 1);
   // Isolated: whoever waits here must not pick up another fit.
   tbb::this_task_arena::isolate([&] {
-    tbb::parallel_for(Eigen::Index{0}, pose.size(), [&](Eigen::Index i) {
-      ShapeBuffer plus;
-      ShapeBuffer minus;
-      PoseVector up = pose;
-      PoseVector down = pose;
-      up[i] += step[i];
-      down[i] -= step[i];
-      objective.shapes(source, up, plus);
-      objective.shapes(source, down, minus);
-      slope.col(i) = (light_of(plus) - light_of(minus)) / (2 * step[i]);
+    tbb::parallel_for(std::size_t{0}, lights.size(), [&](std::size_t i) {
+      PoseVector moved = pose;
+      if (i > 0) moved[static_cast<Eigen::Index>(i) - 1] += step[static_cast<Eigen::Index>(i) - 1];
+      objective.shapes(source, moved, lights[i]);
     });
   });
+  for (Eigen::Index i = 0; i < pose.size(); ++i) {
+    slope.col(i) =
+        (light_of(lights[static_cast<std::size_t>(i) + 1]) - light_of(lights[0])) / step[i];
+  }
   return slope;
 }
 

@@ -30,9 +30,9 @@ constexpr double kAccuracy = 1e-2;
 constexpr double kNear = 5;
 /// Samples whose log posterior lies this far below the best optimum's count less than 1e-3 of it.
 constexpr double kFarMatters = 8;
-/// Samples that are weighed with better lights, first and once more: the trend of six unknowns has
-/// 28 coefficients.
-constexpr std::array<int, 2> kWeighedAgain = {28, 20};
+/// Samples that are weighed with better lights, first and once more, for each coefficient of their
+/// trend.
+constexpr std::array<double, 2> kWeighedAgain = {1, 0.7};
 /// Ripple of the models' log posterior about the change's trend: what ten per cent models have.
 constexpr double kTrendNoise = 0.2;
 constexpr int kStages = 3;     ///< that make up the samples asked for
@@ -191,8 +191,10 @@ class Sampler {
     for (const PosteriorSample& sample : samples_) rough.push_back(sample.log_target);
     std::vector<bool> known(samples_.size(), false);
     const std::vector<Peak> spreads = spread_about_peaks();
-    for (const int count : kWeighedAgain) {
-      std::vector<std::size_t> chosen = draw_by_weight(count);
+    const double coefficients = QuadraticTrend::coefficients(peaks_.front().center.size());
+    for (const double share : kWeighedAgain) {
+      std::vector<std::size_t> chosen =
+          draw_by_weight(static_cast<int>(std::ceil(share * coefficients)));
       std::erase_if(chosen, [&](std::size_t i) { return known[i] || !near_[i]; });
       tbb::this_task_arena::isolate([&] {
         tbb::parallel_for(std::size_t{0}, chosen.size(), [&](std::size_t k) {

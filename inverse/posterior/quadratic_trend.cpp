@@ -13,10 +13,8 @@ namespace {
 /// (posterior.cpp).
 constexpr double kSlope = 2, kCurvature = 1;
 
-Eigen::Index terms(Eigen::Index n) { return 1 + n + n * (n + 1) / 2; }
-
 Eigen::VectorXd monomials(const Eigen::VectorXd& x) {
-  Eigen::VectorXd row(terms(x.size()));
+  Eigen::VectorXd row(QuadraticTrend::coefficients(x.size()));
   Eigen::Index at = 0;
   row[at++] = 1;
   for (Eigen::Index i = 0; i < x.size(); ++i) row[at++] = x[i];
@@ -35,7 +33,7 @@ QuadraticTrend::QuadraticTrend(const std::vector<Eigen::VectorXd>& points,
   least_ = least;
   most_ = most;
   const Eigen::Index n = points.front().size();
-  Eigen::VectorXd spread = Eigen::VectorXd::Constant(terms(n), kCurvature);
+  Eigen::VectorXd spread = Eigen::VectorXd::Constant(coefficients(n), kCurvature);
   spread.head(n + 1).setConstant(kSlope);
   Eigen::MatrixXd precision = spread.array().square().inverse().matrix().asDiagonal();
   precision(0, 0) = 0;  // the level is free

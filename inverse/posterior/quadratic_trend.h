@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
 #include <vector>
 
 namespace blindcorner {
@@ -15,6 +16,9 @@ class QuadraticTrend {
   /// `noise`: standard deviation of a value about the quadratic.
   QuadraticTrend(const std::vector<Eigen::VectorXd>& points, const std::vector<double>& values,
                  double noise);
+
+  /// Coefficients of `n` coordinates.
+  static int coefficients(std::ptrdiff_t n) { return static_cast<int>((n + 1) * (n + 2) / 2); }
 
   /// Between the least and the largest value that it was made from.
   double operator()(const Eigen::VectorXd& point) const;

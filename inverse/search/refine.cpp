@@ -47,8 +47,11 @@ constexpr double kWorthSettling = 5;
 /// sqrt(2 * kAccuracy) = 1.4e-5 of where they should be, a thousandth of what a difference step of
 /// a fiftieth of the pose's uncertainty moves them.
 constexpr double kAccuracy = 1e-10;
+/// Rows above which an unknown's light is worth a task of its own: tenths of a millisecond.
+constexpr int kManyRows = 4000;
 
-/// Residuals of a pose with the linear unknowns eliminated, differentiated numerically.
+/// Residuals of a pose with the linear unknowns eliminated; the light is differentiated
+/// numerically.
 class ResidualCost final : public ceres::CostFunction {
  public:
   ResidualCost(const PoseObjective& objective, const LightSource& light, bool central,
@@ -68,41 +71,28 @@ class ResidualCost final : public ceres::CostFunction {
   bool Evaluate(double const* const* parameters, double* residuals,
                 double** jacobians) const override {
     const int n = objective_.compiled().unknown_count();
-    PoseVector pose = Eigen::Map<const PoseVector>(parameters[0], n);
-    compute(pose, residuals);
-    if (jacobians == nullptr || jacobians[0] == nullptr) return true;
-    Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> jacobian(
-        jacobians[0], num_residuals(), n);
-    const Scene& scene = objective_.compiled().scene;
-    const Eigen::Map<const Eigen::VectorXd> here(residuals, num_residuals());
-    Eigen::VectorXd plus(num_residuals());
-    Eigen::VectorXd minus(num_residuals());
-    for (int i = 0; i < n; ++i) {
-      const double step = objective_.compiled().step[i];
-      const Unknown& unknown = scene.unknowns[static_cast<std::size_t>(i)];
-      // Sizes must stay positive; other bounds may be overstepped by a difference step.
-      PoseVector up = pose;
-      PoseVector down = pose;
-      up[i] += step;
-      down[i] -= step;
-      if (unknown.component == Component::size) down[i] = std::max(down[i], 0.5 * unknown.lower);
-      compute(up, plus.data());
-      if (central_) {
-        compute(down, minus.data());
-        jacobian.col(i) = (plus - minus) / (up[i] - down[i]);
-      } else {
-        jacobian.col(i) = (plus - here) / step;
-      }
+    const PoseVector pose = Eigen::Map<const PoseVector>(parameters[0], n);
+    // Ceres asks for the Jacobian where it has asked for the residuals before.
+    if (pose_.size() != n || pose_ != pose) {
+      compute(pose);
+      pose_ = pose;
+    }
+    std::ranges::copy(residuals_, residuals);
+    if (jacobians != nullptr && jacobians[0] != nullptr) {
+      find_slope(pose);
+      differentiate(residuals, jacobians[0]);
     }
     return true;
   }
 
  private:
-  void compute(const PoseVector& pose, double* residuals) const {
+  void compute(const PoseVector& pose) const {
     ++evaluations_;
-    objective_.shapes(light_, pose, buffer_);
-    objective_.solver().eliminate(buffer_.shapes, linear_, !linear_.ambient.empty(), kAccuracy);
-    objective_.solver().residuals(buffer_.shapes, linear_, residuals);
+    residuals_.resize(static_cast<std::size_t>(num_residuals()));
+    double* residuals = residuals_.data();
+    objective_.shapes(light_, pose, here_);
+    objective_.solver().eliminate(here_.shapes, linear_, !linear_.ambient.empty(), kAccuracy);
+    objective_.solver().residuals(here_.shapes, linear_, residuals);
     double* out = residuals + objective_.solver().residual_count();
     const auto& unknowns = objective_.compiled().scene.unknowns;
     for (std::size_t i = 0; i < unknowns.size(); ++i) {
@@ -112,13 +102,59 @@ class ResidualCost final : public ceres::CostFunction {
     }
   }
 
+  /// Of the light, by differences.
+  void find_slope(const PoseVector& pose) const {
+    const Scene& scene = objective_.compiled().scene;
+    slope_.resize(objective_.rows(), pose.size());
+    const auto column = [&](Eigen::Index i) {
+      thread_local ShapeBuffer above, below;
+      const double step = objective_.compiled().step[i];
+      const Unknown& unknown = scene.unknowns[static_cast<std::size_t>(i)];
+      // Sizes must stay positive; other bounds may be overstepped by a difference step.
+      PoseVector up = pose;
+      PoseVector down = pose;
+      up[i] += step;
+      if (central_) down[i] -= step;
+      if (unknown.component == Component::size) down[i] = std::max(down[i], 0.5 * unknown.lower);
+      objective_.shapes(light_, up, above);
+      if (central_) objective_.shapes(light_, down, below);
+      const std::vector<double>& from = central_ ? below.object : here_.object;
+      const double width = central_ ? up[i] - down[i] : step;
+      for (std::size_t r = 0; r < from.size(); ++r) {
+        slope_(static_cast<Eigen::Index>(r), i) = (above.object[r] - from[r]) / width;
+      }
+    };
+    if (objective_.rows() < kManyRows) {
+      for (Eigen::Index i = 0; i < pose.size(); ++i) column(i);
+      return;
+    }
+    // Isolated: whoever waits here must not pick up work that waits for this.
+    tbb::this_task_arena::isolate([&] { tbb::parallel_for(Eigen::Index{0}, pose.size(), column); });
+  }
+
+  void differentiate(const double* residuals, double* out) const {
+    const auto& unknowns = objective_.compiled().scene.unknowns;
+    const auto n = static_cast<Eigen::Index>(unknowns.size());
+    objective_.solver().jacobian(here_.shapes, linear_, slope_, residuals, out);
+    out += objective_.solver().residual_count() * n;
+    for (std::size_t i = 0; i < unknowns.size(); ++i) {
+      if (!unknowns[i].prior) continue;
+      std::fill(out, out + n, 0.0);
+      out[i] = 1 / unknowns[i].prior->sigma;
+      out += n;
+    }
+  }
+
   const PoseObjective& objective_;
   const LightSource& light_;
   const bool central_;
   LinearSolution& linear_;
   int& evaluations_;
   int priors_ = 0;
-  mutable ShapeBuffer buffer_;
+  mutable PoseVector pose_;  // last computed
+  mutable ShapeBuffer here_;
+  mutable std::vector<double> residuals_;
+  mutable Eigen::MatrixXd slope_;
 };
 
 /// Ceres on one model set, from and to `result`.
@@ -214,12 +250,12 @@ Refined finish_corrected(const PoseObjective& objective, const LightSource& stee
 /// the cheap light's Jacobian instead of the model's; if their columns differ by a share e, the log
 /// posterior lacks e^2 / 2 an unknown there, times the misfit (chi squared a degree of freedom).
 Refined polish_steered(const PoseObjective& objective, const LightSource& steering, Refined start,
-                       int corrections) {
+                       const Stop& stop, int corrections) {
   const LightSource model = objective.models();
   Refined best = finish_corrected(objective, steering, model, std::move(start));
   for (int k = 0; k < corrections; ++k) {
     Refined next = best;
-    minimise(objective, steering.corrected(best.correction), kApproachCheap, next);
+    minimise(objective, steering.corrected(best.correction), stop, next);
     next = finish_corrected(objective, steering, model, std::move(next));
     const double gain = next.value.log_posterior - best.value.log_posterior;
     if (gain > 0) best = std::move(next);
@@ -295,7 +331,8 @@ Refined approach_closely(const PoseObjective& objective, const PoseVector& place
   }
   if (!compiled.coarse.empty()) {
     minimise(objective, LightSource(compiled.coarse, compiled.widths.back()), kApproach, result);
-    return polish_steered(objective, LightSource(compiled.coarse), std::move(result), 1);
+    return polish_steered(objective, LightSource(compiled.coarse), std::move(result),
+                          kApproachCheap, 1);
   }
   for (std::size_t rung = 0; rung + 1 < compiled.ladder.size(); ++rung) {
     minimise(objective, compiled.ladder[rung], kApproach, result);
@@ -331,7 +368,9 @@ Refined polish(const PoseObjective& objective, const PoseVector& start) {
   Refined result;
   result.pose = start;
   if (const auto steering = steering_light(compiled)) {
-    return polish_steered(objective, *steering, std::move(result), kMaxCorrections);
+    // On closed form optima are settled later.
+    const Stop& stop = compiled.coarse.empty() ? kSettle : kApproachCheap;
+    return polish_steered(objective, *steering, std::move(result), stop, kMaxCorrections);
   }
   minimise(objective, objective.models(), kPolish, result);
   return finish(objective, objective.models(), std::move(result));

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <functional>
 #include <random>
@@ -318,6 +319,57 @@ TEST_P(EveryLinearCase, ResidualsAreThePosterior) {
     }
     EXPECT_NEAR(constants[1], constants[0], 1e-8 * (1 + std::abs(constants[0])));
     EXPECT_NEAR(constants[2], constants[0], 1e-8 * (1 + std::abs(constants[0])));
+  }
+}
+
+// The Jacobian times the residuals is the posterior's gradient with the linear unknowns following,
+// here by central differences of the solution: light that moves, and light that gets wider.
+TEST_P(EveryLinearCase, JacobianHasThePosteriorsGradient) {
+  for (const bool with_direct : {false, true}) {
+    const Problem p = problem(with_direct);
+    const LinearUnknowns u = unknowns(with_direct);
+    const LinearSolver solver(p.observation, u);
+    Eigen::MatrixXd slope(2 * kBins, 2);
+    for (int z = 0; z < 2; ++z) {
+      for (int k = 0; k < kBins; ++k) {
+        const double x = (k - 35 - 4 * z) / 3.0;
+        const double light = p.object[static_cast<std::size_t>(z)][static_cast<std::size_t>(k)];
+        slope(z * kBins + k, 0) = light * x / 3;
+        slope(z * kBins + k, 1) = light * x * x;
+      }
+    }
+    LinearSolution solution;
+    solver.solve(p.shapes, solution, false);
+    std::vector<double> r(static_cast<std::size_t>(solver.residual_count()));
+    solver.residuals(p.shapes, solution, r.data());
+    Eigen::Matrix<double, Eigen::Dynamic, 2, Eigen::RowMajor> jacobian(solver.residual_count(), 2);
+    solver.jacobian(p.shapes, solution, slope, r.data(), jacobian.data());
+    const Eigen::Vector2d gradient =
+        jacobian.transpose() * Eigen::Map<const Eigen::VectorXd>(r.data(), jacobian.rows());
+    for (Eigen::Index i = 0; i < 2; ++i) {
+      const double step = 1e-4;
+      std::array<double, 2> value{};
+      for (std::size_t side = 0; side < 2; ++side) {
+        Problem moved = p;
+        for (std::size_t z = 0; z < 2; ++z) {
+          for (std::size_t k = 0; k < kBins; ++k) {
+            const auto row = static_cast<Eigen::Index>(z * kBins + k);
+            moved.object[z][k] += (side == 0 ? -step : step) * slope(row, i);
+          }
+          moved.shapes[z].object = moved.object[z].data();
+          if (with_direct) moved.shapes[z].direct = moved.direct[z].data();
+        }
+        LinearSolution at;
+        solver.solve(moved.shapes, at, false);
+        value[side] = -(at.log_likelihood + at.log_prior);
+      }
+      // In units of what one standard deviation changes; few photons bend the residuals.
+      const double unit = jacobian.col(i).norm();
+      ASSERT_GT(unit, 0);
+      EXPECT_NEAR(gradient[i] / unit, (value[1] - value[0]) / (2 * step) / unit,
+                  GetParam().true_ambient < 1 ? 0.02 : 1e-4)
+          << i;
+    }
   }
 }
 
