@@ -10,6 +10,7 @@
 
 #include "inverse/posterior/fisher_information.h"
 #include "inverse/posterior/mode_merging.h"
+#include "inverse/posterior/prior_moments.h"
 
 namespace blindcorner {
 namespace {
@@ -42,6 +43,11 @@ constexpr double kLeastStep = 0.2;
 /// Optima this far below the best in log posterior hold less than a per cent of the posterior each:
 /// the steering light's derivatives do for them.
 constexpr double kWorthSettling = 5;
+/// Places no more than this above the parabola about a better one, in log posterior, and within so
+/// many standard deviations of it, are on the slopes of its peak: a descent has ended early there,
+/// and another would end at that peak.
+constexpr double kAboveSlope = 0.5;
+constexpr double kOnSlope = 4;
 
 /// What the linear unknowns may lack in log posterior: the residuals then lie within
 /// sqrt(2 * kAccuracy) = 1.4e-5 of where they should be, a thousandth of what a difference step of
@@ -315,6 +321,25 @@ void settle(const PoseObjective& objective, const LightSource& steering, const L
 
 }  // namespace
 
+namespace {
+
+/// Leaves out what is on the slopes of the best one's peak; `optima` best first.
+std::vector<Refined> without_slopes(const PoseObjective& objective, std::vector<Refined> optima) {
+  if (optima.size() < 2) return optima;
+  const Scene& scene = objective.compiled().scene;
+  const Refined best = optima.front();
+  const Eigen::MatrixXd precision = pose_information(objective, best).pose + prior_precision(scene);
+  std::erase_if(optima, [&](const Refined& other) {
+    const PoseVector way = pose_difference(scene, best.pose, other.pose);
+    const double square = way.dot(precision * way);
+    const double below = best.value.log_posterior - other.value.log_posterior;
+    return square > 0 && square < kOnSlope * kOnSlope && below > 0.5 * square - kAboveSlope;
+  });
+  return optima;
+}
+
+}  // namespace
+
 LightSource light_near(const PoseObjective& objective, const Refined& refined) {
   const std::optional<LightSource> steering = steering_light(objective.compiled());
   if (steering && !refined.correction.empty()) return steering->corrected(refined.correction);
@@ -331,8 +356,7 @@ Refined approach_closely(const PoseObjective& objective, const PoseVector& place
   }
   if (!compiled.coarse.empty()) {
     minimise(objective, LightSource(compiled.coarse, compiled.widths.back()), kApproach, result);
-    return polish_steered(objective, LightSource(compiled.coarse), std::move(result),
-                          kApproachCheap, 1);
+    return polish_steered(objective, LightSource(compiled.coarse), std::move(result), kApproach, 1);
   }
   for (std::size_t rung = 0; rung + 1 < compiled.ladder.size(); ++rung) {
     minimise(objective, compiled.ladder[rung], kApproach, result);
@@ -406,7 +430,9 @@ std::vector<Refined> polish_all(const PoseObjective& objective,
     tbb::parallel_for(std::size_t{0}, starts.size(),
                       [&](std::size_t i) { optima[known + i] = polish(objective, starts[i]); });
   });
-  return merge(objective.compiled(), std::move(optima), negligible);
+  optima = merge(objective.compiled(), std::move(optima), negligible);
+  return objective.compiled().coarse.empty() ? optima
+                                             : without_slopes(objective, std::move(optima));
 }
 
 std::vector<Refined> settle_all(const PoseObjective& objective, std::vector<Refined> optima,
