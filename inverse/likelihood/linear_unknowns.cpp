@@ -564,9 +564,19 @@ void LinearSolver::jacobian(std::span<const ZoneShapes> shapes, const LinearSolu
   if (unknowns_.amplitude != LinearMode::shared) return;
   all.row(row).setZero();
   amplitude[row] = 1 / unknowns_.amplitude_prior.sigma_log;
+  thread_local std::vector<double> follow;
+  follow.assign(static_cast<std::size_t>(n), 0.0);
+  for (Eigen::Index r = 0; r < all.rows(); ++r) {
+    for (Eigen::Index i = 0; i < n; ++i) {
+      follow[static_cast<std::size_t>(i)] += amplitude[r] * all(r, i);
+    }
+  }
   const double square = amplitude.squaredNorm();
-  for (Eigen::Index i = 0; i < n; ++i) {
-    all.col(i) -= all.col(i).dot(amplitude) / square * amplitude;
+  for (double& f : follow) f /= square;
+  for (Eigen::Index r = 0; r < all.rows(); ++r) {
+    for (Eigen::Index i = 0; i < n; ++i) {
+      all(r, i) -= amplitude[r] * follow[static_cast<std::size_t>(i)];
+    }
   }
 }
 

@@ -56,6 +56,9 @@ constexpr double kAccuracy = 1e-10;
 /// Rows above which an unknown's light is worth a task of its own: tenths of a millisecond.
 constexpr int kManyRows = 4000;
 
+/// Distance from a bound at which an unknown is held, against its range.
+constexpr double kAtBound = 1e-9;
+
 /// Residuals of a pose with the linear unknowns eliminated; the light is differentiated
 /// numerically.
 class ResidualCost final : public ceres::CostFunction {
@@ -92,6 +95,8 @@ class ResidualCost final : public ceres::CostFunction {
   }
 
  private:
+  using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
   void compute(const PoseVector& pose) const {
     ++evaluations_;
     residuals_.resize(static_cast<std::size_t>(num_residuals()));
@@ -142,12 +147,32 @@ class ResidualCost final : public ceres::CostFunction {
     const auto& unknowns = objective_.compiled().scene.unknowns;
     const auto n = static_cast<Eigen::Index>(unknowns.size());
     objective_.solver().jacobian(here_.shapes, linear_, slope_, residuals, out);
+    double* const first = out;
     out += objective_.solver().residual_count() * n;
     for (std::size_t i = 0; i < unknowns.size(); ++i) {
       if (!unknowns[i].prior) continue;
       std::fill(out, out + n, 0.0);
       out[i] = 1 / unknowns[i].prior->sigma;
       out += n;
+    }
+    hold_at_bounds(residuals, {first, num_residuals(), n});
+  }
+
+  /// Unknowns that a descent would take over their bounds stay there: else the others' steps are
+  /// those of another problem.
+  void hold_at_bounds(const double* residuals, Eigen::Map<RowMajor> jacobian) const {
+    const Scene& scene = objective_.compiled().scene;
+    const Eigen::Map<const Eigen::VectorXd> r(residuals, jacobian.rows());
+    for (Eigen::Index i = 0; i < jacobian.cols(); ++i) {
+      const auto k = static_cast<std::size_t>(i);
+      if (period_of(scene, k) > 0) continue;
+      const Unknown& unknown = scene.unknowns[k];
+      const double margin = kAtBound * unknown.range();
+      const bool low = pose_[i] <= unknown.lower + margin;
+      const bool high = pose_[i] >= unknown.upper - margin;
+      if (!low && !high) continue;
+      const double gradient = jacobian.col(i).dot(r);
+      if ((low && gradient > 0) || (high && gradient < 0)) jacobian.col(i).setZero();
     }
   }
 
