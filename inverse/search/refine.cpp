@@ -24,22 +24,22 @@ struct Stop {
 };
 constexpr Stop kApproach{8, 1e-4};
 constexpr Stop kApproachCheap{40, 1e-5};
-constexpr Stop kSettle{40, 1e-6};
+constexpr Stop kSettle{12, 1e-6};
 constexpr Stop kPolish{25, 1e-6, true};
-/// Corrections of the steering light by the model in a row, linearisations of the model, and the
-/// gain in log posterior that calls for another.
+/// Corrections of the steering light by the model in a row, and the gain in log posterior that
+/// calls for another.
 constexpr int kMaxCorrections = 2;
-constexpr int kMaxSettlings = 8;
 constexpr double kWorthCorrecting = 0.005;
-/// A gain from a move of a fifth of a standard deviation or less: a correction made at its
-/// beginning, slopes included, is right at its end.
+/// Gain in log posterior from a move of a fifth of a standard deviation: for less no failed step is
+/// tried again.
 constexpr double kSmallGain = 0.02;
+/// Damping of the first step against the curvature: so little that it costs next to nothing, so
+/// much that a failed step is soon a shorter one.
+constexpr double kFirstDamping = 0.01;
 /// A gain from a move of two standard deviations, over which the difference between the rough
 /// models and better ones may change; and how often that is looked up.
 constexpr double kLargeGain = 2;
 constexpr int kMaxMoves = 3;
-/// Part of a step below which no more of it is tried.
-constexpr double kLeastStep = 0.2;
 /// Optima this far below the best in log posterior hold less than a per cent of the posterior each:
 /// the steering light's derivatives do for them.
 constexpr double kWorthSettling = 5;
@@ -53,7 +53,8 @@ constexpr double kOnSlope = 4;
 /// sqrt(2 * kAccuracy) = 1.4e-5 of where they should be, a thousandth of what a difference step of
 /// a fiftieth of the pose's uncertainty moves them.
 constexpr double kAccuracy = 1e-10;
-/// Rows above which an unknown's light is worth a task of its own: tenths of a millisecond.
+/// Rows above which an unknown's light is worth a task of its own, tenths of a millisecond, as a
+/// model's is anyway.
 constexpr int kManyRows = 4000;
 
 /// Distance from a bound at which an unknown is held, against its range.
@@ -89,9 +90,15 @@ class ResidualCost final : public ceres::CostFunction {
     std::ranges::copy(residuals_, residuals);
     if (jacobians != nullptr && jacobians[0] != nullptr) {
       find_slope(pose);
+      slope_pose_ = pose;
       differentiate(residuals, jacobians[0]);
     }
     return true;
+  }
+
+  /// Of the light, where the last one was taken; else none.
+  Eigen::MatrixXd slope_at(const PoseVector& pose) const {
+    return slope_pose_.size() == pose.size() && slope_pose_ == pose ? slope_ : Eigen::MatrixXd();
   }
 
  private:
@@ -135,7 +142,7 @@ class ResidualCost final : public ceres::CostFunction {
         slope_(static_cast<Eigen::Index>(r), i) = (above.object[r] - from[r]) / width;
       }
     };
-    if (objective_.rows() < kManyRows) {
+    if (objective_.rows() < kManyRows && light_.models == nullptr) {
       for (Eigen::Index i = 0; i < pose.size(); ++i) column(i);
       return;
     }
@@ -182,15 +189,29 @@ class ResidualCost final : public ceres::CostFunction {
   LinearSolution& linear_;
   int& evaluations_;
   int priors_ = 0;
-  mutable PoseVector pose_;  // last computed
+  mutable PoseVector pose_, slope_pose_;  // last computed
   mutable ShapeBuffer here_;
   mutable std::vector<double> residuals_;
   mutable Eigen::MatrixXd slope_;
 };
 
+/// Ends a descent at a step that failed and had promised next to nothing: Ceres would try shorter
+/// and shorter ones.
+class NothingPromised final : public ceres::IterationCallback {
+ public:
+  ceres::CallbackReturnType operator()(const ceres::IterationSummary& step) override {
+    const bool failed = step.iteration > 0 && !step.step_is_successful;
+    const double promised =
+        step.relative_decrease != 0 ? step.cost_change / step.relative_decrease : 0.0;
+    return failed && promised < kSmallGain ? ceres::SOLVER_TERMINATE_SUCCESSFULLY
+                                           : ceres::SOLVER_CONTINUE;
+  }
+};
+
 /// Ceres on one model set, from and to `result`.
+/// `slope` becomes the light's where it ends, empty where that is not known.
 void minimise(const PoseObjective& objective, const LightSource& light, const Stop& stop,
-              Refined& result) {
+              Refined& result, Eigen::MatrixXd* slope = nullptr) {
   const Scene& scene = objective.compiled().scene;
   ResidualCost cost(objective, light, stop.central, result.linear, result.evaluations);
   ceres::Problem::Options ownership;
@@ -206,17 +227,20 @@ void minimise(const PoseObjective& objective, const LightSource& light, const St
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
   options.max_num_iterations = stop.iterations;
+  options.initial_trust_region_radius = 1 / kFirstDamping;
   options.function_tolerance = stop.function_tolerance;
   options.parameter_tolerance = 1e-7;
   options.gradient_tolerance = 1e-9;
-  // At a bound Ceres searches along the projected step: a few values will do, no gradients.
-  options.line_search_interpolation_type = ceres::QUADRATIC;
-  options.max_num_line_search_step_size_iterations = 4;
+  // Steps over a bound end at it, and the next one is held there: no search along the way.
+  options.max_num_line_search_step_size_iterations = 0;
   options.logging_type = ceres::SILENT;
   options.num_threads = 1;
+  NothingPromised nothing_promised;
+  options.callbacks.push_back(&nothing_promised);
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);
   result.converged = summary.IsSolutionUsable();
+  if (slope != nullptr) *slope = cost.slope_at(result.pose);
 }
 
 Refined finish(const PoseObjective& objective, const LightSource& light, Refined result) {
@@ -295,53 +319,16 @@ Refined polish_steered(const PoseObjective& objective, const LightSource& steeri
   return best;
 }
 
-/// One descent on the steering light with the model's value and slopes at the last pose. Where the
-/// whole step leads downhill, part of it is taken. Returns what it gained.
-double step_down(const PoseObjective& objective, const LightSource& steering,
-                 const LightSource& model, Refined& best) {
-  const LightSource corrected = steering.corrected(best.correction);
-  Refined next = best;
-  minimise(objective, corrected, kSettle, next);
-  next = finish(objective, corrected, std::move(next));
-  double gain = next.value.log_posterior - best.value.log_posterior;
-  if (gain < kWorthCorrecting) {
-    // So small a step that the corrected light is right at its end.
-    if (gain > 0) best = std::move(next);
-    return gain;
-  }
-  const PoseVector step = pose_difference(objective.compiled().scene, best.pose, next.pose);
-  for (double part = 1; part > kLeastStep; part *= 0.5) {
-    next.pose = best.pose + part * step;
-    next = finish_corrected(objective, steering, model, std::move(next));
-    gain = next.value.log_posterior - best.value.log_posterior;
-    if (gain > -kWorthCorrecting) break;
-  }
-  if (gain <= 0) return gain;
-  next.correction.slope = std::move(best.correction.slope);
-  best = std::move(next);
-  return gain;
-}
-
-/// Least squares on the model: descents on the steering light with the model's slopes, which are
-/// taken again where these have moved the optimum, until that gains no more. Slopes are the rough
-/// models': they differ from better ones' by no more than their light does, a share of which
-/// squared is what the log posterior lacks.
-void settle(const PoseObjective& objective, const LightSource& steering, const LightSource& model,
-            Refined& best) {
-  for (int k = 0; k < kMaxSettlings; ++k) {
-    if (k > 0 || best.slope.size() == 0) {
-      best.slope = light_slope(objective, objective.rough_models(), best.pose);
-      objective.correct_slope(best.slope, light_slope(objective, steering, best.pose),
-                              best.correction);
-    }
-    double gained = 0;
-    for (int j = 0; j < kMaxCorrections; ++j) {
-      const double gain = step_down(objective, steering, model, best);
-      gained += std::max(gain, 0.0);
-      if (gain < kWorthCorrecting) break;
-    }
-    if (gained < kSmallGain) break;
-  }
+/// Least squares on the model, and what the steering light lacks where it ends, slopes included.
+void settle_on(const PoseObjective& objective, const LightSource& steering,
+               const LightSource& model, Refined& optimum) {
+  Eigen::MatrixXd slope;
+  minimise(objective, model, kSettle, optimum, &slope);
+  optimum = finish_corrected(objective, steering, model, std::move(optimum));
+  if (slope.size() == 0) slope = light_slope(objective, model, optimum.pose);
+  optimum.slope = std::move(slope);
+  objective.correct_slope(optimum.slope, light_slope(objective, steering, optimum.pose),
+                          optimum.correction);
 }
 
 }  // namespace
@@ -434,13 +421,11 @@ void settle(const PoseObjective& objective, Refined& optimum, const ShapeBuffer*
   const LightSource steering(compiled.coarse);
   for (int k = 0; k < kMaxMoves; ++k) {
     const NearbyModel model(objective, optimum.pose, k == 0 ? here : nullptr);
-    // What the slopes of the steering light lack is the same for all models.
-    Eigen::MatrixXd slope = std::move(optimum.correction.slope);
-    optimum =
-        finish_corrected(objective, steering, model.light(), std::move(optimum), &model.here());
-    optimum.correction.slope = std::move(slope);
-    const double before = optimum.value.log_posterior;
-    settle(objective, steering, model.light(), optimum);
+    const double before =
+        objective
+            .evaluate(model.here(), optimum.pose, optimum.linear, !optimum.linear.ambient.empty())
+            .log_posterior;
+    settle_on(objective, steering, model.light(), optimum);
     if (model.light().correction == nullptr) break;
     if (optimum.value.log_posterior < before + kLargeGain) break;
   }

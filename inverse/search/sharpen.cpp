@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 
 #include "inverse/posterior/fisher_information.h"
 #include "inverse/posterior/mode_merging.h"
@@ -39,16 +40,21 @@ constexpr double kSmallShift = 0.3, kLargeShift = 1.0;
 /// Moves the optima that may matter; `here`: the models' light at the first.
 void sharpen_each(const PoseObjective& objective, std::vector<Refined>& optima,
                   const ShapeBuffer& here) {
-  const double rough = optima.front().value.log_posterior;
-  settle(objective, optima.front(), &here);
-  // What the better model does to one optimum it may do to another.
-  const double least =
-      rough - kWorthSharpening - 2 * std::abs(optima.front().value.log_posterior - rough);
-  tbb::this_task_arena::isolate([&] {
-    tbb::parallel_for(std::size_t{1}, optima.size(), [&](std::size_t i) {
-      if (optima[i].value.log_posterior >= least) settle(objective, optima[i]);
+  const double best = optima.front().value.log_posterior;
+  std::vector<double> rough;
+  for (const Refined& optimum : optima) rough.push_back(optimum.value.log_posterior);
+  const auto settle_those = [&](double least, double below) {
+    tbb::this_task_arena::isolate([&] {
+      tbb::parallel_for(std::size_t{0}, optima.size(), [&](std::size_t i) {
+        if (rough[i] < least || rough[i] >= below) return;
+        settle(objective, optima[i], i == 0 ? &here : nullptr);
+      });
     });
-  });
+  };
+  const double least = best - kWorthSharpening;
+  settle_those(least, std::numeric_limits<double>::infinity());
+  // What the better model does to one optimum it may do to another.
+  settle_those(least - 2 * std::abs(optima.front().value.log_posterior - best), least);
 }
 
 }  // namespace
