@@ -33,9 +33,6 @@ constexpr double kWorthCorrecting = 0.005;
 /// Gain in log posterior from a move of a fifth of a standard deviation: for less no failed step is
 /// tried again.
 constexpr double kSmallGain = 0.02;
-/// Damping of the first step against the curvature: so little that it costs next to nothing, so
-/// much that a failed step is soon a shorter one.
-constexpr double kFirstDamping = 0.01;
 /// A gain from a move of two standard deviations, over which the difference between the rough
 /// models and better ones may change; and how often that is looked up.
 constexpr double kLargeGain = 2;
@@ -227,7 +224,6 @@ void minimise(const PoseObjective& objective, const LightSource& light, const St
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
   options.max_num_iterations = stop.iterations;
-  options.initial_trust_region_radius = 1 / kFirstDamping;
   options.function_tolerance = stop.function_tolerance;
   options.parameter_tolerance = 1e-7;
   options.gradient_tolerance = 1e-9;

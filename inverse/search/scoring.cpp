@@ -34,7 +34,7 @@ constexpr double kAccuracy = 1e-2;
 constexpr std::size_t kTogether = 8;
 /// Starts that are refined even when the grid has fewer local maxima: ridges run between its
 /// points.
-constexpr std::size_t kLeastStarts = 5;
+constexpr std::size_t kLeastStarts = 4;
 
 /// Gain in log likelihood of the best amplitude that is not negative.
 float gain(float projection, float norm) {
