@@ -205,8 +205,8 @@ class NothingPromised final : public ceres::IterationCallback {
   }
 };
 
-/// Ceres on one model set, from and to `result`.
-/// `slope` becomes the light's where it ends, empty where that is not known.
+/// Ceres on one model set, from and to `result`. `slope` becomes the light's where it ends, empty
+/// where that is not known.
 void minimise(const PoseObjective& objective, const LightSource& light, const Stop& stop,
               Refined& result, Eigen::MatrixXd* slope = nullptr) {
   const Scene& scene = objective.compiled().scene;
@@ -326,10 +326,6 @@ void settle_on(const PoseObjective& objective, const LightSource& steering,
   objective.correct_slope(optimum.slope, light_slope(objective, steering, optimum.pose),
                           optimum.correction);
 }
-
-}  // namespace
-
-namespace {
 
 /// Leaves out what is on the slopes of the best one's peak; `optima` best first.
 std::vector<Refined> without_slopes(const PoseObjective& objective, std::vector<Refined> optima) {

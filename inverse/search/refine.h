@@ -39,7 +39,8 @@ Refined approach_closely(const PoseObjective& objective, const PoseVector& place
 Refined polish(const PoseObjective& objective, const PoseVector& start);
 
 /// Optima from starts in the right basins, and `optima` that are known already: polished and
-/// merged, best first.
+/// merged, best first; without those on the slopes of the best one's peak, where optima are settled
+/// later.
 std::vector<Refined> polish_all(const PoseObjective& objective,
                                 const std::vector<PoseVector>& starts, double negligible,
                                 std::vector<Refined> optima = {});
@@ -54,9 +55,9 @@ std::vector<Refined> find_optima(const PoseObjective& objective,
                                  const std::vector<PoseVector>& starts, double negligible,
                                  std::vector<Refined> optima = {});
 
-/// Moves an optimum to where the objective's models have it; of slopes that it has already it makes
-/// use. `here`: the models' light at its pose, where that is known. Values at the end are those of
-/// lights that were corrected less than two standard deviations off.
+/// Moves an optimum to where the objective's models have it, by least squares on these, or on the
+/// rough ones as these correct them. `here`: the models' light at its pose, where that is known.
+/// Values at the end are those of lights that were corrected less than two standard deviations off.
 void settle(const PoseObjective& objective, Refined& optimum, const ShapeBuffer* here = nullptr);
 
 /// Optima from starts that are no known optima's, and `optima`. The compiled scene's own models
