@@ -4,9 +4,11 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 #include <random>
 #include <string>
+#include <vector>
 
 #include "blindcorner/io/scene_file.h"
 #include "inverse/likelihood/pose_objective.h"
@@ -90,6 +92,80 @@ TEST_P(PolishOnSpline, CorrectionIsExactAtItsPose) {
 
 INSTANTIATE_TEST_SUITE_P(Refine, PolishOnSpline, testing::Values("denali_like", "person_vl53l8ch"),
                          [](const auto& tested) { return std::string(tested.param); });
+
+/// The wall scene for a new sensor pose, closed-form light steering, and captures of the reference
+/// renderer.
+class SettleOnModel : public testing::Test {
+ protected:
+  void prepare(const PoseVector& truth) {
+    GridOptions grid;
+    grid.closed_form = true;
+    grid.max_poses = 600;
+    compiled_ = compile(scene_, {sensor_placement(scene_)}, {}, grid);
+    ASSERT_FALSE(compiled_->coarse.empty());
+    capture_ = testing_scenes::reference_capture(scene_, truth, 2000, 3);
+    observed_ = observe(scene_, {&capture_, 1}, compiled_->windows);
+    objective_ = std::make_unique<PoseObjective>(*compiled_, observed_);
+  }
+  double value(const PoseVector& pose, LinearSolution linear) const {
+    return objective_->evaluate(compiled_->models(), pose, linear, true).log_posterior;
+  }
+  PoseVector middle() const {
+    PoseVector pose(static_cast<Eigen::Index>(scene_.unknowns.size()));
+    for (Eigen::Index k = 0; k < pose.size(); ++k) {
+      const Unknown& unknown = scene_.unknowns[static_cast<std::size_t>(k)];
+      pose[k] = 0.5 * (unknown.lower + unknown.upper);
+    }
+    return pose;
+  }
+
+  Scene scene_ = read_scene(std::string(SOURCE_DIR) + "/scenes/tmf8828_wall.json");
+  std::unique_ptr<CompiledScene> compiled_;
+  Capture capture_;
+  Observation observed_;
+  std::unique_ptr<PoseObjective> objective_;
+};
+
+// With the truth a standard deviation or more beyond a bound, that unknown stops at the bound and
+// the others are as good as they can be there.
+TEST_F(SettleOnModel, AtABoundTheOthersAreAtTheirBest) {
+  const PoseVector truth = middle();
+  Unknown& beyond = scene_.unknowns[0];
+  beyond.upper = truth[0] - 0.05;
+  beyond.lower = std::min(beyond.lower, beyond.upper - 0.1);
+  prepare(truth);
+  PoseVector start = truth;
+  start[0] = beyond.upper - 0.02;
+  const Refined best = find_optima(*objective_, {start}, 20).front();
+  ASSERT_NEAR(best.pose[0], beyond.upper, 1e-6);
+  EXPECT_LT(best.pose[0], beyond.upper + 1e-12);
+  const Eigen::MatrixXd information = pose_information(*objective_, best).pose;
+  for (Eigen::Index k = 1; k < best.pose.size(); ++k) {
+    for (const double sign : {-1.0, 1.0}) {
+      PoseVector pose = best.pose;
+      pose[k] += sign * 0.3 / std::sqrt(information(k, k));
+      const Unknown& unknown = scene_.unknowns[static_cast<std::size_t>(k)];
+      if (pose[k] < unknown.lower || pose[k] > unknown.upper) continue;
+      EXPECT_LT(value(pose, best.linear), best.value.log_posterior + 0.05) << k << " " << sign;
+    }
+  }
+}
+
+// Starts all over one peak are one optimum, however far their descents have come.
+TEST_F(SettleOnModel, StartsOnOnePeakAreOneOptimum) {
+  const PoseVector truth = middle();
+  prepare(truth);
+  const Refined best = find_optima(*objective_, {truth}, 20).front();
+  const Eigen::MatrixXd information = pose_information(*objective_, best).pose;
+  std::vector<PoseVector> starts{best.pose};
+  for (Eigen::Index k = 0; k < best.pose.size(); ++k) {
+    starts.push_back(best.pose);
+    starts.back()[k] += 0.5 / std::sqrt(information(k, k));
+  }
+  const std::vector<Refined> optima = find_optima(*objective_, starts, 20);
+  ASSERT_EQ(optima.size(), 1U);
+  EXPECT_GT(optima.front().value.log_posterior, best.value.log_posterior - 0.1);
+}
 
 }  // namespace
 }  // namespace blindcorner
