@@ -22,7 +22,7 @@ struct StaticLightSampling {
   double patch_angle = 0.4;     ///< edge of the patches of two bounces against that distance
   double least_patch = 4;       ///< their least edge in standard deviations of the pulse's path
   double outer_angle = 2.0;     ///< edge of the patches of three bounces against that distance
-  double middle_angle = 0.6;   ///< edge of the cells between these against that distance
+  double middle_angle = 0.6;    ///< edge of the cells between these against that distance
   double middle_edge = 0.12;    ///< their largest edge against the largest surface's extent
   double least_middle = 0.008;  ///< their least edge against the same
 };

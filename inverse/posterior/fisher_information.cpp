@@ -53,7 +53,10 @@ void complete(const ObservedZone& zone, const BinLikelihood& law, const LinearUn
 
 Eigen::MatrixXd light_slope(const PoseObjective& objective, const LightSource& source,
                             const PoseVector& pose) {
-  const PoseVector& step = objective.compiled().step;
+  PoseVector step(pose.size());
+  for (Eigen::Index i = 0; i < pose.size(); ++i) {
+    step[i] = step_within(objective.compiled(), pose, i);
+  }
   Eigen::MatrixXd slope(objective.rows(), pose.size());
   std::vector<ShapeBuffer> lights(static_cast<std::size_t>(pose.size()) + 1);
   // Isolated: whoever waits here must not pick up another fit.

@@ -195,6 +195,14 @@ PoseVector pose_difference(const Scene& scene, const PoseVector& a, const PoseVe
   return d;
 }
 
+double step_within(const CompiledScene& compiled, const PoseVector& pose, Eigen::Index unknown) {
+  const double step = compiled.step[unknown];
+  const auto k = static_cast<std::size_t>(unknown);
+  const bool beyond =
+      period_of(compiled.scene, k) == 0 && pose[unknown] + step > compiled.scene.unknowns[k].upper;
+  return beyond ? -step : step;
+}
+
 void wrap_pose(const Scene& scene, PoseVector& pose) {
   for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
     const double period = period_of(scene, i);

@@ -148,6 +148,10 @@ double period_of(const Scene& scene, std::size_t unknown);
 /// Smallest difference b - a, circular where the unknown is.
 PoseVector pose_difference(const Scene& scene, const PoseVector& a, const PoseVector& b);
 
+/// Finite-difference step of an unknown from a pose, backwards where forwards leads out of the
+/// search region: a spline ends there.
+double step_within(const CompiledScene& compiled, const PoseVector& pose, Eigen::Index unknown);
+
 /// Brings circular unknowns back into [lower, lower + period).
 void wrap_pose(const Scene& scene, PoseVector& pose);
 

@@ -123,9 +123,9 @@ class ResidualCost final : public ceres::CostFunction {
     slope_.resize(objective_.rows(), pose.size());
     const auto column = [&](Eigen::Index i) {
       thread_local ShapeBuffer above, below;
-      const double step = objective_.compiled().step[i];
+      const double step = step_within(objective_.compiled(), pose, i);
       const Unknown& unknown = scene.unknowns[static_cast<std::size_t>(i)];
-      // Sizes must stay positive; other bounds may be overstepped by a difference step.
+      // Sizes must stay positive.
       PoseVector up = pose;
       PoseVector down = pose;
       up[i] += step;
