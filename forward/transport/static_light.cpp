@@ -366,11 +366,13 @@ KnownBounces::KnownBounces(const Scene& scene, const StaticLightSampling& sampli
     if (distance(face, faces_) < std::numeric_limits<double>::infinity()) add_middle(face);
   }
   roots_ = middle_.size();
-  // Breadth first: halves are neighbours.
-  for (std::size_t i = 0; i < middle_.size(); ++i) {
-    const Piece whole = middle_[i].piece;
-    if (middle_[i].edge <= allowed_edge(distance(whole, faces_))) continue;
-    middle_[i].parts = middle_.size();
+  // Breadth first, so that halves are neighbours; the list grows on the way.
+  std::size_t next = 0;
+  while (next < middle_.size()) {
+    Middle& cell = middle_[next++];
+    const Piece whole = cell.piece;
+    if (cell.edge <= allowed_edge(distance(whole, faces_))) continue;
+    cell.parts = middle_.size();
     for (const SurfaceCell& half : halves(whole.cell)) add_middle({whole.surface, half});
   }
 }
