@@ -458,7 +458,8 @@ class Extents {
   }
 
  private:
-  /// Curved faces are approximated by flat ones.
+  /// Facets of a mesh that look nearly the same way share their patches: extents that are too large
+  /// only make cells finer.
   static constexpr double kSameNormal = 0.8;
   /// Of the face's half edges.
   struct Ranges {

@@ -47,8 +47,8 @@ constexpr double kAboveSlope = 0.5;
 constexpr double kOnSlope = 4;
 
 /// What the linear unknowns may lack in log posterior: the residuals then lie within
-/// sqrt(2 * kAccuracy) = 1.4e-5 of where they should be, a thousandth of what a difference step of
-/// a fiftieth of the pose's uncertainty moves them.
+/// sqrt(2 * kAccuracy) = 1.4e-5 of where they should be, and the Jacobian's gradient is that of the
+/// eliminated unknowns.
 constexpr double kAccuracy = 1e-10;
 /// Rows above which an unknown's light is worth a task of its own, tenths of a millisecond, as a
 /// model's is anyway.
