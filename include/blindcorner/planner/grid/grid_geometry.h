@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+/// How a grid of square cells lies on the ground plane.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+
+namespace blindcorner {
+
+/// A cell of a grid, or a place beside it. Column 0 has the lowest x, row 0 the lowest y.
+struct Cell {
+  int column = 0;
+  int row = 0;
+
+  bool operator==(const Cell&) const = default;
+};
+
+/// Extent and resolution of a grid. Values of cells are stored row by row, row 0 first.
+struct GridGeometry {
+  int columns = 0;
+  int rows = 0;
+  double cell_size = 0.1;                            ///< m
+  Eigen::Vector2d origin = Eigen::Vector2d::Zero();  ///< lower left corner of cell (0, 0), m
+
+  std::size_t cells() const {
+    return static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows);
+  }
+  bool contains(const Cell& cell) const {
+    return cell.column >= 0 && cell.column < columns && cell.row >= 0 && cell.row < rows;
+  }
+  /// Where a cell of the grid is stored.
+  std::size_t index(const Cell& cell) const {
+    return static_cast<std::size_t>(cell.row) * static_cast<std::size_t>(columns) +
+           static_cast<std::size_t>(cell.column);
+  }
+  /// The cell that is stored at `index`.
+  Cell cell(std::size_t index) const;
+  /// Centre of a cell, m. Also of cells beside the grid.
+  Eigen::Vector2d center(const Cell& cell) const;
+  /// The cell that holds a point (its lower and left sides belong to it), maybe beside the grid.
+  Cell cell_at(const Eigen::Vector2d& point) const;
+
+  /// Throws Error naming the field when there is no cell, or its size is not a positive number.
+  void validate() const;
+};
+
+}  // namespace blindcorner

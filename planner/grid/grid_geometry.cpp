@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "blindcorner/planner/grid/grid_geometry.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string>
+
+#include "blindcorner/forward/error.h"
+
+namespace blindcorner {
+namespace {
+
+/// Whole number below `value`, kept to what an int holds (for points far outside).
+int whole_below(double value) {
+  constexpr double kFarthest = std::numeric_limits<int>::max() / 4;
+  return static_cast<int>(std::clamp(std::floor(value), -kFarthest, kFarthest));
+}
+
+}  // namespace
+
+Cell GridGeometry::cell(std::size_t index) const {
+  const auto width = static_cast<std::size_t>(columns);
+  return {static_cast<int>(index % width), static_cast<int>(index / width)};
+}
+
+Eigen::Vector2d GridGeometry::center(const Cell& cell) const {
+  return origin + cell_size * Eigen::Vector2d(cell.column + 0.5, cell.row + 0.5);
+}
+
+Cell GridGeometry::cell_at(const Eigen::Vector2d& point) const {
+  const Eigen::Vector2d cells = (point - origin) / cell_size;
+  return {whole_below(cells.x()), whole_below(cells.y())};
+}
+
+void GridGeometry::validate() const {
+  if (columns < 1) {
+    throw Error("GridGeometry.columns = " + std::to_string(columns) + "; accepted: 1 or more");
+  }
+  if (rows < 1) {
+    throw Error("GridGeometry.rows = " + std::to_string(rows) + "; accepted: 1 or more");
+  }
+  if (!(cell_size > 0) || !std::isfinite(cell_size)) {
+    throw Error("GridGeometry.cell_size = " + std::to_string(cell_size) +
+                "; accepted: a number of metres > 0");
+  }
+  if (!origin.allFinite()) throw Error("GridGeometry.origin is not a point; accepted: two numbers");
+}
+
+}  // namespace blindcorner
