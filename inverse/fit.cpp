@@ -218,13 +218,14 @@ double unexplained(const PoseObjective& objective, const Refined& optimum) {
   return std::max(0.5 * (fit.deviance - fit.expected), 0.0);
 }
 
-/// What closed-form light is off by in log posterior at an optimum.
+/// What closed-form light may be off by in log posterior: what it is at an optimum, or what that
+/// optimum lacks of a right one; 0 where no closed form is used.
 double roughness_of_closed_form(const PoseObjective& objective, const Refined& optimum) {
   if (objective.compiled().coarse.empty()) return 0;
   LinearSolution linear = optimum.linear;
   const LightSource light(objective.compiled().coarse);
   const double value = objective.evaluate(light, optimum.pose, linear, true).log_posterior;
-  return std::abs(value - optimum.value.log_posterior);
+  return std::max(std::abs(value - optimum.value.log_posterior), unexplained(objective, optimum));
 }
 
 /// Samples in proportion to the terms of a covariance, of which three unknowns ask for the options'
@@ -484,8 +485,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   std::vector<Refined> optima = polish_all(objective, places, negligible);
   if (optima.empty())
     throw Error(captures.front().source, "found no finite likelihood at any pose");
-  const double roughness = std::max(roughness_of_closed_form(objective, optima.front()),
-                                    unexplained(objective, optima.front()));
+  const double roughness = roughness_of_closed_form(objective, optima.front());
   if (roughness > kTooRough) {
     const std::vector<PoseVector> more =
         best_by_model(objective, scored, kMorePlaces, kRoughElsewhere * roughness);
