@@ -49,6 +49,11 @@ constexpr std::size_t kStartsAtOnce = 4;
 /// rough to choose starts with (another optimum may gain as much), and starts that the model
 /// chooses then.
 constexpr double kTooRough = 10;
+/// So rough that descents on closed-form light, corrected by the model where they stand, do not get
+/// to optima: the steps of the model's own cost four times as much.
+constexpr double kNoGuide = 100;
+/// Standard deviations of photon noise that a right optimum hardly ever lacks.
+constexpr double kNoNoise = 3;
 /// Times as rough as there that it may be elsewhere.
 constexpr double kRoughElsewhere = 1.5;
 constexpr std::size_t kMorePlaces = 8;
@@ -212,10 +217,12 @@ void set_flags(const Scene& scene, const Posterior& posterior, FitResult& result
   flag(at_bound, "at_bound");
 }
 
-/// What the counts miss of the log likelihood that is expected at a right optimum.
-double unexplained(const PoseObjective& objective, const Refined& optimum) {
+/// What the counts miss of the log likelihood that is expected at a right optimum; 0 where that may
+/// be photon noise by this many standard deviations.
+double unexplained(const PoseObjective& objective, const Refined& optimum, double deviations = 0) {
   const GoodnessOfFit fit = goodness_of_fit(objective, optimum);
-  return std::max(0.5 * (fit.deviance - fit.expected), 0.0);
+  const double excess = fit.deviance - fit.expected;
+  return excess > deviations * fit.standard_deviation ? 0.5 * excess : 0.0;
 }
 
 /// What closed-form light may be off by in log posterior: what it is at an optimum, or what that
@@ -225,7 +232,8 @@ double roughness_of_closed_form(const PoseObjective& objective, const Refined& o
   LinearSolution linear = optimum.linear;
   const LightSource light(objective.compiled().coarse);
   const double value = objective.evaluate(light, optimum.pose, linear, true).log_posterior;
-  return std::max(std::abs(value - optimum.value.log_posterior), unexplained(objective, optimum));
+  return std::max(std::abs(value - optimum.value.log_posterior),
+                  unexplained(objective, optimum, kNoNoise));
 }
 
 /// Samples in proportion to the terms of a covariance, of which three unknowns ask for the options'
@@ -489,8 +497,13 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   if (roughness > kTooRough) {
     const std::vector<PoseVector> more =
         best_by_model(objective, scored, kMorePlaces, kRoughElsewhere * roughness);
-    optima = descend_all(objective, more, negligible, std::move(optima));
-    places.clear();  // where closed form had led
+    if (roughness > kNoGuide) {
+      optima = descend_all(objective, more, negligible, std::move(optima));
+      places.clear();  // where closed form had led
+    } else {
+      places.insert(places.end(), more.begin(), more.end());
+      optima = polish_all(objective, more, negligible, std::move(optima));
+    }
   }
   // Models as good as the light asks for.
   ModelError model_error;
