@@ -11,13 +11,21 @@
 
 namespace blindcorner {
 
+/// What a cell is made of. Paths stay on the terrain that they start on, as the benchmark's rules
+/// have it (its README: water is "traversable, but not passable from terrain").
+enum class Terrain : std::uint8_t {
+  blocked,  ///< '@', 'O', 'T'
+  ground,   ///< '.', 'G', 'S'
+  water,    ///< 'W'
+};
+
 /// A map. Files have row 0 at the top; here row 0 is the lowest, so that y points up.
 struct MovingAiMap {
-  GridGeometry geometry;           ///< cells of 1 m, origin (0, 0)
-  std::vector<std::uint8_t> free;  ///< [cell]: 1 for '.', 'G', 'S'; 0 for '@', 'O', 'T', 'W'
+  GridGeometry geometry;         ///< cells of 1 m, origin (0, 0)
+  std::vector<Terrain> terrain;  ///< [cell]
 
-  /// 0 where free, 1 elsewhere, as planning grids take it.
-  std::vector<double> occupancy() const;
+  /// 0 on that terrain, 1 elsewhere, as planning grids take it.
+  std::vector<double> occupancy(Terrain free = Terrain::ground) const;
 };
 
 /// A problem whose optimum is known.

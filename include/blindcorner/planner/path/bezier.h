@@ -21,8 +21,9 @@ struct CubicBezier {
   /// Signed, 1/m, positive to the left. 0 for a single point; where the curve has no speed the
   /// limit, infinite at a cusp.
   double curvature(double t) const;
-  /// Arc length from 0 to t, m (Gauss-Legendre on halves until they agree to 1e-9 of it).
-  double length(double t = 1) const;
+  /// Arc length between two t, m (Gauss-Legendre on halves until they agree to 1e-9 of the control
+  /// polygon's length).
+  double length(double from = 0, double to = 1) const;
 };
 
 }  // namespace blindcorner

@@ -4,12 +4,12 @@
 
 #include <array>
 #include <cstdint>
-#include <limits>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "blindcorner/planner/grid/grid_geometry.h"
-#include "blindcorner/planner/path/footprint.h"
+#include "blindcorner/planner/path/vehicle_footprint.h"
 
 namespace blindcorner {
 
@@ -19,10 +19,12 @@ struct PlanningGridOptions {
   /// Probability that a cell counts with whose occupancy is unknown (NaN). Below
   /// `occupied_threshold` the vehicle may plan through it, at a price; 1 closes what is unknown.
   double unknown_occupancy = 0.5;
-  /// No centre of a path's cells comes nearer to an obstacle, m: `Footprint::inscribed_radius()`.
+  /// No centre of a path's cells comes nearer to an obstacle, m:
+  /// `VehicleFootprint::inscribed_radius()`.
   double lethal_radius = 0;
   /// Distance at which an obstacle (probability 1) stops to be a risk, m; one of probability p at
-  /// sqrt(p) of it. `Footprint::circumscribed_radius()` and something. 0: only the cell itself.
+  /// sqrt(p) of it. `VehicleFootprint::circumscribed_radius()` and something. 0: only the cell
+  /// itself.
   double risk_radius = 0;
   /// A metre at risk r (0 to 1) costs 1 + risk_weight * r metres.
   double risk_weight = 0;
@@ -54,6 +56,8 @@ class PlanningGrid {
   const PlanningGridOptions& options() const { return options_; }
   /// Whether a path may lead through a cell's centre; false beside the grid.
   bool traversable(const Cell& cell) const;
+  /// Whether a cell's probability reaches `occupied_threshold`.
+  bool obstacle(std::size_t index) const { return obstacle_[index] != 0; }
   /// Bit k: step k leads from the cell to a traversable one, diagonally only past two others. 0 for
   /// cells that are not traversable.
   std::uint8_t steps(std::size_t index) const { return steps_[index]; }
@@ -65,12 +69,19 @@ class PlanningGrid {
   /// without obstacles.
   double clearance(std::size_t index) const { return clearance_[index]; }
 
+  /// The same grid with another lethal radius, m.
+  PlanningGrid with_lethal_radius(double radius) const;
+
   /// Whether no obstacle, and nothing beyond a closed border, is nearer than `radius` to a point.
   /// A disc of radius 0 is free where its cell is no obstacle. Exact.
   bool disc_is_free(const Eigen::Vector2d& center, double radius) const;
+  /// The point of an obstacle, or of a closed border, that is nearest to `point`, unless it is
+  /// farther than `farthest` m; `point` itself within obstacles.
+  std::optional<Eigen::Vector2d> nearest_obstacle(const Eigen::Vector2d& point,
+                                                  double farthest) const;
   /// Whether the vehicle can stand there: all discs of its footprint are free, and its reference
   /// point lies on the map.
-  bool is_free(const Footprint& footprint, const PlanarPose& pose) const;
+  bool is_free(const VehicleFootprint& footprint, const PlanarPose& pose) const;
   /// Integral of the cost factor along a straight line, m; infinity where the line leads through
   /// a cell that is not traversable (both cells beside a corner that it passes through count) or
   /// leaves the grid.
@@ -79,8 +90,8 @@ class PlanningGrid {
  private:
   void measure_clearance();
   void find_steps();
+  bool is_traversable(int column, int row) const;
   void set_cost_factors(std::span<const double> occupancy);
-  double exact_clearance(const Eigen::Vector2d& point, double farthest) const;
 
   GridGeometry geometry_;
   PlanningGridOptions options_;

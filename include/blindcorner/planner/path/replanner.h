@@ -49,12 +49,6 @@ struct ReplannerOptions {
   void validate() const;
 };
 
-/// Where the vehicle is, and where it is to go.
-struct VehicleState {
-  PlanarPose pose;
-  double speed = 0;  ///< m/s, forward
-};
-
 struct PlanUpdate {
   PlanAction action = PlanAction::stop;
   PlanReason reason = PlanReason::first_plan;

@@ -6,14 +6,14 @@
 #include <span>
 #include <vector>
 
-#include "blindcorner/planner/path/footprint.h"
 #include "blindcorner/planner/path/path.h"
 #include "blindcorner/planner/path/planning_grid.h"
+#include "blindcorner/planner/path/vehicle_footprint.h"
 
 namespace blindcorner {
 
 struct SmoothingOptions {
-  Footprint footprint;
+  VehicleFootprint footprint;
   /// The vehicle turns no tighter, m; 0: it can turn on the spot.
   double min_turning_radius = 0;
   /// Distance between points of the path, m; 0: half a cell.

@@ -15,15 +15,15 @@ struct PlanarPose {
 
 /// Discs of one radius whose centres lie on the vehicle's long axis. Together they cover the
 /// vehicle, and reach beyond its sides by at most a tenth of its half width.
-class Footprint {
+class VehicleFootprint {
  public:
   /// A point, which collides where its cell is blocked.
-  Footprint() = default;
+  VehicleFootprint() = default;
   /// `radius` >= 0, m. Throws Error otherwise.
-  static Footprint disc(double radius);
+  static VehicleFootprint disc(double radius);
   /// A rectangle, m, its centre `center_ahead` m before the reference point (the wheelbase's half
   /// for a path of the rear axle; negative: behind). Throws Error unless length and width are > 0.
-  static Footprint rectangle(double length, double width, double center_ahead = 0);
+  static VehicleFootprint rectangle(double length, double width, double center_ahead = 0);
 
   double disc_radius() const { return disc_radius_; }                   ///< m
   const std::vector<double>& disc_offsets() const { return offsets_; }  ///< m ahead
