@@ -17,7 +17,7 @@
 /// the tracker, spread over footprints (pose_spread.h). A posterior holds all that earlier frames
 /// have shown, so it replaces its predecessor and is never multiplied with it. Positions that line
 /// of sight has just shown to be empty are taken out of it, by Bayes' rule, the probability of
-/// presence included. Without a new answer the last one is moved on (PoseMixture predicted).
+/// presence included. Without a new answer the last one is moved on (hidden_motion.h).
 ///
 /// s0 is the prior: `unseen_prior` where nothing is known; `unmodelled_probability` in the region
 /// that an answer speaks about, because it says that the scene's model explains the light, so that
@@ -101,7 +101,7 @@ class OccupancyGrid {
   const std::vector<double>& hidden() const { return hidden_; }
 
  private:
-  double probability_at(std::size_t index) const;
+  double odds_at(std::size_t index) const;
   void see(const LineOfSightScan& scan);
   void spread_hidden();
 
