@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 /// `blindcorner plan MAP --start x,y --goal x,y -o DIR`: a path on a map.
 #include <CLI/CLI.hpp>
-#include <cmath>
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <limits>
 #include <memory>
 #include <optional>
 
@@ -11,6 +12,7 @@
 #include "blindcorner/forward/error.h"
 #include "blindcorner/io/atomic_file.h"
 #include "blindcorner/io/movingai.h"
+#include "blindcorner/io/ros_map.h"
 #include "blindcorner/planner/path/path_planner.h"
 #include "commands/commands.h"
 #include "commands/output_directory.h"
@@ -41,7 +43,17 @@ Map read_map(const std::string& path) {
     const MovingAiMap map = read_movingai_map(path);
     return {map.geometry, map.occupancy()};
   }
-  throw Error(path, "found the ending \"" + extension + "\", accepted: .map (MovingAI)");
+  if (extension == ".yaml" || extension == ".yml") {
+    const RosMap map = read_ros_map(path);
+    Map read{map.geometry, std::vector<double>(map.cells.size())};
+    std::ranges::transform(map.cells, read.occupancy.begin(), [](std::int8_t per_cent) {
+      return per_cent == RosMap::kUnknown ? std::numeric_limits<double>::quiet_NaN()
+                                          : 0.01 * per_cent;
+    });
+    return read;
+  }
+  throw Error(path,
+              "found the ending \"" + extension + "\", accepted: .yaml (ROS map), .map (MovingAI)");
 }
 
 VehicleFootprint footprint_of(const PlanArguments& arguments) {
@@ -113,7 +125,10 @@ void add_plan_command(CLI::App& app, int& exit_code) {
   CLI::App& command = *app.add_subcommand(
       "plan", "a path on a map; writes path.json and index.html. Exit code 1: there is none");
   const auto arguments = std::make_shared<PlanArguments>();
-  command.add_option("MAP", arguments->map, "MovingAI map (.map; cells of 1 m, y up)")->required();
+  command
+      .add_option("MAP", arguments->map,
+                  "ROS map (.yaml), or MovingAI map (.map; cells of 1 m, y up)")
+      ->required();
   command.add_option("--start", arguments->start, "x,y in m")
       ->delimiter(',')
       ->expected(2)
