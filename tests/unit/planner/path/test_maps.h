@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <limits>
 #include <random>
+#include <ranges>
 #include <string>
 #include <vector>
 
@@ -23,8 +24,8 @@ inline TestMap map_of(const std::vector<std::string>& rows, double cell_size = 1
   map.geometry = {.columns = static_cast<int>(rows.front().size()),
                   .rows = static_cast<int>(rows.size()),
                   .cell_size = cell_size};
-  for (auto row = rows.rbegin(); row != rows.rend(); ++row) {
-    for (const char c : *row) {
+  for (const std::string& row : rows | std::views::reverse) {
+    for (const char c : row) {
       map.occupancy.push_back(c == '#'   ? 1
                               : c == '?' ? std::numeric_limits<double>::quiet_NaN()
                                          : 0);
