@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <limits>
 #include <random>
-#include <ranges>
 #include <string>
 #include <vector>
 
@@ -19,12 +18,13 @@ struct TestMap {
 };
 
 /// From rows of text, the top row first: '#' occupied, '?' unknown, all else free.
-inline TestMap map_of(const std::vector<std::string>& rows, double cell_size = 1) {
+inline TestMap map_of(std::vector<std::string> rows, double cell_size = 1) {
+  std::ranges::reverse(rows);
   TestMap map;
   map.geometry = {.columns = static_cast<int>(rows.front().size()),
                   .rows = static_cast<int>(rows.size()),
                   .cell_size = cell_size};
-  for (const std::string& row : rows | std::views::reverse) {
+  for (const std::string& row : rows) {
     for (const char c : row) {
       map.occupancy.push_back(c == '#'   ? 1
                               : c == '?' ? std::numeric_limits<double>::quiet_NaN()
