@@ -76,6 +76,11 @@ class SingleTrackDrift : public VehicleModel {
     dx[kX] = x[kSpeed] * std::cos(x[kYaw] + x[kSlip]);
     dx[kY] = x[kSpeed] * std::sin(x[kYaw] + x[kSlip]);
     dx[kSteering] = rate;
+    // Wheels do not turn backwards. CommonRoad takes the tyre's part alone away below zero, which
+    // makes a locked wheel chatter about zero; at zero it stays with the whole derivative.
+    for (const State wheel : {kFront, kRear}) {
+      if (x[wheel] <= 0) dx[wheel] = std::max(dx[wheel], 0.0);
+    }
     return dx;
   }
 
@@ -108,7 +113,7 @@ class SingleTrackDrift : public VehicleModel {
   }
 
   double slip(double wheel, double hub_speed) const {
-    return 1 - p_.wheel_radius * wheel / std::max(hub_speed, kSlipSpeed);
+    return 1 - p_.wheel_radius * std::max(0.0, wheel) / std::max(hub_speed, kSlipSpeed);
   }
 
   void fast_derivative(const StateVector& x, double acceleration, const Wheels& wheels,
@@ -123,13 +128,12 @@ class SingleTrackDrift : public VehicleModel {
     if (x[kSpeed] > kSlipSpeed) dx[kSlip] = force.y() / (p_.mass * x[kSpeed]) - x[kYawRate];
     const double torque = p_.mass * p_.wheel_radius * acceleration;
     const double share = acceleration > 0 ? p_.front_drive_share : p_.front_brake_share;
-    dx[kFront] = spin(x[kFront], wheels.front.x(), share * torque);
-    dx[kRear] = spin(x[kRear], wheels.rear.x(), (1 - share) * torque);
+    dx[kFront] = spin(wheels.front.x(), share * torque);
+    dx[kRear] = spin(wheels.rear.x(), (1 - share) * torque);
   }
 
-  /// Wheels do not turn backwards.
-  double spin(double wheel, double force, double torque) const {
-    return wheel >= 0 ? (torque - p_.wheel_radius * force) / p_.wheel_inertia : 0;
+  double spin(double force, double torque) const {
+    return (torque - p_.wheel_radius * force) / p_.wheel_inertia;
   }
 
   void slow_derivative_of(const StateVector& x, double rate, double acceleration,
