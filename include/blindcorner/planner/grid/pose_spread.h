@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Which cells hidden objects occupy, when all that is known of their poses is a mixture.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "blindcorner/forward/scene/footprint.h"
+#include "blindcorner/forward/scene/pose_mixture.h"
+#include "blindcorner/forward/scene/scene.h"
+#include "blindcorner/planner/grid/grid_geometry.h"
+
+namespace blindcorner {
+
+/// A cell is occupied where a footprint touches it: where its centre lies in the footprint widened
+/// by half a cell (Minkowski sum with the cell's square). Its probability is
+///
+///     presence * sum over modes of weight * (1 - product over objects of (1 - P_i(cell))),
+///
+/// P_i the probability under the mode's normal distribution of object i's x, y, yaw and size; an
+/// object whose values are not numbers is one that the mode does without.
+///
+/// Weights that sum to less than one leave the rest to the prior: evenly over the search region.
+/// Unknowns that a mode lists as undetermined have their prior too. Positions outside the search
+/// region are impossible, except along an axis on which the mode's mean itself has left it, as that
+/// of a tracked object may.
+///
+/// P_i is a sum over yaw and size, each with the positions' mean given them, of footprints drawn on
+/// a lattice, and over positions of this lattice: continuous in mean and covariance, deterministic.
+/// The lattice's step is half the smallest standard deviation of the position, which widens it by
+/// 1 %; the smallest itself is at least a quarter of a cell (the whole answer's smallest scale).
+/// Measured against Monte Carlo, no cell is off by more than 0.02 (tests).
+class PoseSpread {
+ public:
+  /// Throws Error when the grid is not valid.
+  PoseSpread(const Scene& scene, const GridGeometry& grid);
+
+  /// [cells] probability that a hidden object occupies the cell. `not_seen` [cells], where given,
+  /// is the probability that an object standing there would have remained unseen so far, 0..1: it
+  /// weighs positions, and the probability of presence, by Bayes' rule. Throws Error naming the
+  /// mode when its numbers make no distribution.
+  std::vector<double> occupied(const PoseMixture& mixture,
+                               std::span<const double> not_seen = {}) const;
+
+  /// The mixture that states the scene's prior: no mode, the prior probability of presence.
+  PoseMixture prior() const;
+
+ private:
+  struct Object {
+    int index = 0;                            ///< in the scene
+    Footprint footprint;                      ///< of Placement{}, counter-clockwise
+    Placement known;                          ///< as stated by the scene
+    double radius = 0;                        ///< m, of the footprint about its anchor
+    double yaw_period = 0;                    ///< rad
+    int x = -1, y = -1, yaw = -1, size = -1;  ///< its unknowns' places, -1: known
+  };
+  struct Marginal;
+
+  void validate(const PoseMixture& mixture) const;
+  PoseMode prior_mode(double weight) const;
+  Marginal marginal(const PoseMode& mode, const Object& object) const;
+  double add(const Marginal& marginal, const Object& object, std::span<const double> not_seen,
+             std::vector<double>& cells) const;
+  double add_mode(const PoseMode& mode, std::span<const double> not_seen,
+                  std::vector<double>& cells) const;
+
+  GridGeometry grid_;
+  std::vector<Unknown> unknowns_;
+  std::vector<Object> objects_;
+  double presence_prior_ = 0;
+};
+
+}  // namespace blindcorner
