@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Keeps a vehicle on a path and at the speed of a profile.
+#pragma once
+
+#include <vector>
+
+#include "blindcorner/planner/control/path_sample.h"
+#include "blindcorner/planner/control/speed_profile.h"
+#include "blindcorner/planner/vehicles/vehicle_state.h"
+
+namespace blindcorner {
+
+/// The published controller steers by the heading error to the path's first control point ahead,
+/// proportional plus feed-forward, and sets the throttle likewise; its constants are not published.
+/// Here a small lateral offset d obeys, along the path, d'' + gain/L (d' + d/L) = 0, with
+/// L the control point's distance: damping sqrt(gain)/2, natural frequency sqrt(gain)/L.
+struct PathFollowerOptions {
+  double control_point_time = 0.6;      ///< the control point's distance over the speed, s
+  double control_point_distance = 2.0;  ///< at least, m
+  double steering_gain = 2.5;           ///< damping 0.8
+  double speed_gain = 2.0;              ///< 1/s: speed errors decay in 0.5 s
+  double delay = 0.05;  ///< from the state that is read to half of its command's effect, s
+  SpeedProfileOptions profile;
+
+  void validate() const;
+};
+
+/// What the follower saw and wants.
+struct FollowerOutput {
+  DriveRequest request;
+  double arc_length = 0;     ///< of the path's nearest point, m
+  double offset = 0;         ///< of the vehicle from there, to the left, m
+  double heading_error = 0;  ///< from the course to the control point, rad
+  double target_speed = 0;   ///< m/s
+  bool at_end = false;       ///< the path is driven and the vehicle stands
+};
+
+/// For one path; make a new one when the path changes.
+class PathFollower {
+ public:
+  /// Throws Error for a path of fewer than two samples. `profile.start` is taken from `state`.
+  PathFollower(std::vector<PathSample> path, const VehicleLimits& limits, const VehicleState& state,
+               const PathFollowerOptions& options = {});
+
+  /// Call once a control period, in order: the nearest point is looked for ahead of the last one.
+  FollowerOutput follow(const VehicleState& state);
+  /// The same steering, and the strongest braking that the friction circle leaves beside it.
+  FollowerOutput stop(const VehicleState& state);
+
+  const std::vector<PathSample>& path() const { return path_; }
+  const std::vector<double>& profile() const { return profile_; }  ///< m/s, at the samples
+
+ private:
+  FollowerOutput steer(const VehicleState& state);
+
+  std::vector<PathSample> path_;
+  VehicleLimits limits_;
+  PathFollowerOptions options_;
+  std::vector<double> profile_;
+  double arc_length_ = 0;
+};
+
+/// A stop where there is no path at all: friction limit, steering held at the present curvature.
+DriveRequest safe_stop(const VehicleState& state, const VehicleLimits& limits);
+
+}  // namespace blindcorner

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+/// How fast a path can be driven.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "blindcorner/planner/control/path_sample.h"
+#include "blindcorner/planner/vehicles/vehicle_state.h"
+
+namespace blindcorner {
+
+struct SpeedProfileOptions {
+  double speed = 10;  ///< wanted along the path, m/s
+  double start = 0;  ///< speed at the path's start, m/s; higher than can be braked: braking at once
+  double end = 0;    ///< at its end, m/s
+  /// Shares of the vehicle's friction limit (mu g) that a plan uses; what is left is for control.
+  double cornering = 0.9;  ///< lateral: v^2 |curvature| <= cornering mu g; infinite: curves are
+                           ///< taken at any speed
+  double braking = 0.5;    ///< comfortable, below what a safe stop has
+  double driving = 0.3;    ///< also at most VehicleLimits::acceleration
+
+  void validate() const;
+};
+
+/// Largest speeds at the samples, m/s: at most the wanted one, the curvature's, and those that
+/// braking and driving inside the friction circle can reach from neighbours (one pass backwards,
+/// one forwards). Between samples v^2 is linear in arc length.
+std::vector<double> speed_profile(std::span<const PathSample> path, const VehicleLimits& limits,
+                                  const SpeedProfileOptions& options = {});
+
+}  // namespace blindcorner

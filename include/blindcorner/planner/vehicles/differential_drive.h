@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+/// The robot: two driven wheels on one axle.
+#pragma once
+
+#include <memory>
+
+#include "blindcorner/planner/vehicles/vehicle_model.h"
+
+namespace blindcorner {
+
+/// Defaults: measures and limits of a TurtleBot3 Burger (data sheet: 138 x 178 mm, 0.22 m/s is too
+/// slow for the published 1.4 m in 1.3 s, so speed and acceleration are those of a Create 3-class
+/// base). The published robot is not described closer.
+struct DifferentialDriveParameters {
+  double length = 0.30, width = 0.30;  ///< m
+  double axle_to_center = 0;           ///< of the footprint, forwards, m
+  double track = 0.233;                ///< between the wheels, m
+  double wheel_speed = 1.5;            ///< of the rim, largest, m/s
+  double acceleration = 2.0;           ///< of either wheel's rim, largest, m/s^2
+  double friction = 0.9;               ///< mu; only for the limits that controllers read
+
+  void validate() const;
+};
+
+/// States: x, y of the axle's middle (m), yaw (rad), speeds of left and right wheel's rim (m/s).
+/// Wheels do not slip. A request's curvature becomes a yaw rate at no less than 0.2 m/s, so that
+/// the robot also turns on the spot.
+std::shared_ptr<const VehicleModel> make_differential_drive(
+    const DifferentialDriveParameters& parameters = {});
+
+}  // namespace blindcorner

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+/// A vehicle that drives: equations of motion, their present states and an integrator.
+#pragma once
+
+#include <memory>
+
+#include "blindcorner/planner/vehicles/integrator.h"
+#include "blindcorner/planner/vehicles/vehicle_model.h"
+
+namespace blindcorner {
+
+/// Copies drive on independently, so a controller can try ahead.
+class Vehicle {
+ public:
+  /// Stands in the origin and looks along +x.
+  explicit Vehicle(std::shared_ptr<const VehicleModel> model,
+                   std::shared_ptr<const Integrator> integrator = make_stiff_integrator());
+
+  void place(const VehicleState& state) { x_ = model_->initial(state); }
+  /// Moves on by `dt` seconds with the settings held. Any dt > 0; made for 1 to 100 ms.
+  void step(const VehicleCommand& command, double dt);
+  /// The same with what a controller wants.
+  void step(const DriveRequest& request, double dt) { step(model_->command(x_, request, dt), dt); }
+
+  VehicleState state() const { return model_->motion(x_); }
+  /// All states of the model.
+  const StateVector& states() const { return x_; }
+  const VehicleModel& model() const { return *model_; }
+
+ private:
+  std::shared_ptr<const VehicleModel> model_;
+  std::shared_ptr<const Integrator> integrator_;
+  StateVector x_;
+};
+
+}  // namespace blindcorner

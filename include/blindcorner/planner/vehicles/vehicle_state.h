@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+/// What other parts read of a vehicle and tell it: motion, limits, wishes.
+#pragma once
+
+#include <Eigen/Geometry>
+#include <limits>
+
+#include "blindcorner/forward/scene/pose.h"
+
+namespace blindcorner {
+
+/// Motion of a vehicle in the plane, of its reference point: a single track's centre of gravity
+/// (the rear axle of the kinematic one), the middle of the robot's axle.
+struct VehicleState {
+  Eigen::Vector2d position = Eigen::Vector2d::Zero();  ///< m
+  double yaw = 0;             ///< rad, not wrapped; 0 looks along +x, counter-clockwise
+  double speed = 0;           ///< m/s, along yaw + slip_angle; negative: backwards
+  double steering_angle = 0;  ///< of the front wheels, rad; 0 of a robot
+  double yaw_rate = 0;        ///< rad/s
+  double slip_angle = 0;      ///< from the vehicle's long axis to its course, rad
+
+  /// Direction of motion, rad.
+  double course() const { return yaw + slip_angle; }
+};
+
+/// The vehicle's frame in the world: origin in its reference point on the floor, x forwards, y to
+/// the left, z up. A sensor's mount is a fixed transform T_vehicle_sensor, and
+/// T_world_sensor = T_world_vehicle(state) * T_vehicle_sensor.
+Transform T_world_vehicle(const VehicleState& state);
+
+/// Rectangle that the vehicle covers, long side along its x.
+struct Footprint {
+  double length = 0, width = 0;  ///< m
+  double center_x = 0;           ///< of the rectangle in the vehicle's frame (its y is 0), m
+};
+
+/// What a vehicle cannot exceed; controllers and planners keep below.
+struct VehicleLimits {
+  double speed = 0;         ///< m/s
+  double acceleration = 0;  ///< of the drive, m/s^2
+  double friction = 0;      ///< mu g: of the acceleration's length in the plane, and of braking,
+                            ///< m/s^2
+  double curvature = std::numeric_limits<double>::infinity();      ///< of the path, 1/m
+  double steering_rate = std::numeric_limits<double>::infinity();  ///< rad/s
+  double wheelbase = 0;  ///< front to rear axle, m; 0: turns on the spot
+};
+
+/// Settings of the actuators, held during a step. Vehicles clip them to their own limits.
+struct VehicleCommand {
+  double acceleration = 0;  ///< m/s^2; negative: brakes. Of the robot also backwards
+  double steering = 0;      ///< rate of the steering angle, rad/s; the robot's: of its yaw rate,
+                            ///< rad/s^2
+};
+
+/// What a controller wants of any vehicle; Vehicle::command() turns it into settings.
+struct DriveRequest {
+  double acceleration = 0;  ///< along the path, m/s^2
+  double curvature = 0;     ///< of the path, 1/m; to the left is positive
+};
+
+}  // namespace blindcorner
