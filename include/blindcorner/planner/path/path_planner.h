@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+/// The planner as a whole: occupancy probabilities in, a path out.
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <span>
+
+#include "blindcorner/planner/path/grid_search.h"
+#include "blindcorner/planner/path/path.h"
+#include "blindcorner/planner/path/planning_grid.h"
+#include "blindcorner/planner/path/smoothing.h"
+
+namespace blindcorner {
+
+struct PathPlannerOptions {
+  PlanningGridOptions grid;  ///< radii of 0 are taken from the footprint
+  GridSearchOptions search;
+  SmoothingOptions smoothing;
+
+  /// A car of 4.5 x 1.8 m that turns in 5.5 m, and a round robot of radius 0.1 m.
+  static PathPlannerOptions car();
+  static PathPlannerOptions robot();
+  /// Throws Error naming the field.
+  void validate() const;
+};
+
+struct PathRequest {
+  Eigen::Vector2d start = Eigen::Vector2d::Zero();  ///< m
+  std::optional<double> start_heading;              ///< rad; none: any
+  Eigen::Vector2d goal = Eigen::Vector2d::Zero();   ///< m
+  std::optional<double> goal_heading;               ///< rad; none: any
+};
+
+/// Search, shortcuts, smoothing. Where the vehicle does not fit around a corner of the path that
+/// its narrow side allows, the search is made again with room for every heading.
+class PathPlanner {
+ public:
+  explicit PathPlanner(const PathPlannerOptions& options = {});
+
+  const PathPlannerOptions& options() const { return options_; }
+  /// A grid as this planner's options want it. Throws Error as PlanningGrid does.
+  PlanningGrid grid(const GridGeometry& geometry, std::span<const double> occupancy) const;
+  /// `grid` as `grid()` makes it. Paths that are not there are told by the status; throws Error
+  /// only for coordinates that are not numbers.
+  Path plan(const PlanningGrid& grid, const PathRequest& request);
+
+ private:
+  PathPlannerOptions options_;
+  GridSearch search_;
+};
+
+}  // namespace blindcorner

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "blindcorner/planner/path/vehicle_footprint.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "blindcorner/forward/error.h"
+
+namespace blindcorner {
+namespace {
+
+/// Discs reach beyond the sides by at most this share of the half width: 10 cm for a car, less than
+/// what its pose is known to, with 6 discs.
+constexpr double kOverhang = 0.1;
+
+void check_length(const char* what, double value, bool zero_is_fine) {
+  if (std::isfinite(value) && (value > 0 || (zero_is_fine && value == 0))) return;
+  throw Error(std::string("VehicleFootprint: ") + what + " = " + std::to_string(value) +
+              "; accepted: a number of metres " + (zero_is_fine ? ">= 0" : "> 0"));
+}
+
+}  // namespace
+
+VehicleFootprint VehicleFootprint::disc(double radius) {
+  check_length("radius", radius, true);
+  VehicleFootprint footprint;
+  footprint.disc_radius_ = footprint.inscribed_radius_ = footprint.circumscribed_radius_ = radius;
+  return footprint;
+}
+
+VehicleFootprint VehicleFootprint::rectangle(double length, double width, double center_ahead) {
+  check_length("length", length, false);
+  check_length("width", width, false);
+  if (!std::isfinite(center_ahead)) throw Error("VehicleFootprint: center_ahead is not a number");
+  // A disc covers a slice of the rectangle: half its length h, half the width w, h^2 + w^2 = r^2.
+  const double half_width = 0.5 * width;
+  const double longest_half = half_width * std::sqrt((1 + kOverhang) * (1 + kOverhang) - 1);
+  const int count = static_cast<int>(std::ceil(0.5 * length / longest_half));
+  const double half_slice = 0.5 * length / count;
+  VehicleFootprint footprint;
+  footprint.disc_radius_ = std::hypot(half_slice, half_width);
+  footprint.offsets_.clear();
+  for (int i = 0; i < count; ++i) {
+    footprint.offsets_.push_back(center_ahead - 0.5 * length + (2 * i + 1) * half_slice);
+  }
+  const double nearest_end = 0.5 * length - std::abs(center_ahead);
+  footprint.inscribed_radius_ = std::max(0.0, std::min(half_width, nearest_end));
+  footprint.circumscribed_radius_ =
+      footprint.disc_radius_ +
+      std::max(std::abs(footprint.offsets_.front()), std::abs(footprint.offsets_.back()));
+  return footprint;
+}
+
+}  // namespace blindcorner
