@@ -16,7 +16,7 @@ namespace blindcorner {
 /// L the control point's distance: damping sqrt(gain)/2, natural frequency sqrt(gain)/L.
 struct PathFollowerOptions {
   double control_point_time = 0.6;      ///< the control point's distance over the speed, s
-  double control_point_distance = 2.0;  ///< at least, m
+  double control_point_distance = 2.0;  ///< at least, m; less than a wheelbase turns back and forth
   double steering_gain = 2.5;           ///< damping 0.8
   double speed_gain = 2.0;              ///< 1/s: speed errors decay in 0.5 s
   double delay = 0.05;  ///< from the state that is read to half of its command's effect, s
@@ -24,6 +24,10 @@ struct PathFollowerOptions {
 
   void validate() const;
 };
+
+/// The defaults for cars; with a control point at 0.3 m, its length, for a robot that turns on the
+/// spot.
+PathFollowerOptions follower_options(const VehicleLimits& limits);
 
 /// What the follower saw and wants.
 struct FollowerOutput {

@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "blindcorner/planner/control/path_follower.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <utility>
+
+#include "blindcorner/forward/constants.h"
+#include "blindcorner/forward/error.h"
+
+namespace blindcorner {
+namespace {
+
+/// At the path's end: this near and this slow, m and m/s.
+constexpr double kArrivedWithin = 0.1, kArrivedSpeed = 0.05;
+/// A vehicle that turns on the spot does so for heading errors beyond this.
+constexpr double kTurnFirst = kPi / 4;
+
+double direction(const Eigen::Vector2d& vector) { return std::atan2(vector.y(), vector.x()); }
+
+double wrapped(double angle) { return std::remainder(angle, 2 * kPi); }
+
+/// Point of a path that goes on straight beyond its end.
+Eigen::Vector2d point_at(const std::vector<PathSample>& path, double arc_length) {
+  const PathSample sample = path_at(path, arc_length);
+  const double beyond = std::max(0.0, arc_length - path.back().arc_length);
+  return sample.position +
+         beyond * Eigen::Vector2d(std::cos(sample.heading), std::sin(sample.heading));
+}
+
+/// Mean curvature between two arc lengths (Simpson's rule on four pieces), 1/m.
+double mean_curvature(const std::vector<PathSample>& path, double from, double to) {
+  constexpr double kWeights[] = {1, 4, 2, 4, 1};
+  double sum = 0;
+  for (int i = 0; i < 5; ++i)
+    sum += kWeights[i] * path_at(path, from + (to - from) * i / 4).curvature;
+  return sum / 12;
+}
+
+}  // namespace
+
+void PathFollowerOptions::validate() const {
+  const auto positive = [](const char* field, double value) {
+    if (value > 0 && std::isfinite(value)) return;
+    throw Error("PathFollowerOptions." + std::string(field) + " = " + std::to_string(value) +
+                "; accepted: a number > 0");
+  };
+  positive("control_point_time", control_point_time);
+  positive("control_point_distance", control_point_distance);
+  positive("steering_gain", steering_gain);
+  positive("speed_gain", speed_gain);
+  if (!(delay >= 0)) throw Error("PathFollowerOptions.delay; accepted: seconds >= 0");
+  profile.validate();
+}
+
+PathFollowerOptions follower_options(const VehicleLimits& limits) {
+  PathFollowerOptions options;
+  if (limits.wheelbase == 0) options.control_point_distance = 0.3;
+  return options;
+}
+
+PathFollower::PathFollower(std::vector<PathSample> path, const VehicleLimits& limits,
+                           const VehicleState& state, const PathFollowerOptions& options)
+    : path_(std::move(path)), limits_(limits), options_(options) {
+  if (path_.size() < 2) {
+    throw Error("PathFollower: a path of " + std::to_string(path_.size()) +
+                " samples; accepted: 2 or more");
+  }
+  options_.validate();
+  options_.profile.start = std::max(0.0, state.speed);
+  profile_ = speed_profile(path_, limits_, options_.profile);
+  arc_length_ =
+      nearest_arc_length(path_, state.position, path_.front().arc_length, path_.back().arc_length);
+}
+
+FollowerOutput PathFollower::steer(const VehicleState& state) {
+  const double speed = std::abs(state.speed);
+  const double reach =
+      std::max(options_.control_point_distance, options_.control_point_time * speed);
+  arc_length_ = nearest_arc_length(path_, state.position, arc_length_, arc_length_ + 2 * reach);
+  const PathSample here = path_at(path_, arc_length_);
+  const Eigen::Vector2d control_point = point_at(path_, arc_length_ + reach);
+
+  FollowerOutput output;
+  output.arc_length = arc_length_;
+  const Eigen::Vector2d to_left(-std::sin(here.heading), std::cos(here.heading));
+  output.offset = to_left.dot(state.position - here.position);
+  output.heading_error = wrapped(direction(control_point - state.position) - state.course());
+  // A vehicle right on a curved path also sees the control point beside its course.
+  const double expected = wrapped(direction(control_point - here.position) - here.heading);
+  const double proportional =
+      options_.steering_gain / reach * wrapped(output.heading_error - expected);
+
+  // The steering takes this long to reach the path's curvature: it starts half of it earlier.
+  const double ahead = arc_length_ + speed * options_.delay;
+  const double angle = std::atan(limits_.wheelbase * path_at(path_, arc_length_ + reach).curvature -
+                                 limits_.wheelbase * here.curvature);
+  const double window = speed * std::abs(angle) / limits_.steering_rate;
+  const double feed_forward = mean_curvature(path_, ahead - window / 2, ahead + window / 2);
+
+  const double sharpest =
+      std::min(limits_.curvature, limits_.friction / std::max(speed * speed, 1e-9));
+  output.request.curvature = std::clamp(feed_forward + proportional, -sharpest, sharpest);
+  return output;
+}
+
+FollowerOutput PathFollower::follow(const VehicleState& state) {
+  FollowerOutput output = steer(state);
+  const double end = path_.back().arc_length;
+  const double ahead = arc_length_ + std::max(0.0, state.speed) * options_.delay;
+  const auto after =
+      std::upper_bound(path_.begin(), path_.end() - 1, ahead,
+                       [](double s, const PathSample& sample) { return s < sample.arc_length; });
+  const auto i = static_cast<std::size_t>(std::max<std::ptrdiff_t>(1, after - path_.begin()));
+  // v^2 is linear between samples: its slope is twice the feed-forward acceleration.
+  const double length = std::max(path_[i].arc_length - path_[i - 1].arc_length, 1e-9);
+  const double low = profile_[i - 1] * profile_[i - 1], high = profile_[i] * profile_[i];
+  const double t = std::clamp((ahead - path_[i - 1].arc_length) / length, 0.0, 1.0);
+  output.target_speed = std::sqrt(low + t * (high - low));
+  double feed_forward = (high - low) / (2 * length);
+
+  if (limits_.wheelbase == 0 && std::abs(output.heading_error) > kTurnFirst) {
+    output.target_speed = feed_forward = 0;
+  }
+  if (ahead >= end) feed_forward = -limits_.friction;
+  output.request.acceleration =
+      std::clamp(feed_forward + options_.speed_gain * (output.target_speed - state.speed),
+                 -limits_.friction, limits_.acceleration);
+  output.at_end = arc_length_ >= end - kArrivedWithin && std::abs(state.speed) <= kArrivedSpeed;
+  return output;
+}
+
+FollowerOutput PathFollower::stop(const VehicleState& state) {
+  FollowerOutput output = steer(state);
+  const double lateral = state.speed * state.speed * output.request.curvature / limits_.friction;
+  // At least half of the circle's square brakes: a vehicle at the limit would otherwise never slow.
+  output.request.acceleration = -limits_.friction * std::sqrt(std::max(0.5, 1 - lateral * lateral));
+  output.target_speed = 0;
+  output.at_end = std::abs(state.speed) <= kArrivedSpeed;
+  return output;
+}
+
+DriveRequest safe_stop(const VehicleState& state, const VehicleLimits& limits) {
+  // Below 1 m/s a curvature out of speed and yaw rate means nothing, and there is little to steer.
+  const double curvature = state.speed > 1 ? state.yaw_rate / state.speed : 0;
+  return {.acceleration = -limits.friction,
+          .curvature = std::clamp(curvature, -limits.curvature, limits.curvature)};
+}
+
+}  // namespace blindcorner

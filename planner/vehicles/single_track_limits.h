@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+/// What all single-track models do with their settings.
+#pragma once
+
+#include "blindcorner/planner/vehicles/single_track_parameters.h"
+#include "blindcorner/planner/vehicles/vehicle_state.h"
+
+namespace blindcorner {
+
+/// Steering rate that the steering gear follows: none into its stop (CommonRoad's rule).
+double possible_steering_rate(const SingleTrackParameters& parameters, double angle, double rate);
+
+/// Acceleration that engine and brakes follow: above full_power_speed the engine's falls with
+/// 1/speed, beyond the range of speeds there is none (CommonRoad's rule).
+double possible_acceleration(const SingleTrackParameters& parameters, double speed,
+                             double acceleration);
+
+/// Steering angle, rad, at which the centre of gravity rolls along a curvature without slip. Also
+/// with slip where both axles' tyres are alike: load and lateral force are shared alike, so slip
+/// angles are equal and cancel.
+double steering_angle_for(const SingleTrackParameters& parameters, double curvature);
+
+/// Settings that reach a request's curvature within `dt` and do not drive past standstill.
+VehicleCommand single_track_command(const SingleTrackParameters& parameters, double speed,
+                                    double steering_angle, const DriveRequest& request, double dt);
+
+/// Limits with `friction` = mu g in m/s^2.
+VehicleLimits single_track_limits(const SingleTrackParameters& parameters, double friction);
+
+/// Acceleration that comes to rest rather than to reverse within `dt`.
+double without_reversing(double acceleration, double speed, double dt);
+
+/// Throws Error "owner.field = value; accepted: a number > 0".
+void require_positive(const char* owner, const char* field, double value);
+
+}  // namespace blindcorner
