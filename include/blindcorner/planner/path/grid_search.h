@@ -41,8 +41,14 @@ struct CellPath {
 
 /// A* with eight neighbours. A step costs its length times the mean cost factor of its two cells,
 /// which is the line integral of the factor. The heuristic is the octile distance times the least
-/// factor, consistent, so that the path found is optimal. The workspace is kept: further searches
-/// on grids of the same size allocate nothing but the answer. Not thread safe.
+/// factor, consistent, so that the path found is optimal.
+///
+/// Open cells wait in buckets of equal width by the cost estimated through them. Within a bucket
+/// the newest comes first, whatever its estimate: a cell that is reached in a cheaper way later is
+/// expanded again, and the goal's cost is final once no open cell's estimate is below it.
+///
+/// The workspace is kept: further searches on grids of the same size allocate nothing but the
+/// answer. Not thread safe.
 class GridSearch {
  public:
   explicit GridSearch(const GridSearchOptions& options = {});
@@ -50,26 +56,30 @@ class GridSearch {
   CellPath search(const PlanningGrid& grid, const Cell& start, const Cell& goal);
 
  private:
-  struct Node {
-    double cost = 0;           ///< of the cheapest way known, cells
-    std::uint32_t search = 0;  ///< that wrote this node: others do not count
-    std::uint8_t step = 0;     ///< that led here
-    bool expanded = false;
-  };
-  struct Entry {
-    double key = 0;
-    double cost = 0;
+  struct OpenCell {
+    double cost = 0;  ///< of the way by which it was reached, cells
     std::uint32_t index = 0;
   };
-  void prepare(std::size_t cells);
-  void push(const Entry& entry);
-  Entry pop();
+  void prepare(const PlanningGrid& grid, const Cell& goal);
+  void expand(const PlanningGrid& grid, const OpenCell& open);
+  void reach(const Cell& cell, std::size_t index, double cost, std::uint8_t step);
+  double estimate(const Cell& cell) const;
+  Cell cell_at(std::uint32_t index) const {
+    return {static_cast<int>(index % columns_), static_cast<int>(index / columns_)};
+  }
+  bool pop(OpenCell& open, double bound);
   CellPath trace(const PlanningGrid& grid, const Cell& start, const Cell& goal) const;
 
   GridSearchOptions options_;
-  std::vector<Node> nodes_;
-  std::vector<Entry> heap_;
-  std::uint32_t search_ = 0;
+  // Of the present search.
+  Cell goal_;
+  std::uint32_t columns_ = 1;
+  double estimate_scale_ = 1;       ///< heuristic weight times least cost factor
+  std::vector<double> cost_;        ///< [cell]: of the cheapest way known, cells; infinite: none
+  std::vector<std::uint8_t> step_;  ///< [cell]: the last one of that way
+  std::vector<std::uint32_t> reached_;  ///< cells with a cost, to be cleared before the next search
+  std::vector<std::vector<OpenCell>> buckets_;
+  std::size_t lowest_ = 0;  ///< no bucket below it holds an open cell
 };
 
 }  // namespace blindcorner

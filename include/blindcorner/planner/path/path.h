@@ -14,7 +14,7 @@ struct PathPoint {
   Eigen::Vector2d position = Eigen::Vector2d::Zero();  ///< m, of the vehicle's reference point
   double heading = 0;                                  ///< rad, direction of travel
   double curvature = 0;                                ///< 1/m, positive to the left
-  double distance = 0;                                 ///< m along the path from its start
+  double arc_length = 0;                               ///< m from the path's start
 };
 
 /// What is to be known of a path that was found.
@@ -41,8 +41,8 @@ struct Path {
   bool found() const { return status == PathStatus::found; }
   /// Between points linearly (headings the shorter way round), clamped to its ends. The path must
   /// have a point.
-  PathPoint at(double distance) const;
-  /// Distance along the path of its point nearest to `position`, m, at least `from`; the first of
+  PathPoint at(double arc_length) const;
+  /// Arc length of the path's point nearest to `position`, m, at least `from`; the first of
   /// several. The path must have a point.
   double nearest(const Eigen::Vector2d& position, double from = 0) const;
 };

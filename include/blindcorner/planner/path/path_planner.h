@@ -46,6 +46,8 @@ class PathPlanner {
   Path plan(const PlanningGrid& grid, const PathRequest& request);
 
  private:
+  Path plan_once(const PlanningGrid& grid, const PathRequest& request);
+
   PathPlannerOptions options_;
   GridSearch search_;
 };

@@ -63,8 +63,9 @@ class PlanningGrid {
   std::uint8_t steps(std::size_t index) const { return steps_[index]; }
   /// Cost per length in a cell, >= 1.
   double cost_factor(std::size_t index) const { return cost_factor_[index]; }
-  /// The least of all traversable cells (1 when there is none).
+  /// Of all traversable cells (1 when there is none).
   double least_cost_factor() const { return least_cost_factor_; }
+  double greatest_cost_factor() const { return greatest_cost_factor_; }
   /// Distance of a cell's centre from the nearest obstacle (the square of its cell), m; infinity
   /// without obstacles.
   double clearance(std::size_t index) const { return clearance_[index]; }
@@ -97,7 +98,7 @@ class PlanningGrid {
   PlanningGridOptions options_;
   std::vector<std::uint8_t> obstacle_, traversable_, steps_;  ///< [cell]
   std::vector<float> clearance_, cost_factor_;                ///< [cell]
-  double least_cost_factor_ = 1;
+  double least_cost_factor_ = 1, greatest_cost_factor_ = 1;
 };
 
 }  // namespace blindcorner

@@ -53,9 +53,9 @@ struct PlanUpdate {
   PlanAction action = PlanAction::stop;
   PlanReason reason = PlanReason::first_plan;
   PathStatus status = PathStatus::no_path;  ///< of the search, where there was one; else found
-  Path path;            ///< to follow, from the start of the plan; of a stop the free stretch
-  double distance = 0;  ///< m along `path`, where the vehicle is
-  /// m/s at each of the path's points: sqrt(2 deceleration (end - distance)) of a stop, 0 at its
+  Path path;              ///< to follow, from the start of the plan; of a stop the free stretch
+  double arc_length = 0;  ///< m along `path`, where the vehicle is
+  /// m/s at each of the path's points: sqrt(2 deceleration (end - arc length)) of a stop, 0 at its
   /// end; infinity otherwise.
   std::vector<double> speed_limit;
   bool stops_too_late = false;  ///< a stop from the present speed ends behind the path's end
@@ -69,21 +69,28 @@ class Replanner {
  public:
   explicit Replanner(const PathPlannerOptions& planner = {}, const ReplannerOptions& options = {});
 
-  /// Decides for one frame. `grid` as `PathPlanner::grid` makes it.
-  PlanUpdate update(const PlanningGrid& grid, const VehicleState& vehicle,
+  /// Decides for one frame. `grid` as `PathPlanner::grid` makes it; `speed` forward, m/s.
+  PlanUpdate update(const PlanningGrid& grid, const PlanarPose& vehicle, double speed,
                     const Eigen::Vector2d& goal, std::optional<double> goal_heading = std::nullopt);
   const PathPlanner& planner() const { return planner_; }
   /// Forgets the present plan.
   void reset();
 
  private:
+  PlanReason assess(const PlanningGrid& grid, const PlanarPose& vehicle,
+                    const Eigen::Vector2d& goal);
+  void keep(const PlanarPose& vehicle, PlanUpdate& update);
+  void decide(const PlanningGrid& grid, const PlanarPose& vehicle, double speed, Path path,
+              PlanUpdate& update);
+  void stop(const PlanningGrid& grid, const PlanarPose& vehicle, double speed, PlanUpdate& update);
+
   PathPlanner planner_;
   ReplannerOptions options_;
   std::optional<Path> plan_;
   std::vector<double> planned_cost_;  ///< m, from each point of the plan to its end, when planned
   Eigen::Vector2d goal_ = Eigen::Vector2d::Zero();
-  double distance_ = 0;  ///< m along the plan
-  int age_ = 0;          ///< frames since the plan was made or questioned
+  double arc_length_ = 0;  ///< m along the plan, where the vehicle is
+  int age_ = 0;            ///< frames since the plan was made or questioned
   bool stopped_ = false;
 };
 

@@ -1,0 +1,164 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "blindcorner/planner/path/path_planner.h"
+
+#include <chrono>
+#include <cmath>
+#include <limits>
+
+#include "blindcorner/forward/error.h"
+
+namespace blindcorner {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double seconds_since(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+/// Beyond the circumscribed radius an obstacle is a risk up to this multiple of it: the car of
+/// 4.5 x 1.8 m then prefers 5 m of distance, the middle of a street of 10 m.
+constexpr double kRiskReach = 2;
+
+void check_place(const char* what, const Eigen::Vector2d& place,
+                 const std::optional<double>& heading) {
+  if (place.allFinite() && std::isfinite(heading.value_or(0))) return;
+  throw Error(what, "found what is not a number, accepted: x and y in metres, heading in radians");
+}
+
+/// Whether a disc can move from one point to the other in a straight line.
+bool can_slide(const PlanningGrid& grid, double radius, const Eigen::Vector2d& from,
+               const Eigen::Vector2d& to) {
+  const double step = 0.25 * grid.geometry().cell_size;
+  const int steps = 1 + static_cast<int>((to - from).norm() / step);
+  for (int i = 0; i <= steps; ++i) {
+    if (!grid.disc_is_free(from + (to - from) * i / steps, radius)) return false;
+  }
+  return true;
+}
+
+/// The cell that a search begins or ends in. The vehicle may stand where it is free in a cell whose
+/// centre is nearer to an obstacle: then the nearest traversable cell that it can slide to.
+Cell search_cell(const PlanningGrid& grid, double radius, const Eigen::Vector2d& place) {
+  const Cell own = grid.geometry().cell_at(place);
+  if (!grid.geometry().contains(own) || grid.traversable(own)) return own;
+  if (!grid.disc_is_free(place, radius)) return own;
+  const int reach = 2 + static_cast<int>(grid.options().lethal_radius / grid.geometry().cell_size);
+  Cell nearest = own;
+  double least = std::numeric_limits<double>::infinity();
+  for (int row = own.row - reach; row <= own.row + reach; ++row) {
+    for (int column = own.column - reach; column <= own.column + reach; ++column) {
+      const Cell cell{column, row};
+      const double distance = (grid.geometry().center(cell) - place).norm();
+      if (distance >= least || !grid.traversable(cell)) continue;
+      if (!can_slide(grid, radius, place, grid.geometry().center(cell))) continue;
+      least = distance;
+      nearest = cell;
+    }
+  }
+  return nearest;
+}
+
+/// From the start itself over the cells' centres to the goal itself.
+std::vector<Eigen::Vector2d> points_of(const PlanningGrid& grid, const PathRequest& request,
+                                       const CellPath& cells) {
+  const GridGeometry& geometry = grid.geometry();
+  std::vector<Eigen::Vector2d> points{request.start};
+  for (const Cell& cell : cells.cells) {
+    // Centres of the cells that hold the ends would be detours.
+    if (cell == geometry.cell_at(request.start) || cell == geometry.cell_at(request.goal)) continue;
+    points.push_back(geometry.center(cell));
+  }
+  points.push_back(request.goal);
+  return points;
+}
+
+/// Smaller is better.
+int faults(const Path& path) {
+  return (path.flags.footprint_collides ? 4 : 0) + (path.flags.curvature_exceeded ? 2 : 0) +
+         (path.flags.partly_unsmoothed ? 1 : 0);
+}
+
+}  // namespace
+
+PathPlannerOptions PathPlannerOptions::car() {
+  PathPlannerOptions options;
+  options.smoothing.footprint = VehicleFootprint::rectangle(4.5, 1.8);
+  options.smoothing.min_turning_radius = 5.5;
+  options.grid.risk_weight = 3;
+  return options;
+}
+
+PathPlannerOptions PathPlannerOptions::robot() {
+  PathPlannerOptions options;
+  options.smoothing.footprint = VehicleFootprint::disc(0.1);
+  options.grid.risk_weight = 3;
+  return options;
+}
+
+void PathPlannerOptions::validate() const {
+  grid.validate();
+  search.validate();
+  smoothing.validate();
+}
+
+PathPlanner::PathPlanner(const PathPlannerOptions& options)
+    : options_(options), search_(options.search) {
+  options_.validate();
+  const VehicleFootprint& footprint = options_.smoothing.footprint;
+  if (options_.grid.lethal_radius == 0) options_.grid.lethal_radius = footprint.inscribed_radius();
+  if (options_.grid.risk_radius == 0) {
+    options_.grid.risk_radius = kRiskReach * footprint.circumscribed_radius();
+  }
+}
+
+PlanningGrid PathPlanner::grid(const GridGeometry& geometry,
+                               std::span<const double> occupancy) const {
+  return {geometry, occupancy, options_.grid};
+}
+
+Path PathPlanner::plan(const PlanningGrid& grid, const PathRequest& request) {
+  check_place("start", request.start, request.start_heading);
+  check_place("goal", request.goal, request.goal_heading);
+  Path best = plan_once(grid, request);
+  const double narrow = grid.options().lethal_radius;
+  const double wide = options_.smoothing.footprint.circumscribed_radius();
+  for (const double share : {0.5, 1.0}) {
+    if (!best.found() || faults(best) == 0 || wide <= narrow) break;
+    Path path = plan_once(grid.with_lethal_radius(narrow + share * (wide - narrow)), request);
+    path.expansions += best.expansions;
+    path.search_time += best.search_time;
+    path.smoothing_time += best.smoothing_time;
+    if (path.found() && faults(path) < faults(best)) {
+      best = std::move(path);
+    } else {
+      best.expansions = path.expansions;
+      best.search_time = path.search_time;
+      best.smoothing_time = path.smoothing_time;
+    }
+  }
+  return best;
+}
+
+Path PathPlanner::plan_once(const PlanningGrid& grid, const PathRequest& request) {
+  auto begin = Clock::now();
+  const double radius = options_.smoothing.footprint.inscribed_radius();
+  const CellPath cells = search_.search(grid, search_cell(grid, radius, request.start),
+                                        search_cell(grid, radius, request.goal));
+  Path path;
+  path.status = cells.status;
+  const double search_time = seconds_since(begin);
+  begin = Clock::now();
+  if (cells.status == PathStatus::found) {
+    const std::vector<Eigen::Vector2d> points = points_of(grid, request, cells);
+    path = smooth(grid, shortcut(grid, points), {request.start_heading, request.goal_heading},
+                  options_.smoothing);
+  }
+  path.grid_length = cells.length;
+  path.expansions = cells.expansions;
+  path.search_time = search_time;
+  path.smoothing_time = seconds_since(begin);
+  return path;
+}
+
+}  // namespace blindcorner

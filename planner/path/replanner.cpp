@@ -1,0 +1,250 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "blindcorner/planner/path/replanner.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "blindcorner/forward/error.h"
+
+namespace blindcorner {
+namespace {
+
+constexpr double kNever = std::numeric_limits<double>::infinity();
+
+void check_option(bool fine, const char* field, double value, const char* accepted) {
+  if (fine && std::isfinite(value)) return;
+  throw Error(std::string("ReplannerOptions.") + field + " = " + std::to_string(value) +
+              "; accepted: " + accepted);
+}
+
+/// Cost from each point of a path to its end, m.
+std::vector<double> costs_to_end(const PlanningGrid& grid, const Path& path) {
+  const GridGeometry& geometry = grid.geometry();
+  std::vector<double> costs(path.points.size(), 0);
+  for (std::size_t i = costs.size() - 1; i-- > 0;) {
+    const PathPoint &a = path.points[i], &b = path.points[i + 1];
+    const Cell cell = geometry.cell_at(0.5 * (a.position + b.position));
+    const double factor = geometry.contains(cell) ? grid.cost_factor(geometry.index(cell)) : 1;
+    costs[i] = costs[i + 1] + factor * (b.arc_length - a.arc_length);
+  }
+  return costs;
+}
+
+/// Place of the first point at or after an arc length.
+std::size_t first_after(const Path& path, double arc_length) {
+  const auto after = std::ranges::lower_bound(path.points, arc_length, {}, &PathPoint::arc_length);
+  return static_cast<std::size_t>(
+      std::min<std::ptrdiff_t>(after - path.points.begin(), std::ssize(path.points) - 1));
+}
+
+/// Arc length of the first point from `from` on where the vehicle touches an obstacle; infinity
+/// where there is none.
+double first_blocked(const PlanningGrid& grid, const VehicleFootprint& footprint, const Path& path,
+                     double from) {
+  for (std::size_t i = first_after(path, from); i < path.points.size(); ++i) {
+    const PathPoint& point = path.points[i];
+    if (!grid.is_free(footprint, {point.position, point.heading})) return point.arc_length;
+  }
+  return kNever;
+}
+
+/// A path to where the vehicle stands.
+Path standing(const PlanarPose& vehicle) {
+  Path path;
+  path.status = PathStatus::found;
+  path.points = {{vehicle.position, vehicle.heading, 0, 0}};
+  path.waypoints = {vehicle.position};
+  return path;
+}
+
+/// A path's points up to an arc length, with a point there.
+Path cut_at(const Path& path, double end) {
+  Path cut = path;
+  cut.points.resize(first_after(path, end));
+  cut.points.push_back(path.at(end));
+  cut.pieces.clear();
+  cut.length = end;
+  return cut;
+}
+
+}  // namespace
+
+std::string_view plan_action_word(PlanAction action) {
+  switch (action) {
+    case PlanAction::keep:
+      return "keep";
+    case PlanAction::replan:
+      return "replan";
+    case PlanAction::stop:
+      return "stop";
+  }
+  return "";
+}
+
+std::string_view plan_reason_word(PlanReason reason) {
+  switch (reason) {
+    case PlanReason::still_good:
+      return "still_good";
+    case PlanReason::new_plan_no_better:
+      return "new_plan_no_better";
+    case PlanReason::at_goal:
+      return "at_goal";
+    case PlanReason::first_plan:
+      return "first_plan";
+    case PlanReason::goal_changed:
+      return "goal_changed";
+    case PlanReason::off_path:
+      return "off_path";
+    case PlanReason::blocked:
+      return "blocked";
+    case PlanReason::costlier:
+      return "costlier";
+    case PlanReason::refresh:
+      return "refresh";
+    case PlanReason::stopped:
+      return "stopped";
+  }
+  return "";
+}
+
+void ReplannerOptions::validate() const {
+  check_option(max_offset > 0, "max_offset", max_offset, "a number of metres > 0");
+  check_option(max_cost_growth >= 0, "max_cost_growth", max_cost_growth, "a number >= 0");
+  check_option(refresh_after >= 0, "refresh_after", refresh_after, "a number of frames >= 0");
+  check_option(goal_tolerance >= 0, "goal_tolerance", goal_tolerance, "a number of metres >= 0");
+  check_option(deceleration > 0, "deceleration", deceleration, "a number of m/s^2 > 0");
+  check_option(stop_margin >= 0, "stop_margin", stop_margin, "a number of metres >= 0");
+}
+
+std::string PlanUpdate::text() const {
+  std::string text(plan_action_word(action));
+  text += ": ";
+  text += plan_reason_word(reason);
+  if (status != PathStatus::found) {
+    text += ", ";
+    text += path_status_word(status);
+  } else if (action == PlanAction::stop) {
+    text += ", the vehicle does not fit along the path found";
+  }
+  if (stops_too_late) text += ", too fast to stop in time";
+  return text;
+}
+
+Replanner::Replanner(const PathPlannerOptions& planner, const ReplannerOptions& options)
+    : planner_(planner), options_(options) {
+  options.validate();
+}
+
+void Replanner::reset() {
+  plan_.reset();
+  planned_cost_.clear();
+  stopped_ = false;
+  age_ = 0;
+}
+
+PlanUpdate Replanner::update(const PlanningGrid& grid, const PlanarPose& vehicle, double speed,
+                             const Eigen::Vector2d& goal, std::optional<double> goal_heading) {
+  const auto begin = std::chrono::steady_clock::now();
+  PlanUpdate update;
+  update.reason = assess(grid, vehicle, goal);
+  goal_ = goal;
+  if (update.reason == PlanReason::still_good || update.reason == PlanReason::at_goal) {
+    ++age_;
+    keep(vehicle, update);
+  } else {
+    Path path = planner_.plan(grid, {vehicle.position, vehicle.heading, goal, goal_heading});
+    update.status = path.status;
+    decide(grid, vehicle, speed, std::move(path), update);
+  }
+  update.time = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  return update;
+}
+
+/// What speaks against the present plan, the gravest first.
+PlanReason Replanner::assess(const PlanningGrid& grid, const PlanarPose& vehicle,
+                             const Eigen::Vector2d& goal) {
+  if ((vehicle.position - goal).norm() <= options_.goal_tolerance) return PlanReason::at_goal;
+  if (!plan_) return stopped_ ? PlanReason::stopped : PlanReason::first_plan;
+  arc_length_ = plan_->nearest(vehicle.position, std::max(0.0, arc_length_ - options_.max_offset));
+  if (stopped_) return PlanReason::stopped;
+  if ((goal - goal_).norm() > options_.goal_tolerance) return PlanReason::goal_changed;
+  if ((plan_->at(arc_length_).position - vehicle.position).norm() > options_.max_offset) {
+    return PlanReason::off_path;
+  }
+  if (first_blocked(grid, planner_.options().smoothing.footprint, *plan_, arc_length_) < kNever) {
+    return PlanReason::blocked;
+  }
+  const std::size_t here = first_after(*plan_, arc_length_);
+  if (costs_to_end(grid, *plan_)[here] > (1 + options_.max_cost_growth) * planned_cost_[here]) {
+    return PlanReason::costlier;
+  }
+  if (options_.refresh_after > 0 && age_ >= options_.refresh_after) return PlanReason::refresh;
+  return PlanReason::still_good;
+}
+
+void Replanner::keep(const PlanarPose& vehicle, PlanUpdate& update) {
+  update.action = PlanAction::keep;
+  update.status = PathStatus::found;
+  update.path = plan_ ? *plan_ : standing(vehicle);
+  update.arc_length = plan_ ? arc_length_ : 0;
+  update.speed_limit.assign(update.path.points.size(), kNever);
+}
+
+/// Takes a new path, keeps the present one, or stops.
+void Replanner::decide(const PlanningGrid& grid, const PlanarPose& vehicle, double speed, Path path,
+                       PlanUpdate& update) {
+  const bool usable = path.found() && !path.flags.footprint_collides;
+  const bool could_keep =
+      update.reason == PlanReason::refresh || update.reason == PlanReason::costlier;
+  if (could_keep) {
+    const std::vector<double> costs = costs_to_end(grid, *plan_);
+    const double rest = costs[first_after(*plan_, arc_length_)];
+    if (!usable || path.cost * (1 + options_.max_cost_growth) > rest) {
+      planned_cost_ = costs;
+      age_ = 0;
+      update.reason = PlanReason::new_plan_no_better;
+      return keep(vehicle, update);
+    }
+  }
+  if (!usable) return stop(grid, vehicle, speed, update);
+  plan_ = std::move(path);
+  planned_cost_ = costs_to_end(grid, *plan_);
+  arc_length_ = 0;
+  age_ = 0;
+  stopped_ = false;
+  update.action = PlanAction::replan;
+  update.path = *plan_;
+  update.speed_limit.assign(update.path.points.size(), kNever);
+}
+
+/// Brakes along what is free of the present plan, or where the vehicle stands.
+void Replanner::stop(const PlanningGrid& grid, const PlanarPose& vehicle, double speed,
+                     PlanUpdate& update) {
+  update.action = PlanAction::stop;
+  if (!plan_ || (plan_->at(arc_length_).position - vehicle.position).norm() > options_.max_offset) {
+    plan_ = standing(vehicle);
+    arc_length_ = 0;
+  }
+  const double braking = 0.5 * speed * speed / options_.deceleration;
+  const double blocked =
+      first_blocked(grid, planner_.options().smoothing.footprint, *plan_, arc_length_);
+  const double free_end = std::max(
+      arc_length_, std::min(plan_->points.back().arc_length, blocked - options_.stop_margin));
+  const double end = std::min(free_end, arc_length_ + braking);
+  update.stops_too_late = arc_length_ + braking > free_end + options_.stop_margin;
+  // The whole free stretch is kept, so that the next frame can still brake along it.
+  update.path = cut_at(*plan_, end);
+  plan_ = cut_at(*plan_, free_end);
+  planned_cost_ = costs_to_end(grid, *plan_);
+  stopped_ = true;
+  update.arc_length = arc_length_;
+  for (const PathPoint& point : update.path.points) {
+    update.speed_limit.push_back(
+        std::sqrt(2 * options_.deceleration * std::max(0.0, end - point.arc_length)));
+  }
+}
+
+}  // namespace blindcorner

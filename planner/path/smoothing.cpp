@@ -1,0 +1,337 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "blindcorner/planner/path/smoothing.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string>
+
+#include "blindcorner/forward/error.h"
+#include "planner/path/spline.h"
+
+namespace blindcorner {
+namespace {
+
+/// Weight of points that stay where they are, against second differences' weight of 1.
+constexpr double kFixed = 1e8;
+/// Weight at which the curve follows its targets to a few per cent of their spacing.
+constexpr double kStiff = 100;
+/// A corner of angle a between long straight lines, flattened with weights (h / s)^4 (h: distance
+/// of control points, s: the curve's scale), has the curvature a / (2 sqrt(2) s): Green's function
+/// of s^4 p'''' + p. This is s over the turning radius for a right angle.
+constexpr double kScaleOfRadius = 0.5554;
+/// Without a turning radius corners are rounded over so many cells.
+constexpr double kScaleOfCell = 2;
+/// Factors by which weights change in a round, and what a push is multiplied with (the curve gives
+/// way by less than its targets). Larger ones overshoot, smaller ones take more rounds.
+constexpr double kLoosen = 0.6, kTighten = 1.5, kPush = 2;
+/// Rounds after which a curve that is fine but riskier than it must be is taken.
+constexpr int kRiskRounds = 20;
+/// Of the rounds in which the waypoints are followed again where nothing else helps.
+constexpr int kStiffRounds = 10;
+/// A curve may be that much riskier than the waypoints beside it.
+constexpr double kMoreRisk = 0.1;
+/// Curvature above the limit by this share is rounding.
+constexpr double kCurvatureRounding = 1e-3;
+
+/// What is wrong near each control point.
+struct Review {
+  std::vector<Eigen::Vector2d> push;         ///< m, away from obstacles
+  std::vector<bool> collides, tight, risky;  ///< [control point]
+  int collisions = 0;                        ///< sampled poses that touch an obstacle
+  double greatest_curvature = 0;             ///< 1/m
+  bool any_risky = false;
+
+  explicit Review(std::size_t points)
+      : push(points, Eigen::Vector2d::Zero()),
+        collides(points, false),
+        tight(points, false),
+        risky(points, false) {}
+};
+
+/// Parts that a piece is cut into, so that none is longer than `spacing`.
+std::size_t samples_of(const CubicBezier& piece, double spacing) {
+  return std::max<std::size_t>(
+      1, static_cast<std::size_t>(std::ceil(polyline_length(piece.control) / spacing)));
+}
+
+class Smoother {
+ public:
+  Smoother(const PlanningGrid& grid, std::span<const Eigen::Vector2d> waypoints,
+           const PathEnds& ends, const SmoothingOptions& options);
+
+  /// Pieces of the curve; sets the flags that say what is wrong with it.
+  std::vector<CubicBezier> run(PathFlags& flags);
+
+ private:
+  bool solve_in_rounds();
+  void follow_waypoints_where_wrong();
+  void solve();
+  Review review() const;
+  void review_pose(const CubicBezier& piece, std::size_t index, double t, Review& review) const;
+  void adapt(const Review& review);
+  bool too_tight(double curvature) const {
+    return std::abs(curvature) * options_.min_turning_radius > 1 + kCurvatureRounding;
+  }
+  bool fixed(std::size_t i) const { return weights_[i] >= kFixed; }
+  double cost_factor(const Eigen::Vector2d& point) const;
+
+  const PlanningGrid& grid_;
+  const SmoothingOptions& options_;
+  std::vector<Eigen::Vector2d> waypoints_;  ///< evenly spaced
+  double spacing_ = 0;                      ///< of control points, m
+  std::vector<Eigen::Vector2d> targets_, control_;
+  std::vector<double> weights_;
+  std::vector<double> most_risk_;  ///< cost factor allowed at each control point
+  std::vector<CubicBezier> pieces_;
+};
+
+Smoother::Smoother(const PlanningGrid& grid, std::span<const Eigen::Vector2d> waypoints,
+                   const PathEnds& ends, const SmoothingOptions& options)
+    : grid_(grid), options_(options) {
+  const double scale = std::max(kScaleOfRadius * options.min_turning_radius,
+                                kScaleOfCell * grid.geometry().cell_size);
+  const double length = polyline_length(waypoints);
+  const auto count = static_cast<std::size_t>(std::max(4.0, std::ceil(2 * length / scale) + 1));
+  waypoints_ = evenly_spaced(waypoints, count);
+  spacing_ = length / static_cast<double>(count - 1);
+  weights_.assign(count, std::pow(spacing_ / scale, 4));
+  targets_ = waypoints_;
+  const auto fix = [&](std::size_t i, const Eigen::Vector2d& place) {
+    targets_[i] = place;
+    weights_[i] = kFixed;
+  };
+  const auto ahead = [&](double heading) -> Eigen::Vector2d {
+    return spacing_ * Eigen::Vector2d(std::cos(heading), std::sin(heading));
+  };
+  fix(0, waypoints.front());
+  fix(count - 1, waypoints.back());
+  if (ends.start_heading) fix(1, waypoints.front() + ahead(*ends.start_heading));
+  if (ends.goal_heading) fix(count - 2, waypoints.back() - ahead(*ends.goal_heading));
+  for (std::size_t i = 0; i < count; ++i) {
+    double most = 1;
+    for (std::size_t k = i == 0 ? 0 : i - 1; k < std::min(i + 2, count); ++k) {
+      most = std::max(most, cost_factor(waypoints_[k]));
+    }
+    most_risk_.push_back(most + kMoreRisk * grid.options().risk_weight);
+  }
+}
+
+double Smoother::cost_factor(const Eigen::Vector2d& point) const {
+  const Cell cell = grid_.geometry().cell_at(point);
+  return grid_.geometry().contains(cell) ? grid_.cost_factor(grid_.geometry().index(cell)) : 1;
+}
+
+std::vector<CubicBezier> Smoother::run(PathFlags& flags) {
+  if (!solve_in_rounds()) {
+    follow_waypoints_where_wrong();
+    flags.partly_unsmoothed = true;
+  }
+  const Review result = review();
+  flags.curvature_exceeded = too_tight(result.greatest_curvature);
+  flags.footprint_collides = result.collisions > 0;
+  return pieces_;
+}
+
+/// Whether the curve is fine. If not it is the least curved of those that touch nothing, or the
+/// last one.
+bool Smoother::solve_in_rounds() {
+  double least_curvature = std::numeric_limits<double>::infinity();
+  std::vector<Eigen::Vector2d> best;
+  for (int round = 0; round < options_.max_rounds; ++round) {
+    solve();
+    const Review found = review();
+    if (found.collisions == 0) {
+      if (!too_tight(found.greatest_curvature) && (!found.any_risky || round >= kRiskRounds)) {
+        return true;
+      }
+      if (found.greatest_curvature < least_curvature) {
+        least_curvature = found.greatest_curvature;
+        best = control_;
+      }
+    }
+    adapt(found);
+  }
+  if (best.empty()) return false;
+  control_ = std::move(best);
+  pieces_ = spline_pieces(control_);
+  return true;
+}
+
+void Smoother::follow_waypoints_where_wrong() {
+  for (int round = 0; round < kStiffRounds; ++round) {
+    const Review found = review();
+    if (found.collisions == 0) break;
+    for (std::size_t i = 0; i < control_.size(); ++i) {
+      if (!found.collides[i] || fixed(i)) continue;
+      targets_[i] = waypoints_[i];
+      weights_[i] = kStiff;
+    }
+    solve();
+  }
+}
+
+void Smoother::solve() {
+  control_ = flattened(targets_, weights_);
+  for (std::size_t i = 0; i < control_.size(); ++i) {
+    if (fixed(i)) control_[i] = targets_[i];
+  }
+  pieces_ = spline_pieces(control_);
+}
+
+Review Smoother::review() const {
+  Review review(control_.size());
+  for (std::size_t k = 0; k < pieces_.size(); ++k) {
+    const std::size_t samples = samples_of(pieces_[k], 0.25 * grid_.geometry().cell_size);
+    for (std::size_t i = 0; i <= samples; ++i) {
+      review_pose(pieces_[k], k, static_cast<double>(i) / static_cast<double>(samples), review);
+    }
+  }
+  return review;
+}
+
+void Smoother::review_pose(const CubicBezier& piece, std::size_t index, double t,
+                           Review& review) const {
+  const Eigen::Vector2d position = piece.point(t);
+  const std::size_t nearest = index + (t < 0.5 ? 0 : 1);
+  const double curvature = std::abs(piece.curvature(t));
+  review.greatest_curvature = std::max(review.greatest_curvature, curvature);
+  if (too_tight(curvature)) review.tight[nearest] = true;
+  if (cost_factor(position) > most_risk_[nearest]) review.risky[nearest] = review.any_risky = true;
+
+  const PlanarPose pose{position, piece.heading(t)};
+  if (grid_.is_free(options_.footprint, pose)) return;
+  ++review.collisions;
+  review.collides[index] = review.collides[index + 1] = true;
+  const Eigen::Vector2d ahead(std::cos(pose.heading), std::sin(pose.heading));
+  const double radius = options_.footprint.disc_radius();
+  for (const double offset : options_.footprint.disc_offsets()) {
+    const Eigen::Vector2d center = position + offset * ahead;
+    if (grid_.disc_is_free(center, radius)) continue;
+    // The control point that moves this disc most is the one beside it, not beside the vehicle.
+    const double place = std::round(static_cast<double>(index) + t + offset / spacing_);
+    const auto moved =
+        static_cast<std::size_t>(std::clamp(place, 0.0, static_cast<double>(control_.size() - 1)));
+    Eigen::Vector2d push = waypoints_[moved] - center;
+    if (const auto obstacle = grid_.nearest_obstacle(center, radius)) {
+      const Eigen::Vector2d away = center - *obstacle;
+      const double margin = 0.25 * grid_.geometry().cell_size;
+      if (away.norm() > 0) push = away.normalized() * (radius + margin - away.norm());
+    }
+    if (push.norm() > review.push[moved].norm()) review.push[moved] = push;
+  }
+}
+
+void Smoother::adapt(const Review& review) {
+  std::vector<bool> loosened(control_.size(), false);
+  for (std::size_t i = 0; i < control_.size(); ++i) {
+    if (!review.tight[i]) continue;
+    for (std::size_t k = i < 2 ? 0 : i - 2; k < std::min(i + 3, control_.size()); ++k) {
+      loosened[k] = true;
+    }
+  }
+  for (std::size_t i = 0; i < control_.size(); ++i) {
+    if (fixed(i)) continue;
+    targets_[i] += kPush * review.push[i];
+    if (loosened[i]) {
+      weights_[i] *= kLoosen;
+    } else if (review.risky[i]) {
+      weights_[i] = std::min(kStiff, weights_[i] * kTighten);
+    }
+  }
+}
+
+std::vector<CubicBezier> straight_pieces(std::span<const Eigen::Vector2d> corners) {
+  std::vector<CubicBezier> pieces;
+  for (std::size_t i = 1; i < corners.size(); ++i) {
+    const Eigen::Vector2d a = corners[i - 1], b = corners[i];
+    if (a == b) continue;
+    pieces.push_back({{a, (2 * a + b) / 3, (a + 2 * b) / 3, b}});
+  }
+  return pieces;
+}
+
+bool touches_obstacle(const PlanningGrid& grid, const VehicleFootprint& footprint,
+                      std::span<const PathPoint> points) {
+  return std::ranges::any_of(points, [&](const PathPoint& point) {
+    return !grid.is_free(footprint, {point.position, point.heading});
+  });
+}
+
+/// Points at most `spacing` apart.
+std::vector<PathPoint> points_of(std::span<const CubicBezier> pieces, double spacing) {
+  const auto point = [](const CubicBezier& piece, double t, double arc_length) {
+    return PathPoint{piece.point(t), piece.heading(t), piece.curvature(t), arc_length};
+  };
+  std::vector<PathPoint> points{point(pieces.front(), 0, 0)};
+  for (const CubicBezier& piece : pieces) {
+    const std::size_t samples = samples_of(piece, spacing);
+    for (std::size_t i = 1; i <= samples; ++i) {
+      const double before = static_cast<double>(i - 1) / static_cast<double>(samples);
+      const double t = static_cast<double>(i) / static_cast<double>(samples);
+      const double length = piece.length(before, t);
+      if (length > 0) points.push_back(point(piece, t, points.back().arc_length + length));
+    }
+  }
+  return points;
+}
+
+double cost_of(const PlanningGrid& grid, std::span<const PathPoint> points) {
+  double cost = 0;
+  for (std::size_t i = 1; i < points.size(); ++i) {
+    const Eigen::Vector2d middle = 0.5 * (points[i - 1].position + points[i].position);
+    const Cell cell = grid.geometry().cell_at(middle);
+    const double factor =
+        grid.geometry().contains(cell) ? grid.cost_factor(grid.geometry().index(cell)) : 1;
+    cost += factor * (points[i].arc_length - points[i - 1].arc_length);
+  }
+  return cost;
+}
+
+}  // namespace
+
+void SmoothingOptions::validate() const {
+  if (!(min_turning_radius >= 0) || !std::isfinite(min_turning_radius)) {
+    throw Error("SmoothingOptions.min_turning_radius = " + std::to_string(min_turning_radius) +
+                "; accepted: a number of metres >= 0");
+  }
+  if (!(point_spacing >= 0) || !std::isfinite(point_spacing)) {
+    throw Error("SmoothingOptions.point_spacing = " + std::to_string(point_spacing) +
+                "; accepted: a number of metres >= 0");
+  }
+  if (max_rounds < 1) {
+    throw Error("SmoothingOptions.max_rounds = " + std::to_string(max_rounds) +
+                "; accepted: 1 or more");
+  }
+}
+
+Path smooth(const PlanningGrid& grid, std::span<const Eigen::Vector2d> waypoints,
+            const PathEnds& ends, const SmoothingOptions& options) {
+  options.validate();
+  if (waypoints.empty()) throw Error("waypoints", "found none, accepted: one or more");
+  Path path;
+  path.status = PathStatus::found;
+  path.waypoints.assign(waypoints.begin(), waypoints.end());
+  const double spacing =
+      options.point_spacing > 0 ? options.point_spacing : 0.5 * grid.geometry().cell_size;
+  if (polyline_length(waypoints) == 0) {
+    path.points = {{waypoints.front(), ends.start_heading.value_or(0), 0, 0}};
+    path.flags.footprint_collides = touches_obstacle(grid, options.footprint, path.points);
+    return path;
+  }
+  path.pieces = Smoother(grid, waypoints, ends, options).run(path.flags);
+  path.points = points_of(path.pieces, spacing);
+  if (path.flags.footprint_collides) {
+    // The waypoints themselves may be free: the vehicle then turns at their corners.
+    path.pieces = straight_pieces(waypoints);
+    path.points = points_of(path.pieces, 0.25 * grid.geometry().cell_size);
+    path.flags = {.curvature_exceeded = options.min_turning_radius > 0 && path.pieces.size() > 1,
+                  .partly_unsmoothed = true,
+                  .footprint_collides = touches_obstacle(grid, options.footprint, path.points)};
+  }
+  path.length = path.points.back().arc_length;
+  path.cost = cost_of(grid, path.points);
+  return path;
+}
+
+}  // namespace blindcorner
