@@ -87,8 +87,12 @@ void OccupancyGrid::see(const LineOfSightScan& scan) {
   const double hit = std::log(options_.hit_if_occupied / options_.hit_if_free);
   const double pass = std::log((1 - options_.hit_if_occupied) / (1 - options_.hit_if_free));
   const double bound = options_.max_log_odds;
+  // What was never expected to move must be believed all the same once it is seen.
+  const double unexpected =
+      options_.moving_prior > 0 ? std::max(0.0, -std::log(odds(options_.moving_prior))) : 0.0;
   const auto add = [&](std::vector<double>& evidence, std::size_t cell, double log_ratio) {
-    evidence[cell] = std::clamp(evidence[cell] + log_ratio, -bound, bound);
+    const double highest = &evidence == &moving_evidence_ ? bound + unexpected : bound;
+    evidence[cell] = std::clamp(evidence[cell] + log_ratio, -bound, highest);
     seen_[cell] = 1;
   };
   for (const std::size_t cell : scan.free) {
