@@ -21,6 +21,7 @@ packages=(
   g++ cmake ninja-build pkg-config
   libeigen3-dev libceres-dev libembree-dev libtbb-dev
   libopenexr-dev nlohmann-json3-dev libcli11-dev libzip-dev zlib1g-dev libmatio-dev
+  libpng-dev libyaml-cpp-dev
   libtinyobjloader-dev libboost-dev
   libjs-d3
   libgtest-dev libgmock-dev libbenchmark-dev

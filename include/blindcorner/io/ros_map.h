@@ -32,7 +32,8 @@ struct RosMap {
 /// How a map is written.
 struct RosMapOptions {
   MapMode mode = MapMode::trinary;
-  bool negate = false;            ///< bright is occupied
+  bool png = false;     ///< as png; else as pgm, except in mode scale, which needs transparency
+  bool negate = false;  ///< bright is occupied
   double occupied_thresh = 0.65;  ///< map_saver's own
   double free_thresh = 0.196;     ///< map_saver's own: the grey of unknown cells, 205, is above it
 
@@ -46,10 +47,10 @@ struct RosMapOptions {
 /// refused.
 RosMap read_ros_map(const std::string& yaml_path);
 
-/// Writes `yaml_path` and the image beside it, of the same name with the ending ".pgm" ("scale" is
-/// written as ".png", for its transparent cells). What was written loads back the same: in the
-/// modes scale and raw every cell, in trinary after each has become 0, 100 or unknown by the
-/// thresholds. Each file is written completely or not at all, the yaml file last.
+/// Writes `yaml_path` and the image beside it, of the same name with the ending ".pgm" or ".png".
+/// What was written loads back the same: in the modes scale and raw every cell, in trinary after
+/// each has become 0, 100 or unknown by the thresholds. Each file is written completely or not at
+/// all, the yaml file last.
 void write_ros_map(const std::string& yaml_path, const RosMap& map,
                    const RosMapOptions& options = {});
 

@@ -32,6 +32,8 @@ class HiddenMotion {
                         const std::vector<PlanarVelocity>& velocities = {}) const;
 
  private:
+  void move(const std::vector<PlanarVelocity>& velocities, double age, PoseMode& mode) const;
+
   std::vector<Unknown> unknowns_;
   int objects_ = 0;
   double presence_prior_ = 0;

@@ -44,16 +44,18 @@ class LineOfSight {
   LineOfSight& operator=(const LineOfSight&) = delete;
 
   /// What is seen from a sensor pose, with the scene's hidden objects standing at `objects` (empty:
-  /// there are none). Directions are so close that no cell within range lies between two of them;
-  /// in each, the nearest end among the layers counts. A cell in which any ray ends is no free one.
+  /// there are none; else one each, or Error). Directions are so close that no cell within range
+  /// lies between two of them; in each, the nearest end among the layers counts. A cell in which
+  /// any ray ends is no free one.
   LineOfSightScan scan(const Transform& T_world_sensor,
                        const std::vector<Placement>& objects = {}) const;
 
  private:
-  struct Ends;
-  Ends cast(const Transform& T_world_sensor, double direction, const RayScene* bodies) const;
+  struct End;
+  End nearest_end(const Eigen::Vector2d& from, const Eigen::Vector2d& direction,
+                  const RayScene* bodies) const;
 
-  Scene scene_;
+  std::vector<HiddenObject> objects_;
   GridGeometry grid_;
   LineOfSightOptions options_;
   std::unique_ptr<const RayScene> surfaces_;

@@ -17,7 +17,7 @@
 /// the tracker, spread over footprints (pose_spread.h). A posterior holds all that earlier frames
 /// have shown, so it replaces its predecessor and is never multiplied with it. Positions that line
 /// of sight has just shown to be empty are taken out of it, by Bayes' rule, the probability of
-/// presence included. Without a new answer the last one is moved on (PoseMixture predicted).
+/// presence included. Without a new answer the last one is moved on (hidden_motion.h).
 ///
 /// s0 is the prior: `unseen_prior` where nothing is known; `unmodelled_probability` in the region
 /// that an answer speaks about, because it says that the scene's model explains the light, so that
@@ -44,11 +44,13 @@ struct OccupancyOptions {
   /// The same in the region that an answer speaks about: what the scene's model leaves out. The
   /// reliability diagram of the trials is what it is set by.
   double unmodelled_probability = 0.01;
-  /// Probability that something moving which is no hidden object of the scene occupies a cell.
-  double moving_prior = 0.001;
+  /// Probability that something moving which is no hidden object of the scene occupies a cell; 0:
+  /// nothing else moves, whatever is seen.
+  double moving_prior = 0.003;
   /// Probability that a ray through an occupied cell ends there, and that it ends in a free one.
-  double hit_if_occupied = 0.9, hit_if_free = 0.01;
-  /// Bound of the log likelihood ratios L_s and L_m; 6.9 is odds of a thousand to one.
+  double hit_if_occupied = 0.9, hit_if_free = 0.001;
+  /// Bound of what line of sight can say, as log odds from even ones (of what moves: upwards from
+  /// `moving_prior`); 6.9 is a thousand to one.
   double max_log_odds = 6.9;
   /// Time constant with which L_m fades, s: someone on foot crosses a car's width within it.
   double moving_evidence_time = 1.0;
@@ -101,7 +103,7 @@ class OccupancyGrid {
   const std::vector<double>& hidden() const { return hidden_; }
 
  private:
-  double probability_at(std::size_t index) const;
+  double odds_at(std::size_t index) const;
   void see(const LineOfSightScan& scan);
   void spread_hidden();
 

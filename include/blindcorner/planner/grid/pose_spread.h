@@ -2,10 +2,10 @@
 /// Which cells hidden objects occupy, when all that is known of their poses is a mixture.
 #pragma once
 
+#include <memory>
 #include <span>
 #include <vector>
 
-#include "blindcorner/forward/scene/footprint.h"
 #include "blindcorner/forward/scene/pose_mixture.h"
 #include "blindcorner/forward/scene/scene.h"
 #include "blindcorner/planner/grid/grid_geometry.h"
@@ -26,10 +26,10 @@ namespace blindcorner {
 /// of a tracked object may.
 ///
 /// P_i is a sum over yaw and size, each with the positions' mean given them, of footprints drawn on
-/// a lattice, and over positions of this lattice: continuous in mean and covariance, deterministic.
-/// The lattice's step is half the smallest standard deviation of the position, which widens it by
-/// 1 %; the smallest itself is at least a quarter of a cell (the whole answer's smallest scale).
-/// Measured against Monte Carlo, no cell is off by more than 0.02 (tests).
+/// a lattice, and over positions on this lattice: deterministic and smooth in mean and covariance.
+/// The lattice's step is about half the smallest standard deviation of the position, and that is
+/// taken to be at least a quarter of a cell: nothing finer is resolved. No cell is off by more than
+/// 0.02 of what is said of it, as against Monte Carlo over the widened distribution (tests).
 class PoseSpread {
  public:
   /// Throws Error when the grid is not valid.
@@ -37,37 +37,19 @@ class PoseSpread {
 
   /// [cells] probability that a hidden object occupies the cell. `not_seen` [cells], where given,
   /// is the probability that an object standing there would have remained unseen so far, 0..1: it
-  /// weighs positions, and the probability of presence, by Bayes' rule. Throws Error naming the
-  /// mode when its numbers make no distribution.
+  /// weighs positions, and the probability of presence, by Bayes' rule. Throws Error as `check`.
   std::vector<double> occupied(const PoseMixture& mixture,
                                std::span<const double> not_seen = {}) const;
+
+  /// Throws Error naming the mode when the mixture's numbers make no distribution.
+  void check(const PoseMixture& mixture) const;
 
   /// The mixture that states the scene's prior: no mode, the prior probability of presence.
   PoseMixture prior() const;
 
  private:
-  struct Object {
-    int index = 0;                            ///< in the scene
-    Footprint footprint;                      ///< of Placement{}, counter-clockwise
-    Placement known;                          ///< as stated by the scene
-    double radius = 0;                        ///< m, of the footprint about its anchor
-    double yaw_period = 0;                    ///< rad
-    int x = -1, y = -1, yaw = -1, size = -1;  ///< its unknowns' places, -1: known
-  };
-  struct Marginal;
-
-  void validate(const PoseMixture& mixture) const;
-  PoseMode prior_mode(double weight) const;
-  Marginal marginal(const PoseMode& mode, const Object& object) const;
-  double add(const Marginal& marginal, const Object& object, std::span<const double> not_seen,
-             std::vector<double>& cells) const;
-  double add_mode(const PoseMode& mode, std::span<const double> not_seen,
-                  std::vector<double>& cells) const;
-
-  GridGeometry grid_;
-  std::vector<Unknown> unknowns_;
-  std::vector<Object> objects_;
-  double presence_prior_ = 0;
+  struct Impl;
+  std::shared_ptr<const Impl> impl_;
 };
 
 }  // namespace blindcorner

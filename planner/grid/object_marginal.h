@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+/// What a mode of a mixture says about one hidden object's place on the ground.
+#pragma once
+
+#include <Eigen/Core>
+#include <limits>
+#include <vector>
+
+#include "blindcorner/forward/scene/footprint.h"
+#include "blindcorner/forward/scene/pose_mixture.h"
+#include "blindcorner/forward/scene/scene.h"
+
+namespace blindcorner {
+
+/// A hidden object seen from above, and where its unknowns stand in the scene's list.
+struct GroundObject {
+  GroundObject(const Scene& scene, int object);
+
+  Footprint outline;      ///< of Placement{}, counter-clockwise, m
+  Placement known;        ///< what the scene states
+  double radius = 0;      ///< m, farthest corner of the outline from the anchor
+  double yaw_period = 0;  ///< rad; 0: yaw changes nothing
+  /// Places in the scene's unknowns of x, y, yaw and size; -1: known, or without effect.
+  int x = -1, y = -1, yaw = -1, size = -1;
+  std::vector<int> unknowns;  ///< places of all unknowns of the object, z included
+};
+
+/// Values that one shape unknown (yaw, size) may have: normal, cut off at both ends.
+struct ShapeRange {
+  double mean = 0;
+  double sigma = 0;
+  double lower = 0, upper = 0;  ///< all of it: within 4 sigma, the period, the prior's range
+};
+
+/// Normal distribution of position given shape, and the shape's own.
+struct ObjectMarginal {
+  Eigen::Vector2d position = Eigen::Vector2d::Zero();         ///< m, at the mean shape
+  Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();       ///< m^2, given yaw and size
+  Eigen::Matrix2d slope = Eigen::Matrix2d::Zero();            ///< of x, y (rows) on yaw, size
+  Eigen::Matrix2d shape_precision = Eigen::Matrix2d::Zero();  ///< of yaw and size
+  ShapeRange yaw, size;
+  /// Limits of the search region, m; infinite along an axis that has none.
+  Eigen::Vector2d lower = Eigen::Vector2d::Constant(-std::numeric_limits<double>::infinity());
+  Eigen::Vector2d upper = Eigen::Vector2d::Constant(std::numeric_limits<double>::infinity());
+};
+
+/// The moments that an unknown has before anything is measured.
+NormalPrior moments_of(const Unknown& unknown);
+
+/// A mode that knows no more than the prior.
+PoseMode prior_mode(const std::vector<Unknown>& unknowns, double weight);
+
+/// Marginal of one object under a mode. The prior of unknowns that the mode lists as undetermined
+/// is part of its covariance as a normal distribution of the prior's moments; it is taken out here
+/// (precisions subtract), because the limits put in the prior itself, which is flat. What data say
+/// of such an unknown together with others (a ridge) is thereby kept.
+ObjectMarginal marginal_of(const PoseMode& mode, const std::vector<Unknown>& unknowns,
+                           const GroundObject& object);
+
+}  // namespace blindcorner

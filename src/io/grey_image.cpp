@@ -1,0 +1,166 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/grey_image.h"
+
+#include <png.h>
+
+#include <cctype>
+#include <charconv>
+#include <string_view>
+
+#include "blindcorner/forward/error.h"
+#include "io/file_bytes.h"
+
+namespace blindcorner {
+namespace {
+
+/// More pixels than this (a gigabyte as numbers) are a mistake in the file's head.
+constexpr std::size_t kMostPixels = std::size_t{1} << 27;
+
+// --- pgm
+// ------------------------------------------------------------------------------------------
+
+/// Walks through the words of a pgm (netpbm, "pgm format specification").
+class PgmReader {
+ public:
+  PgmReader(const std::string& bytes, const std::string& path) : rest_(bytes), path_(path) {
+    binary_ = bytes[1] == '5';
+    rest_.remove_prefix(2);
+  }
+
+  GreyImage read() {
+    GreyImage image;
+    image.width = number("width", 1, 1 << 24);
+    image.height = number("height", 1, 1 << 24);
+    const int brightest = number("maxval", 1, 65535);
+    if (image.pixels() > kMostPixels) fail("it has more than 2^27 pixels");
+    if (binary_) {
+      read_binary(brightest, image);
+    } else {
+      for (std::size_t i = 0; i < image.pixels(); ++i) {
+        image.shade.push_back(static_cast<double>(number("pixel", 0, brightest)) / brightest);
+      }
+    }
+    return image;
+  }
+
+ private:
+  [[noreturn]] void fail(const std::string& problem) const { throw Error(path_, problem); }
+
+  void skip_space() {
+    while (!rest_.empty()) {
+      if (rest_.front() == '#') {
+        const std::size_t end = rest_.find_first_of("\r\n");
+        rest_.remove_prefix(end == std::string_view::npos ? rest_.size() : end);
+      } else if (std::isspace(static_cast<unsigned char>(rest_.front())) != 0) {
+        rest_.remove_prefix(1);
+      } else {
+        return;
+      }
+    }
+  }
+
+  int number(const std::string& what, int lower, int upper) {
+    skip_space();
+    int value = 0;
+    const auto [end, error] = std::from_chars(rest_.data(), rest_.data() + rest_.size(), value);
+    if (error != std::errc{} || value < lower || value > upper) {
+      const std::string_view word = rest_.substr(0, rest_.find_first_of(" \t\r\n"));
+      fail(what + ": found " +
+           (word.empty() ? "the end of the file" : std::string(word.substr(0, 40))) +
+           ", accepted: a whole number from " + std::to_string(lower) + " to " +
+           std::to_string(upper));
+    }
+    rest_.remove_prefix(static_cast<std::size_t>(end - rest_.data()));
+    return value;
+  }
+
+  void read_binary(int brightest, GreyImage& image) {
+    if (!rest_.empty()) rest_.remove_prefix(1);  // one space ends the head
+    const std::size_t width = brightest > 255 ? 2 : 1;
+    if (rest_.size() < width * image.pixels()) {
+      fail("pixels: found " + std::to_string(rest_.size()) +
+           " bytes, accepted: " + std::to_string(width * image.pixels()));
+    }
+    for (std::size_t i = 0; i < image.pixels(); ++i) {
+      int value = 0;
+      for (std::size_t k = 0; k < width; ++k) {
+        value = 256 * value + static_cast<unsigned char>(rest_[width * i + k]);
+      }
+      image.shade.push_back(static_cast<double>(std::min(value, brightest)) / brightest);
+    }
+  }
+
+  std::string_view rest_;
+  std::string path_;
+  bool binary_ = false;
+};
+
+// --- png
+// ------------------------------------------------------------------------------------------
+
+/// libpng's image in memory, freed in any case.
+struct PngImage : png_image {
+  PngImage() : png_image{} { version = PNG_IMAGE_VERSION; }
+  PngImage(const PngImage&) = delete;
+  PngImage& operator=(const PngImage&) = delete;
+  ~PngImage() { png_image_free(this); }
+};
+
+GreyImage read_png(const std::string& bytes, const std::string& path) {
+  PngImage png;
+  if (png_image_begin_read_from_memory(&png, bytes.data(), bytes.size()) == 0) {
+    throw Error(path, "is no readable png: " + one_line(png.message));
+  }
+  GreyImage image{static_cast<int>(png.width), static_cast<int>(png.height), {}, {}};
+  if (image.pixels() > kMostPixels) throw Error(path, "it has more than 2^27 pixels");
+  const bool transparent = (png.format & PNG_FORMAT_FLAG_ALPHA) != 0;
+  png.flags |= PNG_IMAGE_FLAG_16BIT_sRGB;  // values as they are, not as amounts of light
+  png.format = PNG_FORMAT_RGBA;
+  std::vector<std::uint8_t> values(PNG_IMAGE_SIZE(png));
+  if (png_image_finish_read(&png, nullptr, values.data(), 0, nullptr) == 0) {
+    throw Error(path, "is no readable png: " + one_line(png.message));
+  }
+  for (std::size_t i = 0; i < image.pixels(); ++i) {
+    const std::uint8_t* pixel = &values[4 * i];
+    image.shade.push_back((pixel[0] + pixel[1] + pixel[2]) / (3 * 255.0));
+    if (transparent) image.alpha.push_back(pixel[3] / 255.0);
+  }
+  return image;
+}
+
+}  // namespace
+
+GreyImage read_grey_image(const std::string& path) {
+  const std::string bytes = read_bytes(path);
+  if (bytes.starts_with("P5") || bytes.starts_with("P2")) return PgmReader(bytes, path).read();
+  if (bytes.starts_with("\x89PNG")) return read_png(bytes, path);
+  throw Error(path, "is neither a pgm (P2, P5) nor a png");
+}
+
+std::string pgm_bytes(int width, int height, const std::vector<std::uint8_t>& grey) {
+  std::string bytes = "P5\n" + std::to_string(width) + " " + std::to_string(height) + "\n255\n";
+  bytes.append(grey.begin(), grey.end());
+  return bytes;
+}
+
+std::string png_bytes(int width, int height, const std::vector<std::uint8_t>& grey,
+                      const std::vector<std::uint8_t>& alpha) {
+  std::vector<std::uint8_t> values;
+  for (std::size_t i = 0; i < grey.size(); ++i) {
+    values.push_back(grey[i]);
+    if (!alpha.empty()) values.push_back(alpha[i]);
+  }
+  PngImage png;
+  png.width = static_cast<png_uint_32>(width);
+  png.height = static_cast<png_uint_32>(height);
+  png.format = alpha.empty() ? PNG_FORMAT_GRAY : PNG_FORMAT_GA;
+  png_alloc_size_t size = PNG_IMAGE_PNG_SIZE_MAX(png);
+  std::string bytes(size, '\0');
+  if (png_image_write_to_memory(&png, bytes.data(), &size, 0, values.data(), 0, nullptr) == 0) {
+    throw Error("png", "cannot be written: " + one_line(png.message));
+  }
+  bytes.resize(size);
+  return bytes;
+}
+
+}  // namespace blindcorner

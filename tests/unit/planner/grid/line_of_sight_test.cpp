@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "blindcorner/planner/grid/line_of_sight.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+
+#include "blindcorner/forward/error.h"
+#include "test_scenes.h"
+
+namespace blindcorner {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+using testing_scenes::at;
+
+const GridGeometry kGrid{.columns = 60, .rows = 60, .cell_size = 0.1, .origin = {-3.0, -3.0}};
+
+/// A wall at x = 1 from y = -1 to 1, 2 m high, on a floor.
+Scene wall_on_a_floor() {
+  Scene scene;
+  scene.surfaces = {testing_scenes::rectangle({1, 0, 1}, {-1, 0, 0}, 2, 2, 0.5),
+                    testing_scenes::rectangle({0, 0, 0}, {0, 0, 1}, 6, 6, 0.5)};
+  scene.hidden.shape = BoxShape{{0.4, 0.4, 1.0}};
+  scene.hidden.anchor = Anchor::base;
+  return scene;
+}
+
+bool has(const std::vector<std::size_t>& cells, double x, double y) {
+  return std::ranges::binary_search(cells, kGrid.index(kGrid.cell_at({x, y})));
+}
+
+LineOfSightOptions to(double range) {
+  LineOfSightOptions options;
+  options.max_range = range;
+  return options;
+}
+
+TEST(LineOfSight, FreeBeforeOccupiedAtUnknownBehind) {
+  const LineOfSight eye(wall_on_a_floor(), kGrid, to(2.5));
+  const LineOfSightScan scan = eye.scan(at({0.03, 0.02, 1.2}));
+  EXPECT_TRUE(has(scan.free, 0.03, 0.02));
+  EXPECT_TRUE(has(scan.free, 0.95, 0.0));
+  // The wall is the border of two columns: the one behind it is occupied.
+  EXPECT_TRUE(has(scan.surface_hits, 1.05, 0.0));
+  EXPECT_FALSE(has(scan.free, 1.05, 0.0));
+  EXPECT_FALSE(has(scan.free, 1.5, 0.0));
+  EXPECT_FALSE(has(scan.surface_hits, 1.5, 0.0));
+  EXPECT_TRUE(has(scan.free, -2.0, 0.0));
+  EXPECT_FALSE(has(scan.free, -2.7, 0.0));  // out of range
+  EXPECT_EQ(scan.surface_hits.size(), 20U);  // 2 m of wall, the floor is no obstacle
+  EXPECT_TRUE(scan.object_hits.empty());
+}
+
+TEST(LineOfSight, NoCellInRangeIsSkippedAndNoneIsListedTwice) {
+  Scene empty = wall_on_a_floor();
+  empty.surfaces.resize(1);
+  empty.surfaces[0].T_world_surface.translation().x() = 100;
+  const LineOfSight eye(empty, kGrid, to(2.5));
+  const Vector2d from(0.013, -0.271);
+  const LineOfSightScan scan = eye.scan(at({from.x(), from.y(), 1}));
+  for (std::size_t i = 0; i < kGrid.cells(); ++i) {
+    if ((kGrid.center(kGrid.cell(i)) - from).norm() > 2.5 - 0.071) continue;
+    ASSERT_TRUE(std::ranges::binary_search(scan.free, i)) << i;
+  }
+  EXPECT_TRUE(std::ranges::is_sorted(scan.free));
+  EXPECT_EQ(std::ranges::adjacent_find(scan.free), scan.free.end());
+}
+
+TEST(LineOfSight, SeesObjectsAndLowObstacles) {
+  LineOfSightOptions options = to(2.5);
+  const LineOfSight eye(wall_on_a_floor(), kGrid, options);
+  Placement there;
+  there.position = Vector3d(-1.25, 0.05, 0);
+  const LineOfSightScan scan = eye.scan(at({0.03, 0.02, 1.2}), {there});
+  EXPECT_TRUE(has(scan.object_hits, -1.06, 0.05));
+  EXPECT_FALSE(has(scan.free, -1.25, 0.05));
+  EXPECT_FALSE(has(scan.free, -2.0, 0.05));
+  // Rays above the object alone look over it.
+  options.lowest = 1.1;
+  const LineOfSight high(wall_on_a_floor(), kGrid, options);
+  EXPECT_TRUE(has(high.scan(at({0.03, 0.02, 1.2}), {there}).free, -2.0, 0.05));
+}
+
+TEST(LineOfSight, KeepsToItsField) {
+  LineOfSightOptions options = to(2.5);
+  options.field_of_view = M_PI / 2;
+  const LineOfSight eye(wall_on_a_floor(), kGrid, options);
+  Transform left = Transform::Identity();
+  left.linear() = Eigen::AngleAxisd(M_PI / 2, Vector3d::UnitZ()).toRotationMatrix();
+  const LineOfSightScan scan = eye.scan(left);
+  EXPECT_TRUE(has(scan.free, 0.05, 2.0));
+  EXPECT_TRUE(has(scan.free, -1.2, 1.5));
+  EXPECT_FALSE(has(scan.free, 1.5, 1.2));
+  EXPECT_FALSE(has(scan.free, 0.05, -2.0));
+}
+
+TEST(LineOfSight, Extremes) {
+  const LineOfSight eye(wall_on_a_floor(), kGrid, to(2.5));
+  EXPECT_TRUE(eye.scan(at({1e300, 0, 1})).free.empty());
+  EXPECT_TRUE(eye.scan(at({20, 0, 1})).free.empty());
+  EXPECT_FALSE(eye.scan(at({-4, 0, 1})).free.empty());  // beside the grid, in range
+  EXPECT_THROW(eye.scan(at({std::numeric_limits<double>::quiet_NaN(), 0, 1})), Error);
+  EXPECT_THROW(eye.scan(at({0, 0, 1}), std::vector<Placement>(2)), Error);
+  EXPECT_THROW(LineOfSight(wall_on_a_floor(), kGrid, to(0)), Error);
+  LineOfSightOptions options;
+  options.layers = 0;
+  EXPECT_THROW(options.validate(), Error);
+  options = {};
+  options.field_of_view = 7;
+  EXPECT_THROW(options.validate(), Error);
+  options = {};
+  options.highest = 0;
+  EXPECT_THROW(options.validate(), Error);
+}
+
+TEST(LineOfSight, TakesMilliseconds) {
+  const GridGeometry large{.columns = 500, .rows = 500, .cell_size = 0.1, .origin = {-25, -25}};
+  const LineOfSight eye(wall_on_a_floor(), large);
+  Placement there;
+  there.position = Vector3d(-5, 0, 0);
+  double best = 1e9;
+  for (int i = 0; i < 5; ++i) {
+    const auto start = std::chrono::steady_clock::now();
+    eye.scan(at({0, 0, 1}), {there});
+    best = std::min(
+        best, std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start)
+                  .count());
+  }
+  RecordProperty("ms", std::to_string(best));
+  EXPECT_LT(best, 200) << "a twentieth of this is usual";
+}
+
+}  // namespace
+}  // namespace blindcorner
