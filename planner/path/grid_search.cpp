@@ -185,17 +185,21 @@ CellPath GridSearch::trace(const PlanningGrid& grid, const Cell& start, const Ce
   CellPath path;
   path.status = PathStatus::found;
   std::size_t straight = 0, diagonal = 0;
+  // The cost is summed anew: with a heuristic weight a way may have become cheaper since.
+  double cost = 0;
   for (Cell cell = goal; !(cell == start);) {
     path.cells.push_back(cell);
-    const std::size_t step = step_[grid.geometry().index(cell)];
+    const std::size_t index = grid.geometry().index(cell), step = step_[index];
     (step % 2 == 0 ? straight : diagonal)++;
     cell = {cell.column - kStepColumns[step], cell.row - kStepRows[step]};
+    const double factors = grid.cost_factor(index) + grid.cost_factor(grid.geometry().index(cell));
+    cost += kStepLengths[step] * 0.5 * factors;
   }
   path.cells.push_back(start);
   std::ranges::reverse(path.cells);
   path.length = grid.geometry().cell_size *
                 (static_cast<double>(straight) + kDiagonal * static_cast<double>(diagonal));
-  path.cost = grid.geometry().cell_size * cost_[grid.geometry().index(goal)];
+  path.cost = grid.geometry().cell_size * cost;
   return path;
 }
 

@@ -6,6 +6,7 @@
 #include <limits>
 #include <string>
 
+#include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
 #include "planner/path/spline.h"
 
@@ -25,8 +26,14 @@ constexpr double kScaleOfCell = 2;
 /// Factors by which weights change in a round, and what a push is multiplied with (the curve gives
 /// way by less than its targets). Larger ones overshoot, smaller ones take more rounds.
 constexpr double kLoosen = 0.6, kTighten = 1.5, kPush = 2;
+/// After so many rounds targets are spaced evenly along the curve, which is shorter than the lines
+/// that they come from: else they crowd in its bends.
+constexpr int kSpacingRounds = 10;
+/// Collisions and curvature are looked at so often per cell. Between two such places a disc of the
+/// radius of a cell reaches 1/500 of a cell into a corner at most.
+constexpr double kSamplesPerCell = 8;
 /// Rounds after which a curve that is fine but riskier than it must be is taken.
-constexpr int kRiskRounds = 20;
+constexpr int kRiskRounds = 8;
 /// Of the rounds in which the waypoints are followed again where nothing else helps.
 constexpr int kStiffRounds = 10;
 /// A curve may be that much riskier than the waypoints beside it.
@@ -69,6 +76,9 @@ class Smoother {
   void solve();
   Review review() const;
   void review_pose(const CubicBezier& piece, std::size_t index, double t, Review& review) const;
+  void review_turn(const CubicBezier& piece, std::size_t index, double t, double before,
+                   Review& review) const;
+  void space_targets(std::span<const Eigen::Vector2d> along);
   void adapt(const Review& review);
   bool too_tight(double curvature) const {
     return std::abs(curvature) * options_.min_turning_radius > 1 + kCurvatureRounding;
@@ -80,6 +90,7 @@ class Smoother {
   const SmoothingOptions& options_;
   std::vector<Eigen::Vector2d> waypoints_;  ///< evenly spaced
   double spacing_ = 0;                      ///< of control points, m
+  double first_weight_ = 0;
   std::vector<Eigen::Vector2d> targets_, control_;
   std::vector<double> weights_;
   std::vector<double> most_risk_;  ///< cost factor allowed at each control point
@@ -95,7 +106,8 @@ Smoother::Smoother(const PlanningGrid& grid, std::span<const Eigen::Vector2d> wa
   const auto count = static_cast<std::size_t>(std::max(4.0, std::ceil(2 * length / scale) + 1));
   waypoints_ = evenly_spaced(waypoints, count);
   spacing_ = length / static_cast<double>(count - 1);
-  weights_.assign(count, std::pow(spacing_ / scale, 4));
+  first_weight_ = std::pow(spacing_ / scale, 4);
+  weights_.assign(count, first_weight_);
   targets_ = waypoints_;
   const auto fix = [&](std::size_t i, const Eigen::Vector2d& place) {
     targets_[i] = place;
@@ -151,6 +163,7 @@ bool Smoother::solve_in_rounds() {
       }
     }
     adapt(found);
+    if ((round + 1) % kSpacingRounds == 0) space_targets(control_);
   }
   if (best.empty()) return false;
   control_ = std::move(best);
@@ -159,15 +172,26 @@ bool Smoother::solve_in_rounds() {
 }
 
 void Smoother::follow_waypoints_where_wrong() {
+  space_targets(waypoints_);
+  for (std::size_t i = 0; i < weights_.size(); ++i) {
+    if (!fixed(i)) weights_[i] = first_weight_;
+  }
+  solve();
   for (int round = 0; round < kStiffRounds; ++round) {
     const Review found = review();
     if (found.collisions == 0) break;
     for (std::size_t i = 0; i < control_.size(); ++i) {
       if (!found.collides[i] || fixed(i)) continue;
-      targets_[i] = waypoints_[i];
       weights_[i] = kStiff;
     }
     solve();
+  }
+}
+
+void Smoother::space_targets(std::span<const Eigen::Vector2d> along) {
+  const std::vector<Eigen::Vector2d> spaced = evenly_spaced(along, targets_.size());
+  for (std::size_t i = 0; i < targets_.size(); ++i) {
+    if (!fixed(i)) targets_[i] = spaced[i];
   }
 }
 
@@ -182,9 +206,14 @@ void Smoother::solve() {
 Review Smoother::review() const {
   Review review(control_.size());
   for (std::size_t k = 0; k < pieces_.size(); ++k) {
-    const std::size_t samples = samples_of(pieces_[k], 0.25 * grid_.geometry().cell_size);
+    const std::size_t samples =
+        samples_of(pieces_[k], grid_.geometry().cell_size / kSamplesPerCell);
+    const auto at = [samples](std::size_t i) {
+      return static_cast<double>(i) / static_cast<double>(samples);
+    };
     for (std::size_t i = 0; i <= samples; ++i) {
-      review_pose(pieces_[k], k, static_cast<double>(i) / static_cast<double>(samples), review);
+      review_pose(pieces_[k], k, at(i), review);
+      if (i > 0) review_turn(pieces_[k], k, at(i), at(i - 1), review);
     }
   }
   return review;
@@ -220,6 +249,17 @@ void Smoother::review_pose(const CubicBezier& piece, std::size_t index, double t
     }
     if (push.norm() > review.push[moved].norm()) review.push[moved] = push;
   }
+}
+
+/// A curve that turns back on itself has no curvature between two samples, but opposite headings.
+void Smoother::review_turn(const CubicBezier& piece, std::size_t index, double t, double before,
+                           Review& review) const {
+  const double turn = std::abs(std::remainder(piece.heading(t) - piece.heading(before), 2 * kPi));
+  if (turn < 0.5 * kPi) return;
+  const double chord = (piece.point(t) - piece.point(before)).norm();
+  const double curvature = chord > 0 ? turn / chord : std::numeric_limits<double>::infinity();
+  review.greatest_curvature = std::max(review.greatest_curvature, curvature);
+  if (too_tight(curvature)) review.tight[index + (t < 0.5 ? 0 : 1)] = true;
 }
 
 void Smoother::adapt(const Review& review) {
@@ -324,11 +364,13 @@ Path smooth(const PlanningGrid& grid, std::span<const Eigen::Vector2d> waypoints
   if (path.flags.footprint_collides) {
     // The waypoints themselves may be free: the vehicle then turns at their corners.
     path.pieces = straight_pieces(waypoints);
-    path.points = points_of(path.pieces, 0.25 * grid.geometry().cell_size);
+    path.points = points_of(path.pieces, spacing);
     path.flags = {.curvature_exceeded = options.min_turning_radius > 0 && path.pieces.size() > 1,
                   .partly_unsmoothed = true,
                   .footprint_collides = touches_obstacle(grid, options.footprint, path.points)};
   }
+  path.points.front().position = waypoints.front();  // without rounding
+  path.points.back().position = waypoints.back();
   path.length = path.points.back().arc_length;
   path.cost = cost_of(grid, path.points);
   return path;

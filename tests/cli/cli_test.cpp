@@ -888,5 +888,60 @@ TEST_F(Cli, MovingBenchmarkFitsAndTracksAtNewSensorPoses) {
   EXPECT_EQ(run(command + "--to yaw_deg=180").exit_code, 2);
 }
 
+/// 4 x 4 cells with a wall that leaves one cell open.
+std::string write_map(const std::string& path) {
+  std::ofstream(path) << "type octile\nheight 4\nwidth 4\nmap\n....\n@@@.\n....\n....\n";
+  return path;
+}
+
+TEST_F(Cli, PlanWritesPathAndPage) {
+  const std::string map = write_map(path("small.map"));
+  const Outcome planned = run("plan " + map + " --start 0.5,3.5 --goal 0.5,0.5 -o " + path("out"));
+  EXPECT_EQ(planned.exit_code, 0) << planned.err;
+  const json file = json::parse(text_of(path("out/path.json")));
+  EXPECT_EQ(file["format"], "blindcorner.path/1");
+  EXPECT_EQ(file["status"], "found");
+  EXPECT_TRUE(file["flags"].empty());
+  EXPECT_NEAR(file["grid_length_m"], 7 + std::sqrt(2.0), 1e-9);
+  EXPECT_EQ(file["points"].front()[0], 0.5);
+  EXPECT_EQ(file["points"].back()[1], 0.5);
+  EXPECT_NEAR(file["points"].back()[4], file["length_m"], 1e-9);
+  EXPECT_THAT(text_of(path("out/index.html")), AllOf(HasSubstr("<svg"), HasSubstr("polyline")));
+}
+
+TEST_F(Cli, PlanTellsWhyThereIsNoPath) {
+  const std::string map = write_map(path("small.map"));
+  const Outcome blocked = run("plan " + map + " --start 0.5,2.5 --goal 0.5,0.5 -o " + path("out"));
+  EXPECT_EQ(blocked.exit_code, 1);
+  EXPECT_THAT(blocked.err, HasSubstr("start_blocked"));
+  EXPECT_EQ(json::parse(text_of(path("out/path.json")))["status"], "start_blocked");
+  EXPECT_EQ(run("plan " + map + " --start 0.5,0.5 --goal 9,0 -o " + path("o2")).exit_code, 1);
+  EXPECT_EQ(run("plan " + map + " --start 0.5 --goal 9,0 -o " + path("o3")).exit_code, 2);
+  const Outcome text = run("plan " + map + " --start 0.5,x --goal 9,0 -o " + path("o3"));
+  EXPECT_EQ(text.exit_code, 2);
+  EXPECT_EQ(run("plan " + path("no.map") + " --start 0,0 --goal 1,1 -o " + path("o3")).exit_code,
+            2);
+  EXPECT_FALSE(fs::exists(path("o3")));
+}
+
+TEST_F(Cli, PlannerBenchmarkCountsOptimaAndFailsWhereOneIsMissed) {
+  const std::string map = write_map(path("small.map"));
+  const auto scenario = [&](const std::string& length) {
+    std::ofstream(path("small.scen")) << "version 1\n0\tsmall.map\t4\t4\t0\t0\t0\t3\t" << length
+                                      << "\n0\tsmall.map\t4\t4\t0\t0\t3\t0\t3.0\n";
+    return run("benchmark planner --map " + map + " --scenario " + path("small.scen") + " -o " +
+               path("out"));
+  };
+  // Along the top row, down through the gap, diagonally to the lower left.
+  const Outcome met = scenario("8.41421356");
+  EXPECT_EQ(met.exit_code, 0) << met.err;
+  EXPECT_THAT(met.out, HasSubstr("2 of 2 problems met their optimum"));
+  EXPECT_THAT(text_of(path("out/planner.html")), HasSubstr("<svg"));
+  const Outcome missed = scenario("8.41");
+  EXPECT_EQ(missed.exit_code, 1);
+  EXPECT_THAT(missed.out, HasSubstr("1 of 2 problems met their optimum"));
+  EXPECT_THAT(missed.err, HasSubstr("problem 0"));
+}
+
 }  // namespace
 }  // namespace blindcorner

@@ -43,7 +43,7 @@ struct PathEnds {
 /// spaced along the waypoints. Where the vehicle touches an obstacle, q is pushed away from it;
 /// where the curve is too tight, w is lowered. Where that ends without success, w is raised until
 /// the curve follows the waypoints again, and the flags say so. Collision and curvature are checked
-/// at points a quarter of a cell apart.
+/// at points an eighth of a cell apart.
 Path smooth(const PlanningGrid& grid, std::span<const Eigen::Vector2d> waypoints,
             const PathEnds& ends, const SmoothingOptions& options);
 

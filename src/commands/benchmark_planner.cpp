@@ -1,0 +1,277 @@
+// SPDX-License-Identifier: Apache-2.0
+/// `blindcorner benchmark planner`: problems whose shortest path is published, and what a path that
+/// is longer saves of the time.
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <map>
+#include <memory>
+#include <numeric>
+
+#include "blindcorner/forward/error.h"
+#include "blindcorner/io/movingai.h"
+#include "blindcorner/planner/path/path_planner.h"
+#include "commands/benchmark.h"
+#include "commands/cpu_clock.h"
+#include "commands/progress.h"
+#include "forward/support/quantile.h"
+#include "report/formatted.h"
+
+namespace blindcorner {
+namespace {
+
+/// A length is met within this, cells (or within the rounding of the file, where that is larger).
+constexpr double kTolerance = 1e-3;
+/// Problems that the run time is judged by: the longest ones.
+constexpr std::size_t kLongest = 100;
+
+struct PlannerArguments : StudyArguments {
+  std::string map, scenario;
+  std::vector<double> weights{1, 1.5, 2, 3, 4, 5};
+};
+
+/// A length in cells, NaN where no path was found, and what it took.
+struct Solution {
+  double length = std::numeric_limits<double>::quiet_NaN();
+  double time = 0;  ///< ms of one processor
+  std::size_t expansions = 0;
+};
+
+/// One way to plan, over all problems in the file's order.
+struct Variant {
+  std::string name;
+  std::vector<Solution> solutions;
+};
+
+struct Study {
+  std::vector<MovingAiProblem> problems;
+  std::vector<std::size_t> longest;  ///< of the problems, by their optimum
+  std::vector<Variant> variants;     ///< the first one is A* with weight 1
+  std::vector<std::size_t> missed;
+};
+
+/// The grid that a problem is to be solved on: that of the terrain which it starts on.
+class TerrainGrids {
+ public:
+  explicit TerrainGrids(const MovingAiMap& map) : map_(map) {}
+
+  const PlanningGrid& of(const MovingAiProblem& problem) {
+    const Terrain terrain = map_.terrain[map_.geometry.index(problem.start)];
+    const Terrain free = terrain == Terrain::water ? Terrain::water : Terrain::ground;
+    const auto found = grids_.find(free);
+    if (found != grids_.end()) return found->second;
+    return grids_.try_emplace(free, map_.geometry, map_.occupancy(free)).first->second;
+  }
+
+ private:
+  const MovingAiMap& map_;
+  std::map<Terrain, PlanningGrid> grids_;
+};
+
+/// Solves all problems in one way. `solve(grid, problem)` gives the length and the expansions.
+template <typename Solve>
+Variant solve_all(const Study& study, TerrainGrids& grids, const std::string& name, Solve solve) {
+  Variant variant{name, {}};
+  Progress progress(name, study.problems.size());
+  for (const MovingAiProblem& problem : study.problems) {
+    const PlanningGrid& grid = grids.of(problem);
+    const double begin = cpu_seconds();
+    Solution solution = solve(grid, problem);
+    solution.time = 1e3 * (cpu_seconds() - begin);
+    variant.solutions.push_back(solution);
+    progress.advance();
+  }
+  return variant;
+}
+
+void search_all(const PlannerArguments& arguments, Study& study, TerrainGrids& grids) {
+  for (const double weight : arguments.weights) {
+    GridSearch search({.heuristic_weight = weight});
+    study.variants.push_back(
+        solve_all(study, grids, formatted("A*, weight %g", weight),
+                  [&](const PlanningGrid& grid, const MovingAiProblem& problem) {
+                    const CellPath path = search.search(grid, problem.start, problem.goal);
+                    if (path.status != PathStatus::found)
+                      return Solution{.expansions = path.expansions};
+                    return Solution{path.length / grid.geometry().cell_size, 0, path.expansions};
+                  }));
+  }
+}
+
+/// Straight lines at any angle in place of steps between cells, and the smoothed path of a point.
+void smooth_all(Study& study, TerrainGrids& grids) {
+  PathPlanner planner;
+  const auto request = [](const PlanningGrid& grid, const MovingAiProblem& problem) {
+    return PathRequest{
+        grid.geometry().center(problem.start), {}, grid.geometry().center(problem.goal), {}};
+  };
+  study.variants.push_back(
+      solve_all(study, grids, "smoothed", [&](const PlanningGrid& grid, const auto& problem) {
+        const Path path = planner.plan(grid, request(grid, problem));
+        if (!path.found()) return Solution{.expansions = path.expansions};
+        return Solution{path.length / grid.geometry().cell_size, 0, path.expansions};
+      }));
+  GridSearch search;
+  study.variants.push_back(
+      solve_all(study, grids, "any-angle", [&](const PlanningGrid& grid, const auto& problem) {
+        const CellPath cells = search.search(grid, problem.start, problem.goal);
+        if (cells.status != PathStatus::found) return Solution{.expansions = cells.expansions};
+        std::vector<Eigen::Vector2d> points;
+        for (const Cell& cell : cells.cells) points.push_back(grid.geometry().center(cell));
+        points = shortcut(grid, points);
+        double length = 0;
+        for (std::size_t i = 1; i < points.size(); ++i) {
+          length += (points[i] - points[i - 1]).norm();
+        }
+        return Solution{length / grid.geometry().cell_size, 0, cells.expansions};
+      }));
+}
+
+bool met(const MovingAiProblem& problem, const Solution& solution) {
+  return std::abs(solution.length - problem.length) <= std::max(kTolerance, problem.rounding);
+}
+
+std::vector<std::size_t> longest_problems(const std::vector<MovingAiProblem>& problems) {
+  std::vector<std::size_t> order(problems.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::ranges::stable_sort(
+      order, [&](std::size_t a, std::size_t b) { return problems[a].length > problems[b].length; });
+  order.resize(std::min(order.size(), kLongest));
+  return order;
+}
+
+/// Values of the longest problems; those that are not numbers are left out.
+template <typename Value>
+std::vector<double> of_longest(const Study& study, const Variant& variant, Value value) {
+  std::vector<double> values;
+  for (const std::size_t i : study.longest) {
+    const double v = value(study.problems[i], variant.solutions[i]);
+    if (std::isfinite(v)) values.push_back(v);
+  }
+  return values;
+}
+
+double ratio_of(const MovingAiProblem& problem, const Solution& solution) {
+  return problem.length > 0 ? solution.length / problem.length
+                            : std::numeric_limits<double>::quiet_NaN();
+}
+double time_of(const MovingAiProblem& /*problem*/, const Solution& solution) {
+  return solution.time;
+}
+double expansions_of(const MovingAiProblem& /*problem*/, const Solution& solution) {
+  return static_cast<double>(solution.expansions);
+}
+
+void print_table(const Study& study) {
+  std::printf("%-16s %8s | longest %zu: %9s %9s %9s | %9s %9s %12s\n", "", "unsolved",
+              study.longest.size(), "length", "90 %", "longest", "ms", "90 %", "expansions");
+  for (const Variant& variant : study.variants) {
+    const auto unsolved = std::ranges::count_if(
+        variant.solutions, [](const Solution& s) { return std::isnan(s.length); });
+    const auto ratios = of_longest(study, variant, ratio_of);
+    const auto times = of_longest(study, variant, time_of);
+    std::printf("%-16s %8td | %12s %9.4f %9.4f %9.4f | %9.2f %9.2f %12.0f\n", variant.name.c_str(),
+                unsolved, "", quantile(ratios, 0.5), quantile(ratios, 0.9), quantile(ratios, 1),
+                quantile(times, 0.5), quantile(times, 0.9),
+                quantile(of_longest(study, variant, expansions_of), 0.5));
+  }
+}
+
+std::string csv(const Study& study) {
+  std::string text = "problem,bucket,optimum_cells,variant,length_cells,time_ms,expansions\n";
+  for (const Variant& variant : study.variants) {
+    for (std::size_t i = 0; i < study.problems.size(); ++i) {
+      const Solution& s = variant.solutions[i];
+      std::string name = variant.name;
+      std::erase(name, ',');
+      text += formatted("%zu,%d,%.8f,%s,", i, study.problems[i].bucket, study.problems[i].length,
+                        name.c_str());
+      text += std::isnan(s.length) ? "" : formatted("%.8f", s.length);
+      text += formatted(",%.4f,%zu\n", s.time, s.expansions);
+    }
+  }
+  return text;
+}
+
+std::vector<Chart> charts(const Study& study) {
+  Chart trade{"the longest problems: medians", "planning time, ms", "length over optimum"};
+  Chart each{"the longest problems, each", "planning time, ms", "length over optimum"};
+  Chart time{"all problems", "optimum, cells", "planning time, ms"};
+  for (const Variant& variant : study.variants) {
+    trade.series.push_back({variant.name,
+                            {{median(of_longest(study, variant, time_of)),
+                              median(of_longest(study, variant, ratio_of)), variant.name}},
+                            SeriesStyle::circles});
+    ChartSeries dots{variant.name, {}, SeriesStyle::dots};
+    for (const std::size_t i : study.longest) {
+      dots.points.push_back(
+          {variant.solutions[i].time, ratio_of(study.problems[i], variant.solutions[i])});
+    }
+    each.series.push_back(std::move(dots));
+  }
+  constexpr std::size_t kMostDots = 1000;
+  for (const std::size_t v : {std::size_t{0}, study.variants.size() - 1}) {
+    ChartSeries dots{study.variants[v].name, {}, SeriesStyle::dots};
+    const std::size_t step = 1 + study.problems.size() / kMostDots;
+    for (std::size_t i = 0; i < study.problems.size(); i += step) {
+      dots.points.push_back({study.problems[i].length, study.variants[v].solutions[i].time});
+    }
+    time.series.push_back(std::move(dots));
+  }
+  std::vector<Chart> list{trade, each, time};
+  for (Chart& chart : list) chart.width = 560, chart.height = 380;
+  return list;
+}
+
+const StudyFiles kFiles{
+    "planner", "Paths of published problems",
+    "Problems of the MovingAI benchmark, one after the other. Time is that of one processor for "
+    "everything a new problem costs on a known map. Weights multiply the heuristic: the path is at "
+    "most that much longer than the optimum. Any-angle: straight lines in place of steps between "
+    "cells. Smoothed: the curve that a point would follow, checked for collisions. Both can be "
+    "shorter than the optimum, which moves between centres of neighbouring cells."};
+
+int run_planner(const PlannerArguments& arguments) {
+  const MovingAiMap map = read_movingai_map(arguments.map);
+  Study study;
+  study.problems = read_movingai_scenario(arguments.scenario, map.geometry);
+  study.longest = longest_problems(study.problems);
+  TerrainGrids grids(map);
+  search_all(arguments, study, grids);
+  smooth_all(study, grids);
+  print_table(study);
+  write_study(arguments, kFiles, csv(study), charts(study));
+  print_study_files(arguments, kFiles);
+  const std::vector<Solution>& optimal = study.variants.front().solutions;
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < study.problems.size(); ++i) {
+    if (met(study.problems[i], optimal[i])) {
+      ++count;
+      continue;
+    }
+    std::fprintf(stderr, "blindcorner: problem %zu: found %.8f cells, published: %.8f\n", i,
+                 optimal[i].length, study.problems[i].length);
+  }
+  std::printf("%zu of %zu problems met their optimum within %g cells\n", count,
+              study.problems.size(), kTolerance);
+  return count == study.problems.size() ? kAllWell : kSomeFailed;
+}
+
+}  // namespace
+
+void add_planner_benchmark(CLI::App& benchmark, int& exit_code) {
+  CLI::App& command = *benchmark.add_subcommand(
+      "planner",
+      "all problems of a MovingAI scenario against their published optima; writes planner.csv and "
+      "planner.html. Exit code 1: an optimum was missed");
+  const auto arguments = std::make_shared<PlannerArguments>();
+  command.add_option("--map", arguments->map, "MovingAI map (.map)")->required();
+  command.add_option("--scenario", arguments->scenario, "its problems (.map.scen)")->required();
+  command.add_option("-o,--output", arguments->output, "directory to write to")
+      ->capture_default_str();
+  command.callback([arguments, &exit_code] { exit_code = run_planner(*arguments); });
+}
+
+}  // namespace blindcorner

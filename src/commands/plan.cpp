@@ -1,0 +1,161 @@
+// SPDX-License-Identifier: Apache-2.0
+/// `blindcorner plan MAP --start x,y --goal x,y -o DIR`: a path on a map.
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <limits>
+#include <memory>
+#include <optional>
+
+#include "blindcorner/forward/constants.h"
+#include "blindcorner/forward/error.h"
+#include "blindcorner/io/atomic_file.h"
+#include "blindcorner/io/movingai.h"
+#include "blindcorner/io/ros_map.h"
+#include "blindcorner/planner/path/path_planner.h"
+#include "commands/commands.h"
+#include "commands/output_directory.h"
+#include "report/path_page.h"
+
+namespace blindcorner {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct PlanArguments {
+  std::string map, output;
+  std::vector<double> start, goal;                    ///< x, y, m
+  std::optional<double> start_heading, goal_heading;  ///< degrees
+  std::optional<double> length, width, radius;        ///< of the vehicle, m
+  PathPlannerOptions planner;
+};
+
+struct Map {
+  GridGeometry geometry;
+  std::vector<double> occupancy;  ///< [cell], NaN: unknown
+};
+
+/// The reader is chosen by the file's ending.
+Map read_map(const std::string& path) {
+  const std::string extension = fs::path(path).extension();
+  if (extension == ".map") {
+    const MovingAiMap map = read_movingai_map(path);
+    return {map.geometry, map.occupancy()};
+  }
+  if (extension == ".yaml" || extension == ".yml") {
+    const RosMap map = read_ros_map(path);
+    Map read{map.geometry, std::vector<double>(map.cells.size())};
+    std::ranges::transform(map.cells, read.occupancy.begin(), [](std::int8_t per_cent) {
+      return per_cent == RosMap::kUnknown ? std::numeric_limits<double>::quiet_NaN()
+                                          : 0.01 * per_cent;
+    });
+    return read;
+  }
+  throw Error(path,
+              "found the ending \"" + extension + "\", accepted: .yaml (ROS map), .map (MovingAI)");
+}
+
+VehicleFootprint footprint_of(const PlanArguments& arguments) {
+  if (arguments.length.has_value() != arguments.width.has_value()) {
+    throw Error("--vehicle-length and --vehicle-width", "found one of them, accepted: both");
+  }
+  if (arguments.length) return VehicleFootprint::rectangle(*arguments.length, *arguments.width);
+  return VehicleFootprint::disc(arguments.radius.value_or(0));
+}
+
+std::optional<double> radians(const std::optional<double>& degrees) {
+  return degrees ? std::optional(*degrees * kDegree) : std::nullopt;
+}
+
+void print_path(const PlannedPath& planned, const std::string& output) {
+  const Path& path = planned.path;
+  if (path.found()) {
+    std::printf("%.2f m (%.2f m over cells), %zu expansions, search %.1f ms, smoothing %.1f ms\n",
+                path.length, path.grid_length, path.expansions, 1e3 * path.search_time,
+                1e3 * path.smoothing_time);
+  }
+  if (path.flags.curvature_exceeded) std::printf("the path turns tighter than the vehicle can\n");
+  if (path.flags.footprint_collides) std::printf("the vehicle touches an obstacle on the path\n");
+  std::printf("%s and %s\n", (fs::path(output) / "path.json").c_str(),
+              (fs::path(output) / "index.html").c_str());
+}
+
+int run_plan(const PlanArguments& arguments) {
+  PathPlannerOptions options = arguments.planner;
+  options.smoothing.footprint = footprint_of(arguments);
+  PathPlanner planner(options);
+  const Map map = read_map(arguments.map);
+  const PathRequest request{{arguments.start[0], arguments.start[1]},
+                            radians(arguments.start_heading),
+                            {arguments.goal[0], arguments.goal[1]},
+                            radians(arguments.goal_heading)};
+  const PlanningGrid grid = planner.grid(map.geometry, map.occupancy);
+  const Path path = planner.plan(grid, request);
+  const PlannedPath planned{arguments.map, request, grid, path};
+  make_directory(arguments.output);
+  write_atomically((fs::path(arguments.output) / "path.json").string(), path_json(planned));
+  write_atomically((fs::path(arguments.output) / "index.html").string(),
+                   path_page(planned, map.occupancy));
+  print_path(planned, arguments.output);
+  if (path.found() && !path.flags.footprint_collides) return kAllWell;
+  std::fprintf(
+      stderr, "blindcorner: %s: %s\n", arguments.map.c_str(),
+      path.found() ? "footprint_collides" : std::string(path_status_word(path.status)).c_str());
+  return kSomeFailed;
+}
+
+void add_vehicle_options(CLI::App& command, PlanArguments& arguments) {
+  CLI::Option* length =
+      command.add_option("--vehicle-length", arguments.length, "of a rectangular vehicle, m");
+  CLI::Option* width =
+      command.add_option("--vehicle-width", arguments.width, "of a rectangular vehicle, m");
+  command.add_option("--radius", arguments.radius, "of a round vehicle, m; default: a point")
+      ->excludes(length)
+      ->excludes(width);
+  command
+      .add_option("--min-turning-radius", arguments.planner.smoothing.min_turning_radius,
+                  "the path turns no tighter, m")
+      ->capture_default_str();
+}
+
+}  // namespace
+
+void add_plan_command(CLI::App& app, int& exit_code) {
+  CLI::App& command = *app.add_subcommand(
+      "plan", "a path on a map; writes path.json and index.html. Exit code 1: there is none");
+  const auto arguments = std::make_shared<PlanArguments>();
+  command
+      .add_option("MAP", arguments->map,
+                  "ROS map (.yaml), or MovingAI map (.map; cells of 1 m, y up)")
+      ->required();
+  command.add_option("--start", arguments->start, "x,y in m")
+      ->delimiter(',')
+      ->expected(2)
+      ->required();
+  command.add_option("--goal", arguments->goal, "x,y in m")
+      ->delimiter(',')
+      ->expected(2)
+      ->required();
+  command.add_option("-o,--output", arguments->output, "directory to write to")->required();
+  command.add_option("--start-heading-deg", arguments->start_heading, "default: any");
+  command.add_option("--goal-heading-deg", arguments->goal_heading, "default: any");
+  add_vehicle_options(command, *arguments);
+  PlanningGridOptions& grid = arguments->planner.grid;
+  command
+      .add_option("--risk-weight", grid.risk_weight, "price of risk: a metre costs 1 + it * risk")
+      ->capture_default_str();
+  command
+      .add_option("--risk-radius", grid.risk_radius,
+                  "how far the risk of an obstacle reaches, m; 0: twice the vehicle's radius")
+      ->capture_default_str();
+  command.add_option("--unknown", grid.unknown_occupancy, "occupancy where nothing is known")
+      ->capture_default_str();
+  command
+      .add_option("--heuristic-weight", arguments->planner.search.heuristic_weight,
+                  "above 1: faster, and at most that much costlier than the cheapest path")
+      ->capture_default_str();
+  command.callback([arguments, &exit_code] { exit_code = run_plan(*arguments); });
+}
+
+}  // namespace blindcorner
