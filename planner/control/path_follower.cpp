@@ -119,6 +119,10 @@ FollowerOutput PathFollower::follow(const VehicleState& state) {
   const double t = std::clamp((ahead - path_[i - 1].arc_length) / length, 0.0, 1.0);
   output.target_speed = std::sqrt(low + t * (high - low));
   double feed_forward = (high - low) / (2 * length);
+  // dv/ds times the actual speed, so that a vehicle that became too slow does not stop short.
+  if (feed_forward < 0 && state.speed < output.target_speed) {
+    feed_forward *= std::max(0.0, state.speed) / output.target_speed;
+  }
 
   if (limits_.wheelbase == 0 && std::abs(output.heading_error) > kTurnFirst) {
     output.target_speed = feed_forward = 0;

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "blindcorner/planner/control/path_sample.h"
+
+#include <gtest/gtest.h>
+
+#include "blindcorner/forward/constants.h"
+#include "unit/planner/control/test_paths.h"
+
+namespace blindcorner {
+namespace {
+
+TEST(PathSample, IsInterpolatedAndClamped) {
+  const auto path = straight_path(10, 1);
+  EXPECT_DOUBLE_EQ(path_at(path, 3.25).position.x(), 3.25);
+  EXPECT_DOUBLE_EQ(path_at(path, -1).position.x(), 0);
+  EXPECT_DOUBLE_EQ(path_at(path, 11).position.x(), 10);
+}
+
+TEST(PathSample, TakesTheShorterWayBetweenHeadings) {
+  std::vector<PathSample> path(2);
+  path[0].heading = kPi - 0.1;
+  path[1].heading = -kPi + 0.1;
+  path[1].arc_length = 1;
+  EXPECT_NEAR(path_at(path, 0.5).heading, kPi, 1e-12);
+}
+
+TEST(PathSample, NearestIsLookedForInTheGivenPart) {
+  const auto path = turn_path(5, 0, 4 * kPi, 0, 0.05);  // two rounds
+  const Eigen::Vector2d start(0, 0);
+  EXPECT_NEAR(nearest_arc_length(path, start, 0, 5), 0, 1e-9);
+  EXPECT_NEAR(nearest_arc_length(path, start, 20, 40), 10 * kPi, 0.01);
+  EXPECT_DOUBLE_EQ(nearest_arc_length(path, start, 2, 4), 2);
+}
+
+}  // namespace
+}  // namespace blindcorner
