@@ -149,6 +149,7 @@ class DriveLoop {
   double busy_until_ = 0;       ///< s: perception works on a frame
   double standing_since_ = -1;  ///< s; negative: it drives, or has a plan
   double clearance_ = std::numeric_limits<double>::infinity();  ///< m, since the last frame
+  bool was_in_sight_ = false;  ///< hidden objects have been in direct sight
   std::size_t next_goal_ = 0;
   std::deque<SensedEvent> arriving_;  ///< in order of arrival
   std::deque<AnswerEvent> answers_;   ///< in order of readiness
@@ -263,10 +264,13 @@ void DriveLoop::take_frame(const SensedEvent& event) {
   AnswerEvent answer{event.capture_time, time_ + delay_, {}};
   if (!scan.object_hits.empty()) {
     frame.fate = FrameFate::in_sight;
+    was_in_sight_ = true;
     answer.ready = time_;
     answer.answer.mixture = known_pose(drive_.scene, world_.hidden(event.capture_time));
     answer.answer.flags = {"in_sight"};
     answers_.clear();  // of what was not in sight
+  } else if (was_in_sight_) {
+    frame.fate = FrameFate::seen_before;
   } else if (time_ < busy_until_) {
     frame.fate = FrameFate::busy;
   } else {
@@ -427,7 +431,7 @@ DriveResult DriveLoop::run() {
 }
 
 constexpr std::array kOutcomeWords{"reached", "collision", "stopped", "timeout"};
-constexpr std::array kFateWords{"used", "in_sight", "busy", "missing"};
+constexpr std::array kFateWords{"used", "in_sight", "seen_before", "busy", "missing"};
 
 }  // namespace
 

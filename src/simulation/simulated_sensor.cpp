@@ -6,6 +6,7 @@
 #include <cmath>
 #include <variant>
 
+#include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
 #include "blindcorner/forward/sensor/photon_noise.h"
 #include "blindcorner/forward/transport/forward_model.h"
@@ -16,10 +17,12 @@
 namespace blindcorner {
 namespace {
 
-/// Sampling of light by way of a retroreflective object: between the steps of the fit's sampling
-/// densities, which are powers of the square root of two, so that no point is shared. Finer ones
-/// cost seconds where the lobe is narrow against the lit spot.
-constexpr Fidelity kLobeSampling{3.0, 2.6, true};
+/// Sampling of light by way of a retroreflective object, between the steps of the fit's sampling
+/// densities, which are powers of the square root of two, so that no point is shared. Pairs of
+/// patches where the lobe spreads the paths by more than kWideLobe of the pulse, else one sum.
+constexpr Fidelity kPairSampling{3.0, 2.6, true};
+constexpr Fidelity kSingleSampling{0.85, 0.85, false};
+constexpr double kWideLobe = 0.5;
 /// Of other materials: the error at which a sampling is chosen, a share of the light's peak, and
 /// how much coarser than the fit's step it then is.
 constexpr double kTolerance = 0.01;
@@ -49,6 +52,18 @@ bool sees_relay(const Scene& scene, const Transform& T_world_sensor) {
   return true;
 }
 
+/// Whether the lobe's footprint on the relay is wide against the pulse, with the object in the
+/// middle of its search region and the relay where the scene's own sensor looks.
+bool wide_lobe(const Scene& scene, const RetroreflectiveMaterial& retro) {
+  const auto hit =
+      RayScene(scene.surfaces)
+          .first_hit(scene.T_world_sensor.translation(), scene.T_world_sensor.linear().col(0));
+  if (!hit) return true;
+  const double distance = (hit->point - scene.hidden.placement.position).norm();
+  const double pulse = kSpeedOfLight * scene.sensor.response.core_sigma();
+  return retro.lobe_sigma * distance > kWideLobe * pulse;
+}
+
 }  // namespace
 
 struct SimulatedSensor::Impl {
@@ -60,8 +75,8 @@ struct SimulatedSensor::Impl {
         pulses(scene.sensor.response, scene.sensor.bin_width,
                std::pow(scene.sensor.response.core_sigma(), 2), kPulseTail) {
     fast.tolerance = kTolerance;
-    if (std::holds_alternative<RetroreflectiveMaterial>(scene.hidden.material)) {
-      fast.fidelity = kLobeSampling;
+    if (const auto* retro = std::get_if<RetroreflectiveMaterial>(&scene.hidden.material)) {
+      fast.fidelity = wide_lobe(scene, *retro) ? kPairSampling : kSingleSampling;
       return;
     }
     fast.fidelity = choose_fidelity(transport, sensor_placement(scene), fast);

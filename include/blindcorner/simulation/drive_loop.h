@@ -40,10 +40,11 @@ struct DriveTimes {
 
 /// What happened to a sensor frame.
 enum class FrameFate {
-  used,      ///< perception got it
-  in_sight,  ///< hidden objects were in direct sight, which says more
-  busy,      ///< it came while perception still worked on an earlier one
-  missing    ///< it never arrived
+  used,         ///< perception got it
+  in_sight,     ///< hidden objects were in direct sight, which says more
+  seen_before,  ///< they have been: what direct sight has shown is carried on by the map
+  busy,         ///< it came while perception still worked on an earlier one
+  missing       ///< it never arrived
 };
 std::string fate_word(FrameFate fate);
 
