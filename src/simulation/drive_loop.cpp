@@ -34,6 +34,14 @@ constexpr double kGivesUpAfter = 3.0;
 constexpr double kStands = 0.02;
 /// Log likelihood ratio of a cell in which the known scene has a wall: a thousand to one.
 constexpr double kWallEvidence = 6.9;
+/// A cell this likely to be occupied is an obstacle: an object of one cell's width whose position
+/// is uncertain by as much has no cell above a third, but a path across all of them hits it for
+/// sure.
+constexpr double kAvoidedProbability = 0.2;
+/// What is unknown is no obstacle, or nothing could be driven around a corner, but costs as risk.
+constexpr double kUnknownOccupancy = 0.1;
+/// A metre at risk 0.1 costs as much as two.
+constexpr double kRiskWeight = 10;
 /// Frames of one drive draw their photons from seeds this far apart: a prime beyond their number.
 constexpr std::uint64_t kFrameSeeds = 1'000'003;
 /// The perception's own chances (which frames are late) are drawn from another sequence.
@@ -68,6 +76,9 @@ std::shared_ptr<const VehicleModel> model_of(const DriveVehicle& vehicle) {
 PathPlannerOptions planner_options(const DriveVehicle& vehicle, const VehicleModel& model) {
   PathPlannerOptions options =
       vehicle.kind == VehicleKind::car ? PathPlannerOptions::car() : PathPlannerOptions::robot();
+  options.grid.occupied_threshold = kAvoidedProbability;
+  options.grid.unknown_occupancy = kUnknownOccupancy;
+  options.grid.risk_weight = kRiskWeight;
   const VehicleRectangle body = model.footprint();
   options.smoothing.footprint = VehicleFootprint::rectangle(body.length, body.width, body.center_x);
   return options;

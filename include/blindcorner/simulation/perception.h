@@ -55,8 +55,8 @@ std::vector<std::string> perception_names();
 /// Throws Error for an unknown name, and where the scene does not suit the perception.
 std::unique_ptr<Perception> make_perception(const std::string& name, const PerceptionSetup& setup);
 
-/// Standard deviations that are stated of a pose which is known: a hand's breadth, a few degrees.
-inline constexpr double kKnownPosition = 0.05;  ///< m
+/// Standard deviations that are stated of a pose which is known: a finger's breadth, a few degrees.
+inline constexpr double kKnownPosition = 0.02;  ///< m
 inline constexpr double kKnownAngle = 0.05;     ///< rad
 inline constexpr double kKnownSize = 0.02;      ///< relative
 
