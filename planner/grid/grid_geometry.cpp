@@ -13,7 +13,7 @@ namespace {
 
 /// Whole number below `value`, kept to what an int holds (for points far outside).
 int whole_below(double value) {
-  constexpr double kFarthest = std::numeric_limits<int>::max() / 4;
+  constexpr double kFarthest = std::numeric_limits<int>::max() / 4.0;
   return static_cast<int>(std::clamp(std::floor(value), -kFarthest, kFarthest));
 }
 

@@ -240,9 +240,9 @@ TEST(OccupancyGrid, CellsAreOccupiedAsOftenAsTheySay) {
     const double p = bin.mean_predicted;
     const double margin = 4 * std::sqrt(p * (1 - p) / bin.statements) + 0.01;
     EXPECT_NEAR(bin.observed, p, margin) << bin.lower;
-    RecordProperty("bin_" + std::to_string(bin.lower),
-                   std::to_string(p) + " " + std::to_string(bin.observed) + " of " +
-                       std::to_string(bin.statements));
+    RecordProperty("bin_" + std::to_string(bin.lower), std::to_string(p) + " " +
+                                                           std::to_string(bin.observed) + " of " +
+                                                           std::to_string(bin.statements));
   }
 }
 

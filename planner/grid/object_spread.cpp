@@ -1,0 +1,349 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "planner/grid/object_spread.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "forward/support/multiversion.h"
+#include "planner/grid/footprint_kernel.h"
+
+namespace blindcorner {
+namespace {
+
+using Eigen::Matrix2d;
+using Eigen::Vector2d;
+
+/// Smallest standard deviation of a position that is resolved, in cells.
+constexpr double kFinest = 0.25;
+/// Largest one, in diagonals of the grid: density is flat over the grid beyond it, and of the
+/// probability at most 1 % falls on the grid.
+constexpr double kWidest = 4.0;
+/// Steps of positions across the grid's diagonal, at least.
+constexpr double kGridSteps = 8.0;
+/// Step of the lattice of positions over their smallest standard deviation: a sum over a normal
+/// density is then exact to 1e-34, and the squares that its points stand for widen it by 1 %.
+constexpr double kStep = 0.5;
+/// Positions beyond this many standard deviations are left out: 4e-5 of all.
+constexpr double kTail = 4.5;
+/// Steps over the search region, at least: its border is washed out by half of one.
+constexpr double kRegionSteps = 24;
+/// Steps of yaw or size over eight standard deviations, at least and at most.
+constexpr int kFewestShapes = 8, kMostShapes = 96;
+/// A position's share of the heaviest one's weight below which it is left out.
+constexpr double kNegligible = 1e-6;
+
+/// One yaw and size with its weight.
+struct ShapeNode {
+  Eigen::Vector2d shape = Vector2d::Zero();  ///< yaw (rad), size
+  double weight = 1;
+};
+
+/// Midpoints of equal steps over a range, no longer than moves the outline's farthest corner by
+/// `resolution` (m).
+std::vector<double> steps_over(const ShapeRange& range, double radius, double resolution) {
+  const double width = range.upper - range.lower;
+  if (!(width * radius > 0.1 * resolution))
+    return {std::clamp(range.mean, range.lower, range.upper)};
+  const int count = std::clamp(static_cast<int>(std::ceil(width * radius / resolution)),
+                               kFewestShapes, kMostShapes);
+  std::vector<double> values;
+  for (int i = 0; i < count; ++i) values.push_back(range.lower + (i + 0.5) * width / count);
+  return values;
+}
+
+std::vector<ShapeNode> shape_nodes(const ObjectMarginal& marginal, double radius,
+                                   double resolution) {
+  std::vector<ShapeNode> nodes;
+  double total = 0;
+  for (const double yaw : steps_over(marginal.yaw, radius, resolution)) {
+    for (const double size : steps_over(marginal.size, radius, resolution)) {
+      const Vector2d off(yaw - marginal.yaw.mean, size - marginal.size.mean);
+      const double weight = std::exp(-0.5 * off.dot(marginal.shape_precision * off));
+      nodes.push_back({{yaw, size}, weight});
+      total += weight;
+    }
+  }
+  for (ShapeNode& node : nodes) node.weight /= total;
+  std::erase_if(nodes, [](const ShapeNode& node) { return node.weight < kNegligible; });
+  return nodes;
+}
+
+/// Steps of positions and of footprints: `stride` pixels from one position to the next, `per_cell`
+/// pixels across a cell; one of them is 1.
+struct Lattice {
+  double step = 1;  ///< m, of a pixel
+  int stride = 1, per_cell = 1;
+
+  double position_step() const { return step * stride; }
+};
+
+Lattice lattice_for(double cell_size, double finest_sigma, double coarsest_step) {
+  const double wanted = std::min(kStep * finest_sigma, coarsest_step);
+  Lattice lattice;
+  if (wanted < cell_size) {
+    lattice.per_cell = static_cast<int>(std::ceil(cell_size / wanted));
+    lattice.step = cell_size / lattice.per_cell;
+  } else {
+    lattice.stride = (static_cast<int>(wanted / cell_size) - 1) / 2 * 2 + 1;  // odd: about a pixel
+    lattice.step = cell_size;
+  }
+  return lattice;
+}
+
+double diagonal(const GridGeometry& grid) {
+  return grid.cell_size * std::hypot(grid.columns, grid.rows);
+}
+
+/// The covariance with no axis shorter or longer than is resolved.
+Matrix2d resolved(const Matrix2d& covariance, const GridGeometry& grid, double& smallest_sigma) {
+  const double finest = kFinest * grid.cell_size;
+  const double widest = kWidest * diagonal(grid);
+  const Eigen::SelfAdjointEigenSolver<Matrix2d> axes(covariance);
+  const Vector2d variance = axes.eigenvalues().cwiseMax(finest * finest).cwiseMin(widest * widest);
+  smallest_sigma = std::sqrt(variance.minCoeff());
+  return axes.eigenvectors() * variance.asDiagonal() * axes.eigenvectors().transpose();
+}
+
+/// Share of the interval [center - half, center + half] within [lower, upper].
+double share_within(double center, double half, double lower, double upper) {
+  return std::clamp((std::min(center + half, upper) - std::max(center - half, lower)) / (2 * half),
+                    0.0, 1.0);
+}
+
+/// A lattice point where the object may stand.
+struct PositionNode {
+  int column = 0, row = 0;  ///< steps of positions from the anchor
+  double weight = 0;
+};
+
+/// Positions with their probabilities, which sum to `not_seen`.
+struct Positions {
+  std::vector<PositionNode> nodes;
+  Vector2d anchor = Vector2d::Zero();  ///< m, of node (0, 0)
+  double not_seen = 1;                 ///< probability that the object has not been seen
+};
+
+/// Range of lattice steps from the anchor that positions can have along an axis.
+std::pair<int, int> steps_along(double mean, double sigma, double lower, double upper,
+                                double anchor, double step) {
+  const double from = std::max(mean - kTail * sigma, lower);
+  const double to = std::min(mean + kTail * sigma, upper);
+  return {static_cast<int>(std::floor((from - anchor) / step)),
+          static_cast<int>(std::ceil((to - anchor) / step))};
+}
+
+Positions positions_of(const ObjectMarginal& marginal, const Matrix2d& covariance, double step,
+                       const GridGeometry& grid, std::span<const double> not_seen) {
+  Positions positions;
+  positions.anchor = marginal.position.cwiseMax(marginal.lower).cwiseMin(marginal.upper);
+  const Matrix2d precision = covariance.inverse();
+  const auto [left, right] =
+      steps_along(marginal.position.x(), std::sqrt(covariance(0, 0)), marginal.lower.x(),
+                  marginal.upper.x(), positions.anchor.x(), step);
+  const auto [bottom, top] =
+      steps_along(marginal.position.y(), std::sqrt(covariance(1, 1)), marginal.lower.y(),
+                  marginal.upper.y(), positions.anchor.y(), step);
+  // Relative to the density at the anchor, which may lie far out where the prior cuts it off.
+  const Vector2d origin = positions.anchor - marginal.position;
+  const double reference = origin.dot(precision * origin);
+  double total = 0;
+  double unseen = 0;
+  for (int row = bottom; row <= top; ++row) {
+    for (int column = left; column <= right; ++column) {
+      const Vector2d place = positions.anchor + step * Vector2d(column, row);
+      const double within =
+          share_within(place.x(), step / 2, marginal.lower.x(), marginal.upper.x()) *
+          share_within(place.y(), step / 2, marginal.lower.y(), marginal.upper.y());
+      const Vector2d off = place - marginal.position;
+      double weight = within * std::exp(-0.5 * (off.dot(precision * off) - reference));
+      if (!(weight > kNegligible)) continue;
+      total += weight;
+      const Cell cell = grid.cell_at(place);
+      if (!not_seen.empty() && grid.contains(cell)) weight *= not_seen[grid.index(cell)];
+      unseen += weight;
+      positions.nodes.push_back({column, row, weight});
+    }
+  }
+  if (positions.nodes.empty()) {  // a search region much narrower than a cell
+    positions.nodes.push_back({0, 0, 1});
+    return positions;
+  }
+  for (PositionNode& node : positions.nodes) node.weight /= total;
+  positions.not_seen = unseen / total;
+  return positions;
+}
+
+/// Footprints of all shapes, each moved to where the position's mean is given the shape.
+FootprintKernel draw_shapes(const std::vector<ShapeNode>& nodes, const ObjectMarginal& marginal,
+                            const GroundObject& object, const Lattice& lattice, double cell_size,
+                            const Vector2d& shift) {
+  const Vector2d mean(marginal.yaw.mean, marginal.size.mean);
+  std::vector<Footprint> drawn;
+  Vector2d lower = Vector2d::Zero();
+  Vector2d upper = Vector2d::Zero();
+  for (const ShapeNode& node : nodes) {
+    const Vector2d moved = marginal.slope * (node.shape - mean);
+    const Matrix2d turn = node.shape[1] * Eigen::Rotation2Dd(node.shape[0]).toRotationMatrix();
+    Footprint corners;
+    for (const Vector2d& corner : object.outline) corners.emplace_back(moved + turn * corner);
+    drawn.push_back(widened(corners, cell_size));
+    for (const Vector2d& corner : drawn.back()) {
+      lower = lower.cwiseMin(corner);
+      upper = upper.cwiseMax(corner);
+    }
+  }
+  FootprintKernel kernel = empty_kernel(lattice.step, shift, lower, upper, lattice.stride / 2 + 1);
+  for (std::size_t i = 0; i < nodes.size(); ++i) add_polygon(drawn[i], nodes[i].weight, kernel);
+  box_average(lattice.stride, kernel);
+  return kernel;
+}
+
+/// Every `per_cell`-th value of a kernel along both axes, one table for each place to begin at.
+struct KernelPhases {
+  struct Table {
+    int first_column = 0, first_row = 0;  ///< in cells
+    int columns = 0, rows = 0;
+    std::vector<double> values;
+  };
+  int per_cell = 1;
+  std::vector<Table> tables;  ///< [per_cell, per_cell] by row and column modulo `per_cell`
+};
+
+int floor_divide(int a, int b) { return a >= 0 ? a / b : -((-a + b - 1) / b); }
+
+KernelPhases phases_of(FootprintKernel& kernel, int per_cell) {
+  KernelPhases phases;
+  phases.per_cell = per_cell;
+  const auto first = [&](int begin, int phase) {
+    return floor_divide(begin - phase + per_cell - 1, per_cell);
+  };
+  for (int y = 0; y < per_cell; ++y) {
+    for (int x = 0; x < per_cell; ++x) {
+      KernelPhases::Table table;
+      table.first_column = first(kernel.first_column, x);
+      table.first_row = first(kernel.first_row, y);
+      table.columns = first(kernel.first_column + kernel.columns, x) - table.first_column;
+      table.rows = first(kernel.first_row + kernel.rows, y) - table.first_row;
+      for (int row = 0; row < table.rows; ++row) {
+        for (int column = 0; column < table.columns; ++column) {
+          table.values.push_back(kernel.at((table.first_column + column) * per_cell + x,
+                                           (table.first_row + row) * per_cell + y));
+        }
+      }
+      phases.tables.push_back(std::move(table));
+    }
+  }
+  return phases;
+}
+
+/// Adds `weight` times a table to a window, where they overlap.
+BLINDCORNER_MULTIVERSION
+void add_table(const double* table, int table_columns, double weight, int columns, int rows,
+               double* window, int window_columns) {
+  for (int row = 0; row < rows; ++row) {
+    const double* from = table + static_cast<std::ptrdiff_t>(row) * table_columns;
+    double* to = window + static_cast<std::ptrdiff_t>(row) * window_columns;
+    BLINDCORNER_INDEPENDENT
+    for (int column = 0; column < columns; ++column) to[column] += weight * from[column];
+  }
+}
+
+void place_table(const KernelPhases::Table& table, int column, int row, double weight,
+                 Window& window) {
+  // First and last cell of the table inside the window.
+  const int left = std::max(column + table.first_column, window.first_column);
+  const int bottom = std::max(row + table.first_row, window.first_row);
+  const int right =
+      std::min(column + table.first_column + table.columns, window.first_column + window.columns);
+  const int top = std::min(row + table.first_row + table.rows, window.first_row + window.rows);
+  if (left >= right || bottom >= top) return;
+  const std::ptrdiff_t from =
+      static_cast<std::ptrdiff_t>(bottom - row - table.first_row) * table.columns +
+      (left - column - table.first_column);
+  const std::ptrdiff_t to =
+      static_cast<std::ptrdiff_t>(bottom - window.first_row) * window.columns +
+      (left - window.first_column);
+  add_table(table.values.data() + from, table.columns, weight, right - left, top - bottom,
+            window.values.data() + to, window.columns);
+}
+
+/// The part of the grid that an object at these positions can reach.
+Window window_for(const Positions& positions, const Cell& anchor_cell, const Lattice& lattice,
+                  const FootprintKernel& kernel, const GridGeometry& grid) {
+  int left = 0, right = -1, bottom = 0, top = -1;
+  if (!positions.nodes.empty()) {
+    const auto columns = std::ranges::minmax(positions.nodes, {}, &PositionNode::column);
+    const auto rows = std::ranges::minmax(positions.nodes, {}, &PositionNode::row);
+    const auto cells = [&](int steps, int pixels) {
+      return floor_divide(steps * lattice.stride + pixels, lattice.per_cell);
+    };
+    left = anchor_cell.column + cells(columns.min.column, kernel.first_column);
+    right = anchor_cell.column + cells(columns.max.column, kernel.first_column + kernel.columns);
+    bottom = anchor_cell.row + cells(rows.min.row, kernel.first_row);
+    top = anchor_cell.row + cells(rows.max.row, kernel.first_row + kernel.rows);
+  }
+  Window window;
+  window.first_column = std::clamp(left, 0, grid.columns);
+  window.first_row = std::clamp(bottom, 0, grid.rows);
+  window.columns = std::clamp(right + 1, 0, grid.columns) - window.first_column;
+  window.rows = std::clamp(top + 1, 0, grid.rows) - window.first_row;
+  window.values.assign(
+      static_cast<std::size_t>(window.columns) * static_cast<std::size_t>(window.rows), 0.0);
+  return window;
+}
+
+/// Whether no position that the object may have touches the grid.
+bool out_of_reach(const ObjectMarginal& marginal, const Matrix2d& covariance,
+                  const GroundObject& object, const GridGeometry& grid) {
+  const Vector2d center = grid.origin + grid.cell_size / 2 * Vector2d(grid.columns, grid.rows);
+  const double reach =
+      kTail * std::sqrt(covariance.trace()) + diagonal(grid) + object.radius * marginal.size.upper +
+      (marginal.slope.cwiseAbs() *
+       Vector2d(marginal.yaw.upper - marginal.yaw.lower, marginal.size.upper - marginal.size.lower))
+          .norm();
+  return !((marginal.position - center).norm() <= reach);
+}
+
+}  // namespace
+
+ObjectSpread spread(const ObjectMarginal& marginal, const GroundObject& object,
+                    const GridGeometry& grid, std::span<const double> not_seen) {
+  double sigma = 0;
+  const Matrix2d covariance = resolved(marginal.covariance, grid, sigma);
+  if (out_of_reach(marginal, covariance, object, grid)) return {};
+  double coarsest = std::min((marginal.upper - marginal.lower).minCoeff() / kRegionSteps,
+                             diagonal(grid) / kGridSteps);
+  // Borders of what was seen matter on the scale of the object.
+  if (!not_seen.empty()) coarsest = std::min(coarsest, object.radius / 2);
+  const Lattice lattice = lattice_for(grid.cell_size, sigma, std::max(coarsest, grid.cell_size));
+  const Positions positions =
+      positions_of(marginal, covariance, lattice.position_step(), grid, not_seen);
+
+  // Pixels of the kernel stand for centres of cells as seen from the anchor.
+  const Cell anchor_cell = grid.cell_at(positions.anchor);
+  const Vector2d shift = positions.anchor - grid.center(anchor_cell);
+  const auto nodes = shape_nodes(marginal, object.radius, sigma);
+  FootprintKernel kernel = draw_shapes(nodes, marginal, object, lattice, grid.cell_size, shift);
+  const KernelPhases phases = phases_of(kernel, lattice.per_cell);
+
+  ObjectSpread result{window_for(positions, anchor_cell, lattice, kernel, grid),
+                      positions.not_seen};
+  const int n = phases.per_cell;
+  for (const PositionNode& node : positions.nodes) {
+    // Cell c sees the node at pixel (c - anchor) * per_cell - steps * stride.
+    const int x = node.column * lattice.stride;
+    const int y = node.row * lattice.stride;
+    const int phase_x = -x - n * floor_divide(-x, n);
+    const int phase_y = -y - n * floor_divide(-y, n);
+    place_table(phases.tables[static_cast<std::size_t>(phase_y * n + phase_x)],
+                anchor_cell.column + floor_divide(x + phase_x, n),
+                anchor_cell.row + floor_divide(y + phase_y, n), node.weight, result.window);
+  }
+  return result;
+}
+
+}  // namespace blindcorner
