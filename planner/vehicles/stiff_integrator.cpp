@@ -25,6 +25,8 @@ using Matrix = boost::numeric::ublas::matrix<double>;
 /// One of this share of the step is then taken explicitly: it errs by at most the jump times its
 /// length (1e-7 s of a step of 0.1 s), and is far below the fastest time constant (about 1e-5 s).
 constexpr double kShortestShare = 1e-6;
+/// Harsh steps of the car take some 50 inner steps; equations that take so many have no solution.
+constexpr int kMostInnerSteps = 20'000;
 /// Forward differences: error of rounding and of the quotient are about equal.
 const double kDifference = std::sqrt(std::numeric_limits<double>::epsilon());
 
@@ -50,6 +52,11 @@ void jacobian(const RightHandSide& f, const StateVector& x, Matrix& result) {
   }
 }
 
+[[noreturn]] void fail(double time, double dt) {
+  throw Error("vehicle: its equations of motion have no finite solution beyond " +
+              std::to_string(time) + " s of a step of " + std::to_string(dt) + " s");
+}
+
 class Rosenbrock : public Integrator {
  public:
   explicit Rosenbrock(const IntegratorTolerance& tolerance) : tolerance_(tolerance) {
@@ -68,7 +75,9 @@ class Rosenbrock : public Integrator {
     copy(x, now);
     const double shortest = kShortestShare * dt;
     double time = 0, inner = dt;
+    int inner_steps = 0;
     while (dt - time > shortest) {
+      if (++inner_steps > kMostInnerSteps) fail(time, dt);
       inner = std::min(inner, dt - time);
       const double asked = inner;
       if (stepper.try_step(std::make_pair(system, slopes), now, time, inner) == odeint::success) {
@@ -82,10 +91,7 @@ class Rosenbrock : public Integrator {
       time += shortest, inner = 10 * shortest;
     }
     const StateVector end = from(now);
-    if (!end.allFinite()) {
-      throw Error("vehicle: the equations of motion have no finite solution over a step of " +
-                  std::to_string(dt) + " s");
-    }
+    if (!end.allFinite()) fail(time, dt);
     return end;
   }
 

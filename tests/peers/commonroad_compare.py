@@ -26,7 +26,6 @@ from vehiclemodels.vehicle_dynamics_std import vehicle_dynamics_std
 PERIOD = 0.01  # s, of a held command
 DURATION = 5.0  # s
 EQUAL = 1e-3  # m
-FRICTION = 0.9 * 9.81  # m/s^2, the car's
 
 PARAMETERS = parameters_vehicle2()
 PEERS = {

@@ -20,7 +20,9 @@ struct SingleTrackTyres {
 /// rate (rad/s), slip angle (rad). Tyre forces grow without bound with slip (no friction circle),
 /// load moves with the commanded acceleration. The derivatives jump where the speed crosses
 /// `kinematic_below`: below, yaw rate and slip angle follow from the steering angle's rate, and
-/// whatever they were at the crossing stays as an offset.
+/// whatever they were at the crossing stays as an offset. Not for reversing: beyond
+/// -kinematic_below these equations are unstable (slip angles take the speed's sign) and grow
+/// without bound.
 std::shared_ptr<const VehicleModel> make_single_track(const SingleTrackParameters& parameters = {},
                                                       const SingleTrackTyres& tyres = {});
 

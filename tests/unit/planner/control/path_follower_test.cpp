@@ -68,7 +68,7 @@ TEST(PathFollower, TurnsTheCorner) {
     const Drive left = drive(car_at(speed), l_turn(15, 30, 0.25), at_speed(speed));
     EXPECT_LT(left.worst_offset, error) << speed;
     const Drive right = drive(car_at(speed), mirrored(l_turn(15, 30, 0.25)), at_speed(speed));
-    EXPECT_NEAR(right.worst_offset, left.worst_offset, 1e-3) << speed;
+    EXPECT_NEAR(right.worst_offset, left.worst_offset, 5e-3) << speed;
     if (speed > 10) continue;  // 30 m after the corner are too short to come back
     EXPECT_TRUE(left.arrived) << speed;
     EXPECT_LT(left.final_miss, 0.15) << speed;

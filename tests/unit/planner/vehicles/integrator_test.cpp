@@ -30,14 +30,15 @@ TEST(StiffIntegrator, FollowsFastAndSlowDecays) {
 }
 
 TEST(StiffIntegrator, PassesJumps) {
-  // A slope that jumps from 1 to -1000 at 0.05 and holds the state there.
+  // A slope that jumps from 1 to 0 at 0.05. The error is the tolerance's: the root mean square over
+  // three states.
   const RightHandSide f = [](const StateVector& x) {
     StateVector dx = StateVector::Zero(3);
     dx[2] = x[2] < 0.05 ? 1 : 0;
     return dx;
   };
   const StateVector end = make_stiff_integrator()->advance(f, StateVector::Zero(3), 0.1);
-  EXPECT_NEAR(end[2], 0.05, 1e-6);
+  EXPECT_NEAR(end[2], 0.05, 5e-6);
 }
 
 TEST(StiffIntegrator, SaysWhenThereIsNoSolution) {
@@ -66,18 +67,17 @@ TEST(ExplicitIntegrators, HaveTheirOrders) {
 }
 
 TEST(ExplicitIntegrators, BlowUpWhereTheStiffOneDoesNot) {
-  // Wheels at rest settle within 12 us.
+  // Wheels follow the car within 12 us at rest, 0.1 ms at 1 m/s.
   for (const auto& integrator : {make_euler_integrator(), make_rk4_integrator()}) {
     Vehicle car(make_vehicle_model("car"), integrator);
     car.place({.speed = 1});
     for (int i = 0; i < 20; ++i) car.step(VehicleCommand{-2, 0.1}, 0.01);
-    const VehicleState state = car.state();
     Vehicle exact(make_vehicle_model("car"));
     exact.place({.speed = 1});
     for (int i = 0; i < 20; ++i) exact.step(VehicleCommand{-2, 0.1}, 0.01);
-    // Not NaN alone: friction is bounded, so wheels may spin to and fro instead.
-    const bool wrong = !(std::abs(car.states()[8] - exact.states()[8]) < 1);
-    EXPECT_TRUE(wrong) << state.speed;
+    // Friction is bounded, so the wheels spin to and fro instead of ever faster: they do not brake.
+    EXPECT_NEAR(exact.state().speed, 0.6, 0.02);
+    EXPECT_GT(std::abs(car.state().speed - exact.state().speed), 0.2);
   }
 }
 

@@ -35,7 +35,13 @@ Vehicle at_speed(const std::string& name, double speed) {
 }
 
 VehicleState driven(Vehicle vehicle, const std::vector<VehicleCommand>& commands, double dt) {
-  for (const VehicleCommand& command : commands) {
+  // CommonRoad's dynamic models are not made for standing or reversing.
+  const bool keeps_rolling = vehicle.model().name().starts_with("single_track");
+  for (VehicleCommand command : commands) {
+    if (keeps_rolling) {
+      const double gentlest = (0.5 - vehicle.state().speed) / kInputPeriod;
+      command.acceleration = std::max(command.acceleration, gentlest);
+    }
     const auto steps = std::lround(kInputPeriod / dt);
     for (long i = 0; i < steps; ++i) vehicle.step(command, dt);
   }
