@@ -29,6 +29,7 @@ struct DriveArguments {
   int check_sensor = 0;
   bool real_time = false;
   bool no_page = false;
+  bool animation = false;
   DriveOptions options;
 };
 
@@ -123,6 +124,9 @@ int run_drive(const DriveArguments& arguments) {
   if (!arguments.no_page) {
     write_atomically((directory / "index.html").string(), drive_page(drive, options, result));
   }
+  if (arguments.animation) {
+    write_atomically((directory / "drive.svg").string(), drive_animation(drive, result));
+  }
   write_atomically((directory / "drive.json").string(),
                    dump_json(drive_json(drive, options, result), 1) + "\n");
   std::printf("%s: %s with %s after %.1f s and %.1f m (mean %.2f m/s), clearance %.2f m\n",
@@ -162,6 +166,8 @@ void add_drive_command(CLI::App& app, int& exit_code) {
       .add_option("--check-sensor", arguments->check_sensor,
                   "compare the simulated light with the reference renderer's on so many frames")
       ->check(CLI::NonNegativeNumber);
+  command.add_flag("--animation", arguments->animation,
+                   "write DIR/drive.svg, which moves, as well");
   command.add_flag("--no-page", arguments->no_page, "do not write index.html");
   command.callback([arguments, &exit_code] { exit_code = run_drive(*arguments); });
 }

@@ -44,15 +44,17 @@ std::pair<double, double> read_stated_or_drawn(const JsonReader& reader, const N
 }
 
 DriveVehicle read_vehicle(const JsonReader& reader) {
-  reader.allow_only({"kind", "length_m", "width_m", "height_m", "start"});
+  reader.allow_only({"kind", "length_m", "width_m", "height_m", "turning_radius_m", "start"});
   DriveVehicle vehicle;
   if (reader.at("kind").word({"car", "robot"}) == "robot") {
     vehicle.kind = VehicleKind::robot;
-    vehicle.length = 0.2, vehicle.width = 0.2, vehicle.height = 0.3;
+    vehicle.length = 0.2, vehicle.width = 0.2, vehicle.height = 0.3, vehicle.turning_radius = 0;
   }
   vehicle.length = reader.at("length_m").number_or(vehicle.length, kVehicleLength);
   vehicle.width = reader.at("width_m").number_or(vehicle.width, kVehicleLength);
   vehicle.height = reader.at("height_m").number_or(vehicle.height, kVehicleLength);
+  vehicle.turning_radius =
+      reader.at("turning_radius_m").number_or(vehicle.turning_radius, NumberRange::between(0, 1e3));
   const JsonReader start = reader.at("start");
   start.allow_only({"position_m", "yaw_deg", "speed_m_per_s"});
   vehicle.start = read_point(start.at("position_m"));

@@ -40,6 +40,8 @@ constexpr double kWallEvidence = 6.9;
 constexpr double kAvoidedProbability = 0.2;
 /// What is unknown is no obstacle, or nothing could be driven around a corner, but costs as risk.
 constexpr double kUnknownOccupancy = 0.1;
+/// Room that plans leave on each side for the follower's offset from the path, in widths.
+constexpr double kMargin = 0.1;
 /// A metre at risk 0.1 costs as much as two.
 constexpr double kRiskWeight = 10;
 /// Frames of one drive draw their photons from seeds this far apart: a prime beyond their number.
@@ -80,7 +82,10 @@ PathPlannerOptions planner_options(const DriveVehicle& vehicle, const VehicleMod
   options.grid.unknown_occupancy = kUnknownOccupancy;
   options.grid.risk_weight = kRiskWeight;
   const VehicleRectangle body = model.footprint();
-  options.smoothing.footprint = VehicleFootprint::rectangle(body.length, body.width, body.center_x);
+  const double margin = kMargin * body.width;
+  options.smoothing.min_turning_radius = vehicle.turning_radius;
+  options.smoothing.footprint =
+      VehicleFootprint::rectangle(body.length + 2 * margin, body.width + 2 * margin, body.center_x);
   return options;
 }
 

@@ -25,7 +25,8 @@ struct DriveVehicle {
   double height = 1.5;                              ///< m: what is higher is driven under
   Eigen::Vector2d start = Eigen::Vector2d::Zero();  ///< m, world
   double start_yaw = 0;                             ///< rad
-  std::optional<double> start_speed;                ///< m/s; empty: the wanted speed
+  double turning_radius = 5.5;        ///< m, tightest of a plan; 0: it can turn on the spot
+  std::optional<double> start_speed;  ///< m/s; empty: the wanted speed
 };
 
 /// The histogram sensor on the vehicle, and what may go wrong with its frames.

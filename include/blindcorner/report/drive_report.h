@@ -20,4 +20,7 @@ nlohmann::json drive_json(const Drive& drive, const DriveOptions& options,
 /// path, histograms, a time slider. Needs a result with pictures (DriveOptions::keep_pictures).
 std::string drive_page(const Drive& drive, const DriveOptions& options, const DriveResult& result);
 
+/// The map of that page as an animated SVG that loops (SMIL), for where no script may run.
+std::string drive_animation(const Drive& drive, const DriveResult& result);
+
 }  // namespace blindcorner
