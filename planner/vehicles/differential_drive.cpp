@@ -25,7 +25,7 @@ class DifferentialDrive : public VehicleModel {
   std::vector<std::string> state_names() const override {
     return {"x_m", "y_m", "yaw_rad", "left_m_per_s", "right_m_per_s"};
   }
-  Footprint footprint() const override { return {p_.length, p_.width, p_.axle_to_center}; }
+  VehicleRectangle footprint() const override { return {p_.length, p_.width, p_.axle_to_center}; }
   VehicleLimits limits() const override {
     return {.speed = p_.wheel_speed,
             .acceleration = p_.acceleration,

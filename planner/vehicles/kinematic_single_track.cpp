@@ -20,7 +20,7 @@ class KinematicSingleTrack : public VehicleModel {
   std::vector<std::string> state_names() const override {
     return {"x_m", "y_m", "steering_rad", "speed_m_per_s", "yaw_rad"};
   }
-  Footprint footprint() const override { return {p_.length, p_.width, p_.wheelbase() / 2}; }
+  VehicleRectangle footprint() const override { return {p_.length, p_.width, p_.wheelbase() / 2}; }
   VehicleLimits limits() const override {
     VehicleLimits limits = single_track_limits(p_, kGravity);
     limits.curvature = std::tan(p_.steering_angle) / p_.wheelbase();

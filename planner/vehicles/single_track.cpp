@@ -27,7 +27,7 @@ class SingleTrack : public VehicleModel {
     return {"x_m",     "y_m", "steering_rad", "speed_m_per_s", "yaw_rad", "yaw_rate_rad_per_s",
             "slip_rad"};
   }
-  Footprint footprint() const override { return {p_.length, p_.width, 0}; }
+  VehicleRectangle footprint() const override { return {p_.length, p_.width, 0}; }
   VehicleLimits limits() const override {
     return single_track_limits(p_, tyres_.friction * kGravity);
   }

@@ -44,7 +44,7 @@ class SingleTrackDrift : public VehicleModel {
             "front_wheel_rad_per_s",
             "rear_wheel_rad_per_s"};
   }
-  Footprint footprint() const override { return {p_.length, p_.width, 0}; }
+  VehicleRectangle footprint() const override { return {p_.length, p_.width, 0}; }
   VehicleLimits limits() const override { return single_track_limits(p_, tyre_.p_dy1 * kGravity); }
 
   StateVector initial(const VehicleState& state) const override {

@@ -977,5 +977,47 @@ TEST_F(Cli, VehiclesBenchmarkDrivesATableOfCommands) {
   EXPECT_THAT(wrong.err, HasSubstr("acceleration_m_per_s2 'fast'"));
 }
 
+TEST_F(Cli, DriveWritesWhatHappenedAndAPageThatPlaysIt) {
+  const std::string drive = std::string(SOURCE_DIR) + "/scenes/robot_drive.json";
+  const Outcome outcome = run("drive '" + drive + "' -o " + path("out") +
+                              " --perception oracle --seed 2 --real-time --animation");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, AllOf(HasSubstr("reached with oracle"), HasSubstr("plan")));
+  const json result = json::parse(text_of(path("out/drive.json")));
+  EXPECT_EQ(result["format"], "blindcorner.drive/1");
+  EXPECT_EQ(result["outcome"], "reached");
+  EXPECT_EQ(result["seed"], 2);
+  EXPECT_GT(result["clearance_m"], 0);
+  // The goal is 2.8 m away as the crow flies.
+  EXPECT_GT(result["length_m"], 2.7);
+  EXPECT_NEAR(result["mean_speed_m_per_s"].get<double>(),
+              result["length_m"].get<double>() / result["time_s"].get<double>(), 1e-9);
+  ASSERT_FALSE(result["frames"].empty());
+  EXPECT_EQ(result["frames"][0]["modes"].size(), 1U);
+  const std::string page = text_of(path("out/index.html"));
+  EXPECT_THAT(page, HasSubstr("\"canvas\""));
+  EXPECT_THAT(page, Not(HasSubstr("src=\"http")));
+  EXPECT_THAT(text_of(path("out/drive.svg")), HasSubstr("<animate"));
+}
+
+TEST_F(Cli, DriveRefusesWrongFilesAndNamesWithOneLine) {
+  const std::string drive = std::string(SOURCE_DIR) + "/scenes/robot_drive.json";
+  const auto refused = [&](const std::string& arguments, const std::string& message) {
+    const Outcome outcome = run("drive " + arguments + " -o " + path("out"));
+    EXPECT_EQ(outcome.exit_code, 2);
+    EXPECT_THAT(outcome.err, HasSubstr(message));
+    EXPECT_EQ(std::ranges::count(outcome.err, '\n'), 1);
+    EXPECT_FALSE(fs::exists(path("out")));
+  };
+  refused(path("none.json"), "none.json");
+  refused("'" + drive + "' --perception x-ray", "x-ray");
+  refused("'" + drive + "' --speed -1", "--speed");
+  json wrong = json::parse(text_of(drive));
+  wrong["scene"] = std::string(SOURCE_DIR) + "/scenes/robot_corridor.json";
+  wrong["perception"]["use"] = "guess";
+  std::ofstream(path("wrong.json")) << wrong;
+  refused(path("wrong.json"), "perception.use: found \"guess\"");
+}
+
 }  // namespace
 }  // namespace blindcorner

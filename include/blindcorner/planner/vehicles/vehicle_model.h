@@ -25,7 +25,7 @@ class VehicleModel {
   virtual std::string name() const = 0;
   /// Names of the states with their units, such as "yaw_rad"; position x and y come first.
   virtual std::vector<std::string> state_names() const = 0;
-  virtual Footprint footprint() const = 0;
+  virtual VehicleRectangle footprint() const = 0;
   virtual VehicleLimits limits() const = 0;
 
   /// States of a vehicle that moves as told, wheels rolling without slip. What the model has no

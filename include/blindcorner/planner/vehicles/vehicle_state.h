@@ -29,7 +29,7 @@ struct VehicleState {
 Transform T_world_vehicle(const VehicleState& state);
 
 /// Rectangle that the vehicle covers, long side along its x.
-struct Footprint {
+struct VehicleRectangle {
   double length = 0, width = 0;  ///< m
   double center_x = 0;           ///< of the rectangle in the vehicle's frame (its y is 0), m
 };

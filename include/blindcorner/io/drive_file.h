@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Drive files: JSON, documented field by field in docs/drive.md.
+#pragma once
+
+#include <Eigen/Core>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "blindcorner/forward/scene/motion.h"
+#include "blindcorner/forward/scene/scene.h"
+#include "blindcorner/planner/grid/grid_geometry.h"
+
+namespace blindcorner {
+
+/// What drives.
+enum class VehicleKind { car, robot };
+
+/// Body of the vehicle and where it starts. Its reference point is the middle of the body.
+struct DriveVehicle {
+  VehicleKind kind = VehicleKind::car;
+  double length = 4.5;                              ///< m
+  double width = 1.8;                               ///< m
+  double height = 1.5;                              ///< m: what is higher is driven under
+  Eigen::Vector2d start = Eigen::Vector2d::Zero();  ///< m, world
+  double start_yaw = 0;                             ///< rad
+  double turning_radius = 5.5;        ///< m, tightest of a plan; 0: it can turn on the spot
+  std::optional<double> start_speed;  ///< m/s; empty: the wanted speed
+};
+
+/// The histogram sensor on the vehicle, and what may go wrong with its frames.
+struct DriveSensor {
+  Transform T_vehicle_sensor = Transform::Identity();
+  double rate = 10;          ///< frames per second
+  double light = 1;          ///< factor on the laser's light; daylight stays
+  double missing_share = 0;  ///< probability that a frame never arrives
+  double late_share = 0;     ///< probability that a frame arrives late
+  double late_by = 0;        ///< s, by which it then is late
+};
+
+/// What the vehicle sees directly: a plane of rays about the sensor's axis.
+struct DirectSight {
+  double field_of_view = 0.8;  ///< rad, horizontal, full angle
+  double range = 100;          ///< m
+};
+
+/// One component of the true hidden object: drawn uniformly from an interval; stated where both
+/// ends are the same.
+struct TrueComponent {
+  double lower = 0;  ///< m, rad or 1
+  double upper = 0;  ///< m, rad or 1
+};
+
+/// The truth that the vehicle does not know.
+struct DriveTruth {
+  bool present = true;  ///< whether there is a hidden object at all
+  /// [unknowns] of the scene; empty: drawn from the scene's prior.
+  std::vector<std::optional<TrueComponent>> components;
+  /// [objects] m/s. An object stops where its search region ends.
+  std::vector<Eigen::Vector2d> velocity;
+};
+
+/// A drive: everything that `blindcorner drive` needs to know.
+struct Drive {
+  std::string name;
+  std::string path;  ///< of the file, for messages
+  Scene scene;
+  Motion motion;  ///< of the hidden object as the tracker assumes it
+  DriveVehicle vehicle;
+  /// Points on the way, m, world; the last one is the goal.
+  std::vector<Eigen::Vector2d> route;
+  double goal_tolerance = 1;  ///< m
+  double speed_lower =
+      5;  ///< m/s, wanted speed: drawn uniformly, or stated where both are the same
+  double speed_upper = 5;  ///< m/s
+  double time_limit = 60;  ///< s
+  DriveSensor sensor;
+  DirectSight sight;
+  GridGeometry map;
+  DriveTruth truth;
+  std::string perception = "solver";
+  std::map<std::string, double> delay;  ///< s, by perception; 0 where nothing is declared
+};
+
+/// Reads a drive file and the scene that it names. Throws Error with one line: file, field path,
+/// what was found, what is accepted. Unknown fields are errors.
+Drive read_drive(const std::string& path);
+
+}  // namespace blindcorner

@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+/// `drive.json`: what happened on a drive, for other programs. Fields are explained in
+/// docs/drive.md.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "blindcorner/simulation/drive_loop.h"
+
+namespace blindcorner {
+
+inline constexpr const char* kDriveFormat = "blindcorner.drive/1";
+
+/// Numbers that are not finite become null.
+nlohmann::json drive_json(const Drive& drive, const DriveOptions& options,
+                          const DriveResult& result);
+
+/// A self-contained page that plays the drive: a map with vehicle, field of view, grid, modes and
+/// path, histograms, a time slider. Needs a result with pictures (DriveOptions::keep_pictures).
+std::string drive_page(const Drive& drive, const DriveOptions& options, const DriveResult& result);
+
+/// The map of that page as an animated SVG that loops (SMIL), for where no script may run.
+std::string drive_animation(const Drive& drive, const DriveResult& result);
+
+}  // namespace blindcorner

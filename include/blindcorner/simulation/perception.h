@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+/// What a vehicle makes of its sensor's frames: one interface for all that may sit behind it.
+///
+/// A perception that is added is one file that implements Perception, and one line in the list of
+/// perception.cpp.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "blindcorner/forward/scene/motion.h"
+#include "blindcorner/forward/scene/pose_mixture.h"
+#include "blindcorner/forward/scene/scene.h"
+#include "blindcorner/forward/sensor/capture.h"
+#include "blindcorner/inverse/fit.h"
+#include "blindcorner/planner/grid/hidden_motion.h"
+
+namespace blindcorner {
+
+/// What a perception says of hidden objects after a frame.
+struct PerceptionAnswer {
+  std::optional<PoseMixture> mixture;      ///< empty: it has nothing to say
+  std::vector<PlanarVelocity> velocities;  ///< [hidden objects] where it knows them, else empty
+  std::vector<std::string> flags;          ///< words, as those of a fit's result
+  std::string error;                       ///< one line when it failed on the frame; else empty
+};
+
+/// Called with the frames in the order of time; keeps what it learnt. Not thread safe.
+class Perception {
+ public:
+  virtual ~Perception() = default;
+
+  /// `capture` with the sensor's pose in the world; `time` in s since the start of the drive. Never
+  /// throws for a frame that it cannot use: the answer's `error` says so.
+  virtual PerceptionAnswer perceive(const Capture& capture, const Transform& T_world_sensor,
+                                    double time) = 0;
+};
+
+/// What perceptions are made from.
+struct PerceptionSetup {
+  const Scene& scene;  ///< as the vehicle knows it
+  Motion motion;       ///< of hidden objects as a tracker assumes it
+  FitOptions fit;
+  /// The hidden objects' true pose at a time, s; empty: there are none. For the oracle only.
+  std::function<std::optional<PoseVector>(double)> truth;
+};
+
+/// "los": knows hidden objects only when they are in sight, so it never has anything to say itself.
+/// "solver": the fit and its tracker. "oracle": the truth, within the known pose's deviations.
+std::vector<std::string> perception_names();
+
+/// Throws Error for an unknown name, and where the scene does not suit the perception.
+std::unique_ptr<Perception> make_perception(const std::string& name, const PerceptionSetup& setup);
+
+/// Standard deviations that are stated of a pose which is known: a finger's breadth, a few degrees.
+inline constexpr double kKnownPosition = 0.02;  ///< m
+inline constexpr double kKnownAngle = 0.05;     ///< rad
+inline constexpr double kKnownSize = 0.02;      ///< relative
+
+/// The mixture that states a known pose (empty: that nothing is there) within these.
+PoseMixture known_pose(const Scene& scene, const std::optional<PoseVector>& pose);
+
+}  // namespace blindcorner

@@ -1,0 +1,175 @@
+// SPDX-License-Identifier: Apache-2.0
+/// `blindcorner drive DRIVE -o DIR --perception NAME`: one simulated drive around a corner.
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+
+#include "blindcorner/forward/error.h"
+#include "blindcorner/io/atomic_file.h"
+#include "blindcorner/io/drive_file.h"
+#include "blindcorner/report/drive_report.h"
+#include "blindcorner/report/result_file.h"
+#include "blindcorner/simulation/drive_loop.h"
+#include "blindcorner/simulation/perception.h"
+#include "commands/commands.h"
+#include "commands/output_directory.h"
+
+namespace blindcorner {
+namespace {
+
+struct DriveArguments {
+  std::string drive;
+  std::string output;
+  std::string perception;
+  double speed = 0;
+  double light = 0;
+  int check_sensor = 0;
+  bool real_time = false;
+  bool no_page = false;
+  bool animation = false;
+  DriveOptions options;
+};
+
+double relative_difference(const HistogramCube& a, const HistogramCube& b) {
+  double difference = 0, size = 0;
+  for (std::size_t i = 0; i < a.values.size(); ++i) {
+    difference += std::pow(a.values[i] - b.values[i], 2);
+    size += b.values[i] * b.values[i];
+  }
+  return size > 0 ? std::sqrt(difference / size) : 0.0;
+}
+
+/// Simulated light against the reference renderer's on frames spread over the drive, relative L2.
+void check_sensor(const SimulatedSensor& sensor, const DriveResult& result, int count) {
+  std::vector<const DriveFrame*> sensed;
+  for (const DriveFrame& frame : result.frames) {
+    if (frame.counts) sensed.push_back(&frame);
+  }
+  const std::size_t frames = std::min(static_cast<std::size_t>(count), sensed.size());
+  std::printf("simulated sensor against the reference renderer (relative L2)\n");
+  std::printf("  %8s %12s %12s\n", "time s", "three-bounce", "static");
+  for (std::size_t i = 0; i < frames; ++i) {
+    const DriveFrame& frame = *sensed[i * sensed.size() / frames];
+    const SensedLight light = sensor.light(frame.T_world_sensor, frame.truth);
+    const SensedLight reference = sensor.reference_light(frame.T_world_sensor, frame.truth);
+    std::printf("  %8.2f %12.5f %12.6f\n", frame.time,
+                relative_difference(light.three_bounce, reference.three_bounce),
+                relative_difference(light.static_light, reference.static_light));
+    std::fflush(stdout);
+  }
+}
+
+/// Of one stage over the frames in which it ran, ms.
+void print_stage(const char* name, const DriveResult& result, double DriveTimes::*stage,
+                 double interval) {
+  std::vector<double> times;
+  for (const DriveFrame& frame : result.frames) {
+    if (frame.time_ms.*stage > 0) times.push_back(frame.time_ms.*stage);
+  }
+  if (times.empty()) return;
+  std::ranges::sort(times);
+  const double middle = times[times.size() / 2], longest = times.back();
+  const auto late = std::ranges::count_if(times, [&](double t) { return t > interval; });
+  std::printf("  %-10s %8zu %10.1f %10.1f   %s\n", name, times.size(), middle, longest,
+              late == 0 ? "keeps the sensor's rate"
+                        : ("too slow in " + std::to_string(late) + " frames").c_str());
+}
+
+void print_real_time(const Drive& drive, const DriveResult& result) {
+  const double interval = 1000 / drive.sensor.rate;
+  std::printf("run times against the sensor's interval of %.0f ms\n", interval);
+  std::printf("  %-10s %8s %10s %10s\n", "stage", "frames", "median ms", "longest ms");
+  print_stage("perceive", result, &DriveTimes::perceive, interval);
+  print_stage("map", result, &DriveTimes::map, interval);
+  print_stage("plan", result, &DriveTimes::plan, interval);
+  print_stage("control", result, &DriveTimes::control, interval);
+  print_stage("(sense)", result, &DriveTimes::sense, interval);
+}
+
+Drive drive_of(const DriveArguments& arguments) {
+  Drive drive = read_drive(arguments.drive);
+  if (arguments.light > 0) drive.sensor.light = arguments.light;
+  drive.scene = with_light(drive.scene, drive.sensor.light);
+  const std::vector<std::string> known = perception_names();
+  const auto check = [&](const std::string& name, const std::string& where) {
+    if (std::ranges::find(known, name) != known.end()) return;
+    std::string accepted;
+    for (const std::string& word : known) {
+      accepted += (accepted.empty() ? "\"" : ", \"") + word + "\"";
+    }
+    throw Error(where, "found \"" + name + "\", accepted: " + accepted);
+  };
+  check(drive.perception, arguments.drive + ": perception.use");
+  for (const auto& [name, delay] : drive.delay) {
+    check(name, arguments.drive + ": perception.delay_s");
+  }
+  if (!arguments.perception.empty()) check(arguments.perception, "--perception");
+  return drive;
+}
+
+int run_drive(const DriveArguments& arguments) {
+  const Drive drive = drive_of(arguments);
+  DriveOptions options = arguments.options;
+  options.perception = arguments.perception.empty() ? drive.perception : arguments.perception;
+  if (arguments.speed > 0) options.speed = arguments.speed;
+  options.keep_pictures = !arguments.no_page || arguments.check_sensor > 0;
+  const SimulatedSensor sensor(drive.scene);
+  make_directory(arguments.output);
+  const DriveResult result = drive_through(drive, sensor, options);
+  // The page first: whoever waits for drive.json then finds both.
+  const std::filesystem::path directory = arguments.output;
+  if (!arguments.no_page) {
+    write_atomically((directory / "index.html").string(), drive_page(drive, options, result));
+  }
+  if (arguments.animation) {
+    write_atomically((directory / "drive.svg").string(), drive_animation(drive, result));
+  }
+  write_atomically((directory / "drive.json").string(),
+                   dump_json(drive_json(drive, options, result), 1) + "\n");
+  std::printf("%s: %s with %s after %.1f s and %.1f m (mean %.2f m/s), clearance %.2f m\n",
+              drive.name.c_str(), outcome_word(result.outcome).c_str(), options.perception.c_str(),
+              result.time, result.length, result.mean_speed, result.clearance);
+  if (arguments.real_time) print_real_time(drive, result);
+  if (arguments.check_sensor > 0) check_sensor(sensor, result, arguments.check_sensor);
+  return kAllWell;
+}
+
+}  // namespace
+
+void add_drive_command(CLI::App& app, int& exit_code) {
+  CLI::App& command = *app.add_subcommand(
+      "drive", "drive around a corner in simulation; writes DIR/drive.json and DIR/index.html");
+  const auto arguments = std::make_shared<DriveArguments>();
+  command.add_option("DRIVE", arguments->drive, "drive file")->required();
+  command
+      .add_option("-o,--output", arguments->output, "directory for the results; made if missing")
+      ->required()
+      ->type_name("DIR");
+  command.add_option("--perception", arguments->perception,
+                     "los, solver or oracle; default: the drive file's");
+  command.add_option("--seed", arguments->options.seed, "of hidden objects, photons and faults")
+      ->capture_default_str();
+  command
+      .add_option("--speed,--speed-m-per-s", arguments->speed,
+                  "wanted speed, m/s; default: the drive file's")
+      ->check(CLI::PositiveNumber);
+  command
+      .add_option("--light", arguments->light,
+                  "factor on the laser's light; daylight stays; default: the drive file's")
+      ->check(CLI::PositiveNumber);
+  command.add_flag("--real-time", arguments->real_time,
+                   "say whether each stage keeps the sensor's rate on this machine");
+  command
+      .add_option("--check-sensor", arguments->check_sensor,
+                  "compare the simulated light with the reference renderer's on so many frames")
+      ->check(CLI::NonNegativeNumber);
+  command.add_flag("--animation", arguments->animation,
+                   "write DIR/drive.svg, which moves, as well");
+  command.add_flag("--no-page", arguments->no_page, "do not write index.html");
+  command.callback([arguments, &exit_code] { exit_code = run_drive(*arguments); });
+}
+
+}  // namespace blindcorner

@@ -1,0 +1,250 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "blindcorner/io/drive_file.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <tuple>
+#include <variant>
+
+#include "blindcorner/forward/constants.h"
+#include "blindcorner/forward/error.h"
+#include "blindcorner/forward/scene/orientation.h"
+#include "blindcorner/io/scene_file.h"
+#include "io/file_bytes.h"
+#include "io/json_reader.h"
+
+namespace blindcorner {
+namespace {
+
+using Eigen::Vector2d;
+using Json = JsonReader::Json;
+
+/// Limits against slips of the pen, as those of scene files.
+const NumberRange kPosition = NumberRange::between(-1e5, 1e5);
+const NumberRange kAnyAngle = NumberRange::between(-3600, 3600);
+const NumberRange kShare = NumberRange::between(0, 1);
+/// A vehicle is at least as large as a toy, and goes at most as fast as a train.
+const NumberRange kVehicleLength = NumberRange::between(0.01, 50);
+const NumberRange kSpeed{.lower = 0, .upper = 100, .above_lower = true};
+const NumberRange kDelay = NumberRange::between(0, 60);
+/// Of a map; 4 million cells are 2000 x 2000, whose planning takes seconds.
+constexpr double kMostCells = 4e6;
+
+Vector2d read_point(const JsonReader& reader) {
+  const auto parts = reader.elements_exactly(2, "numbers");
+  return {parts[0].number(kPosition), parts[1].number(kPosition)};
+}
+
+/// A number, or [lower, upper] from which one is drawn.
+std::pair<double, double> read_stated_or_drawn(const JsonReader& reader, const NumberRange& range) {
+  if (reader.is_array()) return reader.interval(range);
+  const double value = reader.number(range);
+  return {value, value};
+}
+
+DriveVehicle read_vehicle(const JsonReader& reader) {
+  reader.allow_only({"kind", "length_m", "width_m", "height_m", "turning_radius_m", "start"});
+  DriveVehicle vehicle;
+  if (reader.at("kind").word({"car", "robot"}) == "robot") {
+    vehicle.kind = VehicleKind::robot;
+    vehicle.length = 0.2, vehicle.width = 0.2, vehicle.height = 0.3, vehicle.turning_radius = 0;
+  }
+  vehicle.length = reader.at("length_m").number_or(vehicle.length, kVehicleLength);
+  vehicle.width = reader.at("width_m").number_or(vehicle.width, kVehicleLength);
+  vehicle.height = reader.at("height_m").number_or(vehicle.height, kVehicleLength);
+  vehicle.turning_radius =
+      reader.at("turning_radius_m").number_or(vehicle.turning_radius, NumberRange::between(0, 1e3));
+  const JsonReader start = reader.at("start");
+  start.allow_only({"position_m", "yaw_deg", "speed_m_per_s"});
+  vehicle.start = read_point(start.at("position_m"));
+  vehicle.start_yaw = start.at("yaw_deg").number_or(0, kAnyAngle) * kDegree;
+  if (const JsonReader speed = start.at("speed_m_per_s"); speed.present()) {
+    vehicle.start_speed = speed.number(NumberRange::between(0, 100));
+  }
+  return vehicle;
+}
+
+void read_frame_faults(const JsonReader& reader, DriveSensor& sensor) {
+  if (!reader.present()) return;
+  reader.allow_only({"missing_share", "late_share", "late_by_s"});
+  sensor.missing_share = reader.at("missing_share").number_or(0, kShare);
+  sensor.late_share = reader.at("late_share").number_or(0, kShare);
+  sensor.late_by = sensor.late_share > 0 ? reader.at("late_by_s").number(kDelay)
+                                         : reader.at("late_by_s").number_or(0, kDelay);
+}
+
+DriveSensor read_drive_sensor(const JsonReader& reader) {
+  reader.allow_only({"mount", "rate_hz", "light", "faults"});
+  DriveSensor sensor;
+  const JsonReader mount = reader.at("mount");
+  mount.allow_only({"position_m", "yaw_pitch_roll_deg"});
+  sensor.T_vehicle_sensor.translation() = mount.at("position_m").vector(kPosition);
+  if (const JsonReader angles = mount.at("yaw_pitch_roll_deg"); angles.present()) {
+    sensor.T_vehicle_sensor.linear() = rotation_of(angles.vector(kAnyAngle) * kDegree);
+  }
+  sensor.rate = reader.at("rate_hz").number(NumberRange::between(0.1, 1000));
+  sensor.light =
+      reader.at("light").number_or(1, NumberRange{.lower = 0, .upper = 1e6, .above_lower = true});
+  read_frame_faults(reader.at("faults"), sensor);
+  return sensor;
+}
+
+/// Horizontal angle that all zones of a sensor cover, rad.
+double horizontal_field(const Sensor& sensor) {
+  double left = 0, right = 0;
+  for (const Zone& zone : sensor.zones) {
+    const auto* footprint = std::get_if<AngularRectangle>(&zone.footprint);
+    if (footprint == nullptr) continue;
+    left = std::min(left, footprint->left);
+    right = std::max(right, footprint->right);
+  }
+  return right - left;
+}
+
+DirectSight read_sight(const JsonReader& reader, const Sensor& sensor) {
+  DirectSight sight;
+  sight.field_of_view = horizontal_field(sensor);
+  if (!reader.present()) return sight;
+  reader.allow_only({"fov_deg", "range_m"});
+  sight.field_of_view =
+      reader.at("fov_deg").number_or(sight.field_of_view / kDegree,
+                                     NumberRange{.lower = 0, .upper = 360, .above_lower = true}) *
+      kDegree;
+  sight.range = reader.at("range_m").number_or(sight.range, NumberRange::between(0.01, 1e5));
+  return sight;
+}
+
+GridGeometry read_map(const JsonReader& reader) {
+  reader.allow_only({"lower_m", "upper_m", "cell_m"});
+  const Vector2d lower = read_point(reader.at("lower_m"));
+  const Vector2d upper = read_point(reader.at("upper_m"));
+  GridGeometry map;
+  map.cell_size = reader.at("cell_m").number(NumberRange::between(1e-3, 100));
+  if (!((upper - lower).minCoeff() > 0)) {
+    reader.at("upper_m").fail("a corner above and to the right of lower_m");
+  }
+  // Borders that are whole numbers of cells keep them in spite of rounding.
+  constexpr double kRounding = 1e-9;
+  const Vector2d cells =
+      ((upper - lower) / map.cell_size - Vector2d::Constant(kRounding)).array().ceil();
+  if (cells.prod() > kMostCells) {
+    reader.at("cell_m").fail("cells of which the map has at most 4 million");
+  }
+  map.origin = lower;
+  map.columns = static_cast<int>(cells.x());
+  map.rows = static_cast<int>(cells.y());
+  return map;
+}
+
+/// Name of an unknown as drive files have it: angles in degrees.
+std::string file_name(const Scene& scene, const Unknown& unknown) {
+  std::string name = unknown_name(scene, unknown);
+  if (unknown.component == Component::yaw) name.replace(name.size() - 3, 3, "deg");
+  return name;
+}
+
+TrueComponent read_component(const JsonReader& reader, const Unknown& unknown) {
+  const double unit = unknown.component == Component::yaw ? kDegree : 1.0;
+  // What the scene file's degrees became in radians and back.
+  const double slack = 1e-9 * unknown.range() / unit;
+  if (!reader.is_array() && !reader.json().is_number()) reader.fail("a number or [lower, upper]");
+  const auto [lower, upper] = read_stated_or_drawn(
+      reader, NumberRange::between(unknown.lower / unit - slack, unknown.upper / unit + slack));
+  return {std::max(lower * unit, unknown.lower), std::min(upper * unit, unknown.upper)};
+}
+
+void read_velocities(const JsonReader& reader, DriveTruth& truth) {
+  if (!reader.present()) return;
+  const std::size_t objects = truth.velocity.size();
+  if (objects == 1) {
+    truth.velocity[0] = read_point(reader);
+    return;
+  }
+  const auto list = reader.elements_exactly(objects, "velocities, one per hidden object");
+  std::ranges::transform(list, truth.velocity.begin(), read_point);
+}
+
+DriveTruth read_truth(const JsonReader& reader, const Scene& scene) {
+  DriveTruth truth;
+  truth.components.resize(scene.unknowns.size());
+  truth.velocity.assign(static_cast<std::size_t>(object_count(scene)), Vector2d::Zero());
+  if (!reader.present()) return truth;
+  std::vector<std::string> names;
+  for (const Unknown& unknown : scene.unknowns) names.push_back(file_name(scene, unknown));
+  std::vector<std::string_view> fields(names.begin(), names.end());
+  fields.insert(fields.end(), {"present", "velocity_m_per_s"});
+  reader.allow_only(fields);
+  truth.present = reader.at("present").boolean_or(true);
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const JsonReader field = reader.at(names[i]);
+    if (field.present()) truth.components[i] = read_component(field, scene.unknowns[i]);
+  }
+  read_velocities(reader.at("velocity_m_per_s"), truth);
+  return truth;
+}
+
+void read_perception(const JsonReader& reader, Drive& drive) {
+  if (!reader.present()) return;
+  reader.allow_only({"use", "delay_s"});
+  drive.perception = reader.at("use").text_or(drive.perception);
+  if (const JsonReader delays = reader.at("delay_s"); delays.present()) {
+    for (const auto& [name, delay] : delays.fields()) drive.delay[name] = delay.number(kDelay);
+  }
+}
+
+/// Every point of the way lies on the map.
+void check_on_map(const JsonReader& reader, const GridGeometry& map, const Vector2d& point) {
+  if (!map.contains(map.cell_at(point))) reader.fail("a point on the map");
+}
+
+void read_route(const JsonReader& reader, Drive& drive) {
+  for (const JsonReader& point : reader.at("route_m").elements(1)) {
+    drive.route.push_back(read_point(point));
+    check_on_map(point, drive.map, drive.route.back());
+  }
+  check_on_map(reader.at("vehicle").at("start").at("position_m"), drive.map, drive.vehicle.start);
+  drive.goal_tolerance = reader.at("goal_tolerance_m")
+                             .number_or(drive.vehicle.length / 2, NumberRange::between(1e-3, 1e3));
+  std::tie(drive.speed_lower, drive.speed_upper) =
+      read_stated_or_drawn(reader.at("speed_m_per_s"), kSpeed);
+  drive.time_limit =
+      reader.at("time_limit_s")
+          .number_or(drive.time_limit, NumberRange{.lower = 0, .upper = 3600, .above_lower = true});
+}
+
+/// The scene beside the drive file. What is wrong with it is said of it.
+void read_named_scene(const JsonReader& reader, Drive& drive) {
+  const std::filesystem::path beside = std::filesystem::path(reader.file()).parent_path();
+  const std::string path = (beside / reader.text()).string();
+  if (!std::filesystem::exists(path)) reader.fail("a scene file, relative to the drive file");
+  drive.scene = read_scene(path);
+  drive.motion = read_motion(path);
+}
+
+}  // namespace
+
+Drive read_drive(const std::string& path) {
+  const Json document = JsonReader::parse(read_bytes(path), path);
+  const JsonReader reader(document, path);
+  if (!reader.is_object()) reader.fail("an object");
+  reader.allow_only({"name", "description", "scene", "vehicle", "route_m", "goal_tolerance_m",
+                     "speed_m_per_s", "time_limit_s", "sensor", "direct_sight", "map", "hidden",
+                     "perception"});
+  Drive drive;
+  drive.path = path;
+  drive.name = reader.at("name").text_or(std::filesystem::path(path).stem().string());
+  reader.at("description").text_or("");
+  read_named_scene(reader.at("scene"), drive);
+  drive.vehicle = read_vehicle(reader.at("vehicle"));
+  drive.sensor = read_drive_sensor(reader.at("sensor"));
+  drive.sight = read_sight(reader.at("direct_sight"), drive.scene.sensor);
+  drive.map = read_map(reader.at("map"));
+  drive.truth = read_truth(reader.at("hidden"), drive.scene);
+  read_perception(reader.at("perception"), drive);
+  read_route(reader, drive);
+  drive.motion.frame_interval = 1 / drive.sensor.rate;
+  return drive;
+}
+
+}  // namespace blindcorner

@@ -1,0 +1,159 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "blindcorner/forward/constants.h"
+#include "blindcorner/forward/scene/footprint.h"
+#include "blindcorner/report/drive_report.h"
+#include "report/birds_eye.h"
+#include "report/formatted.h"
+
+namespace blindcorner {
+namespace {
+
+using Eigen::Vector2d;
+using Points = std::vector<Vector2d>;
+
+constexpr double kWidth = 640;           ///< px
+constexpr double kPause = 1.5;           ///< s, on the last picture before it starts again
+constexpr double kChiSquare95 = 5.991;   ///< two degrees of freedom
+constexpr std::size_t kPathPoints = 40;  ///< of a plan, at most
+
+/// Draws in the map's frame.
+class Canvas {
+ public:
+  explicit Canvas(const GridGeometry& map)
+      : map_(map), scale_(kWidth / (map.columns * map.cell_size)) {}
+
+  double height() const { return scale_ * map_.rows * map_.cell_size; }
+  double scale() const { return scale_; }
+  Vector2d at(const Vector2d& p) const {
+    return {scale_ * (p.x() - map_.origin.x()), height() - scale_ * (p.y() - map_.origin.y())};
+  }
+  std::string line(const Points& points, const char* style, bool closed) const {
+    std::string text = closed ? "<polygon points=\"" : "<polyline points=\"";
+    for (const Vector2d& p : points) text += formatted("%.1f,%.1f ", at(p).x(), at(p).y());
+    return text + "\" " + style + "/>";
+  }
+
+ private:
+  GridGeometry map_;
+  double scale_;  ///< px per m
+};
+
+std::string known_world(const Drive& drive, const Canvas& canvas) {
+  std::string roads, buildings;
+  for (const Surface& surface : drive.scene.surfaces) {
+    const Points outline = footprint(surface.shape, surface.T_world_surface);
+    if (std::holds_alternative<BoxShape>(surface.shape)) {
+      buildings += canvas.line(outline, "fill=\"#d9d5cd\" stroke=\"#bdb6a8\"", true);
+    } else if (outline.size() == 2) {
+      buildings += canvas.line(outline, "stroke=\"#8f887b\" stroke-width=\"5\"", false);
+    } else {
+      roads += canvas.line(outline, "fill=\"#fff\"", true);
+    }
+  }
+  return roads + buildings;
+}
+
+/// 95 % ellipse of a mode's position in the plane, and the footprint at its mean.
+std::string mode_picture(const Scene& scene, const PoseMode& mode, const Canvas& canvas) {
+  Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();
+  std::array<Eigen::Index, 2> place{-1, -1};
+  for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
+    const auto axis = static_cast<std::size_t>(scene.unknowns[i].component);
+    if (axis < 2 && scene.unknowns[i].object == 0) place[axis] = static_cast<Eigen::Index>(i);
+  }
+  for (Eigen::Index a = 0; a < 2; ++a) {
+    for (Eigen::Index b = 0; b < 2; ++b) {
+      const auto i = place[static_cast<std::size_t>(a)], j = place[static_cast<std::size_t>(b)];
+      if (i >= 0 && j >= 0) covariance(a, b) = mode.covariance(i, j);
+    }
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes(covariance);
+  const Vector2d half = (kChiSquare95 * axes.eigenvalues()).cwiseMax(0).cwiseSqrt();
+  const Vector2d along = axes.eigenvectors().col(1);
+  const Placement placed = placements_at(scene, mode.pose).front();
+  const Vector2d center = canvas.at(placed.position.head<2>());
+  return canvas.line(footprint(scene.hidden.shape, scene.hidden.anchor, placed),
+                     "fill=\"#d93025\" fill-opacity=\".35\" stroke=\"#d93025\"", true) +
+         formatted(
+             "<ellipse rx=\"%.1f\" ry=\"%.1f\" transform=\"translate(%.1f %.1f) "
+             "rotate(%.1f)\" fill=\"none\" stroke=\"#d93025\" stroke-dasharray=\"5 3\"/>",
+             canvas.scale() * half[1], canvas.scale() * half[0], center.x(), center.y(),
+             -std::atan2(along.y(), along.x()) / kDegree);
+}
+
+std::string vehicle_picture(const Drive& drive, const VehicleState& state, const Canvas& canvas) {
+  const double l = canvas.scale() * drive.vehicle.length, w = canvas.scale() * drive.vehicle.width;
+  const Vector2d at = canvas.at(state.position);
+  return formatted("<g transform=\"translate(%.1f %.1f) rotate(%.1f)\">", at.x(), at.y(),
+                   -state.yaw / kDegree) +
+         formatted(
+             "<rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" rx=\"%.1f\" "
+             "fill=\"#1a73e8\"/>",
+             -l / 2, -w / 2, l, w, 0.28 * w) +
+         formatted("<path d=\"M%.1f %.1fL%.1f %.1fV%.1fL%.1f %.1fZ\" fill=\"#d2e3fc\"/></g>",
+                   0.22 * l, -0.4 * w, 0.06 * l, -0.3 * w, 0.3 * w, 0.22 * l, 0.4 * w);
+}
+
+std::string frame_picture(const Drive& drive, const DriveFrame& frame, const Canvas& canvas) {
+  const Scene& scene = drive.scene;
+  std::string text = canvas.line(
+      sensor_view(scene, frame.T_world_sensor, {}).field_of_view,
+      "fill=\"#fbbc04\" fill-opacity=\".18\" stroke=\"#e3a000\" stroke-opacity=\".5\"", true);
+  Points path;
+  const std::size_t step = frame.path.size() / kPathPoints + 1;
+  for (std::size_t i = 0; i < frame.path.size(); i += step) path.push_back(frame.path[i]);
+  if (!frame.path.empty()) path.push_back(frame.path.back());
+  text += canvas.line(path, "fill=\"none\" stroke=\"#1a73e8\" stroke-width=\"3.5\"", false);
+  if (frame.mixture && object_count(scene) == 1) {
+    for (const PoseMode& mode : frame.mixture->modes) text += mode_picture(scene, mode, canvas);
+  }
+  if (frame.truth) {
+    for (int i = 0; i < object_count(scene); ++i) {
+      const HiddenObject& object = hidden_object(scene, i);
+      const Placement placed = placements_at(scene, *frame.truth)[static_cast<std::size_t>(i)];
+      text += canvas.line(footprint(object.shape, object.anchor, placed),
+                          "fill=\"none\" stroke=\"#188038\" stroke-width=\"2\"", true);
+    }
+  }
+  return text + vehicle_picture(drive, frame.vehicle, canvas);
+}
+
+}  // namespace
+
+std::string drive_animation(const Drive& drive, const DriveResult& result) {
+  const Canvas canvas(drive.map);
+  const double total = result.time + kPause;
+  std::string text = formatted(
+      "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %.0f %.0f\" width=\"%.0f\">"
+      "<rect width=\"100%%\" height=\"100%%\" fill=\"#eef0ee\"/>",
+      kWidth, canvas.height(), kWidth);
+  text += known_world(drive, canvas);
+  const Vector2d goal = canvas.at(drive.route.back());
+  text += formatted(
+      "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"%.1f\" fill=\"#d93025\" "
+      "fill-opacity=\".2\" stroke=\"#d93025\"/>\n",
+      goal.x(), goal.y(), canvas.scale() * drive.goal_tolerance);
+  for (std::size_t i = 0; i < result.frames.size(); ++i) {
+    const bool last = i + 1 == result.frames.size();
+    const double from = result.frames[i].time / total;
+    const double to = last ? 1.0 : result.frames[i + 1].time / total;
+    text += "<g visibility=\"hidden\">" + frame_picture(drive, result.frames[i], canvas);
+    text +=
+        "<animate attributeName=\"visibility\" calcMode=\"discrete\" repeatCount=\"indefinite\" ";
+    text += formatted("dur=\"%.2fs\" ", total);
+    // Values hold from their time on; the first one has to start at 0.
+    text +=
+        i == 0 ? formatted("values=\"visible;hidden\" keyTimes=\"0;%.4f\"/>", to)
+        : last ? formatted("values=\"hidden;visible\" keyTimes=\"0;%.4f\"/>", from)
+               : formatted("values=\"hidden;visible;hidden\" keyTimes=\"0;%.4f;%.4f\"/>", from, to);
+    text += "</g>\n";
+  }
+  return text + "</svg>\n";
+}
+
+}  // namespace blindcorner

@@ -1,0 +1,371 @@
+// SPDX-License-Identifier: Apache-2.0
+// Plays a drive: a map as people know them, histograms, a time slider. Needs the JSON in #data; no
+// network, no library. Lengths are metres, angles radians, times seconds.
+(function () {
+  "use strict";
+
+  var data = JSON.parse(document.getElementById("data").textContent);
+  var drive = data.drive, world = data.world, frames = drive.frames, pictures = data.pictures;
+  var trace = world.trace, step = world.trace_step_s, duration = Math.max(drive.time_s, step);
+  var COLOUR = {
+    land: "#eef0ee", road: "#ffffff", building: "#d9d5cd", buildingEdge: "#bdb6a8", wall: "#8f887b",
+    route: "#1a73e8", trace: "#8ab4f8", field: "rgba(251,188,4,0.16)", fieldEdge: "rgba(227,160,0,.55)",
+    car: "#1a73e8", glass: "#d2e3fc", truth: "#188038", mode: "#d93025", goal: "#d93025",
+    measured: "#5f6b76", object: "#d93025", ink: "#202a33", soft: "#66727d"
+  };
+  var CHI2_95 = 5.991;  // 95 % quantile of chi-square, two degrees of freedom
+
+  var now = 0, playing = false, rate = 1, last = null;
+
+  // ---------------------------------------------------------------- page
+
+  function element(parent, tag, className, text) {
+    var node = document.createElement(tag);
+    if (className) node.className = className;
+    if (text !== undefined) node.textContent = text;
+    parent.appendChild(node);
+    return node;
+  }
+  var page = document.getElementById("page");
+  var title = element(page, "h1", "", drive.drive.replace(/_/g, " "));
+  element(title, "span", "outcome " + drive.outcome, drive.outcome);
+  element(title, "small", "", "perception: " + drive.perception + " · " + drive.length_m.toFixed(1) + " m in " +
+    drive.time_s.toFixed(1) + " s · clearance " + (drive.clearance_m === null ? "–" : drive.clearance_m.toFixed(2) + " m"));
+  var columns = element(page, "div", "columns");
+  var mapCard = element(columns, "div", "card map");
+  var map = element(mapCard, "canvas");
+  var bar = element(mapCard, "div", "bar");
+  var play = element(bar, "button", "play", "Play");
+  var slider = element(bar, "input");
+  slider.type = "range"; slider.min = 0; slider.max = duration; slider.step = step; slider.value = 0;
+  var clock = element(bar, "span", "clock");
+  var speed = element(bar, "select");
+  [0.25, 0.5, 1, 2].forEach(function (r) {
+    var option = element(speed, "option", "", r + "×"); option.value = r; option.selected = r === 1;
+  });
+  var side = element(columns, "div", "card side");
+  element(side, "h2", "", "Now");
+  var facts = element(side, "dl");
+  var heading = element(side, "h2", "", "Histograms ");
+  var headingNote = element(heading, "small");
+  var plots = element(side, "canvas");
+  var legend = element(side, "div", "legend");
+  [["#5f6b76", "counts of the sensor"], ["#d93025", "of them from the hidden object (expected)"],
+   ["rgba(217,48,37,.45)", "probability that a cell is occupied"], [COLOUR.truth, "true hidden object"],
+   ["rgba(217,48,37,.9)", "modes: 95 % ellipse, footprint"], [COLOUR.route, "plan"]].forEach(function (entry) {
+    var item = element(legend, "span"), mark = element(item, "i");
+    mark.style.background = entry[0];
+    item.appendChild(document.createTextNode(entry[1]));
+  });
+  element(side, "div", "hint", "Space plays and pauses, arrows go from frame to frame.");
+
+  // ---------------------------------------------------------------- drive
+
+  function frameAt(time) {
+    var i = 0;
+    while (i + 1 < frames.length && frames[i + 1].time_s <= time + 1e-9) ++i;
+    return i;
+  }
+  function vehicleAt(time) {
+    if (!trace.length) return [frames[0].x_m, frames[0].y_m, frames[0].yaw_rad];
+    var at = time / step - 1, i = Math.floor(at);
+    var first = [frames[0].x_m, frames[0].y_m, frames[0].yaw_rad];
+    var a = i < 0 ? first : trace[Math.min(i, trace.length - 1)];
+    var b = trace[Math.max(0, Math.min(i + 1, trace.length - 1))], s = at - i;
+    return [0, 1, 2].map(function (k) { return a[k] + (b[k] - a[k]) * s; });
+  }
+  // Place of one object in a pose vector.
+  function placed(pose, object) {
+    var at = { x_m: world.objects[object].known.x_m, y_m: world.objects[object].known.y_m,
+               yaw_rad: world.objects[object].known.yaw_rad, size: world.objects[object].known.size };
+    world.unknowns.forEach(function (u, i) { if (u.object === object && pose[i] !== null) at[u.component] = pose[i]; });
+    return at;
+  }
+  function outlineAt(object, at) {
+    var c = Math.cos(at.yaw_rad) * at.size, s = Math.sin(at.yaw_rad) * at.size;
+    return world.objects[object].outline.map(function (p) {
+      return [at.x_m + c * p[0] - s * p[1], at.y_m + s * p[0] + c * p[1]];
+    });
+  }
+
+  // ---------------------------------------------------------------- map
+
+  var g = world.map, view = { scale: 1, x: 0, y: 0 };
+  var ratio = window.devicePixelRatio || 1;
+  function layout() {
+    var width = mapCard.clientWidth, aspect = g.rows / g.columns;
+    var height = Math.min(width * aspect, window.innerHeight - 150);
+    height = Math.max(height, 320);
+    map.width = width * ratio; map.height = height * ratio; map.style.height = height + "px";
+    view.scale = Math.min(map.width / (g.columns * g.cell_m), map.height / (g.rows * g.cell_m));
+    view.x = (map.width - g.columns * g.cell_m * view.scale) / 2 - g.origin_m[0] * view.scale;
+    view.y = (map.height + g.rows * g.cell_m * view.scale) / 2 + g.origin_m[1] * view.scale;
+    plots.width = plots.clientWidth * ratio;
+    plots.height = Math.min(plots.clientWidth * 0.95, 460) * ratio;
+    plots.style.height = plots.height / ratio + "px";
+  }
+  function X(x) { return view.x + x * view.scale; }
+  function Y(y) { return view.y - y * view.scale; }
+  function trail(ctx, points, close) {
+    ctx.beginPath();
+    points.forEach(function (p, i) { if (i) ctx.lineTo(X(p[0]), Y(p[1])); else ctx.moveTo(X(p[0]), Y(p[1])); });
+    if (close) ctx.closePath();
+  }
+  var pixel = 1;
+  function drawWorld(ctx) {
+    ctx.fillStyle = COLOUR.land; ctx.fillRect(0, 0, map.width, map.height);
+    world.surfaces.forEach(function (s) {
+      if (s.body || s.outline.length < 3) return;
+      trail(ctx, s.outline, true); ctx.fillStyle = COLOUR.road; ctx.fill();
+    });
+  }
+  function drawBuildings(ctx) {
+    world.surfaces.forEach(function (s) {
+      if (s.body) {
+        trail(ctx, s.outline, true);
+        ctx.fillStyle = COLOUR.building; ctx.fill();
+        ctx.strokeStyle = COLOUR.buildingEdge; ctx.lineWidth = 1.5 * pixel; ctx.stroke();
+      } else if (s.outline.length === 2) {
+        trail(ctx, s.outline, false);
+        ctx.strokeStyle = COLOUR.wall; ctx.lineWidth = 5 * pixel; ctx.lineCap = "round"; ctx.stroke();
+      }
+    });
+  }
+  var gridImage = document.createElement("canvas");
+  gridImage.width = g.columns; gridImage.height = g.rows;
+  var gridFrame = -1;
+  function prepareGrid(i) {
+    if (i === gridFrame) return;
+    gridFrame = i;
+    var ctx = gridImage.getContext("2d"), image = ctx.createImageData(g.columns, g.rows);
+    var text = pictures[i].grid, cell = 0, pattern = /([a-p-])(\d*)/g, run;
+    while ((run = pattern.exec(text))) {
+      var count = run[2] ? +run[2] : 1, level = run[1] === "-" ? -1 : run[1].charCodeAt(0) - 97;
+      for (; count > 0; --count, ++cell) {
+        var column = cell % g.columns, row = g.rows - 1 - Math.floor(cell / g.columns);
+        var k = 4 * (row * g.columns + column);
+        if (level < 0) { image.data[k] = 90; image.data[k + 1] = 105; image.data[k + 2] = 120; image.data[k + 3] = 34; }
+        else if (level > 0) {
+          image.data[k] = 217; image.data[k + 1] = 48; image.data[k + 2] = 37;
+          image.data[k + 3] = Math.min(200, 30 + 12 * level);
+        }
+      }
+    }
+    ctx.putImageData(image, 0, 0);
+  }
+  function drawGrid(ctx, i) {
+    if (!pictures[i].grid) return;
+    prepareGrid(i);
+    ctx.imageSmoothingEnabled = false;
+    ctx.drawImage(gridImage, X(g.origin_m[0]), Y(g.origin_m[1] + g.rows * g.cell_m),
+      g.columns * g.cell_m * view.scale, g.rows * g.cell_m * view.scale);
+  }
+  function covariance(mode, object) {
+    var ix = -1, iy = -1;
+    world.unknowns.forEach(function (u, i) {
+      if (u.object !== object) return;
+      if (u.component === "x_m") ix = i;
+      if (u.component === "y_m") iy = i;
+    });
+    function c(a, b) { return a >= 0 && b >= 0 ? mode.covariance[a][b] || 0 : 0; }
+    return [c(ix, ix), c(ix, iy), c(iy, iy)];
+  }
+  function drawModes(ctx, frame) {
+    frame.modes.slice().reverse().forEach(function (mode) {
+      world.objects.forEach(function (unused, object) {
+        if (mode.pose[0] === null) return;
+        var at = placed(mode.pose, object), v = covariance(mode, object);
+        var half = Math.sqrt(Math.pow((v[0] - v[2]) / 2, 2) + v[1] * v[1]), mean = (v[0] + v[2]) / 2;
+        var strength = (0.25 + 0.75 * mode.weight) * Math.max(frame.presence_probability, 0.15);
+        ctx.save();
+        ctx.globalAlpha = strength;
+        trail(ctx, outlineAt(object, at), true);
+        ctx.fillStyle = "rgba(217,48,37,.35)"; ctx.fill();
+        ctx.strokeStyle = COLOUR.mode; ctx.lineWidth = 2 * pixel; ctx.stroke();
+        ctx.translate(X(at.x_m), Y(at.y_m));
+        ctx.rotate(-Math.atan2(2 * v[1], v[0] - v[2]) / 2);
+        ctx.beginPath();
+        ctx.ellipse(0, 0, Math.sqrt(CHI2_95 * Math.max(mean + half, 0)) * view.scale,
+          Math.sqrt(CHI2_95 * Math.max(mean - half, 0)) * view.scale, 0, 0, 2 * Math.PI);
+        ctx.setLineDash([6 * pixel, 4 * pixel]); ctx.stroke();
+        ctx.restore();
+      });
+    });
+  }
+  function drawTruth(ctx, frame) {
+    if (!frame.truth) return;
+    world.objects.forEach(function (unused, object) {
+      trail(ctx, outlineAt(object, placed(frame.truth, object)), true);
+      ctx.strokeStyle = COLOUR.truth; ctx.lineWidth = 2.5 * pixel; ctx.stroke();
+    });
+  }
+  function drawField(ctx, i) {
+    var field = pictures[i].field;
+    if (!field || field.length < 3) return;
+    trail(ctx, field, true);
+    ctx.fillStyle = COLOUR.field; ctx.fill();
+    ctx.strokeStyle = COLOUR.fieldEdge; ctx.lineWidth = 1 * pixel; ctx.stroke();
+  }
+  function roundRect(ctx, x, y, w, h, r) {
+    ctx.beginPath();
+    ctx.moveTo(x + r, y); ctx.arcTo(x + w, y, x + w, y + h, r); ctx.arcTo(x + w, y + h, x, y + h, r);
+    ctx.arcTo(x, y + h, x, y, r); ctx.arcTo(x, y, x + w, y, r); ctx.closePath();
+  }
+  function drawVehicle(ctx, at, frame) {
+    var l = world.vehicle.length_m * view.scale, w = world.vehicle.width_m * view.scale;
+    ctx.save();
+    ctx.translate(X(at[0]), Y(at[1])); ctx.rotate(-at[2]);
+    ctx.shadowColor = "rgba(0,0,0,.35)"; ctx.shadowBlur = 6 * pixel;
+    if (world.vehicle.kind === "car") {
+      ctx.fillStyle = "#2b2f33";  // wheels
+      [[0.31, 1], [0.31, -1], [-0.31, 1], [-0.31, -1]].forEach(function (p) {
+        ctx.save(); ctx.translate(p[0] * l, p[1] * w * 0.44);
+        if (p[0] > 0) ctx.rotate(-(frame.steering_rad || 0));
+        ctx.fillRect(-0.07 * l, -0.08 * w, 0.14 * l, 0.16 * w); ctx.restore();
+      });
+      ctx.fillStyle = COLOUR.car; roundRect(ctx, -l / 2, -w / 2, l, w, 0.28 * w); ctx.fill();
+      ctx.shadowBlur = 0;
+      ctx.fillStyle = COLOUR.glass;
+      ctx.beginPath(); ctx.moveTo(0.2 * l, -0.4 * w); ctx.lineTo(0.06 * l, -0.33 * w);
+      ctx.lineTo(0.06 * l, 0.33 * w); ctx.lineTo(0.2 * l, 0.4 * w); ctx.closePath(); ctx.fill();
+      roundRect(ctx, -0.4 * l, -0.33 * w, 0.1 * l, 0.66 * w, 0.08 * w); ctx.fill();
+      ctx.fillStyle = "#fff8e1";
+      ctx.fillRect(0.46 * l, -0.42 * w, 0.03 * l, 0.2 * w); ctx.fillRect(0.46 * l, 0.22 * w, 0.03 * l, 0.2 * w);
+    } else {
+      ctx.fillStyle = "#2b2f33";
+      ctx.fillRect(-0.2 * l, -0.55 * w, 0.4 * l, 0.16 * w); ctx.fillRect(-0.2 * l, 0.39 * w, 0.4 * l, 0.16 * w);
+      ctx.fillStyle = COLOUR.car; roundRect(ctx, -l / 2, -w / 2, l, w, 0.3 * w); ctx.fill();
+      ctx.shadowBlur = 0; ctx.fillStyle = COLOUR.glass;
+      ctx.beginPath(); ctx.moveTo(0.38 * l, 0); ctx.lineTo(0.05 * l, -0.26 * w); ctx.lineTo(0.05 * l, 0.26 * w);
+      ctx.closePath(); ctx.fill();
+    }
+    ctx.restore();
+  }
+  function drawGoal(ctx) {
+    var goal = world.route_m[world.route_m.length - 1], x = X(goal[0]), y = Y(goal[1]), r = 9 * pixel;
+    ctx.beginPath(); ctx.arc(x, y, world.goal_tolerance_m * view.scale, 0, 2 * Math.PI);
+    ctx.fillStyle = "rgba(217,48,37,.10)"; ctx.fill();
+    ctx.beginPath(); ctx.arc(x, y - 2.1 * r, r, Math.PI * 0.86, Math.PI * 0.14); ctx.lineTo(x, y); ctx.closePath();
+    ctx.fillStyle = COLOUR.goal; ctx.fill();
+    ctx.beginPath(); ctx.arc(x, y - 2.1 * r, 0.38 * r, 0, 2 * Math.PI); ctx.fillStyle = "#fff"; ctx.fill();
+  }
+  function drawScale(ctx) {
+    var length = Math.pow(10, Math.floor(Math.log(g.columns * g.cell_m / 4) / Math.LN10));
+    if (g.columns * g.cell_m / 4 >= 5 * length) length *= 5; else if (g.columns * g.cell_m / 4 >= 2 * length) length *= 2;
+    var x = map.width - 16 * pixel - length * view.scale, y = map.height - 16 * pixel;
+    ctx.strokeStyle = COLOUR.ink; ctx.lineWidth = 2 * pixel; ctx.lineCap = "butt";
+    ctx.beginPath(); ctx.moveTo(x, y - 5 * pixel); ctx.lineTo(x, y); ctx.lineTo(x + length * view.scale, y);
+    ctx.lineTo(x + length * view.scale, y - 5 * pixel); ctx.stroke();
+    ctx.fillStyle = COLOUR.ink; ctx.font = 12 * pixel + "px sans-serif"; ctx.textAlign = "center";
+    ctx.fillText(length + " m", x + length * view.scale / 2, y - 5 * pixel);
+  }
+  function drawMap(i) {
+    var ctx = map.getContext("2d"), frame = frames[i];
+    pixel = ratio;
+    drawWorld(ctx);
+    drawGrid(ctx, i);
+    drawField(ctx, i);
+    drawBuildings(ctx);
+    trail(ctx, trace.slice(0, Math.max(0, Math.round(now / step))), false);
+    ctx.strokeStyle = COLOUR.trace; ctx.lineWidth = 4 * pixel; ctx.lineJoin = "round"; ctx.stroke();
+    trail(ctx, frame.plan.path_m, false);
+    ctx.strokeStyle = "#fff"; ctx.lineWidth = 7 * pixel; ctx.stroke();
+    ctx.strokeStyle = COLOUR.route; ctx.lineWidth = 4.5 * pixel; ctx.stroke();
+    drawGoal(ctx);
+    drawModes(ctx, frame);
+    drawTruth(ctx, frame);
+    drawVehicle(ctx, vehicleAt(now), frame);
+    drawScale(ctx);
+  }
+
+  // ---------------------------------------------------------------- histograms and facts
+
+  function drawPlots(i) {
+    var ctx = plots.getContext("2d"), picture = pictures[i];
+    ctx.clearRect(0, 0, plots.width, plots.height);
+    var count = picture.measured.length;
+    headingNote.textContent = count ? "zones with most light from the object, logarithmic, over " +
+      (picture.measured[0].length * world.bin_width_ns).toFixed(0) + " ns" : "none of this frame";
+    if (!count) return;
+    var side = Math.ceil(Math.sqrt(count)), w = plots.width / side, h = plots.height / Math.ceil(count / side);
+    var top = 1, floor = Infinity;
+    picture.measured.forEach(function (bins) {
+      bins.forEach(function (v) { top = Math.max(top, v); if (v > 0) floor = Math.min(floor, v); });
+    });
+    floor = Math.max(0.5, floor / 300);
+    function height(v) { return v > floor ? Math.log(v / floor) / Math.log(top / floor) : 0; }
+    for (var z = 0; z < count; ++z) {
+      var x0 = (z % side) * w + 4 * ratio, y1 = (Math.floor(z / side) + 1) * h - 6 * ratio;
+      var ww = w - 8 * ratio, hh = h - 22 * ratio, n = picture.measured[z].length;
+      ctx.fillStyle = COLOUR.soft; ctx.font = 10.5 * ratio + "px sans-serif"; ctx.textAlign = "left";
+      ctx.fillText("zone " + data.zones[z], x0, y1 - hh - 3 * ratio);
+      ctx.strokeStyle = "#dde3e8"; ctx.lineWidth = ratio; ctx.strokeRect(x0, y1 - hh, ww, hh);
+      ctx.beginPath(); ctx.moveTo(x0, y1);
+      for (var k = 0; k < n; ++k) ctx.lineTo(x0 + (k + 0.5) * ww / n, y1 - hh * height(picture.object[z][k]));
+      ctx.lineTo(x0 + ww, y1); ctx.closePath(); ctx.fillStyle = "rgba(217,48,37,.5)"; ctx.fill();
+      ctx.beginPath();
+      for (k = 0; k < n; ++k) ctx.lineTo(x0 + (k + 0.5) * ww / n, y1 - hh * height(picture.measured[z][k]));
+      ctx.strokeStyle = COLOUR.measured; ctx.lineWidth = 1.1 * ratio; ctx.stroke();
+    }
+  }
+  var FATE = { used: "used by the perception", in_sight: "the object is in direct sight",
+               seen_before: "the object has been in direct sight", busy: "skipped: perception was busy", missing: "never arrived" };
+  function errorOf(frame) {
+    if (!frame.truth || !frame.modes.length) return null;
+    var a = placed(frame.truth, 0), b = placed(frame.modes[0].pose, 0);
+    return Math.hypot(a.x_m - b.x_m, a.y_m - b.y_m);
+  }
+  function drawFacts(i) {
+    var frame = frames[i], error = errorOf(frame), t = frame.time_ms;
+    facts.textContent = "";
+    [["speed", frame.speed_m_per_s.toFixed(2) + " m/s (target " + (frame.target_speed_m_per_s || 0).toFixed(2) + ")"],
+     ["sensor frame", i + " of " + (frames.length - 1) + ", " + FATE[frame.frame]],
+     ["hidden object", frame.presence_probability === null ? "nothing known"
+       : "present with " + (100 * frame.presence_probability).toFixed(1) + " %, " + frame.modes.length + " mode" + (frame.modes.length === 1 ? "" : "s")],
+     ["heaviest mode", error === null ? "–" : error.toFixed(2) + " m from the truth"],
+     ["plan", frame.plan.decision],
+     ["run time", "perceive " + t.perceive.toFixed(0) + ", map " + t.map.toFixed(1) + ", plan " + t.plan.toFixed(1) + " ms"]
+    ].forEach(function (fact) { element(facts, "dt", "", fact[0]); element(facts, "dd", "", fact[1]); });
+  }
+
+  // ---------------------------------------------------------------- playing
+
+  var shown = -1;
+  function draw() {
+    var i = frameAt(now);
+    drawMap(i);
+    if (i !== shown) { drawPlots(i); drawFacts(i); shown = i; }
+    slider.value = now;
+    clock.textContent = now.toFixed(1) + " / " + duration.toFixed(1) + " s";
+  }
+  function tick(stamp) {
+    if (!playing) return;
+    if (last !== null) now = Math.min(duration, now + rate * (stamp - last) / 1000);
+    last = stamp;
+    draw();
+    if (now >= duration) setPlaying(false); else window.requestAnimationFrame(tick);
+  }
+  function setPlaying(on) {
+    if (on && now >= duration) now = 0;
+    playing = on; last = null;
+    play.textContent = on ? "Pause" : "Play";
+    if (on) window.requestAnimationFrame(tick);
+  }
+  function goTo(time) { now = Math.max(0, Math.min(duration, time)); draw(); }
+  play.onclick = function () { setPlaying(!playing); };
+  slider.oninput = function () { setPlaying(false); goTo(+slider.value); };
+  speed.onchange = function () { rate = +speed.value; };
+  window.onresize = function () { layout(); shown = -1; draw(); };
+  document.onkeydown = function (event) {
+    var i = frameAt(now);
+    if (event.key === " ") setPlaying(!playing);
+    else if (event.key === "ArrowRight") { setPlaying(false); goTo(frames[Math.min(i + 1, frames.length - 1)].time_s); }
+    else if (event.key === "ArrowLeft") { setPlaying(false); goTo(frames[Math.max(i - 1, 0)].time_s); }
+    else return;
+    event.preventDefault();
+  };
+  // "#t=3.2" opens the page at that time.
+  var wanted = /t=([0-9.]+)/.exec(window.location.hash);
+  layout();
+  goTo(wanted ? +wanted[1] : 0);
+})();

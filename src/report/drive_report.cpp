@@ -1,0 +1,272 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "blindcorner/report/drive_report.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <numeric>
+
+#include "blindcorner/forward/scene/footprint.h"
+#include "blindcorner/report/result_file.h"
+#include "blindcorner/simulation/true_world.h"
+#include "report/birds_eye.h"
+#include "report/html.h"
+
+namespace blindcorner {
+
+namespace embedded {
+std::string_view report_asset(std::string_view name);
+}
+
+namespace {
+
+using nlohmann::json;
+
+/// Zones whose histograms a page shows of each frame: those with most light from the object.
+constexpr std::size_t kShownZones = 9;
+
+json numbers(const Eigen::VectorXd& vector) {
+  json list = json::array();
+  for (const double value : vector) list.push_back(number_or_null(value));
+  return list;
+}
+
+json matrix(const Eigen::MatrixXd& values) {
+  json rows = json::array();
+  for (Eigen::Index i = 0; i < values.rows(); ++i)
+    rows.push_back(numbers(values.row(i).transpose()));
+  return rows;
+}
+
+/// Significant digits enough for a screen.
+double rounded(double value, const char* format = "%.4g") {
+  char text[32];
+  std::snprintf(text, sizeof text, format, value);
+  return std::strtod(text, nullptr);
+}
+
+json modes_json(const std::optional<PoseMixture>& mixture) {
+  json modes = json::array();
+  if (!mixture) return modes;
+  for (const PoseMode& mode : mixture->modes) {
+    modes.push_back({{"weight", number_or_null(mode.weight)},
+                     {"pose", numbers(mode.pose)},
+                     {"covariance", matrix(mode.covariance)}});
+  }
+  return modes;
+}
+
+json points_json(const std::vector<Eigen::Vector2d>& points) {
+  json list = json::array();
+  for (const Eigen::Vector2d& p : points) {
+    list.push_back({rounded(p.x(), "%.5g"), rounded(p.y(), "%.5g")});
+  }
+  return list;
+}
+
+json times_json(const DriveTimes& times) {
+  return {{"sense", rounded(times.sense)},
+          {"perceive", rounded(times.perceive)},
+          {"map", rounded(times.map)},
+          {"plan", rounded(times.plan)},
+          {"control", rounded(times.control)}};
+}
+
+json frame_json(const DriveFrame& frame) {
+  return {{"time_s", rounded(frame.time, "%.6g")},
+          {"x_m", frame.vehicle.position.x()},
+          {"y_m", frame.vehicle.position.y()},
+          {"yaw_rad", frame.vehicle.yaw},
+          {"speed_m_per_s", frame.vehicle.speed},
+          {"steering_rad", frame.vehicle.steering_angle},
+          {"target_speed_m_per_s", number_or_null(frame.target_speed)},
+          {"clearance_m", number_or_null(frame.clearance)},
+          {"frame", fate_word(frame.fate)},
+          {"arrival_s", rounded(frame.arrival, "%.6g")},
+          {"presence_probability",
+           frame.mixture ? number_or_null(frame.mixture->presence_probability) : json(nullptr)},
+          {"modes", modes_json(frame.mixture)},
+          {"modes_age_s", frame.mixture ? number_or_null(frame.mixture_age) : json(nullptr)},
+          {"flags", frame.flags},
+          {"error", frame.error.empty() ? json(nullptr) : json(frame.error)},
+          {"truth", frame.truth ? numbers(*frame.truth) : json(nullptr)},
+          {"plan", {{"decision", frame.plan_text}, {"path_m", points_json(frame.path)}}},
+          {"time_ms", times_json(frame.time_ms)}};
+}
+
+/// Occupancy of one frame in 16 steps as text, runs as "letter count": a to p, "-" for unknown.
+std::string grid_text(const std::vector<double>& occupancy) {
+  std::string text;
+  for (std::size_t i = 0; i < occupancy.size();) {
+    const auto letter_of = [&](std::size_t k) {
+      const double p = occupancy[k];
+      return std::isnan(p) ? '-' : static_cast<char>('a' + std::min(15, static_cast<int>(16 * p)));
+    };
+    const char letter = letter_of(i);
+    std::size_t end = i + 1;
+    while (end < occupancy.size() && letter_of(end) == letter) ++end;
+    text += letter;
+    if (end > i + 1) text += std::to_string(end - i);
+    i = end;
+  }
+  return text;
+}
+
+/// The zones with most light from the object over the whole drive, in reading order.
+std::vector<int> shown_zones(const DriveResult& result) {
+  std::vector<double> light;
+  for (const DriveFrame& frame : result.frames) {
+    if (!frame.object_counts) continue;
+    const HistogramCube& cube = *frame.object_counts;
+    light.resize(static_cast<std::size_t>(cube.zones()));
+    for (int z = 0; z < cube.zones(); ++z) {
+      light[static_cast<std::size_t>(z)] +=
+          std::accumulate(cube.zone(z), cube.zone(z) + cube.bins, 0.0);
+    }
+  }
+  std::vector<int> zones(light.size());
+  std::iota(zones.begin(), zones.end(), 0);
+  std::ranges::stable_sort(zones, [&](int a, int b) {
+    return light[static_cast<std::size_t>(a)] > light[static_cast<std::size_t>(b)];
+  });
+  zones.resize(std::min(zones.size(), kShownZones));
+  std::ranges::sort(zones);
+  return zones;
+}
+
+json zone_json(const HistogramCube& cube, int zone) {
+  json bins = json::array();
+  for (int k = 0; k < cube.bins; ++k) bins.push_back(rounded(cube.zone(zone)[k], "%.3g"));
+  return bins;
+}
+
+/// What a page shows of a frame beyond drive.json.
+json picture_json(const Drive& drive, const DriveFrame& frame, const std::vector<int>& zones) {
+  json measured = json::array(), object = json::array();
+  if (frame.counts && frame.object_counts) {
+    for (const int z : zones) {
+      measured.push_back(zone_json(*frame.counts, z));
+      object.push_back(zone_json(*frame.object_counts, z));
+    }
+  }
+  const SensorView view = sensor_view(drive.scene, frame.T_world_sensor, {});
+  return {{"grid", grid_text(frame.occupancy)},
+          {"field", points_json(view.field_of_view)},
+          {"measured", measured},
+          {"object", object}};
+}
+
+json world_json(const Drive& drive, const DriveResult& result) {
+  json surfaces = json::array();
+  for (const Surface& surface : drive.scene.surfaces) {
+    surfaces.push_back(
+        {{"name", surface.name},
+         {"body", std::holds_alternative<BoxShape>(surface.shape)},
+         {"outline", points_json(footprint(surface.shape, surface.T_world_surface))}});
+  }
+  json objects = json::array();
+  for (int i = 0; i < object_count(drive.scene); ++i) {
+    const HiddenObject& object = hidden_object(drive.scene, i);
+    const Placement& known = object.placement;
+    objects.push_back(
+        {{"name", object.name},
+         {"outline", points_json(footprint(object.shape, object.anchor, Placement{}))},
+         {"known",
+          {{"x_m", known.position.x()},
+           {"y_m", known.position.y()},
+           {"yaw_rad", known.yaw},
+           {"size", known.size}}}});
+  }
+  json unknowns = json::array();
+  for (const Unknown& unknown : drive.scene.unknowns) {
+    unknowns.push_back({{"component", component_name(unknown.component)},
+                        {"object", unknown.object},
+                        {"range", {unknown.lower, unknown.upper}}});
+  }
+  json trace = json::array();
+  for (const Eigen::Vector3d& at : result.trace) {
+    trace.push_back({rounded(at.x(), "%.5g"), rounded(at.y(), "%.5g"), rounded(at.z())});
+  }
+  const GridGeometry& map = drive.map;
+  return {{"surfaces", surfaces},
+          {"objects", objects},
+          {"unknowns", unknowns},
+          {"trace", trace},
+          {"trace_step_s", result.trace_step},
+          {"vehicle",
+           {{"kind", drive.vehicle.kind == VehicleKind::car ? "car" : "robot"},
+            {"length_m", drive.vehicle.length},
+            {"width_m", drive.vehicle.width}}},
+          {"route_m", points_json(drive.route)},
+          {"goal_tolerance_m", drive.goal_tolerance},
+          {"sensor_rate_hz", drive.sensor.rate},
+          {"bin_width_ns", drive.scene.sensor.bin_width * 1e9},
+          {"map",
+           {{"origin_m", {map.origin.x(), map.origin.y()}},
+            {"cell_m", map.cell_size},
+            {"columns", map.columns},
+            {"rows", map.rows}}}};
+}
+
+std::string script_safe(const std::string& text) {
+  std::string safe;
+  for (const char character : text) {
+    if (character == '<') {
+      safe += "\\u003c";
+    } else {
+      safe += character;
+    }
+  }
+  return safe;
+}
+
+}  // namespace
+
+json drive_json(const Drive& drive, const DriveOptions& options, const DriveResult& result) {
+  json frames = json::array();
+  for (const DriveFrame& frame : result.frames) frames.push_back(frame_json(frame));
+  const auto delay = drive.delay.find(options.perception);
+  return {{"format", kDriveFormat},
+          {"drive", drive.name},
+          {"scene", drive.scene.name},
+          {"perception", options.perception},
+          {"perception_delay_s", delay == drive.delay.end() ? 0.0 : delay->second},
+          {"seed", options.seed},
+          {"light", drive.sensor.light},
+          {"outcome", outcome_word(result.outcome)},
+          {"clearance_m", number_or_null(result.clearance)},
+          {"length_m", result.length},
+          {"time_s", result.time},
+          {"wanted_speed_m_per_s", result.wanted_speed},
+          {"mean_speed_m_per_s", result.mean_speed},
+          {"top_speed_m_per_s", result.top_speed},
+          {"unknowns", unknown_names(drive.scene)},
+          {"frames", frames}};
+}
+
+std::string drive_page(const Drive& drive, const DriveOptions& options, const DriveResult& result) {
+  const std::vector<int> zones = shown_zones(result);
+  json pictures = json::array();
+  for (const DriveFrame& frame : result.frames) {
+    pictures.push_back(picture_json(drive, frame, zones));
+  }
+  const json data = {{"drive", drive_json(drive, options, result)},
+                     {"world", world_json(drive, result)},
+                     {"zones", zones},
+                     {"pictures", pictures}};
+  std::string page = "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n";
+  page += "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n";
+  page += "<title>" + html_safe(drive.name) + " - blindcorner</title>\n<style>\n";
+  page += embedded::report_asset("drive_page.css");
+  page +=
+      "</style>\n</head>\n<body>\n<main id=\"page\"></main>\n<noscript>This page draws its "
+      "pictures with JavaScript.</noscript>\n<script type=\"application/json\" id=\"data\">";
+  page += script_safe(dump_json(data));
+  page += "</script>\n<script>\n";
+  page += embedded::report_asset("drive_page.js");
+  page += "</script>\n</body>\n</html>\n";
+  return page;
+}
+
+}  // namespace blindcorner

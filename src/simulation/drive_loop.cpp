@@ -1,0 +1,465 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "blindcorner/simulation/drive_loop.h"
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <deque>
+#include <limits>
+#include <random>
+
+#include "blindcorner/planner/control/path_follower.h"
+#include "blindcorner/planner/grid/line_of_sight.h"
+#include "blindcorner/planner/grid/occupancy_grid.h"
+#include "blindcorner/planner/path/replanner.h"
+#include "blindcorner/planner/vehicles/car.h"
+#include "blindcorner/planner/vehicles/differential_drive.h"
+#include "blindcorner/planner/vehicles/vehicle.h"
+#include "blindcorner/simulation/perception.h"
+#include "blindcorner/simulation/true_world.h"
+#include "simulation/convex_distance.h"
+
+namespace blindcorner {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using Eigen::Vector2d;
+
+/// Control period, s: 20 cm at the highest speed of a street.
+constexpr double kStep = 0.02;
+/// A vehicle that has stood for so long without a path has stopped for good, s.
+constexpr double kGivesUpAfter = 3.0;
+/// A vehicle slower than this stands, m/s: 6 cm until it gives up.
+constexpr double kStands = 0.02;
+/// Log likelihood ratio of a cell in which the known scene has a wall: a thousand to one.
+constexpr double kWallEvidence = 6.9;
+/// A cell this likely to be occupied is an obstacle: an object of one cell's width whose position
+/// is uncertain by as much has no cell above a third, but a path across all of them hits it for
+/// sure.
+constexpr double kAvoidedProbability = 0.2;
+/// What is unknown is no obstacle, or nothing could be driven around a corner, but costs as risk.
+constexpr double kUnknownOccupancy = 0.1;
+/// Room that plans leave on each side for the follower's offset from the path, in widths.
+constexpr double kMargin = 0.1;
+/// A metre at risk 0.1 costs as much as two.
+constexpr double kRiskWeight = 10;
+/// Frames of one drive draw their photons from seeds this far apart: a prime beyond their number.
+constexpr std::uint64_t kFrameSeeds = 1'000'003;
+/// The perception's own chances (which frames are late) are drawn from another sequence.
+constexpr std::uint64_t kFaultSeed = 0x9e3779b97f4a7c15;
+
+/// Adds the wall-clock time until it is destroyed to a sum, ms.
+class Stopwatch {
+ public:
+  explicit Stopwatch(double& sum) : sum_(sum) {}
+  ~Stopwatch() { sum_ += std::chrono::duration<double, std::milli>(Clock::now() - start_).count(); }
+  Stopwatch(const Stopwatch&) = delete;
+  Stopwatch& operator=(const Stopwatch&) = delete;
+
+ private:
+  double& sum_;
+  Clock::time_point start_ = Clock::now();
+};
+
+std::shared_ptr<const VehicleModel> model_of(const DriveVehicle& vehicle) {
+  if (vehicle.kind == VehicleKind::car) {
+    CarParameters parameters;
+    parameters.body.length = vehicle.length;
+    parameters.body.width = vehicle.width;
+    return make_car(parameters);
+  }
+  DifferentialDriveParameters parameters;
+  parameters.length = vehicle.length;
+  parameters.width = vehicle.width;
+  return make_differential_drive(parameters);
+}
+
+PathPlannerOptions planner_options(const DriveVehicle& vehicle, const VehicleModel& model) {
+  PathPlannerOptions options =
+      vehicle.kind == VehicleKind::car ? PathPlannerOptions::car() : PathPlannerOptions::robot();
+  options.grid.occupied_threshold = kAvoidedProbability;
+  options.grid.unknown_occupancy = kUnknownOccupancy;
+  options.grid.risk_weight = kRiskWeight;
+  const VehicleRectangle body = model.footprint();
+  const double margin = kMargin * body.width;
+  options.smoothing.min_turning_radius = vehicle.turning_radius;
+  options.smoothing.footprint =
+      VehicleFootprint::rectangle(body.length + 2 * margin, body.width + 2 * margin, body.center_x);
+  return options;
+}
+
+ReplannerOptions replanner_options(const Drive& drive) {
+  ReplannerOptions options;
+  options.goal_tolerance = drive.goal_tolerance;
+  options.max_offset = std::min(options.max_offset, drive.vehicle.width);
+  options.stop_margin = std::min(options.stop_margin, drive.vehicle.length / 2);
+  return options;
+}
+
+LineOfSightOptions sight_options(const Drive& drive) {
+  LineOfSightOptions options;
+  options.max_range = drive.sight.range;
+  options.field_of_view = drive.sight.field_of_view;
+  options.lowest = std::min(options.lowest, drive.vehicle.height / 4);
+  options.highest = std::max(drive.vehicle.height, options.lowest);
+  return options;
+}
+
+/// What the drive assumes of hidden objects that a perception did not time itself.
+struct SensedEvent {
+  double capture_time = 0;  ///< s
+  double arrival = 0;       ///< s
+  std::size_t frame = 0;
+  Transform T_world_sensor = Transform::Identity();
+};
+
+struct AnswerEvent {
+  double capture_time = 0;  ///< s
+  double ready = 0;         ///< s
+  PerceptionAnswer answer;
+};
+
+class DriveLoop {
+ public:
+  DriveLoop(const Drive& drive, const SimulatedSensor& sensor, const DriveOptions& options);
+  DriveResult run();
+
+ private:
+  void capture_frame();
+  void take_frame(const SensedEvent& event);
+  void take_answer(const AnswerEvent& event);
+  void update_map(const LineOfSightScan* scan, const AnswerEvent* event);
+  void plan();
+  void follow(const PlanUpdate& update);
+  void step();
+  void note_frame();
+  bool finished();
+  void mark_walls();
+
+  VehicleState state() const { return vehicle_.state(); }
+  Transform T_world_sensor() const {
+    return T_world_vehicle(state()) * drive_.sensor.T_vehicle_sensor;
+  }
+  Polygon outline() const;
+  std::vector<double> occupancy() const;
+  double speed() const { return options_.speed.value_or(world_.speed()); }
+
+  const Drive& drive_;
+  const SimulatedSensor& sensor_;
+  DriveOptions options_;
+  TrueWorld world_;
+  std::unique_ptr<Perception> perception_;
+  double delay_;
+  LineOfSight sight_;
+  OccupancyGrid grid_;
+  Vehicle vehicle_;
+  VehicleLimits limits_;
+  Replanner replanner_;
+  std::optional<PathFollower> follower_;
+  bool brake_ = true;  ///< no path to follow, or one that ends too soon
+  std::mt19937_64 faults_;
+
+  double time_ = 0;             ///< s
+  double map_time_ = 0;         ///< s, of the map's last update
+  double busy_until_ = 0;       ///< s: perception works on a frame
+  double standing_since_ = -1;  ///< s; negative: it drives, or has a plan
+  double clearance_ = std::numeric_limits<double>::infinity();  ///< m, since the last frame
+  bool was_in_sight_ = false;  ///< hidden objects have been in direct sight
+  std::size_t next_goal_ = 0;
+  std::deque<SensedEvent> arriving_;  ///< in order of arrival
+  std::deque<AnswerEvent> answers_;   ///< in order of readiness
+  std::optional<AnswerEvent> latest_;
+  std::string plan_text_;
+  std::vector<Vector2d> path_;
+  double target_speed_ = 0;
+  DriveTimes times_;
+  DriveResult result_;
+};
+
+DriveLoop::DriveLoop(const Drive& drive, const SimulatedSensor& sensor, const DriveOptions& options)
+    : drive_(drive),
+      sensor_(sensor),
+      options_(options),
+      world_(drive, options.seed),
+      perception_(make_perception(options.perception,
+                                  {sensor.scene(), drive.motion, options.fit,
+                                   [this](double time) { return world_.hidden(time); }})),
+      delay_(drive.delay.contains(options.perception) ? drive.delay.at(options.perception) : 0.0),
+      sight_(drive.scene, drive.map, sight_options(drive)),
+      grid_(drive.map, drive.scene, drive.motion),
+      vehicle_(model_of(drive.vehicle)),
+      limits_(vehicle_.model().limits()),
+      replanner_(planner_options(drive.vehicle, vehicle_.model()), replanner_options(drive)),
+      faults_(options.seed ^ kFaultSeed) {
+  VehicleState start;
+  start.position = drive.vehicle.start;
+  start.yaw = drive.vehicle.start_yaw;
+  start.speed = drive.vehicle.start_speed.value_or(speed());
+  vehicle_.place(start);
+  mark_walls();
+  result_.wanted_speed = speed();
+  result_.trace_step = kStep;
+}
+
+/// The known scene is in the map from the start.
+void DriveLoop::mark_walls() {
+  const GridGeometry& map = drive_.map;
+  const double reach = map.cell_size * std::sqrt(0.5);
+  for (std::size_t i = 0; i < map.cells(); ++i) {
+    const Polygon center{map.center(map.cell(i))};
+    for (const Polygon& wall : world_.walls()) {
+      if (convex_distance(center, wall) > reach) continue;
+      grid_.add_static_evidence(map.cell(i), kWallEvidence);
+      break;
+    }
+  }
+}
+
+Polygon DriveLoop::outline() const {
+  const VehicleRectangle body = vehicle_.model().footprint();
+  const Transform T = T_world_vehicle(state());
+  Polygon corners;
+  for (const auto& [x, y] : {std::pair(-0.5, -0.5), {0.5, -0.5}, {0.5, 0.5}, {-0.5, 0.5}}) {
+    const Eigen::Vector3d corner(body.center_x + x * body.length, y * body.width, 0);
+    corners.push_back((T * corner).head<2>());
+  }
+  return corners;
+}
+
+std::vector<double> DriveLoop::occupancy() const {
+  std::vector<double> probabilities = grid_.probabilities();
+  for (std::size_t i = 0; i < probabilities.size(); ++i) {
+    if (!grid_.known(drive_.map.cell(i))) {
+      probabilities[i] = std::numeric_limits<double>::quiet_NaN();
+    }
+  }
+  return probabilities;
+}
+
+/// The sensor's frame of this moment, which arrives now, later or never.
+void DriveLoop::capture_frame() {
+  SensedEvent event;
+  event.capture_time = event.arrival = time_;
+  event.frame = result_.frames.size();
+  event.T_world_sensor = T_world_sensor();
+  std::uniform_real_distribution<double> chance(0, 1);
+  const bool missing = chance(faults_) < drive_.sensor.missing_share;
+  if (chance(faults_) < drive_.sensor.late_share) event.arrival += drive_.sensor.late_by;
+  note_frame();
+  DriveFrame& frame = result_.frames.back();
+  frame.T_world_sensor = event.T_world_sensor;
+  frame.arrival = event.arrival;
+  if (missing) {
+    frame.fate = FrameFate::missing;
+    return;
+  }
+  const auto later = std::ranges::find_if(
+      arriving_, [&](const SensedEvent& other) { return other.arrival > event.arrival; });
+  arriving_.insert(later, event);
+}
+
+/// What the vehicle knows when a frame is due.
+void DriveLoop::note_frame() {
+  DriveFrame frame;
+  frame.time = time_;
+  frame.vehicle = state();
+  frame.truth = world_.hidden(time_);
+  frame.clearance = std::min(clearance_, world_.clearance(outline(), time_));
+  clearance_ = std::numeric_limits<double>::infinity();
+  result_.frames.push_back(std::move(frame));
+  times_ = {};
+}
+
+/// Direct sight goes to the map at once; the histograms go to perception, unless it is busy or
+/// hidden objects are in sight.
+void DriveLoop::take_frame(const SensedEvent& event) {
+  DriveFrame& frame = result_.frames[event.frame];
+  const LineOfSightScan scan =
+      sight_.scan(event.T_world_sensor, world_.placements(event.capture_time));
+  AnswerEvent answer{event.capture_time, time_ + delay_, {}};
+  if (!scan.object_hits.empty()) {
+    frame.fate = FrameFate::in_sight;
+    was_in_sight_ = true;
+    answer.ready = time_;
+    answer.answer.mixture = known_pose(drive_.scene, world_.hidden(event.capture_time));
+    answer.answer.flags = {"in_sight"};
+    answers_.clear();  // of what was not in sight
+  } else if (was_in_sight_) {
+    frame.fate = FrameFate::seen_before;
+  } else if (time_ < busy_until_) {
+    frame.fate = FrameFate::busy;
+  } else {
+    SensedFrame sensed;
+    {
+      const Stopwatch watch(frame.time_ms.sense);
+      sensed = sensor_.sense(event.T_world_sensor, world_.hidden(event.capture_time),
+                             options_.seed + kFrameSeeds * (event.frame + 1));
+    }
+    const Stopwatch watch(frame.time_ms.perceive);
+    answer.answer = perception_->perceive(sensed.capture, event.T_world_sensor, event.capture_time);
+    busy_until_ = answer.ready;
+    if (options_.keep_pictures) {
+      frame.counts = std::move(sensed.capture.counts);
+      frame.object_counts = std::move(sensed.object_counts);
+    }
+  }
+  update_map(&scan, nullptr);
+  if (frame.fate == FrameFate::used || frame.fate == FrameFate::in_sight) {
+    answers_.push_back(std::move(answer));
+  }
+}
+
+void DriveLoop::take_answer(const AnswerEvent& event) {
+  latest_ = event;
+  if (event.answer.mixture) update_map(nullptr, &event);
+}
+
+void DriveLoop::update_map(const LineOfSightScan* scan, const AnswerEvent* event) {
+  const Stopwatch watch(times_.map);
+  std::optional<HiddenAnswer> answer;
+  if (event != nullptr) {
+    answer =
+        HiddenAnswer{*event->answer.mixture, time_ - event->capture_time, event->answer.velocities};
+  }
+  grid_.update(time_ - map_time_, scan, answer ? &*answer : nullptr);
+  map_time_ = time_;
+}
+
+void DriveLoop::plan() {
+  const Stopwatch watch(times_.plan);
+  const std::vector<double> probabilities = occupancy();
+  const PlanningGrid planning = replanner_.planner().grid(drive_.map, probabilities);
+  const VehicleState at = state();
+  const PlanUpdate update =
+      replanner_.update(planning, {at.position, at.yaw}, at.speed, drive_.route[next_goal_]);
+  plan_text_ = update.text();
+  follow(update);
+}
+
+/// A follower for a new path. A stop is driven along what is left of the path, to its end; where
+/// that is too short, at the friction limit.
+void DriveLoop::follow(const PlanUpdate& update) {
+  brake_ =
+      update.action == PlanAction::stop && (update.stops_too_late || update.path.points.size() < 2);
+  if (update.action == PlanAction::keep && follower_) return;
+  path_.clear();
+  std::vector<PathSample> samples;
+  for (const PathPoint& point : update.path.points) {
+    path_.push_back(point.position);
+    samples.push_back({point.position, point.heading, point.curvature, point.arc_length});
+  }
+  if (samples.size() < 2) {
+    follower_.reset();
+    brake_ = true;
+    return;
+  }
+  PathFollowerOptions options = follower_options(limits_);
+  options.profile.speed = speed();
+  options.profile.end = update.action == PlanAction::stop ? 0.0 : speed();
+  follower_.emplace(std::move(samples), limits_, state(), options);
+}
+
+/// One control period.
+void DriveLoop::step() {
+  const Stopwatch watch(times_.control);
+  const VehicleState before = state();
+  DriveRequest request = safe_stop(before, limits_);
+  target_speed_ = 0;
+  if (follower_) {
+    const FollowerOutput output = brake_ ? follower_->stop(before) : follower_->follow(before);
+    request = output.request;
+    target_speed_ = output.target_speed;
+  }
+  vehicle_.step(request, kStep);
+  time_ += kStep;
+  const VehicleState after = state();
+  result_.length += (after.position - before.position).norm();
+  result_.top_speed = std::max(result_.top_speed, after.speed);
+  result_.trace.emplace_back(after.position.x(), after.position.y(), after.yaw);
+}
+
+bool DriveLoop::finished() {
+  const VehicleState at = state();
+  const double clearance = world_.clearance(outline(), time_);
+  clearance_ = std::min(clearance_, clearance);
+  result_.clearance = std::min(result_.clearance, clearance);
+  result_.time = time_;
+  if (clearance <= 0) {
+    result_.outcome = DriveOutcome::collision;
+    return true;
+  }
+  if ((at.position - drive_.route[next_goal_]).norm() <= drive_.goal_tolerance) {
+    if (next_goal_ + 1 == drive_.route.size()) {
+      result_.outcome = DriveOutcome::reached;
+      return true;
+    }
+    ++next_goal_;
+  }
+  const bool stands = brake_ && std::abs(at.speed) < kStands;
+  if (!stands) standing_since_ = -1;
+  if (stands && standing_since_ < 0) standing_since_ = time_;
+  result_.outcome = stands && time_ - standing_since_ >= kGivesUpAfter ? DriveOutcome::stopped
+                                                                       : DriveOutcome::timeout;
+  return result_.outcome == DriveOutcome::stopped || time_ >= drive_.time_limit;
+}
+
+DriveResult DriveLoop::run() {
+  constexpr double kRounding = 1e-9;
+  result_.clearance = std::numeric_limits<double>::infinity();
+  while (!finished()) {
+    const auto due = static_cast<double>(result_.frames.size()) / drive_.sensor.rate;
+    const bool frame_due = time_ >= due - kRounding;
+    if (frame_due) capture_frame();
+    bool news = frame_due;
+    while (!arriving_.empty() && arriving_.front().arrival <= time_ + kRounding) {
+      const SensedEvent event = arriving_.front();
+      arriving_.pop_front();
+      take_frame(event);
+      news = true;
+    }
+    while (!answers_.empty() && answers_.front().ready <= time_ + kRounding) {
+      const AnswerEvent event = std::move(answers_.front());
+      answers_.pop_front();
+      take_answer(event);
+      news = true;
+    }
+    if (news) plan();
+    step();
+    DriveFrame& frame = result_.frames.back();
+    frame.time_ms.map = times_.map;
+    frame.time_ms.plan = times_.plan;
+    frame.time_ms.control = times_.control;
+    if (!news) continue;
+    frame.plan_text = plan_text_;
+    frame.path = path_;
+    frame.target_speed = target_speed_;
+    if (latest_) {
+      frame.mixture = latest_->answer.mixture;
+      frame.mixture_age = frame.time - latest_->capture_time;
+      frame.flags = latest_->answer.flags;
+      frame.error = latest_->answer.error;
+    }
+    if (options_.keep_pictures) frame.occupancy = occupancy();
+  }
+  result_.mean_speed = result_.time > 0 ? result_.length / result_.time : 0.0;
+  return std::move(result_);
+}
+
+constexpr std::array kOutcomeWords{"reached", "collision", "stopped", "timeout"};
+constexpr std::array kFateWords{"used", "in_sight", "seen_before", "busy", "missing"};
+
+}  // namespace
+
+std::string outcome_word(DriveOutcome outcome) {
+  return kOutcomeWords.at(static_cast<std::size_t>(outcome));
+}
+
+std::string fate_word(FrameFate fate) { return kFateWords.at(static_cast<std::size_t>(fate)); }
+
+DriveResult drive_through(const Drive& drive, const SimulatedSensor& sensor,
+                          const DriveOptions& options) {
+  return DriveLoop(drive, sensor, options).run();
+}
+
+}  // namespace blindcorner

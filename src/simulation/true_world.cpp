@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "blindcorner/simulation/true_world.h"
+
+#include <algorithm>
+#include <limits>
+#include <random>
+
+#include "blindcorner/forward/scene/footprint.h"
+#include "blindcorner/simulation/synthetic.h"
+#include "simulation/convex_distance.h"
+
+namespace blindcorner {
+namespace {
+
+/// Surfaces that end below this height are driven over: the road, m.
+constexpr double kKerb = 0.05;
+
+bool in_the_way(const Surface& surface, double vehicle_height) {
+  double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
+  for (const Triangle& triangle : triangulate(surface.shape, surface.T_world_surface, 1.0)) {
+    for (const Eigen::Vector3d& corner : triangle) {
+      lowest = std::min(lowest, corner.z());
+      highest = std::max(highest, corner.z());
+    }
+  }
+  return highest > kKerb && lowest < vehicle_height;
+}
+
+double drawn(double lower, double upper, std::mt19937_64& random) {
+  return lower < upper ? std::uniform_real_distribution<double>(lower, upper)(random) : lower;
+}
+
+}  // namespace
+
+TrueWorld::TrueWorld(const Drive& drive, std::uint64_t seed) : drive_(drive) {
+  std::mt19937_64 random(seed);
+  start_ = draw_pose(drive.scene, random);
+  for (std::size_t i = 0; i < drive.truth.components.size(); ++i) {
+    const auto& component = drive.truth.components[i];
+    if (!component) continue;
+    start_[static_cast<Eigen::Index>(i)] = drawn(component->lower, component->upper, random);
+  }
+  speed_ = drawn(drive.speed_lower, drive.speed_upper, random);
+  for (const Surface& surface : drive.scene.surfaces) {
+    if (!in_the_way(surface, drive.vehicle.height)) continue;
+    walls_.push_back(footprint(surface.shape, surface.T_world_surface));
+  }
+}
+
+std::optional<PoseVector> TrueWorld::hidden(double time) const {
+  if (!drive_.truth.present) return std::nullopt;
+  PoseVector pose = start_;
+  for (std::size_t i = 0; i < drive_.scene.unknowns.size(); ++i) {
+    const Unknown& unknown = drive_.scene.unknowns[i];
+    const auto axis = static_cast<Eigen::Index>(unknown.component);
+    if (axis > 1) continue;
+    const double speed = drive_.truth.velocity[static_cast<std::size_t>(unknown.object)][axis];
+    double& value = pose[static_cast<Eigen::Index>(i)];
+    value = std::clamp(value + speed * time, unknown.lower, unknown.upper);
+  }
+  return pose;
+}
+
+std::vector<Placement> TrueWorld::placements(double time) const {
+  const std::optional<PoseVector> pose = hidden(time);
+  return pose ? placements_at(drive_.scene, *pose) : std::vector<Placement>{};
+}
+
+std::vector<std::vector<Eigen::Vector2d>> TrueWorld::bodies(double time) const {
+  std::vector<std::vector<Eigen::Vector2d>> outlines;
+  for (const Placement& placement : placements(time)) {
+    const HiddenObject& object = hidden_object(drive_.scene, static_cast<int>(outlines.size()));
+    outlines.push_back(footprint(object.shape, object.anchor, placement));
+  }
+  return outlines;
+}
+
+double TrueWorld::clearance(const std::vector<Eigen::Vector2d>& outline, double time) const {
+  double least = std::numeric_limits<double>::infinity();
+  for (const auto& wall : walls_) least = std::min(least, convex_distance(outline, wall));
+  for (const auto& body : bodies(time)) least = std::min(least, convex_distance(outline, body));
+  return least;
+}
+
+}  // namespace blindcorner

@@ -1,0 +1,188 @@
+// SPDX-License-Identifier: Apache-2.0
+// Whole drives of the robot: what perceptions know when, what happens to frames that fail, and how
+// drives end. The corridor's sensor takes some 50 ms a frame.
+#include "blindcorner/simulation/drive_loop.h"
+
+#include <gtest/gtest.h>
+
+#include <memory>
+
+#include "blindcorner/forward/error.h"
+#include "blindcorner/forward/transport/forward_model.h"
+#include "blindcorner/simulation/perception.h"
+#include "blindcorner/simulation/true_world.h"
+#include "simulation/convex_distance.h"
+
+namespace blindcorner {
+namespace {
+
+const Drive& robot() {
+  static const Drive drive = read_drive(std::string(SOURCE_DIR) + "/scenes/robot_drive.json");
+  return drive;
+}
+
+const SimulatedSensor& sensor() {
+  static const SimulatedSensor made(robot().scene);
+  return made;
+}
+
+DriveResult run(const Drive& drive, const std::string& perception, std::uint64_t seed = 1) {
+  DriveOptions options;
+  options.perception = perception;
+  options.seed = seed;
+  options.keep_pictures = false;
+  return drive_through(drive, sensor(), options);
+}
+
+TEST(ConvexDistance, OfSquaresAndLines) {
+  const Polygon square{{0, 0}, {1, 0}, {1, 1}, {0, 1}};
+  const Polygon diamond{{3, 0.5}, {4, -0.5}, {5, 0.5}, {4, 1.5}};
+  EXPECT_DOUBLE_EQ(convex_distance(square, diamond), 2);
+  EXPECT_DOUBLE_EQ(convex_distance(square, {{2, 2}, {3, 3}}), std::sqrt(2.0));
+  EXPECT_EQ(convex_distance(square, {{0.5, -1}, {0.5, 2}}), 0);              // through it
+  EXPECT_EQ(convex_distance(square, {{0.5, 0.5}}), 0);                       // inside
+  EXPECT_DOUBLE_EQ(convex_distance({{0, 0}, {2, 0}}, {{3, 0}, {4, 0}}), 1);  // in line
+}
+
+TEST(TrueWorld, MovesAndStopsAtTheRegionsBorder) {
+  Drive drive = robot();
+  drive.truth.components = {TrueComponent{0.4, 0.4}, TrueComponent{1.9, 1.9}};
+  drive.truth.velocity[0] = {0.1, 0};
+  const TrueWorld world(drive, 1);
+  EXPECT_NEAR((*world.hidden(2))[0], 0.6, 1e-12);
+  EXPECT_DOUBLE_EQ((*world.hidden(100))[0], 0.9);
+  drive.truth.present = false;
+  EXPECT_FALSE(world.hidden(0));
+}
+
+TEST(Perception, KnownByNameOnly) {
+  const PerceptionSetup setup{
+      robot().scene, robot().motion, {}, [](double) { return std::optional<PoseVector>(); }};
+  EXPECT_THROW(make_perception("x-ray", setup), Error);
+  const auto los = make_perception("los", setup);
+  EXPECT_FALSE(los->perceive({}, Transform::Identity(), 0).mixture);
+  const auto oracle = make_perception("oracle", setup);
+  const auto answer = oracle->perceive({}, Transform::Identity(), 0);
+  ASSERT_TRUE(answer.mixture);
+  EXPECT_EQ(answer.mixture->presence_probability, 0);
+}
+
+TEST(Perception, SolverSaysWhatIsWrongWithAFrame) {
+  const PerceptionSetup setup{robot().scene, robot().motion, {}, {}};
+  const auto solver = make_perception("solver", setup);
+  const auto answer = solver->perceive({}, Transform::Identity(), 0);  // no histograms
+  EXPECT_FALSE(answer.mixture);
+  EXPECT_FALSE(answer.error.empty());
+}
+
+TEST(DriveLoop, OracleReachesTheGoal) {
+  const DriveResult result = run(robot(), "oracle");
+  EXPECT_EQ(result.outcome, DriveOutcome::reached);
+  EXPECT_GT(result.clearance, 0);
+  ASSERT_FALSE(result.frames.empty());
+  EXPECT_TRUE(result.frames.front().mixture);  // it knows from the first frame on
+}
+
+TEST(DriveLoop, LineOfSightKnowsOnlyWhatItSees) {
+  const DriveResult result = run(robot(), "los");
+  ASSERT_FALSE(result.frames.empty());
+  bool sighted = false;
+  for (const DriveFrame& frame : result.frames) {
+    sighted = sighted || frame.fate == FrameFate::in_sight;
+    EXPECT_TRUE(sighted || !frame.mixture) << "at " << frame.time << " s";
+  }
+  EXPECT_TRUE(sighted);
+}
+
+TEST(DriveLoop, SolverFindsTheObjectBeforeItIsInSight) {
+  const DriveResult result = run(robot(), "solver");
+  double best = 1;
+  for (const DriveFrame& frame : result.frames) {
+    if (frame.fate != FrameFate::used || !frame.mixture || frame.mixture->modes.empty()) continue;
+    EXPECT_EQ(frame.error, "");
+    best = std::min(best, (frame.mixture->modes[0].pose - *frame.truth).norm());
+  }
+  EXPECT_LT(best, 0.1);  // published: 5 to 10 cm
+}
+
+TEST(DriveLoop, SameSeedSameDrive) {
+  const DriveResult a = run(robot(), "oracle", 3), b = run(robot(), "oracle", 3);
+  ASSERT_EQ(a.trace.size(), b.trace.size());
+  for (std::size_t i = 0; i < a.trace.size(); ++i) EXPECT_EQ(a.trace[i], b.trace[i]);
+}
+
+TEST(DriveLoop, ADelayHoldsAnswersBack) {
+  Drive drive = robot();
+  drive.delay["oracle"] = 0.5;  // of a frame each 0.2 s
+  drive.time_limit = 1.0;
+  const DriveResult result = run(drive, "oracle");
+  ASSERT_GE(result.frames.size(), 5U);
+  EXPECT_FALSE(result.frames[0].mixture && result.frames[0].mixture_age < 0);
+  EXPECT_EQ(result.frames[1].fate, FrameFate::busy);
+  EXPECT_EQ(result.frames[2].fate, FrameFate::busy);
+  EXPECT_EQ(result.frames[3].fate, FrameFate::used);
+}
+
+TEST(DriveLoop, FramesThatNeverArriveLeaveTheVehicleWaiting) {
+  Drive drive = robot();
+  drive.sensor.missing_share = 1;
+  drive.time_limit = 1;
+  const DriveResult result = run(drive, "los");
+  for (const DriveFrame& frame : result.frames) EXPECT_EQ(frame.fate, FrameFate::missing);
+  EXPECT_EQ(result.outcome, DriveOutcome::timeout);
+}
+
+TEST(DriveLoop, LateFramesArriveInOrder) {
+  Drive drive = robot();
+  drive.sensor.late_share = 0.5;
+  drive.sensor.late_by = 0.3;
+  const DriveResult result = run(drive, "oracle");
+  EXPECT_EQ(result.outcome, DriveOutcome::reached);
+}
+
+TEST(DriveLoop, NoWayEndsInAStop) {
+  Drive drive = robot();
+  drive.route = {{-1.5, 3.5}};  // within the inner corner's block
+  const DriveResult result = run(drive, "oracle");
+  EXPECT_EQ(result.outcome, DriveOutcome::stopped);
+  EXPECT_GT(result.clearance, 0);
+}
+
+double relative_difference(const HistogramCube& a, const HistogramCube& b) {
+  const auto va = Eigen::Map<const Eigen::VectorXd>(a.values.data(), std::ssize(a.values));
+  const auto vb = Eigen::Map<const Eigen::VectorXd>(b.values.data(), std::ssize(b.values));
+  return (va - vb).norm() / vb.norm();
+}
+
+/// The reference renderer at half its density is itself within 0.5 % (L2), which is within the 2 %
+/// that a simulated frame may be off.
+TEST(SimulatedSensor, AgreesWithTheReferenceRenderer) {
+  Transform T = Transform::Identity();
+  T.translation() = Eigen::Vector3d(-0.6, 0.4, 0.15);
+  const PoseVector pose = pose_of(stated_placements(robot().scene), robot().scene.unknowns);
+  const SensedLight light = sensor().light(T, pose);
+  const auto reference =
+      make_reference_renderer(robot().scene, SensorPlacement{T, {}}, reference_sampling(0.5));
+  EXPECT_LT(relative_difference(light.three_bounce, reference->three_bounce(pose)), 0.02);
+  EXPECT_LT(relative_difference(light.static_light, reference->static_return(pose)), 0.005);
+}
+
+TEST(SimulatedSensor, SamplesElsewhereThanTheFit) {
+  const Transform T = robot().scene.T_world_sensor;
+  const PoseVector pose = pose_of(stated_placements(robot().scene), robot().scene.unknowns);
+  const SensedLight light = sensor().light(T, pose);
+  const auto fitted = make_fast_model(robot().scene, SensorPlacement{T, {}});
+  // Far above rounding: no fit meets its own model in these captures.
+  EXPECT_GT(relative_difference(light.three_bounce, fitted->three_bounce(pose)), 1e-4);
+  EXPECT_GT(relative_difference(light.static_light, fitted->direct_return()), 1e-5);
+}
+
+TEST(SimulatedSensor, MoreLightIsMoreSignalOverTheSameDaylight) {
+  const Scene& scene = robot().scene;
+  const Scene brighter = with_light(scene, 10);
+  EXPECT_DOUBLE_EQ(brighter.sensor.radiant_intensity, 10 * scene.sensor.radiant_intensity);
+  EXPECT_DOUBLE_EQ(brighter.linear.fixed_ambient, scene.linear.fixed_ambient);
+}
+
+}  // namespace
+}  // namespace blindcorner
