@@ -17,6 +17,9 @@ constexpr double kArrivedWithin = 0.1, kArrivedSpeed = 0.05;
 /// A vehicle that turns on the spot does so for heading errors beyond this.
 constexpr double kTurnFirst = kPi / 4;
 
+/// Speeds below which a safe stop goes straight on, m/s.
+constexpr double kSlowCar = 1.0, kSlowRobot = 0.05;
+
 double direction(const Eigen::Vector2d& vector) { return std::atan2(vector.y(), vector.x()); }
 
 double wrapped(double angle) { return std::remainder(angle, 2 * kPi); }
@@ -146,8 +149,10 @@ FollowerOutput PathFollower::stop(const VehicleState& state) {
 }
 
 DriveRequest safe_stop(const VehicleState& state, const VehicleLimits& limits) {
-  // Below 1 m/s a curvature out of speed and yaw rate means nothing, and there is little to steer.
-  const double curvature = state.speed > 1 ? state.yaw_rate / state.speed : 0;
+  // A slow car's yaw rate over its speed means nothing, and there is little to steer; a robot's
+  // wheels set both.
+  const double slow = limits.wheelbase > 0 ? kSlowCar : kSlowRobot;
+  const double curvature = state.speed > slow ? state.yaw_rate / state.speed : 0;
   return {.acceleration = -limits.friction,
           .curvature = std::clamp(curvature, -limits.curvature, limits.curvature)};
 }

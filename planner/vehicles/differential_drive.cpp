@@ -61,10 +61,20 @@ class DifferentialDrive : public VehicleModel {
   VehicleCommand command(const StateVector& x, const DriveRequest& request,
                          double dt) const override {
     const VehicleState now = motion(x);
-    const double wanted = request.curvature * std::max(now.speed, kTurningSpeed);
+    // A wheel that is clipped alone trades braking for turning: where both are too much, turning
+    // gets what is left, half of the wheels' acceleration at least.
+    const double limit = p_.acceleration;
+    double forward = without_reversing(request.acceleration, now.speed, dt);
+    forward = std::clamp(forward, -limit, limit);
+    const double speed = std::max(std::abs(now.speed + forward * dt), kTurningSpeed);
     const double fastest = 2 * p_.wheel_speed / p_.track;
-    return {.acceleration = without_reversing(request.acceleration, now.speed, dt),
-            .steering = (std::clamp(wanted, -fastest, fastest) - now.yaw_rate) / dt};
+    const double wanted = std::clamp(request.curvature * speed, -fastest, fastest);
+    const double turn_limit = std::max(limit - std::abs(forward), limit / 2);
+    const double turn =
+        std::clamp(0.5 * p_.track * (wanted - now.yaw_rate) / dt, -turn_limit, turn_limit);
+    const double forward_limit = limit - std::abs(turn);
+    return {.acceleration = std::clamp(forward, -forward_limit, forward_limit),
+            .steering = turn / (0.5 * p_.track)};
   }
 
  private:

@@ -25,6 +25,8 @@ constexpr double kDuration = 2;       ///< of a run, s
 /// A run in which any state is off by so much (m, rad, m/s, rad/s) counts as unstable. Friction is
 /// bounded: wheels swing to and fro rather than to infinity.
 constexpr double kUnstable = 1;
+/// What braking leaves of the speed of models that cannot stand, m/s.
+constexpr double kSlowest = 0.5;
 constexpr double kLeastDrawn = 1e-6;  ///< mm
 constexpr IntegratorTolerance kReference{1e-10, 1e-10};
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
@@ -78,9 +80,15 @@ std::vector<StateVector> drive(const VehicleArguments& arguments,
                                double step) {
   Vehicle vehicle(make_vehicle_model(arguments.vehicle), integrator);
   vehicle.place({.speed = speed});
+  // The peers' single tracks cannot stand, nor roll backwards (single_track.h).
+  const bool keeps_rolling = arguments.vehicle.starts_with("single_track");
   std::vector<StateVector> states;
   const auto steps = static_cast<int>(std::lround(kInputPeriod / step));
-  for (const VehicleCommand& command : harsh_commands(arguments.seed)) {
+  for (VehicleCommand command : harsh_commands(arguments.seed)) {
+    if (keeps_rolling) {
+      const double gentlest = (kSlowest - vehicle.state().speed) / kInputPeriod;
+      command.acceleration = std::max(command.acceleration, gentlest);
+    }
     for (int i = 0; i < steps; ++i) vehicle.step(command, step);
     states.push_back(vehicle.states());
   }

@@ -128,7 +128,8 @@ def compare(program, folder):
             own = own_trajectory(program, model, speed, commands, folder)
             peer = peer_trajectory(model, speed, commands)
             if peer is None:
-                print(f"{name:<24} {model:<24} no solution by scipy")
+                print(f"{name:<24} {model:<24} no solution by scipy: not compared")
+                failed = True
                 continue
             apart = np.linalg.norm(own - peer, axis=1)
             # The kinematic model's point is the rear axle, the car's the centre of gravity.
@@ -136,7 +137,7 @@ def compare(program, folder):
                         else np.linalg.norm(car - peer, axis=1).max())
             equal_until = DIFFERS_AFTER.get((name, model), DURATION)
             compared = apart[:round(equal_until / PERIOD)].max()
-            failed |= compared > EQUAL
+            failed |= not compared <= EQUAL  # not a number is a failure
             print(f"{name:<24} {model:<24} {1e3 * apart.max():>12.5f} {1e3 * apart[-1]:>14.5f} "
                   f"{math.hypot(*peer[-1]):>13.3f} {from_car:>11.3f}", flush=True)
             if equal_until < DURATION:
