@@ -64,17 +64,21 @@ class DifferentialDrive : public VehicleModel {
     // A wheel that is clipped alone trades braking for turning: where both are too much, turning
     // gets what is left, half of the wheels' acceleration at least.
     const double limit = p_.acceleration;
-    double forward = without_reversing(request.acceleration, now.speed, dt);
-    forward = std::clamp(forward, -limit, limit);
-    const double speed = std::max(std::abs(now.speed + forward * dt), kTurningSpeed);
+    const double asked =
+        std::clamp(without_reversing(request.acceleration, now.speed, dt), -limit, limit);
+    const double turn_limit = std::max(limit - std::abs(asked), limit / 2);
     const double fastest = 2 * p_.wheel_speed / p_.track;
-    const double wanted = std::clamp(request.curvature * speed, -fastest, fastest);
-    const double turn_limit = std::max(limit - std::abs(forward), limit / 2);
-    const double turn =
-        std::clamp(0.5 * p_.track * (wanted - now.yaw_rate) / dt, -turn_limit, turn_limit);
-    const double forward_limit = limit - std::abs(turn);
-    return {.acceleration = std::clamp(forward, -forward_limit, forward_limit),
-            .steering = turn / (0.5 * p_.track)};
+    double forward = asked, turn = 0;
+    // The yaw rate is that of the curvature at the speed that is reached: a fixed point, which half
+    // a track over the curve's radius (0.1 at 1 m) contracts to.
+    for (int pass = 0; pass < 4; ++pass) {
+      const double speed = std::max(std::abs(now.speed + forward * dt), kTurningSpeed);
+      const double wanted = std::clamp(request.curvature * speed, -fastest, fastest);
+      turn = std::clamp(0.5 * p_.track * (wanted - now.yaw_rate) / dt, -turn_limit, turn_limit);
+      const double left = limit - std::abs(turn);
+      forward = std::clamp(asked, -left, left);
+    }
+    return {.acceleration = forward, .steering = turn / (0.5 * p_.track)};
   }
 
  private:
