@@ -72,7 +72,8 @@ void OccupancyGrid::update(double dt, const LineOfSightScan* scan, const HiddenA
   }
   if (answer != nullptr) {
     if (!spread_) throw Error("an answer on hidden objects needs a grid that was made for a scene");
-    // Refused before anything is changed.
+    // Refused before anything is changed; what is moved on must be a mixture first, and stay one.
+    spread_->check(answer->mixture);
     spread_->check(prediction_->predicted(answer->mixture, answer->age, answer->velocities));
   }
   const double fading = std::exp(-dt / options_.moving_evidence_time);

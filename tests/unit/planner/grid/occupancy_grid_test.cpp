@@ -175,6 +175,9 @@ TEST(HiddenMotion, PredictsAsTheTrackerDoes) {
   EXPECT_NEAR(half.modes[0].weight, 0.45 / 0.7, 1e-12);
   EXPECT_THROW(hidden.predicted(at(2, 2, 0.1, 0.5), -1), Error);
   EXPECT_THROW(hidden.predicted(at(2, 2, 0.1, 0.5), 1, {velocity, velocity}), Error);
+  PoseMixture empty;
+  empty.modes = {PoseMode{}};
+  EXPECT_THROW(hidden.predicted(empty, 1), Error);
 }
 
 TEST(OccupancyGrid, RefusesNonsenseAndStaysAsItWas) {
@@ -184,6 +187,19 @@ TEST(OccupancyGrid, RefusesNonsenseAndStaysAsItWas) {
   const std::vector<double> before = grid.probabilities();
   HiddenAnswer bad = good;
   bad.mixture.modes[0].covariance(0, 0) = std::nan("");
+  EXPECT_THROW(grid.update(0.1, nullptr, &bad), Error);
+  bad.mixture.modes = {PoseMode{}};  // without values
+  bad.mixture.modes[0].weight = 1;
+  EXPECT_THROW(grid.update(0.1, nullptr, &bad), Error);
+  bad = good;
+  bad.mixture.modes[0].pose.conservativeResize(1);
+  EXPECT_THROW(grid.update(0.1, nullptr, &bad), Error);
+  bad = good;
+  bad.mixture.modes[0].covariance = MatrixXd::Identity(1, 2);
+  EXPECT_THROW(grid.update(0.1, nullptr, &bad), Error);
+  bad = good;
+  bad.velocities.resize(1);
+  bad.velocities[0].mean.x() = std::nan("");
   EXPECT_THROW(grid.update(0.1, nullptr, &bad), Error);
   EXPECT_THROW(grid.update(-1, nullptr, &good), Error);
   EXPECT_THROW(grid.update(std::nan(""), nullptr, &good), Error);
