@@ -210,7 +210,7 @@ TEST(RosMap, RefusesToWriteWhatCannotBeRead) {
   wrong.cells[0] = 101;
   EXPECT_THROW(write_ros_map(folder.file("m.yaml"), wrong), Error);
   EXPECT_EQ(folder.entries(), 0U);
-  // These are the image's own endings, or would lose it among others.
+  // The first two are endings of images, which the yaml file would overwrite.
   for (const char* name : {"m.pgm", "m.png", "m", "m.yaml.txt"}) {
     EXPECT_THAT(error_of([&] { write_ros_map(folder.file(name), every_value()); }),
                 HasSubstr("a path that ends in .yaml or .yml"))
