@@ -70,6 +70,14 @@ PoseMixture HiddenMotion::predicted(const PoseMixture& mixture, double age,
     throw Error("velocities", std::to_string(velocities.size()) + " are given; accepted: " +
                                   std::to_string(objects_) + ", one for each hidden object");
   }
+  const auto n = static_cast<Eigen::Index>(unknowns_.size());
+  for (const PoseMode& mode : mixture.modes) {
+    if (mode.pose.size() == n && mode.covariance.rows() == n && mode.covariance.cols() == n)
+      continue;
+    throw Error("pose mixture", "a mode has " + std::to_string(mode.pose.size()) +
+                                    " values; accepted: " + std::to_string(n) +
+                                    ", with a covariance of as many rows and columns");
+  }
   PlanarVelocity any;
   any.covariance.diagonal().setConstant(motion_.initial_speed * motion_.initial_speed);
   const std::vector<PlanarVelocity> used =

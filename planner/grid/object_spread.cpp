@@ -120,11 +120,10 @@ struct PositionNode {
   double weight = 0;
 };
 
-/// Positions with their probabilities, which sum to `not_seen`.
+/// Positions with their probabilities, which sum to 1.
 struct Positions {
   std::vector<PositionNode> nodes;
   Vector2d anchor = Vector2d::Zero();  ///< m, of node (0, 0)
-  double not_seen = 1;                 ///< probability that the object has not been seen
 };
 
 /// Range of lattice steps from the anchor that positions can have along an axis.
@@ -136,8 +135,7 @@ std::pair<int, int> steps_along(double mean, double sigma, double lower, double 
           static_cast<int>(std::ceil((to - anchor) / step))};
 }
 
-Positions positions_of(const ObjectMarginal& marginal, const Matrix2d& covariance, double step,
-                       const GridGeometry& grid, std::span<const double> not_seen) {
+Positions positions_of(const ObjectMarginal& marginal, const Matrix2d& covariance, double step) {
   Positions positions;
   positions.anchor = marginal.position.cwiseMax(marginal.lower).cwiseMin(marginal.upper);
   const Matrix2d precision = covariance.inverse();
@@ -151,7 +149,6 @@ Positions positions_of(const ObjectMarginal& marginal, const Matrix2d& covarianc
   const Vector2d origin = positions.anchor - marginal.position;
   const double reference = origin.dot(precision * origin);
   double total = 0;
-  double unseen = 0;
   for (int row = bottom; row <= top; ++row) {
     for (int column = left; column <= right; ++column) {
       const Vector2d place = positions.anchor + step * Vector2d(column, row);
@@ -159,12 +156,9 @@ Positions positions_of(const ObjectMarginal& marginal, const Matrix2d& covarianc
           share_within(place.x(), step / 2, marginal.lower.x(), marginal.upper.x()) *
           share_within(place.y(), step / 2, marginal.lower.y(), marginal.upper.y());
       const Vector2d off = place - marginal.position;
-      double weight = within * std::exp(-0.5 * (off.dot(precision * off) - reference));
+      const double weight = within * std::exp(-0.5 * (off.dot(precision * off) - reference));
       if (!(weight > kNegligible)) continue;
       total += weight;
-      const Cell cell = grid.cell_at(place);
-      if (!not_seen.empty() && grid.contains(cell)) weight *= not_seen[grid.index(cell)];
-      unseen += weight;
       positions.nodes.push_back({column, row, weight});
     }
   }
@@ -173,16 +167,20 @@ Positions positions_of(const ObjectMarginal& marginal, const Matrix2d& covarianc
     return positions;
   }
   for (PositionNode& node : positions.nodes) node.weight /= total;
-  positions.not_seen = unseen / total;
   return positions;
 }
 
 /// Footprints of all shapes, each moved to where the position's mean is given the shape.
-FootprintKernel draw_shapes(const std::vector<ShapeNode>& nodes, const ObjectMarginal& marginal,
-                            const GroundObject& object, const Lattice& lattice, double cell_size,
-                            const Vector2d& shift) {
+struct ShapeKernels {
+  FootprintKernel touched;  ///< shares of the shapes that touch a cell
+  FootprintKernel covered;  ///< shares that cover its centre; of the same extent
+};
+
+ShapeKernels draw_shapes(const std::vector<ShapeNode>& nodes, const ObjectMarginal& marginal,
+                         const GroundObject& object, const Lattice& lattice, double cell_size,
+                         const Vector2d& shift) {
   const Vector2d mean(marginal.yaw.mean, marginal.size.mean);
-  std::vector<Footprint> drawn;
+  std::vector<Footprint> bodies, reaches;
   Vector2d lower = Vector2d::Zero();
   Vector2d upper = Vector2d::Zero();
   for (const ShapeNode& node : nodes) {
@@ -190,16 +188,23 @@ FootprintKernel draw_shapes(const std::vector<ShapeNode>& nodes, const ObjectMar
     const Matrix2d turn = node.shape[1] * Eigen::Rotation2Dd(node.shape[0]).toRotationMatrix();
     Footprint corners;
     for (const Vector2d& corner : object.outline) corners.emplace_back(moved + turn * corner);
-    drawn.push_back(widened(corners, cell_size));
-    for (const Vector2d& corner : drawn.back()) {
+    reaches.push_back(widened(corners, cell_size));
+    bodies.push_back(std::move(corners));
+    for (const Vector2d& corner : reaches.back()) {
       lower = lower.cwiseMin(corner);
       upper = upper.cwiseMax(corner);
     }
   }
-  FootprintKernel kernel = empty_kernel(lattice.step, shift, lower, upper, lattice.stride / 2 + 1);
-  for (std::size_t i = 0; i < nodes.size(); ++i) add_polygon(drawn[i], nodes[i].weight, kernel);
-  box_average(lattice.stride, kernel);
-  return kernel;
+  ShapeKernels kernels;
+  kernels.touched = empty_kernel(lattice.step, shift, lower, upper, lattice.stride / 2 + 1);
+  kernels.covered = kernels.touched;
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    add_polygon(reaches[i], nodes[i].weight, kernels.touched);
+    add_polygon(bodies[i], nodes[i].weight, kernels.covered);
+  }
+  box_average(lattice.stride, kernels.touched);
+  box_average(lattice.stride, kernels.covered);
+  return kernels;
 }
 
 /// Every `per_cell`-th value of a kernel along both axes, one table for each place to begin at.
@@ -240,7 +245,27 @@ KernelPhases phases_of(FootprintKernel& kernel, int per_cell) {
   return phases;
 }
 
-/// Adds `weight` times a table to a window, where they overlap.
+/// The cells that a table, put somewhere, shares with a rectangle of cells.
+struct Overlap {
+  int columns = 0, rows = 0;
+  std::ptrdiff_t in_table = 0, in_cells = 0;  ///< where the first of them is stored
+};
+
+Overlap overlap_of(const KernelPhases::Table& table, const Cell& put, int first_column,
+                   int first_row, int columns, int rows) {
+  const int left = std::max(put.column + table.first_column, first_column);
+  const int bottom = std::max(put.row + table.first_row, first_row);
+  const int right =
+      std::min(put.column + table.first_column + table.columns, first_column + columns);
+  const int top = std::min(put.row + table.first_row + table.rows, first_row + rows);
+  if (left >= right || bottom >= top) return {};
+  return {right - left, top - bottom,
+          static_cast<std::ptrdiff_t>(bottom - put.row - table.first_row) * table.columns +
+              (left - put.column - table.first_column),
+          static_cast<std::ptrdiff_t>(bottom - first_row) * columns + (left - first_column)};
+}
+
+/// Adds `weight` times a table to a window.
 BLINDCORNER_MULTIVERSION
 void add_table(const double* table, int table_columns, double weight, int columns, int rows,
                double* window, int window_columns) {
@@ -252,24 +277,93 @@ void add_table(const double* table, int table_columns, double weight, int column
   }
 }
 
-void place_table(const KernelPhases::Table& table, int column, int row, double weight,
-                 Window& window) {
-  // First and last cell of the table inside the window.
-  const int left = std::max(column + table.first_column, window.first_column);
-  const int bottom = std::max(row + table.first_row, window.first_row);
-  const int right =
-      std::min(column + table.first_column + table.columns, window.first_column + window.columns);
-  const int top = std::min(row + table.first_row + table.rows, window.first_row + window.rows);
-  if (left >= right || bottom >= top) return;
-  const std::ptrdiff_t from =
-      static_cast<std::ptrdiff_t>(bottom - row - table.first_row) * table.columns +
-      (left - column - table.first_column);
-  const std::ptrdiff_t to =
-      static_cast<std::ptrdiff_t>(bottom - window.first_row) * window.columns +
-      (left - window.first_column);
-  add_table(table.values.data() + from, table.columns, weight, right - left, top - bottom,
-            window.values.data() + to, window.columns);
+/// One row of an object's footprint at a place, part of which has been seen.
+BLINDCORNER_MULTIVERSION
+void add_unseen_row(const double* touched, const double* covered, const double* not_seen,
+                    double weight, double unseen, int columns, double* to) {
+  BLINDCORNER_INDEPENDENT
+  for (int column = 0; column < columns; ++column) {
+    const double place = unseen * touched[column];
+    const double shapes = touched[column] - (1 - not_seen[column]) * covered[column];
+    to[column] += weight * (place < shapes ? place : shapes);
+  }
 }
+
+/// Footprints put at positions, and what of them has not been seen.
+class Placer {
+ public:
+  Placer(ShapeKernels& kernels, const Lattice& lattice, const GridGeometry& grid,
+         std::span<const double> not_seen)
+      : touched_(phases_of(kernels.touched, lattice.per_cell)),
+        covered_(phases_of(kernels.covered, lattice.per_cell)),
+        stride_(lattice.stride),
+        grid_(grid),
+        not_seen_(not_seen) {}
+
+  /// Adds the object at a position to the window: of each cell, the probability that the object
+  /// occupies it and has not been seen. Returns the probability that it stands there unseen.
+  double place(const PositionNode& node, const Cell& anchor_cell, const Cell& stands_in,
+               Window& window) const {
+    // Cell c sees the node at pixel (c - anchor) * per_cell - steps * stride.
+    const int n = touched_.per_cell;
+    const int x = node.column * stride_;
+    const int y = node.row * stride_;
+    const int phase_x = -x - n * floor_divide(-x, n);
+    const int phase_y = -y - n * floor_divide(-y, n);
+    const auto phase = static_cast<std::size_t>(phase_y * n + phase_x);
+    const Cell put{anchor_cell.column + floor_divide(x + phase_x, n),
+                   anchor_cell.row + floor_divide(y + phase_y, n)};
+    const double unseen = not_seen_.empty() ? 1.0 : unseen_at(phase, put, stands_in);
+    add(phase, put, node.weight, unseen, window);
+    return node.weight * unseen;
+  }
+
+ private:
+  /// A ray ends on an object or passes the place: the cells that one footprint covers are no
+  /// further evidence for each other, and the one that says most against the object counts.
+  double unseen_at(std::size_t phase, const Cell& put, const Cell& stands_in) const {
+    double seen = grid_.contains(stands_in) ? 1 - not_seen_[grid_.index(stands_in)] : 0.0;
+    const KernelPhases::Table& table = covered_.tables[phase];
+    const Overlap overlap = overlap_of(table, put, 0, 0, grid_.columns, grid_.rows);
+    for (int row = 0; row < overlap.rows; ++row) {
+      const double* share =
+          table.values.data() + overlap.in_table + static_cast<std::ptrdiff_t>(row) * table.columns;
+      const double* cells =
+          not_seen_.data() + overlap.in_cells + static_cast<std::ptrdiff_t>(row) * grid_.columns;
+      for (int column = 0; column < overlap.columns; ++column) {
+        seen = std::max(seen, share[column] * (1 - cells[column]));
+      }
+    }
+    return 1 - std::min(1.0, seen);
+  }
+
+  void add(std::size_t phase, const Cell& put, double weight, double unseen, Window& window) const {
+    const KernelPhases::Table& table = touched_.tables[phase];
+    const Overlap overlap =
+        overlap_of(table, put, window.first_column, window.first_row, window.columns, window.rows);
+    if (overlap.rows == 0) return;
+    double* to = window.values.data() + overlap.in_cells;
+    const double* touched = table.values.data() + overlap.in_table;
+    if (unseen == 1) {
+      add_table(touched, table.columns, weight, overlap.columns, overlap.rows, to, window.columns);
+      return;
+    }
+    const double* covered = covered_.tables[phase].values.data() + overlap.in_table;
+    const std::ptrdiff_t first = overlap.in_cells / window.columns + window.first_row;
+    const std::ptrdiff_t column = overlap.in_cells % window.columns + window.first_column;
+    const double* cells = not_seen_.data() + first * grid_.columns + column;
+    for (std::ptrdiff_t row = 0; row < overlap.rows; ++row) {
+      add_unseen_row(touched + row * table.columns, covered + row * table.columns,
+                     cells + row * grid_.columns, weight, unseen, overlap.columns,
+                     to + row * window.columns);
+    }
+  }
+
+  KernelPhases touched_, covered_;
+  int stride_ = 1;
+  const GridGeometry& grid_;
+  std::span<const double> not_seen_;
+};
 
 /// The part of the grid that an object at these positions can reach.
 Window window_for(const Positions& positions, const Cell& anchor_cell, const Lattice& lattice,
@@ -320,28 +414,20 @@ ObjectSpread spread(const ObjectMarginal& marginal, const GroundObject& object,
   // Borders of what was seen matter on the scale of the object.
   if (!not_seen.empty()) coarsest = std::min(coarsest, object.radius / 2);
   const Lattice lattice = lattice_for(grid.cell_size, sigma, std::max(coarsest, grid.cell_size));
-  const Positions positions =
-      positions_of(marginal, covariance, lattice.position_step(), grid, not_seen);
+  const Positions positions = positions_of(marginal, covariance, lattice.position_step());
 
-  // Pixels of the kernel stand for centres of cells as seen from the anchor.
+  // Pixels of the kernels stand for centres of cells as seen from the anchor.
   const Cell anchor_cell = grid.cell_at(positions.anchor);
   const Vector2d shift = positions.anchor - grid.center(anchor_cell);
   const auto nodes = shape_nodes(marginal, object.radius, sigma);
-  FootprintKernel kernel = draw_shapes(nodes, marginal, object, lattice, grid.cell_size, shift);
-  const KernelPhases phases = phases_of(kernel, lattice.per_cell);
+  ShapeKernels kernels = draw_shapes(nodes, marginal, object, lattice, grid.cell_size, shift);
+  const Placer placer(kernels, lattice, grid, not_seen);
 
-  ObjectSpread result{window_for(positions, anchor_cell, lattice, kernel, grid),
-                      positions.not_seen};
-  const int n = phases.per_cell;
+  ObjectSpread result{window_for(positions, anchor_cell, lattice, kernels.touched, grid), 0.0};
   for (const PositionNode& node : positions.nodes) {
-    // Cell c sees the node at pixel (c - anchor) * per_cell - steps * stride.
-    const int x = node.column * lattice.stride;
-    const int y = node.row * lattice.stride;
-    const int phase_x = -x - n * floor_divide(-x, n);
-    const int phase_y = -y - n * floor_divide(-y, n);
-    place_table(phases.tables[static_cast<std::size_t>(phase_y * n + phase_x)],
-                anchor_cell.column + floor_divide(x + phase_x, n),
-                anchor_cell.row + floor_divide(y + phase_y, n), node.weight, result.window);
+    const Vector2d place =
+        positions.anchor + lattice.position_step() * Vector2d(node.column, node.row);
+    result.not_seen += placer.place(node, anchor_cell, grid.cell_at(place), result.window);
   }
   return result;
 }

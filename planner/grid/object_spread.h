@@ -24,8 +24,13 @@ struct ObjectSpread {
 };
 
 /// Positions and shapes on a lattice (pose_spread.h says how fine). `not_seen` [cells] or empty:
-/// the probability that the object standing there would have remained unseen. The values sum over
-/// what was not seen; divided by `not_seen` they are the probabilities given that.
+/// the probability that the object would have remained unseen had it covered the cell's centre. The
+/// values sum over what was not seen; divided by `not_seen` they are the probabilities given that.
+///
+/// A pose has remained unseen with the smallest `not_seen` of the cells that it covers and of the
+/// one it stands in. Shapes are summed before they are placed: at each position their mean is
+/// bounded from above by the cell that says most against them together, and in each cell by what
+/// was seen there. With one shape both are exact.
 ObjectSpread spread(const ObjectMarginal& marginal, const GroundObject& object,
                     const GridGeometry& grid, std::span<const double> not_seen);
 

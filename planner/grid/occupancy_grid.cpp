@@ -12,6 +12,8 @@ namespace {
 
 /// A cell that the prior's object reaches with less than this is outside of the search region.
 constexpr double kReached = 1e-9;
+/// No cell is surer than this: odds stay finite, also against answers that are certain.
+constexpr double kCertain = 1 - 1e-9;
 
 double odds(double probability) { return probability / (1 - probability); }
 
@@ -72,7 +74,8 @@ void OccupancyGrid::update(double dt, const LineOfSightScan* scan, const HiddenA
   }
   if (answer != nullptr) {
     if (!spread_) throw Error("an answer on hidden objects needs a grid that was made for a scene");
-    // Refused before anything is changed.
+    // Refused before anything is changed; what is moved on must be a mixture first, and stay one.
+    spread_->check(answer->mixture);
     spread_->check(prediction_->predicted(answer->mixture, answer->age, answer->velocities));
   }
   const double fading = std::exp(-dt / options_.moving_evidence_time);
@@ -125,9 +128,12 @@ void OccupancyGrid::add_static_evidence(const Cell& cell, double log_ratio) {
 double OccupancyGrid::odds_at(std::size_t index) const {
   const bool searched = answer_ && searchable_[index] != 0;
   const double prior = searched ? options_.unmodelled_probability : options_.unseen_prior;
-  const double moving = 1 - (1 - hidden_[index]) * (1 - options_.moving_prior);
+  const double evidence = moving_evidence_[index];
+  // Passes are in h already (spread_hidden); hits are not, and count at once.
+  const double other = odds(options_.moving_prior) * std::exp(std::min(evidence, 0.0));
+  const double moving = std::min(kCertain, 1 - (1 - hidden_[index]) / (1 + other));
   const double of_static = odds(prior) * std::exp(static_evidence_[index]);
-  const double of_moving = odds(moving) * std::exp(moving_evidence_[index]);
+  const double of_moving = odds(moving) * std::exp(std::max(evidence, 0.0));
   return of_static + of_moving + of_static * of_moving;  // (1 + a) (1 + b) - 1
 }
 

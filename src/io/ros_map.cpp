@@ -207,8 +207,8 @@ RosMap read_ros_map(const std::string& yaml_path) {
   rules.negate = negate_of(field("negate"));
   rules.occupied_thresh = field("occupied_thresh").number(0, 1, "a number from 0 to 1");
   rules.free_thresh = field("free_thresh").number(0, 1, "a number from 0 to 1");
-  if (rules.free_thresh > rules.occupied_thresh) {
-    field("free_thresh").fail("at most occupied_thresh, " + text_of(rules.occupied_thresh));
+  if (rules.free_thresh >= rules.occupied_thresh) {
+    field("free_thresh").fail("less than occupied_thresh, " + text_of(rules.occupied_thresh));
   }
   RosMap map;
   map.geometry.cell_size = field("resolution").number(1e-6, 1e6, "metres > 0");
@@ -234,6 +234,11 @@ RosMap read_ros_map(const std::string& yaml_path) {
 }
 
 void write_ros_map(const std::string& yaml_path, const RosMap& map, const RosMapOptions& options) {
+  // Another ending may be the image's own, which the yaml file would then overwrite.
+  const std::filesystem::path path(yaml_path);
+  if (path.extension() != ".yaml" && path.extension() != ".yml") {
+    throw Error(yaml_path, "accepted: a path that ends in .yaml or .yml");
+  }
   options.validate();
   map.geometry.validate();
   if (map.cells.size() != map.geometry.cells()) {
@@ -255,7 +260,7 @@ void write_ros_map(const std::string& yaml_path, const RosMap& map, const RosMap
     }
   }
   const bool png = options.png || options.mode == MapMode::scale;
-  const auto image = std::filesystem::path(yaml_path).replace_extension(png ? ".png" : ".pgm");
+  const auto image = std::filesystem::path(path).replace_extension(png ? ".png" : ".pgm");
   const int width = map.geometry.columns;
   const int height = map.geometry.rows;
   write_atomically(image.string(),

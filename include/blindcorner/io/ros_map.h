@@ -50,7 +50,7 @@ RosMap read_ros_map(const std::string& yaml_path);
 /// Writes `yaml_path` and the image beside it, of the same name with the ending ".pgm" or ".png".
 /// What was written loads back the same: in the modes scale and raw every cell, in trinary after
 /// each has become 0, 100 or unknown by the thresholds. Each file is written completely or not at
-/// all, the yaml file last.
+/// all, the yaml file last. Throws Error for a path that does not end in .yaml or .yml.
 void write_ros_map(const std::string& yaml_path, const RosMap& map,
                    const RosMapOptions& options = {});
 

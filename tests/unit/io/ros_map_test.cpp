@@ -174,7 +174,9 @@ TEST(RosMap, RefusesWithOneLine) {
   EXPECT_THAT(refusal(with("0.0]", "0.1]")), HasSubstr("a yaw of 0"));
   EXPECT_THAT(refusal(with(", 0.0]", "]")), HasSubstr("[x, y, yaw]"));
   EXPECT_THAT(refusal(with("negate: 0", "negate: maybe")), HasSubstr("negate: found maybe"));
-  EXPECT_THAT(refusal(with("0.196", "0.7")), HasSubstr("at most occupied_thresh, 0.65"));
+  EXPECT_THAT(refusal(with("0.196", "0.7")), HasSubstr("less than occupied_thresh, 0.65"));
+  // Equal ones leave no room for scale's proportion.
+  EXPECT_THAT(refusal(with("0.196", "0.65")), HasSubstr("less than occupied_thresh, 0.65"));
   EXPECT_THAT(refusal(with("image: m.pgm", "image: ''")), HasSubstr("image"));
   EXPECT_THAT(refusal(with("m.pgm", "none.pgm")), HasSubstr("none.pgm: no such file"));
   EXPECT_THAT(refusal("a: [1\nb"), HasSubstr("is no yaml"));
@@ -208,6 +210,14 @@ TEST(RosMap, RefusesToWriteWhatCannotBeRead) {
   wrong.cells[0] = 101;
   EXPECT_THROW(write_ros_map(folder.file("m.yaml"), wrong), Error);
   EXPECT_EQ(folder.entries(), 0U);
+  // The first two are endings of images, which the yaml file would overwrite.
+  for (const char* name : {"m.pgm", "m.png", "m", "m.yaml.txt"}) {
+    EXPECT_THAT(error_of([&] { write_ros_map(folder.file(name), every_value()); }),
+                HasSubstr("a path that ends in .yaml or .yml"))
+        << name;
+  }
+  write_ros_map(folder.file("short.yml"), every_value());
+  EXPECT_EQ(read_ros_map(folder.file("short.yml")).cells.size(), every_value().cells.size());
 }
 
 }  // namespace

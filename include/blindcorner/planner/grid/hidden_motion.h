@@ -27,7 +27,8 @@ class HiddenMotion {
   /// of x and y grow by Cov(v) t^2 + q t^3 / 3, of all else by drift^2 t. The probability that
   /// the object is still there falls by exp(-t / dwell time); the rest is the scene's prior, as
   /// weights that sum to less than one say (pose_spread.h). `velocities` are per hidden object;
-  /// empty: mean 0 and Motion::initial_speed along each axis.
+  /// empty: mean 0 and Motion::initial_speed along each axis. Throws Error for a negative or
+  /// infinite age, and for modes or velocities that are not as many as the scene's.
   PoseMixture predicted(const PoseMixture& mixture, double age,
                         const std::vector<PlanarVelocity>& velocities = {}) const;
 

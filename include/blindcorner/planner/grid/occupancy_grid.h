@@ -6,18 +6,22 @@
 ///
 ///     p = 1 - (1 - p_s) (1 - p_m)
 ///     logit p_s = logit s0 + L_s
-///     logit p_m = logit h  + L_m
+///     logit p_m = logit (1 - (1 - h) (1 - o)) + max(L_m, 0)
+///     logit o   = logit m0 + min(L_m, 0)
 ///
 /// L_s and L_m are the log likelihood ratios of all that line of sight has shown of the cell, each
 /// scan counted once: a ray that passed through lowers both, one that ended on the known scene
 /// raises L_s, one that ended on anything else raises L_m. L_m fades with time, because what moves
 /// may have come or gone; L_s does not. Both are bounded, so that no cell is beyond recall.
 ///
-/// h is the probability that a hidden object occupies the cell: the latest answer of the solver or
-/// the tracker, spread over footprints (pose_spread.h). A posterior holds all that earlier frames
-/// have shown, so it replaces its predecessor and is never multiplied with it. Positions that line
-/// of sight has just shown to be empty are taken out of it, by Bayes' rule, the probability of
-/// presence included. Without a new answer the last one is moved on (hidden_motion.h).
+/// h is the probability that a hidden object occupies the cell, o that anything else which moves
+/// does (m0: `moving_prior`). h is the latest answer of the solver or the tracker, spread over
+/// footprints (pose_spread.h). A posterior holds all that earlier frames have shown, so it replaces
+/// its predecessor and is never multiplied with it. Poses that line of sight has just shown to be
+/// empty are taken out of it, by Bayes' rule with the likelihood exp(min(L_m, 0)) of each cell, the
+/// probability of presence included. So h holds the passes already and they lower o alone; hits,
+/// which may be of the hidden object or of another, raise the cell whatever was expected there.
+/// Without a new answer the last one is moved on (hidden_motion.h).
 ///
 /// s0 is the prior: `unseen_prior` where nothing is known; `unmodelled_probability` in the region
 /// that an answer speaks about, because it says that the scene's model explains the light, so that
@@ -99,7 +103,7 @@ class OccupancyGrid {
   bool seen(const Cell& cell) const;
   /// Log odds of the cell.
   double log_odds(const Cell& cell) const;
-  /// [cells] probability that a hidden object occupies the cell, before line of sight: h.
+  /// [cells] probability that a hidden object occupies the cell, after passes of line of sight: h.
   const std::vector<double>& hidden() const { return hidden_; }
 
  private:

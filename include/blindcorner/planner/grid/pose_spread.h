@@ -36,8 +36,10 @@ class PoseSpread {
   PoseSpread(const Scene& scene, const GridGeometry& grid);
 
   /// [cells] probability that a hidden object occupies the cell. `not_seen` [cells], where given,
-  /// is the probability that an object standing there would have remained unseen so far, 0..1: it
-  /// weighs positions, and the probability of presence, by Bayes' rule. Throws Error as `check`.
+  /// is the probability that an object which covers the cell's centre would have remained unseen so
+  /// far, 0..1. An object has remained unseen with the smallest value of all cells that it covers
+  /// (rays that miss it in one cell miss it in the next), which weighs poses, and the probability
+  /// of presence, by Bayes' rule. Throws Error as `check`.
   std::vector<double> occupied(const PoseMixture& mixture,
                                std::span<const double> not_seen = {}) const;
 

@@ -4,8 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
+#include <ctime>
 #include <limits>
 
 #include "blindcorner/forward/error.h"
@@ -119,6 +119,7 @@ TEST(LineOfSight, Extremes) {
   EXPECT_THROW(options.validate(), Error);
 }
 
+// Processor time: that of other programs is not counted.
 TEST(LineOfSight, TakesMilliseconds) {
   const GridGeometry large{.columns = 500, .rows = 500, .cell_size = 0.1, .origin = {-25, -25}};
   const LineOfSight eye(wall_on_a_floor(), large);
@@ -126,11 +127,9 @@ TEST(LineOfSight, TakesMilliseconds) {
   there.position = Vector3d(-5, 0, 0);
   double best = 1e9;
   for (int i = 0; i < 5; ++i) {
-    const auto start = std::chrono::steady_clock::now();
+    const std::clock_t start = std::clock();
     eye.scan(at({0, 0, 1}), {there});
-    best = std::min(
-        best, std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start)
-                  .count());
+    best = std::min(best, 1e3 * static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC);
   }
   RecordProperty("ms", std::to_string(best));
   EXPECT_LT(best, 200);

@@ -41,6 +41,18 @@ PoseMixture at(double x, double y, double sigma, double presence) {
 Cell cell_at(double x, double y) { return kGrid.cell_at({x, y}); }
 std::size_t index_at(double x, double y) { return kGrid.index(cell_at(x, y)); }
 
+/// Whether the disc at a place covers the centre of a cell whose centre has a lower x than `line`.
+bool covers_seen_center(const Vector2d& place, double line) {
+  const Cell middle = kGrid.cell_at(place);
+  for (int row = middle.row - 3; row <= middle.row + 3; ++row) {
+    for (int column = middle.column - 3; column <= middle.column + 3; ++column) {
+      const Vector2d center = kGrid.center({column, row});
+      if (center.x() < line && (center - place).norm() < 0.3) return true;
+    }
+  }
+  return false;
+}
+
 OccupancyGrid new_grid(const OccupancyOptions& options = {}) {
   return {kGrid, scene_of(), Motion{}, options};
 }
@@ -117,12 +129,68 @@ TEST(OccupancyGrid, SeeingThePlaceBeatsTheAnswer) {
   LineOfSightScan scan;
   for (std::size_t i = 0; i < kGrid.cells(); ++i) scan.free.push_back(i);
   for (int i = 0; i < 3; ++i) grid.update(0.1, &scan, &answer);
-  EXPECT_LT(grid.probability(cell_at(2, 2)), 0.01);
+  // Odds of 9 times the likelihood of three passes, of which two have faded for 0.1 s and 0.2 s:
+  // (0.1 / 0.999)^2.72 = 0.0019.
+  EXPECT_LT(grid.probability(cell_at(2, 2)), 0.02);
   // Seen elsewhere, where all was free: believed from the second scan on.
   LineOfSightScan elsewhere;
   elsewhere.object_hits = {index_at(3.5, 3.5)};
   for (int i = 0; i < 2; ++i) grid.update(0.1, &elsewhere, nullptr);
   EXPECT_GT(grid.probability(cell_at(3.5, 3.5)), 0.8);
+}
+
+// A post of 1 cm stands in the middle of a cell or nowhere. One ray that passes is one factor of
+// the likelihood of passing, 0.1 / 0.999, however the grid divides it among its parts.
+TEST(OccupancyGrid, OnePassCountsOnce) {
+  Scene post = scene_of();
+  post.hidden.shape = CylinderShape{0.1, 1.5};
+  OccupancyOptions options;
+  options.unmodelled_probability = options.moving_prior = 0;
+  OccupancyGrid grid(kGrid, post, Motion{}, options);
+  const HiddenAnswer answer{at(2.05, 2.05, 0, 0.5), 0, {}};
+  LineOfSightScan scan;
+  scan.free = {index_at(2.05, 2.05)};
+  grid.update(0, &scan, &answer);
+  const double passed = 0.1 / 0.999;
+  EXPECT_NEAR(grid.probability(cell_at(2.05, 2.05)), passed / (passed + 1), 0.01);
+  grid.update(0, &scan, &answer);
+  EXPECT_NEAR(grid.probability(cell_at(2.05, 2.05)), passed * passed / (passed * passed + 1),
+              0.002);
+}
+
+// The disc's left edge alone was seen empty.
+TEST(OccupancyGrid, AnObjectIsNotWhereItsEdgeWasSeenEmpty) {
+  OccupancyGrid grid = new_grid();
+  const HiddenAnswer answer{at(2.05, 2.05, 0.01, 0.5), 0, {}};
+  LineOfSightScan scan;
+  scan.free = {index_at(1.85, 2.05)};
+  grid.update(0, &scan, &answer);
+  EXPECT_NEAR(grid.hidden()[index_at(2.05, 2.05)], 0.1 / 1.1, 0.01);
+  EXPECT_NEAR(grid.hidden()[index_at(2.25, 2.05)], 0.1 / 1.1, 0.01);
+}
+
+TEST(OccupancyGrid, ObjectHitsRaiseACellAtOnce) {
+  OccupancyGrid grid = new_grid();
+  const HiddenAnswer answer{at(2, 2, 0.1, 0.05), 0, {}};
+  LineOfSightScan scan;
+  scan.object_hits = {index_at(2, 2)};
+  grid.update(0, &scan, &answer);
+  EXPECT_GT(grid.probability(cell_at(2, 2)), 0.95);  // odds 0.05 times 900
+}
+
+TEST(OccupancyGrid, ACertainAnswerStaysANumber) {
+  OccupancyOptions options;
+  options.unmodelled_probability = 0;
+  OccupancyGrid grid = new_grid(options);
+  const HiddenAnswer answer{at(2.05, 2.05, 0, 1), 0, {}};
+  LineOfSightScan scan;
+  for (std::size_t i = 0; i < kGrid.cells(); ++i) scan.free.push_back(i);
+  for (int i = 0; i < 3; ++i) {
+    grid.update(0, i > 0 ? &scan : nullptr, &answer);
+    for (const double p : grid.probabilities()) ASSERT_TRUE(p >= 0 && p <= 1) << p;
+    EXPECT_TRUE(std::isfinite(grid.log_odds(cell_at(2.05, 2.05))));
+    EXPECT_GT(grid.probability(cell_at(2.05, 2.05)), 0.999);
+  }
 }
 
 TEST(OccupancyGrid, MovingThingsAreForgottenWallsAreNot) {
@@ -175,6 +243,9 @@ TEST(HiddenMotion, PredictsAsTheTrackerDoes) {
   EXPECT_NEAR(half.modes[0].weight, 0.45 / 0.7, 1e-12);
   EXPECT_THROW(hidden.predicted(at(2, 2, 0.1, 0.5), -1), Error);
   EXPECT_THROW(hidden.predicted(at(2, 2, 0.1, 0.5), 1, {velocity, velocity}), Error);
+  PoseMixture empty;
+  empty.modes = {PoseMode{}};
+  EXPECT_THROW(hidden.predicted(empty, 1), Error);
 }
 
 TEST(OccupancyGrid, RefusesNonsenseAndStaysAsItWas) {
@@ -184,6 +255,19 @@ TEST(OccupancyGrid, RefusesNonsenseAndStaysAsItWas) {
   const std::vector<double> before = grid.probabilities();
   HiddenAnswer bad = good;
   bad.mixture.modes[0].covariance(0, 0) = std::nan("");
+  EXPECT_THROW(grid.update(0.1, nullptr, &bad), Error);
+  bad.mixture.modes = {PoseMode{}};  // without values
+  bad.mixture.modes[0].weight = 1;
+  EXPECT_THROW(grid.update(0.1, nullptr, &bad), Error);
+  bad = good;
+  bad.mixture.modes[0].pose.conservativeResize(1);
+  EXPECT_THROW(grid.update(0.1, nullptr, &bad), Error);
+  bad = good;
+  bad.mixture.modes[0].covariance = MatrixXd::Identity(1, 2);
+  EXPECT_THROW(grid.update(0.1, nullptr, &bad), Error);
+  bad = good;
+  bad.velocities.resize(1);
+  bad.velocities[0].mean.x() = std::nan("");
   EXPECT_THROW(grid.update(0.1, nullptr, &bad), Error);
   EXPECT_THROW(grid.update(-1, nullptr, &good), Error);
   EXPECT_THROW(grid.update(std::nan(""), nullptr, &good), Error);
@@ -200,49 +284,68 @@ TEST(OccupancyGrid, RefusesNonsenseAndStaysAsItWas) {
   EXPECT_THROW(OccupancyGrid(kGrid, options), Error);
 }
 
-// The truth is drawn from the mixture that the grid is told: of cells at p, a share p is occupied.
-// One cell of each trial is counted, so that the statements are independent.
+// The truth is drawn from the mixture that the grid is told and from what line of sight has shown:
+// of cells at p, a share p is occupied. One cell of each trial is counted, so that the statements
+// are independent.
 TEST(OccupancyGrid, CellsAreOccupiedAsOftenAsTheySay) {
   OccupancyOptions options;
   options.unmodelled_probability = options.moving_prior = 0;  // as in these trials
+  options.hit_if_occupied = 0.6;                              // two passes leave something to say
+  const OccupancyGrid fresh = new_grid(options);
+  const double passes = (1 - options.hit_if_occupied) / (1 - options.hit_if_free);
   std::mt19937_64 random(11);
   std::uniform_real_distribution<double> uniform;
   std::normal_distribution<double> normal;
-  ReliabilityDiagram diagram(10);
-  for (int trial = 0; trial < 6000; ++trial) {
-    HiddenAnswer answer;
-    answer.mixture.presence_probability = 0.3 + 0.7 * uniform(random);
-    const double share = uniform(random);
-    for (const double weight : {share, 1 - share}) {
-      // Well inside the region, whose border would cut the normal distribution.
-      const double sigma = 0.02 + 0.15 * uniform(random);
-      answer.mixture.modes.push_back(
-          at(1.7 + 0.6 * uniform(random), 1.7 + 0.6 * uniform(random), sigma, 1).modes[0]);
-      answer.mixture.modes.back().weight = weight;
-    }
-    OccupancyGrid grid = new_grid(options);
-    grid.update(0.1, nullptr, &answer);
+  // Scans pass through all cells on one side of a line.
+  for (const int scans : {0, 1, 2}) {
+    ReliabilityDiagram diagram(10);
+    for (int trial = 0; trial < 4000; ++trial) {
+      HiddenAnswer answer;
+      answer.mixture.presence_probability = 0.3 + 0.7 * uniform(random);
+      const double share = uniform(random);
+      for (const double weight : {share, 1 - share}) {
+        // Well inside the region, whose border would cut the normal distribution.
+        const double sigma = 0.02 + 0.15 * uniform(random);
+        answer.mixture.modes.push_back(
+            at(1.7 + 0.6 * uniform(random), 1.7 + 0.6 * uniform(random), sigma, 1).modes[0]);
+        answer.mixture.modes.back().weight = weight;
+      }
+      const double line = 1.4 + 1.2 * uniform(random);
+      LineOfSightScan scan;
+      for (std::size_t i = 0; i < kGrid.cells(); ++i) {
+        if (kGrid.center(kGrid.cell(i)).x() < line) scan.free.push_back(i);
+      }
+      OccupancyGrid grid = fresh;
+      grid.update(0, nullptr, &answer);
+      for (int i = 0; i < scans; ++i) grid.update(0, &scan, nullptr);
 
-    const bool present = uniform(random) < answer.mixture.presence_probability;
-    const PoseMode& mode = answer.mixture.modes[uniform(random) < share ? 0 : 1];
-    const double sigma = std::sqrt(mode.covariance(0, 0));
-    const Vector2d truth = mode.pose + sigma * Vector2d(normal(random), normal(random));
-    // A cell near the first mode, most of which lie on the object's edge.
-    const Vector2d place = answer.mixture.modes[0].pose +
-                           0.5 * Vector2d(2 * uniform(random) - 1, 2 * uniform(random) - 1);
-    const Vector2d off = (kGrid.center(kGrid.cell_at(place)) - truth).cwiseAbs();
-    const Vector2d beyond = (off.array() - kGrid.cell_size / 2).cwiseMax(0.0);
-    diagram.add(grid.probability(kGrid.cell_at(place)), present && beyond.norm() < 0.3);
-  }
-  for (const ReliabilityBin& bin : diagram.bins()) {
-    if (bin.statements < 50) continue;
-    // Four standard deviations of a binomial share; with ten bins 99.9 % of runs stay within.
-    const double p = bin.mean_predicted;
-    const double margin = 4 * std::sqrt(p * (1 - p) / bin.statements) + 0.01;
-    EXPECT_NEAR(bin.observed, p, margin) << bin.lower;
-    RecordProperty("bin_" + std::to_string(bin.lower), std::to_string(p) + " " +
-                                                           std::to_string(bin.observed) + " of " +
-                                                           std::to_string(bin.statements));
+      bool present = false;
+      Vector2d truth;
+      for (bool drawn = false; !drawn;) {  // until all scans have passed it
+        present = uniform(random) < answer.mixture.presence_probability;
+        const PoseMode& mode = answer.mixture.modes[uniform(random) < share ? 0 : 1];
+        const double sigma = std::sqrt(mode.covariance(0, 0));
+        truth = mode.pose + sigma * Vector2d(normal(random), normal(random));
+        const bool in_view = present && covers_seen_center(truth, line);
+        drawn = !in_view || uniform(random) < std::pow(passes, scans);
+      }
+      // A cell near the first mode, most of which lie on the object's edge.
+      const Vector2d place = answer.mixture.modes[0].pose +
+                             0.5 * Vector2d(2 * uniform(random) - 1, 2 * uniform(random) - 1);
+      const Vector2d off = (kGrid.center(kGrid.cell_at(place)) - truth).cwiseAbs();
+      const Vector2d beyond = (off.array() - kGrid.cell_size / 2).cwiseMax(0.0);
+      diagram.add(grid.probability(kGrid.cell_at(place)), present && beyond.norm() < 0.3);
+    }
+    for (const ReliabilityBin& bin : diagram.bins()) {
+      if (bin.statements < 50) continue;
+      // Four standard deviations of a binomial share; with ten bins 99.9 % of runs stay within.
+      const double p = bin.mean_predicted;
+      const double margin = 4 * std::sqrt(p * (1 - p) / bin.statements) + 0.01;
+      EXPECT_NEAR(bin.observed, p, margin) << bin.lower << " after " << scans << " scans";
+      RecordProperty("scans_" + std::to_string(scans) + "_bin_" + std::to_string(bin.lower),
+                     std::to_string(p) + " " + std::to_string(bin.observed) + " of " +
+                         std::to_string(bin.statements));
+    }
   }
 }
 

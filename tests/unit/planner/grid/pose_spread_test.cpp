@@ -5,8 +5,8 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
-#include <chrono>
 #include <cmath>
+#include <ctime>
 #include <limits>
 #include <random>
 
@@ -271,6 +271,7 @@ TEST(PoseSpread, ATouchedThinRectangleOccupiesCells) {
   EXPECT_LT(cells[kGrid.index(kGrid.cell_at({2.25, 4.05}))], 0.01);
 }
 
+// Processor time: that of other programs is not counted.
 TEST(PoseSpread, TakesMillisecondsOnALargeGrid) {
   const GridGeometry large{.columns = 500, .rows = 500, .cell_size = 0.1, .origin = {-25, -20}};
   const PoseSpread spread(scene_of(), large);
@@ -280,11 +281,9 @@ TEST(PoseSpread, TakesMillisecondsOnALargeGrid) {
         mixture_of({mode_of(2, 4.5, 0.3, diagonal(sigma, sigma / 2, sigma))});
     double best = 1e9;
     for (int i = 0; i < 5; ++i) {
-      const auto start = std::chrono::steady_clock::now();
+      const std::clock_t start = std::clock();
       spread.occupied(mixture, not_seen);
-      best = std::min(
-          best, std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start)
-                    .count());
+      best = std::min(best, 1e3 * static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC);
     }
     RecordProperty("ms_at_sigma_" + std::to_string(sigma), std::to_string(best));
     EXPECT_LT(best, 50);
