@@ -181,7 +181,8 @@ std::vector<Chart> charts(const std::vector<Measurement>& measured) {
   Chart stable{"Longest stable step", "speed at the start, m/s (standing drawn at 0.1)",
                "longest stable step, ms"};
   for (const Method& method : all_methods()) {
-    ChartSeries steps{method.name, {}, SeriesStyle::marked_line}, times = steps, limits = steps;
+    const ChartSeries empty{method.name, {}, SeriesStyle::marked_line};
+    ChartSeries steps = empty, times = empty, limits = empty;
     for (const double step : method.steps) {
       const Measurement m = summary(measured, method.name, step);
       const double error = std::max(1e3 * m.error, kLeastDrawn);
