@@ -284,7 +284,7 @@ void Smoother::adapt(const Review& review) {
 std::vector<CubicBezier> straight_pieces(std::span<const Eigen::Vector2d> corners) {
   std::vector<CubicBezier> pieces;
   for (std::size_t i = 1; i < corners.size(); ++i) {
-    const Eigen::Vector2d a = corners[i - 1], b = corners[i];
+    const Eigen::Vector2d &a = corners[i - 1], &b = corners[i];
     if (a == b) continue;
     pieces.push_back({{a, (2 * a + b) / 3, (a + 2 * b) / 3, b}});
   }

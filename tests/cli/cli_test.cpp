@@ -924,6 +924,22 @@ TEST_F(Cli, PlanTellsWhyThereIsNoPath) {
   EXPECT_FALSE(fs::exists(path("o3")));
 }
 
+TEST_F(Cli, PlanReadsRosMaps) {
+  std::ofstream(path("m.pgm")) << "P2\n5 3\n255\n254 254 254 254 254\n0 0 254 0 0\n254 254 254 205 "
+                                  "254\n";
+  std::ofstream(path("m.yaml")) << "image: m.pgm\nmode: trinary\nresolution: 0.5\norigin: [-1, -1, "
+                                   "0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n";
+  const std::string ends = " --start -0.8,0.3 --goal 1.2,-0.8 -o " + path("out");
+  EXPECT_EQ(run("plan " + path("m.yaml") + ends).exit_code, 0);
+  EXPECT_EQ(json::parse(text_of(path("out/path.json")))["points"].front()[0], -0.8);
+  // The only way leads through the cell of which nothing is known.
+  EXPECT_EQ(run("plan " + path("m.yaml") + ends + " --unknown 1").exit_code, 1);
+  EXPECT_EQ(json::parse(text_of(path("out/path.json")))["status"], "no_path");
+  const Outcome image = run("plan " + path("m.pgm") + ends);
+  EXPECT_EQ(image.exit_code, 2);
+  EXPECT_THAT(image.err, HasSubstr("accepted: .yaml (ROS map), .map (MovingAI)"));
+}
+
 TEST_F(Cli, PlannerBenchmarkCountsOptimaAndFailsWhereOneIsMissed) {
   const std::string map = write_map(path("small.map"));
   const auto scenario = [&](const std::string& length) {

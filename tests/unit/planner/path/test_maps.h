@@ -18,13 +18,14 @@ struct TestMap {
 };
 
 /// From rows of text, the top row first: '#' occupied, '?' unknown, all else free.
-inline TestMap map_of(const std::vector<std::string>& rows, double cell_size = 1) {
+inline TestMap map_of(std::vector<std::string> rows, double cell_size = 1) {
+  std::ranges::reverse(rows);
   TestMap map;
   map.geometry = {.columns = static_cast<int>(rows.front().size()),
                   .rows = static_cast<int>(rows.size()),
                   .cell_size = cell_size};
-  for (auto row = rows.rbegin(); row != rows.rend(); ++row) {
-    for (const char c : *row) {
+  for (const std::string& row : rows) {
+    for (const char c : row) {
       map.occupancy.push_back(c == '#'   ? 1
                               : c == '?' ? std::numeric_limits<double>::quiet_NaN()
                                          : 0);
