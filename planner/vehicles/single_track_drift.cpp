@@ -76,8 +76,9 @@ class SingleTrackDrift : public VehicleModel {
     dx[kX] = x[kSpeed] * std::cos(x[kYaw] + x[kSlip]);
     dx[kY] = x[kSpeed] * std::sin(x[kYaw] + x[kSlip]);
     dx[kSteering] = rate;
-    // Wheels do not turn backwards. CommonRoad takes the tyre's part alone away below zero, which
-    // makes a locked wheel chatter about zero; at zero it stays with the whole derivative.
+    // Wheels do not turn backwards. CommonRoad sets the tyre's part to zero below zero, where a
+    // locked wheel ends up by rounding: it never turns again. Here it turns when the brake is let
+    // go.
     for (const State wheel : {kFront, kRear}) {
       if (x[wheel] <= 0) dx[wheel] = std::max(dx[wheel], 0.0);
     }

@@ -90,7 +90,7 @@ class Rosenbrock : public Integrator {
       copy(at + shortest * f(at), now);
       time += shortest, inner = 10 * shortest;
     }
-    const StateVector end = from(now);
+    StateVector end = from(now);
     if (!end.allFinite()) fail(time, dt);
     return end;
   }

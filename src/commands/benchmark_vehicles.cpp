@@ -3,7 +3,6 @@
 /// vehicles driven by a table of commands.
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <limits>
@@ -14,6 +13,7 @@
 #include "blindcorner/io/atomic_file.h"
 #include "blindcorner/planner/vehicles/vehicle.h"
 #include "commands/benchmark.h"
+#include "commands/cpu_clock.h"
 #include "commands/csv_table.h"
 #include "report/formatted.h"
 
@@ -22,7 +22,10 @@ namespace {
 
 constexpr double kInputPeriod = 0.1;  ///< commands are drawn anew every so many seconds
 constexpr double kDuration = 2;       ///< of a run, s
-constexpr double kUnstable = 1;       ///< error from which a run counts as unstable, m
+/// A run in which any state is off by so much (m, rad, m/s, rad/s) counts as unstable. Friction is
+/// bounded: wheels swing to and fro rather than to infinity.
+constexpr double kUnstable = 1;
+constexpr double kLeastDrawn = 1e-6;  ///< mm
 constexpr IntegratorTolerance kReference{1e-10, 1e-10};
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
 
@@ -42,8 +45,8 @@ struct Measurement {
   std::string method;
   double speed = 0;  ///< at the start, m/s
   double step = 0;   ///< s
-  double error = 0;  ///< largest of the position at the inputs' changes, m; infinite: blown up
-  double cost = 0;   ///< run time per second of driving, us
+  double error = 0;  ///< largest of the position at the inputs' changes, m; infinite: unstable
+  double cost = 0;   ///< processor time per second of driving, us
 };
 
 std::vector<Method> all_methods() {
@@ -69,32 +72,32 @@ std::vector<VehicleCommand> harsh_commands(std::uint64_t seed) {
   return commands;
 }
 
-/// Positions at the ends of the input periods.
-std::vector<Eigen::Vector2d> drive(const VehicleArguments& arguments,
-                                   const std::shared_ptr<const Integrator>& integrator,
-                                   double speed, double step) {
+/// States at the ends of the input periods.
+std::vector<StateVector> drive(const VehicleArguments& arguments,
+                               const std::shared_ptr<const Integrator>& integrator, double speed,
+                               double step) {
   Vehicle vehicle(make_vehicle_model(arguments.vehicle), integrator);
   vehicle.place({.speed = speed});
-  std::vector<Eigen::Vector2d> positions;
+  std::vector<StateVector> states;
   const auto steps = static_cast<int>(std::lround(kInputPeriod / step));
   for (const VehicleCommand& command : harsh_commands(arguments.seed)) {
     for (int i = 0; i < steps; ++i) vehicle.step(command, step);
-    positions.push_back(vehicle.state().position);
+    states.push_back(vehicle.states());
   }
-  return positions;
+  return states;
 }
 
 Measurement measure(const VehicleArguments& arguments, const Method& method, double speed,
-                    double step, const std::vector<Eigen::Vector2d>& reference) {
-  using Clock = std::chrono::steady_clock;
-  const auto start = Clock::now();
-  const std::vector<Eigen::Vector2d> positions = drive(arguments, method.integrator, speed, step);
-  const double spent = std::chrono::duration<double, std::micro>(Clock::now() - start).count();
+                    double step, const std::vector<StateVector>& reference) {
+  const double start = cpu_seconds();
+  const std::vector<StateVector> states = drive(arguments, method.integrator, speed, step);
+  const double spent = 1e6 * (cpu_seconds() - start);
   double error = 0;
-  for (std::size_t i = 0; i < positions.size(); ++i) {
-    const double now = (positions[i] - reference[i]).norm();
-    error = std::isfinite(now) ? std::max(error, now) : kInfinite;
-    if (error == kInfinite) break;
+  for (std::size_t i = 0; i < states.size(); ++i) {
+    const StateVector off = states[i] - reference[i];
+    const bool stable = off.cwiseAbs().maxCoeff() < kUnstable && off.allFinite();
+    error = stable ? std::max(error, off.head<2>().norm()) : kInfinite;
+    if (!stable) break;
   }
   return {method.name, speed, step, error, spent / kDuration};
 }
@@ -133,7 +136,7 @@ void print(const std::vector<Measurement>& measured) {
     for (const double step : method.steps) {
       const Measurement m = summary(measured, method.name, step);
       const std::string error =
-          m.error < kUnstable ? formatted("%14.3g", 1e3 * m.error) : "      unstable";
+          std::isfinite(m.error) ? formatted("%14.3g", 1e3 * m.error) : "      unstable";
       std::printf("%-12s %9.3g %s %18.0f\n", m.method.c_str(), 1e3 * step, error.c_str(), m.cost);
     }
   }
@@ -156,7 +159,7 @@ double longest_stable(const std::vector<Measurement>& measured, const Method& me
   for (const double step : method.steps) {
     for (const Measurement& m : measured) {
       if (m.method != method.name || m.speed != speed || m.step != step) continue;
-      if (!(m.error < kUnstable)) return longest;
+      if (!std::isfinite(m.error)) return longest;
       longest = step;
     }
   }
@@ -165,16 +168,16 @@ double longest_stable(const std::vector<Measurement>& measured, const Method& me
 
 std::vector<Chart> charts(const std::vector<Measurement>& measured) {
   Chart by_step{"Error against step", "step, ms", "worst error of the position, mm"};
-  Chart by_time{"Error against run time", "run time per second of driving, us",
+  Chart by_time{"Error against run time", "processor time per second of driving, us",
                 "worst error of the position, mm"};
   Chart stable{"Longest stable step", "speed at the start, m/s (standing drawn at 0.1)",
                "longest stable step, ms"};
   for (const Method& method : all_methods()) {
-    ChartSeries steps{method.name, {}, SeriesStyle::marked_line}, times = steps, limits = steps;
+    const ChartSeries empty{method.name, {}, SeriesStyle::marked_line};
+    ChartSeries steps = empty, times = empty, limits = empty;
     for (const double step : method.steps) {
       const Measurement m = summary(measured, method.name, step);
-      // A micrometre is below what is asked of any of them.
-      const double error = m.error < kUnstable ? std::max(1e3 * m.error, 1e-3) : kInfinite;
+      const double error = std::max(1e3 * m.error, kLeastDrawn);
       const std::string label = formatted("%g ms", 1e3 * step);
       steps.points.push_back({1e3 * step, error, label});
       times.points.push_back({m.cost, error, label});
@@ -195,10 +198,9 @@ std::vector<Chart> charts(const std::vector<Measurement>& measured) {
 const StudyFiles kFiles{
     "vehicles", "Integration of vehicles' equations of motion",
     "Two seconds of full braking, throttle and steering in any order, from standstill to 12 m/s. "
-    "Worst errors over the speeds, against the same equations at a tolerance of 1e-10; errors "
-    "below a micrometre are drawn there, and runs that are off by a metre or more count as "
-    "unstable "
-    "and are not drawn. The stiff method (Rosenbrock, order 4) chooses inner steps by its "
+    "Worst errors over the speeds, against the same equations at a tolerance of 1e-10. Runs in "
+    "which any state (m, rad, m/s, rad/s) is off by 1 or more count as unstable and are not drawn. "
+    "The stiff method (Rosenbrock, order 4) chooses inner steps by its "
     "tolerance; Euler's and Runge and Kutta's take the step as it is."};
 
 double number(const CsvTable& table, std::size_t row, const std::string& column,

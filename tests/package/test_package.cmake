@@ -22,4 +22,7 @@ run("${WORK_DIR}/build/consumer" "${scenes}/tmf8828_wall.json" "${scenes}/captur
 if(NOT output MATCHES "pose:( +-?[0-9.e-]+)+\n")
   message(FATAL_ERROR "the consumer printed no pose but:\n${output}")
 endif()
+if(NOT output MATCHES "speed: 0\\.[12]")
+  message(FATAL_ERROR "the consumer's car did not drive:\n${output}")
+endif()
 message(STATUS "${output}")

@@ -8,9 +8,9 @@
 
 namespace blindcorner {
 
-/// Defaults: measures and limits of a TurtleBot3 Burger (data sheet: 138 x 178 mm, 0.22 m/s is too
-/// slow for the published 1.4 m in 1.3 s, so speed and acceleration are those of a Create 3-class
-/// base). The published robot is not described closer.
+/// The published robot is not described. Defaults: a base about the size of an iRobot Create 3.
+/// Speed and acceleration are the least round figures that drive the published 1.4 m in 1.3 s from
+/// standstill: 0.75 s and 0.56 m to reach 1.5 m/s at 2 m/s^2, then 0.56 s.
 struct DifferentialDriveParameters {
   double length = 0.30, width = 0.30;  ///< m
   double axle_to_center = 0;           ///< of the footprint, forwards, m
