@@ -44,13 +44,18 @@ constexpr double kWorthAnother = 0.01;
 constexpr int kManyCaptures = 50;
 /// Starts that are followed at a time: more find out too late that others are better.
 constexpr std::size_t kStartsAtOnce = 4;
-/// Difference in log posterior between closed-form light and the model at an optimum that shows it
-/// to be too rough to choose starts with (another optimum may gain as much), and starts that the
-/// model chooses then.
+/// Difference in log posterior between closed-form light and the model at an optimum, or between
+/// what the optimum has and what a right one is expected to have, that shows closed form to be too
+/// rough to choose starts with (another optimum may gain as much), and starts that the model
+/// chooses then.
 constexpr double kTooRough = 10;
 /// Times as rough as there that it may be elsewhere.
 constexpr double kRoughElsewhere = 1.5;
 constexpr std::size_t kMorePlaces = 8;
+/// Of several objects: times that one's place is looked for while the others stay, and places of
+/// each that are followed. Two spheres at 100,000 photons needed one round and two places.
+constexpr int kMaxRounds = 3;
+constexpr std::size_t kPlacesEach = 6;
 /// Finite-difference steps of the sensor's own pose, m and rad.
 constexpr double kSensorStep = 2e-3;
 
@@ -207,6 +212,12 @@ void set_flags(const Scene& scene, const Posterior& posterior, FitResult& result
   flag(at_bound, "at_bound");
 }
 
+/// What the counts miss of the log likelihood that is expected at a right optimum.
+double unexplained(const PoseObjective& objective, const Refined& optimum) {
+  const GoodnessOfFit fit = goodness_of_fit(objective, optimum);
+  return std::max(0.5 * (fit.deviance - fit.expected), 0.0);
+}
+
 /// What closed-form light is off by in log posterior at an optimum.
 double roughness_of_closed_form(const PoseObjective& objective, const Refined& optimum) {
   if (objective.compiled().coarse.empty()) return 0;
@@ -214,6 +225,28 @@ double roughness_of_closed_form(const PoseObjective& objective, const Refined& o
   const LightSource light(objective.compiled().coarse);
   const double value = objective.evaluate(light, optimum.pose, linear, true).log_posterior;
   return std::abs(value - optimum.value.log_posterior);
+}
+
+/// Samples in proportion to the terms of a covariance, of which three unknowns ask for the options'
+/// number: with as many, the six of two spheres had errors of 1.13, 1.47 and 1.26 times the claims
+/// at 1,000, 10,000 and 100,000 photons, now 1.04, 1.37 and 1.10 (18 captures each).
+int samples_for(const FitOptions& options, const Scene& scene) {
+  const double more = std::max(static_cast<double>(scene.unknowns.size()) / 3, 1.0);
+  return static_cast<int>(options.importance_samples * more * more);
+}
+
+/// Of several objects, looks for a better place of one while the others stay, until there is none.
+std::vector<Refined> rearrange(const PoseObjective& objective, const Observation& observation,
+                               double negligible, std::vector<Refined> optima) {
+  for (int round = 0; round < kMaxRounds; ++round) {
+    const Refined& top = optima.front();
+    const double before = top.value.log_posterior;
+    const std::vector<PoseVector> places =
+        other_places(objective, top.pose, top.linear, top.correction, kPlacesEach);
+    optima = find_more(objective, observation, places, negligible, std::move(optima));
+    if (optima.front().value.log_posterior < before + kWorthAnother) break;
+  }
+  return optima;
 }
 
 void validate_scene(const Scene& scene) {
@@ -442,10 +475,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   // expectation, a better model may give to another.
   basins = merge(compiled, std::move(basins), std::numeric_limits<double>::infinity());
   double negligible = options.negligible_log_posterior;
-  if (!basins.empty()) {
-    const GoodnessOfFit rough = goodness_of_fit(objective, basins.front());
-    negligible += std::max(0.5 * (rough.deviance - rough.expected), 0.0);
-  }
+  if (!basins.empty()) negligible += unexplained(objective, basins.front());
   std::vector<PoseVector> places;
   for (const Refined& basin : basins) {
     if (basin.value.log_posterior < basins.front().value.log_posterior - 1.5 * negligible) break;
@@ -454,12 +484,13 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   std::vector<Refined> optima = polish_all(objective, places, negligible);
   if (optima.empty())
     throw Error(captures.front().source, "found no finite likelihood at any pose");
-  const double roughness = roughness_of_closed_form(objective, optima.front());
+  const double roughness = std::max(roughness_of_closed_form(objective, optima.front()),
+                                    unexplained(objective, optima.front()));
   if (roughness > kTooRough) {
     const std::vector<PoseVector> more =
         best_by_model(objective, scored, kMorePlaces, kRoughElsewhere * roughness);
-    places.insert(places.end(), more.begin(), more.end());
-    optima = polish_all(objective, more, negligible, std::move(optima));
+    optima = descend_all(objective, more, negligible, std::move(optima));
+    places.clear();  // where closed form had led
   }
   // Models as good as the light asks for.
   ModelError model_error;
@@ -467,13 +498,16 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
     model_error = sharpen(objective, optima, places, negligible);
   }
   optima = settle_all(objective, std::move(optima), negligible);
+  if (!compiled.objects().empty() && roughness > kTooRough) {
+    optima = rearrange(objective, observation, negligible, std::move(optima));
+  }
   result.time_ms.refine = stage.lap();
 
   // How sure: goodness of fit, Fisher information, evidences.
   result.goodness_of_fit = goodness_of_fit(objective, optima.front());
   PosteriorOptions sampling;
   sampling.negligible = options.negligible_log_posterior;
-  sampling.samples = options.importance_samples;
+  sampling.samples = samples_for(options, scene);
   sampling.inflation = result.goodness_of_fit.inflation;
   sampling.seed = options.seed;
   sampling.model_error = model_error.covariance;

@@ -437,6 +437,23 @@ std::vector<Refined> polish_all(const PoseObjective& objective,
                                              : without_slopes(objective, std::move(optima));
 }
 
+std::vector<Refined> descend_all(const PoseObjective& objective,
+                                 const std::vector<PoseVector>& places, double negligible,
+                                 std::vector<Refined> optima) {
+  const std::size_t known = optima.size();
+  optima.resize(known + places.size());
+  const LightSource steering(objective.compiled().coarse);
+  tbb::this_task_arena::isolate([&] {
+    tbb::parallel_for(std::size_t{0}, optima.size(), [&](std::size_t i) {
+      Refined& optimum = optima[i];
+      if (i >= known) optimum.pose = places[i - known];
+      minimise(objective, objective.models(), kApproach, optimum);
+      optimum = finish_corrected(objective, steering, objective.models(), std::move(optimum));
+    });
+  });
+  return without_slopes(objective, merge(objective.compiled(), std::move(optima), negligible));
+}
+
 std::vector<Refined> settle_all(const PoseObjective& objective, std::vector<Refined> optima,
                                 double negligible) {
   const CompiledScene& compiled = objective.compiled();

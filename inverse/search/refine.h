@@ -45,6 +45,12 @@ std::vector<Refined> polish_all(const PoseObjective& objective,
                                 const std::vector<PoseVector>& starts, double negligible,
                                 std::vector<Refined> optima = {});
 
+/// The same from places where closed-form light is too rough to steer: by the model's own
+/// derivatives.
+std::vector<Refined> descend_all(const PoseObjective& objective,
+                                 const std::vector<PoseVector>& places, double negligible,
+                                 std::vector<Refined> optima);
+
 /// Where closed-form light steered: those that may matter settled by the model's own derivatives,
 /// and merged.
 std::vector<Refined> settle_all(const PoseObjective& objective, std::vector<Refined> optima,

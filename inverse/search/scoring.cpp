@@ -432,6 +432,49 @@ std::vector<Candidate> object_starts(const PoseObjective& objective, const Linea
   return starts;
 }
 
+std::vector<PoseVector> other_places(const PoseObjective& objective, const PoseVector& optimum,
+                                     const LinearSolution& linear, const Correction& correction,
+                                     std::size_t most) {
+  const CompiledScene& compiled = objective.compiled();
+  const auto& unknowns = compiled.scene.unknowns;
+  // The slopes that it lacks hold near the optimum only.
+  Correction values = correction;
+  values.slope.resize(0, 0);
+  const LightSource light = LightSource(compiled.coarse).corrected(values);
+  std::vector<PoseVector> chosen;
+  for (std::size_t object = 0; object < compiled.objects().size(); ++object) {
+    const CompiledScene::ObjectGrid& grid = compiled.objects()[object];
+    const auto with = [&](const PoseVector& own) {
+      PoseVector pose = optimum;
+      for (std::size_t i = 0, used = 0; i < unknowns.size(); ++i) {
+        if (unknowns[i].object != static_cast<int>(object)) continue;
+        pose[static_cast<Eigen::Index>(i)] = own[static_cast<Eigen::Index>(used++)];
+      }
+      return pose;
+    };
+    Eigen::VectorXf scores(std::ssize(grid.poses));
+    tbb::this_task_arena::isolate([&] {
+      tbb::parallel_for(Eigen::Index{0}, scores.size(), [&](Eigen::Index i) {
+        LinearSolution solution = linear;
+        scores[i] =
+            static_cast<float>(objective
+                                   .evaluate(light, with(grid.poses[static_cast<std::size_t>(i)]),
+                                             solution, true, kAccuracy)
+                                   .log_posterior);
+      });
+    });
+    std::vector<PoseVector> apart;
+    for (const int i : best_first(scores, grid.poses.size())) {
+      if (apart.size() == most) break;
+      const PoseVector& own = grid.poses[static_cast<std::size_t>(i)];
+      const auto close = [&](const PoseVector& other) { return adjoin(other - own, grid.spacing); };
+      if (std::ranges::none_of(apart, close)) apart.push_back(own);
+    }
+    for (const PoseVector& own : apart) chosen.push_back(with(own));
+  }
+  return chosen;
+}
+
 Scored score(const PoseObjective& objective, const LinearSolution& empty, int count,
              double negligible) {
   const CompiledScene& compiled = objective.compiled();

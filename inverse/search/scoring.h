@@ -87,6 +87,14 @@ struct Scored {
 std::vector<Candidate> object_starts(const PoseObjective& objective, const LinearSolution& empty,
                                      std::size_t count);
 
+/// Poses in which one of several objects is elsewhere on its grid and the others are as in
+/// `optimum`: of each object the `most` best places that
+/// are no neighbours of a better one. Closed-form light, corrected at the optimum, with the
+/// objects' shadows on each other.
+std::vector<PoseVector> other_places(const PoseObjective& objective, const PoseVector& optimum,
+                                     const LinearSolution& linear, const Correction& correction,
+                                     std::size_t most);
+
 /// Scores all poses with the matched filter (faint objects with both weights) and its best ones
 /// exactly, both lists best first. At most `count` starts, none next to a better one on the grid.
 Scored score(const PoseObjective& objective, const LinearSolution& empty, int count,

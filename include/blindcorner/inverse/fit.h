@@ -36,8 +36,8 @@ struct FitOptions {
   int max_starts = 24;
   /// A candidate or mode is dropped when its log posterior is this far below the best one.
   double negligible_log_posterior = 12.0;
-  /// Samples of the importance sampler that replaces Laplace's approximation where that fails; 0
-  /// keeps Laplace everywhere.
+  /// Samples of the importance sampler that replaces Laplace's approximation where that fails, for
+  /// up to three unknowns; more unknowns get more with their square. 0 keeps Laplace everywhere.
   int importance_samples = 256;
   /// Empty captures simulated per scene to calibrate the false-alarm probability; 0: leave it out.
   int empty_captures = 128;
