@@ -106,7 +106,7 @@ LineOfSightOptions sight_options(const Drive& drive) {
   return options;
 }
 
-/// What the drive assumes of hidden objects that a perception did not time itself.
+/// A sensor frame on its way to the vehicle's computer.
 struct SensedEvent {
   double capture_time = 0;  ///< s
   double arrival = 0;       ///< s
@@ -114,6 +114,7 @@ struct SensedEvent {
   Transform T_world_sensor = Transform::Identity();
 };
 
+/// What the perception says of a frame, and when it says it.
 struct AnswerEvent {
   double capture_time = 0;  ///< s
   double ready = 0;         ///< s
@@ -291,7 +292,7 @@ void DriveLoop::take_frame(const SensedEvent& event) {
     frame.fate = FrameFate::busy;
   } else {
     SensedFrame sensed;
-    {
+    if (perception_->needs_capture() || options_.keep_pictures) {
       const Stopwatch watch(frame.time_ms.sense);
       sensed = sensor_.sense(event.T_world_sensor, world_.hidden(event.capture_time),
                              options_.seed + kFrameSeeds * (event.frame + 1));

@@ -17,6 +17,7 @@ class LineOfSightPerception final : public Perception {
                             double /*time*/) override {
     return {};
   }
+  bool needs_capture() const override { return false; }
 };
 
 class OraclePerception final : public Perception {
@@ -30,6 +31,7 @@ class OraclePerception final : public Perception {
     answer.mixture = known_pose(scene_, truth_(time));
     return answer;
   }
+  bool needs_capture() const override { return false; }
 
  private:
   const Scene& scene_;

@@ -37,6 +37,8 @@ class Perception {
   /// throws for a frame that it cannot use: the answer's `error` says so.
   virtual PerceptionAnswer perceive(const Capture& capture, const Transform& T_world_sensor,
                                     double time) = 0;
+  /// Whether it looks at the capture at all; where not, a simulation need not make it.
+  virtual bool needs_capture() const { return true; }
 };
 
 /// What perceptions are made from.
