@@ -18,15 +18,13 @@ namespace blindcorner {
 namespace {
 
 /// Sampling of light by way of a retroreflective object, between the steps of the fit's sampling
-/// densities, which are powers of the square root of two, so that no point is shared. Pairs of
-/// patches where the lobe spreads the paths by more than kWideLobe of the pulse, else one sum.
-constexpr Fidelity kPairSampling{3.0, 2.6, true};
-constexpr Fidelity kSingleSampling{0.85, 0.85, false};
+/// densities, which are powers of the square root of two, so that no point is shared. One sum over
+/// the relay: pairs of patches would be nearer by half a per cent, but cost seconds where the
+/// object stands beside what is lit. Where the lobe spreads paths by more than kWideLobe of the
+/// pulse, finer ones gain nothing, because the single sum itself is what is off.
+constexpr Fidelity kNarrowLobeSampling{0.85, 0.85, false};
+constexpr Fidelity kWideLobeSampling{1.7, 1.7, false};
 constexpr double kWideLobe = 0.5;
-/// Where the object stands next to what is lit, pairs resolve its lobe on the ground at its feet,
-/// which takes a minute: one sum then, at 4 % (L2). Within this angle of the field's edge, rad.
-constexpr Fidelity kNearSampling{2.4, 2.4, false};
-constexpr double kNearAngle = 0.35;
 /// Of other materials: the error at which a sampling is chosen, a share of the light's peak, and
 /// how much coarser than the fit's step it then is.
 constexpr double kTolerance = 0.01;
@@ -68,19 +66,6 @@ bool wide_lobe(const Scene& scene, const RetroreflectiveMaterial& retro) {
   return retro.lobe_sigma * distance > kWideLobe * pulse;
 }
 
-/// Whether the (first) object stands in the horizontal field of illumination or close beside it.
-bool near_field(const Scene& scene, const Transform& T_world_sensor, const PoseVector& pose) {
-  const Eigen::Vector3d at = T_world_sensor.inverse() * placements_at(scene, pose).front().position;
-  const double right = std::atan2(-at.y(), at.x());
-  double from = -kPi, to = kPi;
-  if (const auto* field = std::get_if<AngularRectangle>(&scene.sensor.field)) {
-    from = field->left, to = field->right;
-  } else if (const auto* cone = std::get_if<AngularCone>(&scene.sensor.field)) {
-    from = -cone->half_angle, to = cone->half_angle;
-  }
-  return right > from - kNearAngle && right < to + kNearAngle;
-}
-
 }  // namespace
 
 struct SimulatedSensor::Impl {
@@ -93,7 +78,7 @@ struct SimulatedSensor::Impl {
                std::pow(scene.sensor.response.core_sigma(), 2), kPulseTail) {
     fast.tolerance = kTolerance;
     if (const auto* retro = std::get_if<RetroreflectiveMaterial>(&scene.hidden.material)) {
-      fast.fidelity = wide_lobe(scene, *retro) ? kPairSampling : kSingleSampling;
+      fast.fidelity = wide_lobe(scene, *retro) ? kWideLobeSampling : kNarrowLobeSampling;
       return;
     }
     fast.fidelity = choose_fidelity(transport, sensor_placement(scene), fast);
@@ -104,12 +89,7 @@ struct SimulatedSensor::Impl {
 
   HistogramCube three_bounce(const Transform& T_world_sensor, const PoseVector& pose) const {
     if (!sees_relay(scene, T_world_sensor)) return dark(scene.sensor);
-    FastModelOptions options = fast;
-    if (options.fidelity && options.fidelity->lobe_pairs &&
-        near_field(scene, T_world_sensor, pose)) {
-      options.fidelity = kNearSampling;
-    }
-    return make_fast_model(transport, SensorPlacement{T_world_sensor, {}}, options)
+    return make_fast_model(transport, SensorPlacement{T_world_sensor, {}}, fast)
         ->three_bounce(pose);
   }
 

@@ -27,10 +27,11 @@ struct SensedFrame {
 /// the steps of the fit's own sampling densities, and cells of other sizes for the known scene.
 /// What belongs to the scene is made once, so that a new sensor pose costs milliseconds.
 ///
-/// Against the reference renderer, light by way of the object is off by 1 to 2 % (L2), static light
-/// by 0.1 % at most (`blindcorner drive --check-sensor N` measures it on frames of a drive). A
-/// hidden object in the direct view is not drawn into the histograms, nor does it block static
-/// light: once it is in sight, nobody needs them.
+/// Against the reference renderer, light by way of the object is off by 1 to 2 % (L2; 3 % where a
+/// car has nearly rounded the corner), static light by 0.02 % in the street and 0.3 % in the
+/// corridor; `blindcorner drive --check-sensor N` measures it on frames of a drive. A hidden object
+/// in the direct view is not drawn into the histograms, nor does it block static light: once it is
+/// in sight, nobody needs them.
 class SimulatedSensor {
  public:
   /// Chooses the sampling for the scene's own sensor pose. Throws Error where a model of the scene

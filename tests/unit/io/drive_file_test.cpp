@@ -77,7 +77,7 @@ TEST(DriveFile, WrongOnesGetOneLine) {
     EXPECT_THAT(message, HasSubstr("accepted"));
     EXPECT_EQ(message.find('\n'), std::string::npos);
   };
-  expect([](json& d) { d["sped"] = 3; }, "sped", "did you mean \"speed_m_per_s\"");
+  expect([](json& d) { d["sensors"] = 3; }, "sensors", "did you mean \"sensor\"");
   expect([](json& d) { d.erase("scene"); }, "scene", "nothing");
   expect([](json& d) { d["scene"] = "none.json"; }, "scene", "none.json");
   expect([](json& d) { d["vehicle"]["kind"] = "boat"; }, "vehicle.kind", "boat");
