@@ -37,6 +37,7 @@ int main(int argc, char** argv) {
   blindcorner::add_info_command(app, exit_code);
   blindcorner::add_explain_command(app, exit_code);
   blindcorner::add_drive_command(app, exit_code);
+  blindcorner::add_trials_command(app, exit_code);
   blindcorner::add_plan_command(app, exit_code);
   try {
     app.parse(argc, argv);

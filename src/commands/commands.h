@@ -25,6 +25,7 @@ void add_crossvalidate_command(CLI::App& app, int& exit_code);
 void add_info_command(CLI::App& app, int& exit_code);
 void add_explain_command(CLI::App& app, int& exit_code);
 void add_drive_command(CLI::App& app, int& exit_code);
+void add_trials_command(CLI::App& app, int& exit_code);
 void add_plan_command(CLI::App& app, int& exit_code);
 
 }  // namespace blindcorner

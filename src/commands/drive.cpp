@@ -150,6 +150,11 @@ void add_drive_command(CLI::App& app, int& exit_code) {
       ->type_name("DIR");
   command.add_option("--perception", arguments->perception,
                      "los, solver or oracle; default: the drive file's");
+  command
+      .add_option("--injected-error", arguments->options.injected_error,
+                  "m, by which oracle_disc and oracle_covariance miss the truth")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
   command.add_option("--seed", arguments->options.seed, "of hidden objects, photons and faults")
       ->capture_default_str();
   command

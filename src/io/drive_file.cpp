@@ -44,7 +44,8 @@ std::pair<double, double> read_stated_or_drawn(const JsonReader& reader, const N
 }
 
 DriveVehicle read_vehicle(const JsonReader& reader) {
-  reader.allow_only({"kind", "length_m", "width_m", "height_m", "turning_radius_m", "start"});
+  reader.allow_only({"kind", "length_m", "width_m", "height_m", "turning_radius_m", "start",
+                     "brakes_for_curves"});
   DriveVehicle vehicle;
   if (reader.at("kind").word({"car", "robot"}) == "robot") {
     vehicle.kind = VehicleKind::robot;
@@ -55,6 +56,7 @@ DriveVehicle read_vehicle(const JsonReader& reader) {
   vehicle.height = reader.at("height_m").number_or(vehicle.height, kVehicleLength);
   vehicle.turning_radius =
       reader.at("turning_radius_m").number_or(vehicle.turning_radius, NumberRange::between(0, 1e3));
+  vehicle.brakes_for_curves = reader.at("brakes_for_curves").boolean_or(true);
   const JsonReader start = reader.at("start");
   start.allow_only({"position_m", "yaw_deg", "speed_m_per_s"});
   vehicle.start = read_point(start.at("position_m"));
@@ -213,6 +215,15 @@ void read_route(const JsonReader& reader, Drive& drive) {
           .number_or(drive.time_limit, NumberRange{.lower = 0, .upper = 3600, .above_lower = true});
 }
 
+void read_trials(const JsonReader& reader, Drive& drive) {
+  drive.trials = {drive.speed_lower, drive.speed_upper, 1};
+  if (!reader.present()) return;
+  reader.allow_only({"speed_m_per_s", "zones"});
+  std::tie(drive.trials.speed_lower, drive.trials.speed_upper) =
+      reader.at("speed_m_per_s").interval(kSpeed);
+  drive.trials.zones = reader.at("zones").integer(1, 1000);
+}
+
 /// The scene beside the drive file. What is wrong with it is said of it.
 void read_named_scene(const JsonReader& reader, Drive& drive) {
   const std::filesystem::path beside = std::filesystem::path(reader.file()).parent_path();
@@ -230,7 +241,7 @@ Drive read_drive(const std::string& path) {
   if (!reader.is_object()) reader.fail("an object");
   reader.allow_only({"name", "description", "scene", "vehicle", "route_m", "goal_tolerance_m",
                      "speed_m_per_s", "time_limit_s", "sensor", "direct_sight", "map", "hidden",
-                     "perception"});
+                     "perception", "trials"});
   Drive drive;
   drive.path = path;
   drive.name = reader.at("name").text_or(std::filesystem::path(path).stem().string());
@@ -243,6 +254,7 @@ Drive read_drive(const std::string& path) {
   drive.truth = read_truth(reader.at("hidden"), drive.scene);
   read_perception(reader.at("perception"), drive);
   read_route(reader, drive);
+  read_trials(reader.at("trials"), drive);
   drive.motion.frame_interval = 1 / drive.sensor.rate;
   return drive;
 }

@@ -106,6 +106,20 @@ LineOfSightOptions sight_options(const Drive& drive) {
   return options;
 }
 
+/// The scene whose hidden objects the map knows: as they are, or as discs of a radius (m).
+Scene map_scene(const Scene& scene, const std::optional<double>& disc_radius) {
+  Scene known = scene;
+  if (!disc_radius) return known;
+  const auto as_disc = [&](HiddenObject& object) {
+    // As tall as a person: only its outline matters to a map.
+    object.shape = CylinderShape{*disc_radius, 1.8};
+    object.anchor = Anchor::base;
+  };
+  as_disc(known.hidden);
+  std::ranges::for_each(known.further_hidden, as_disc);
+  return known;
+}
+
 /// A sensor frame on its way to the vehicle's computer.
 struct SensedEvent {
   double capture_time = 0;  ///< s
@@ -183,12 +197,13 @@ DriveLoop::DriveLoop(const Drive& drive, const SimulatedSensor& sensor, const Dr
       sensor_(sensor),
       options_(options),
       world_(drive, options.seed),
-      perception_(make_perception(options.perception,
-                                  {sensor.scene(), drive.motion, options.fit,
-                                   [this](double time) { return world_.hidden(time); }})),
+      perception_(
+          make_perception(options.perception, {sensor.scene(), drive.motion, options.fit,
+                                               [this](double time) { return world_.hidden(time); },
+                                               options.injected_error, options.seed})),
       delay_(drive.delay.contains(options.perception) ? drive.delay.at(options.perception) : 0.0),
       sight_(drive.scene, drive.map, sight_options(drive)),
-      grid_(drive.map, drive.scene, drive.motion),
+      grid_(drive.map, map_scene(drive.scene, perception_->disc_radius()), drive.motion),
       vehicle_(model_of(drive.vehicle)),
       limits_(vehicle_.model().limits()),
       replanner_(planner_options(drive.vehicle, vehicle_.model()), replanner_options(drive)),
@@ -292,7 +307,7 @@ void DriveLoop::take_frame(const SensedEvent& event) {
     frame.fate = FrameFate::busy;
   } else {
     SensedFrame sensed;
-    if (perception_->needs_capture() || options_.keep_pictures) {
+    if (options_.keep_pictures || perception_->needs_histograms()) {
       const Stopwatch watch(frame.time_ms.sense);
       sensed = sensor_.sense(event.T_world_sensor, world_.hidden(event.capture_time),
                              options_.seed + kFrameSeeds * (event.frame + 1));
@@ -357,6 +372,9 @@ void DriveLoop::follow(const PlanUpdate& update) {
   }
   PathFollowerOptions options = follower_options(limits_);
   options.profile.speed = speed();
+  if (!drive_.vehicle.brakes_for_curves) {
+    options.profile.cornering = std::numeric_limits<double>::infinity();
+  }
   options.profile.end = update.action == PlanAction::stop ? 0.0 : speed();
   follower_.emplace(std::move(samples), limits_, state(), options);
 }
@@ -441,7 +459,7 @@ DriveResult DriveLoop::run() {
       frame.flags = latest_->answer.flags;
       frame.error = latest_->answer.error;
     }
-    if (options_.keep_pictures) frame.occupancy = occupancy();
+    if (options_.keep_pictures || options_.keep_maps) frame.occupancy = occupancy();
   }
   result_.mean_speed = result_.time > 0 ? result_.length / result_.time : 0.0;
   return std::move(result_);

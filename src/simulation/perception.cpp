@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <random>
 
+#include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
 #include "simulation/solver_perception.h"
 
@@ -17,7 +19,7 @@ class LineOfSightPerception final : public Perception {
                             double /*time*/) override {
     return {};
   }
-  bool needs_capture() const override { return false; }
+  bool needs_histograms() const override { return false; }
 };
 
 class OraclePerception final : public Perception {
@@ -31,11 +33,70 @@ class OraclePerception final : public Perception {
     answer.mixture = known_pose(scene_, truth_(time));
     return answer;
   }
-  bool needs_capture() const override { return false; }
+  bool needs_histograms() const override { return false; }
 
  private:
   const Scene& scene_;
   std::function<std::optional<PoseVector>(double)> truth_;
+};
+
+/// What a misled oracle states of its position.
+enum class StatedAs { disc, covariance };
+
+/// The truth, moved by an injected error in one horizontal direction.
+class MisledOracle final : public Perception {
+ public:
+  MisledOracle(const PerceptionSetup& setup, StatedAs stated)
+      : scene_(setup.scene), truth_(setup.truth), error_(setup.injected_error), stated_(stated) {
+    std::mt19937_64 random(setup.seed ^ kDirectionSeed);
+    const double angle = std::uniform_real_distribution<double>(0, 2 * kPi)(random);
+    offset_ = {error_ * std::cos(angle), error_ * std::sin(angle)};
+  }
+
+  PerceptionAnswer perceive(const Capture& /*capture*/, const Transform& /*T_world_sensor*/,
+                            double time) override {
+    std::optional<PoseVector> pose = truth_(time);
+    if (pose) move(*pose);
+    PerceptionAnswer answer;
+    answer.mixture = known_pose(scene_, pose);
+    if (stated_ == StatedAs::covariance) widen(*answer.mixture);
+    return answer;
+  }
+  bool needs_histograms() const override { return false; }
+  std::optional<double> disc_radius() const override {
+    return stated_ == StatedAs::disc ? std::optional(kPublishedDisc) : std::nullopt;
+  }
+
+ private:
+  /// Directions come from another sequence than what is drawn of the world.
+  static constexpr std::uint64_t kDirectionSeed = 0xd1b54a32d192ed03;
+
+  /// x and y of each unknown that is a horizontal position: 0, 1; otherwise empty.
+  static std::optional<int> axis(const Unknown& unknown) {
+    const int component = static_cast<int>(unknown.component);
+    return component <= 1 ? std::optional(component) : std::nullopt;
+  }
+  void move(PoseVector& pose) const {
+    for (std::size_t i = 0; i < scene_.unknowns.size(); ++i) {
+      if (const auto a = axis(scene_.unknowns[i]))
+        pose[static_cast<Eigen::Index>(i)] += offset_[*a];
+    }
+  }
+  /// The root of the mean squared distance from the stated position is the injected error.
+  void widen(PoseMixture& mixture) const {
+    for (std::size_t i = 0; i < scene_.unknowns.size(); ++i) {
+      if (!axis(scene_.unknowns[i])) continue;
+      const auto k = static_cast<Eigen::Index>(i);
+      mixture.covariance(k, k) += error_ * error_ / 2;
+      for (PoseMode& mode : mixture.modes) mode.covariance(k, k) += error_ * error_ / 2;
+    }
+  }
+
+  const Scene& scene_;
+  std::function<std::optional<PoseVector>(double)> truth_;
+  double error_;
+  StatedAs stated_;
+  Eigen::Vector2d offset_ = Eigen::Vector2d::Zero();
 };
 
 struct Entry {
@@ -49,8 +110,16 @@ constexpr std::array kPerceptions = {
             return std::make_unique<LineOfSightPerception>();
           }},
     Entry{"solver", make_solver_perception},
-    Entry{"oracle", [](const PerceptionSetup& setup) -> std::unique_ptr<Perception> {
+    Entry{"oracle",
+          [](const PerceptionSetup& setup) -> std::unique_ptr<Perception> {
             return std::make_unique<OraclePerception>(setup);
+          }},
+    Entry{"oracle_disc",
+          [](const PerceptionSetup& setup) -> std::unique_ptr<Perception> {
+            return std::make_unique<MisledOracle>(setup, StatedAs::disc);
+          }},
+    Entry{"oracle_covariance", [](const PerceptionSetup& setup) -> std::unique_ptr<Perception> {
+            return std::make_unique<MisledOracle>(setup, StatedAs::covariance);
           }}};
 
 double known_sigma(Component component) {

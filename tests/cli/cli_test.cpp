@@ -1019,5 +1019,48 @@ TEST_F(Cli, DriveRefusesWrongFilesAndNamesWithOneLine) {
   refused(path("wrong.json"), "perception.use: found \"guess\"");
 }
 
+/// Small studies of the robot, whose drives without histograms take a fraction of a second.
+std::string trials_of_robot(const std::string& output, const std::string& options) {
+  return "trials '" + std::string(SOURCE_DIR) + "/scenes/robot_drive.json' -o '" + output +
+         "' --perception los,oracle --replays 0 " + options;
+}
+
+TEST_F(Cli, TrialsWriteTableAndPage) {
+  const Outcome result = run(trials_of_robot(path("study"), "-n 2"));
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const std::string table = text_of(path("study/trials.csv"));
+  EXPECT_THAT(table, StartsWith("perception,zone,seed,speed_m_per_s,outcome,clearance_m,time_s\n"));
+  EXPECT_EQ(std::ranges::count(table, '\n'), 5);
+  EXPECT_THAT(text_of(path("study/index.html")), HasSubstr("Success by speed"));
+}
+
+TEST_F(Cli, TrialsThatWereKilledGoOnToTheSameBytes) {
+  ASSERT_EQ(run(trials_of_robot(path("whole"), "-n 4 --threads 1")).exit_code, 0);
+  // Killed once the first trials are on disk, wherever that then happens to be.
+  const std::string start = "'" + std::string(PROGRAM) + "' " +
+                            trials_of_robot(path("killed"), "-n 4") + " >'" + path("log") +
+                            "' 2>&1 & pid=$!; for i in $(seq 600); do [ \"$(wc -l <'" +
+                            path("killed/journal.csv") +
+                            "' 2>/dev/null || echo 0)\" -ge 3 ] && break; sleep 0.05; done; "
+                            "kill -9 $pid; wait $pid 2>/dev/null; true";
+  ASSERT_EQ(std::system(start.c_str()), 0);
+  ASSERT_EQ(run(trials_of_robot(path("killed"), "-n 4 --threads 2")).exit_code, 0);
+  EXPECT_EQ(text_of(path("killed/trials.csv")), text_of(path("whole/trials.csv")));
+}
+
+TEST_F(Cli, TrialsRefuseWhatTheyCannotDo) {
+  const std::string drive =
+      "trials '" + std::string(SOURCE_DIR) + "/scenes/robot_drive.json' -o '" + path("out") + "' ";
+  for (const char* options : {"-n 0", "--perception x-ray", "--perception los,los", "--light 0",
+                              "--threads -1", "--error-trials -1"}) {
+    SCOPED_TRACE(options);
+    expect_refused(run(drive + options));
+  }
+  ASSERT_EQ(run(trials_of_robot(path("study"), "-n 1")).exit_code, 0);
+  const Outcome other = run(trials_of_robot(path("study"), "-n 1 --seed 2"));
+  EXPECT_EQ(other.exit_code, 2);
+  EXPECT_THAT(other.err, HasSubstr("another study (seed differ)"));
+}
+
 }  // namespace
 }  // namespace blindcorner

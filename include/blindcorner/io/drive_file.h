@@ -27,6 +27,8 @@ struct DriveVehicle {
   double start_yaw = 0;                             ///< rad
   double turning_radius = 5.5;        ///< m, tightest of a plan; 0: it can turn on the spot
   std::optional<double> start_speed;  ///< m/s; empty: the wanted speed
+  /// Whether the speed is lowered to what friction holds in curves, or held at the wanted one.
+  bool brakes_for_curves = true;
 };
 
 /// The histogram sensor on the vehicle, and what may go wrong with its frames.
@@ -61,6 +63,12 @@ struct DriveTruth {
   std::vector<Eigen::Vector2d> velocity;
 };
 
+/// What `blindcorner trials` varies: wanted speeds, in zones of equal width.
+struct DriveTrials {
+  double speed_lower = 0, speed_upper = 0;  ///< m/s
+  int zones = 1;
+};
+
 /// A drive: everything that `blindcorner drive` needs to know.
 struct Drive {
   std::string name;
@@ -81,6 +89,7 @@ struct Drive {
   DriveTruth truth;
   std::string perception = "solver";
   std::map<std::string, double> delay;  ///< s, by perception; 0 where nothing is declared
+  DriveTrials trials;                   ///< in one zone of `speed`, unless stated
 };
 
 /// Reads a drive file and the scene that it names. Throws Error with one line: file, field path,

@@ -23,6 +23,8 @@ struct DriveOptions {
   std::optional<double> speed;  ///< m/s; empty: the drive file's
   FitOptions fit;               ///< of the solver; its detection is the tracker's
   bool keep_pictures = true;    ///< histograms and grids of the frames, for a page
+  bool keep_maps = false;       ///< grids of the frames, for statistics
+  double injected_error = 0;    ///< m, of the misled oracles (perception.h)
 };
 
 enum class DriveOutcome { reached, collision, stopped, timeout };

@@ -5,6 +5,7 @@
 /// perception.cpp.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -37,8 +38,11 @@ class Perception {
   /// throws for a frame that it cannot use: the answer's `error` says so.
   virtual PerceptionAnswer perceive(const Capture& capture, const Transform& T_world_sensor,
                                     double time) = 0;
-  /// Whether it looks at the capture at all; where not, a simulation need not make it.
-  virtual bool needs_capture() const { return true; }
+
+  /// Whether it looks at the histograms: nobody need sense them for one that does not.
+  virtual bool needs_histograms() const { return true; }
+  /// Hidden objects go to the map as discs of this radius, m; empty: as the scene's shapes.
+  virtual std::optional<double> disc_radius() const { return std::nullopt; }
 };
 
 /// What perceptions are made from.
@@ -48,10 +52,14 @@ struct PerceptionSetup {
   FitOptions fit;
   /// The hidden objects' true pose at a time, s; empty: there are none. For the oracle only.
   std::function<std::optional<PoseVector>(double)> truth;
+  double injected_error = 0;  ///< m, by which misled oracles miss the truth
+  std::uint64_t seed = 1;     ///< of the direction in which they do
 };
 
 /// "los": knows hidden objects only when they are in sight, so it never has anything to say itself.
 /// "solver": the fit and its tracker. "oracle": the truth, within the known pose's deviations.
+/// "oracle_disc" and "oracle_covariance" are misled by an injected error, one direction a drive:
+/// the first is sure of a disc of 1 m there, as published; the second states a covariance to match.
 std::vector<std::string> perception_names();
 
 /// Throws Error for an unknown name, and where the scene does not suit the perception.
@@ -61,6 +69,9 @@ std::unique_ptr<Perception> make_perception(const std::string& name, const Perce
 inline constexpr double kKnownPosition = 0.02;  ///< m
 inline constexpr double kKnownAngle = 0.05;     ///< rad
 inline constexpr double kKnownSize = 0.02;      ///< relative
+
+/// Radius of the disc that the published study of localisation errors takes an obstacle for, m.
+inline constexpr double kPublishedDisc = 1.0;
 
 /// The mixture that states a known pose (empty: that nothing is there) within these.
 PoseMixture known_pose(const Scene& scene, const std::optional<PoseVector>& pose);

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Many drives, for statistics: which ones, run in parallel, and none of them twice.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "blindcorner/inverse/fit.h"
+#include "blindcorner/io/drive_file.h"
+#include "blindcorner/simulation/simulated_sensor.h"
+
+namespace blindcorner {
+
+/// One drive of a study.
+struct Trial {
+  std::string perception;
+  int zone = 0;  ///< of the wanted speed, from 0
+  std::uint64_t seed = 1;
+  double speed = 0;  ///< m/s, a whole number of mm/s, so that files hold all of it
+  double error = 0;  ///< m, injected (oracle_disc, oracle_covariance); a whole number of mm
+};
+
+/// Statements of the map that cells are occupied, in bins of a tenth of probability.
+struct MapStatements {
+  std::array<int, 10> statements{}, occupied{};
+  std::array<double, 10> probability{};  ///< sums
+};
+
+/// What became of it.
+struct TrialResult {
+  Trial trial;
+  std::string outcome;   ///< outcome_word of drive_loop.h
+  double clearance = 0;  ///< m, least
+  double time = 0;       ///< s, simulated
+  double run_time = 0;   ///< s that it took to simulate
+  /// Cells of the hidden objects' search region, in the last frame before they came in sight, that
+  /// the map knew of by then.
+  MapStatements map;
+
+  bool reached() const { return outcome == "reached"; }
+};
+
+struct TrialsOptions {
+  int trials = 120;  ///< of each perception, spread evenly over the zones
+  std::vector<std::string> perceptions{"los", "solver", "oracle"};
+  std::uint64_t seed = 1;  ///< of the first trial; the next ones count on
+  /// Trials with injected errors, of each of the two misled oracles, spread evenly over errors of
+  /// 0-1, ..., 6-7 m, the published bins.
+  int error_trials = 0;
+  int threads = 0;  ///< trials at a time; 0: one per processor
+
+  /// Throws Error naming the field that is out of range.
+  void validate() const;
+};
+
+/// Edges of the published bins of localisation error are whole metres up to this one.
+inline constexpr int kErrorBins = 7;
+
+/// Zone of a wanted speed, and its lower end, m/s.
+double zone_lower(const DriveTrials& trials, int zone);
+
+/// All trials of a study. Trial i has the same seed, speed and so world for every perception, and
+/// does not depend on how many there are: a larger study holds the smaller one.
+std::vector<Trial> plan_trials(const Drive& drive, const TrialsOptions& options);
+
+/// Drives one trial. The same trial has the same result, run time excepted.
+TrialResult run_trial(const Drive& drive, const SimulatedSensor& sensor, const Trial& trial,
+                      const FitOptions& fit = {});
+
+using TrialRun = std::function<TrialResult(const Trial&)>;
+using TrialDone = std::function<void(const TrialResult&)>;
+
+/// Runs the trials that are not among `finished`, `threads` at a time, and calls `done` for each as
+/// it ends, one call at a time. What `run` or `done` throws ends the study and is thrown on.
+void run_trials(const std::vector<Trial>& plan, const std::vector<TrialResult>& finished,
+                int threads, const TrialRun& run, const TrialDone& done);
+
+/// Whether two are the same trial of the same perception.
+bool same_trial(const Trial& a, const Trial& b);
+
+/// Sorted by perception (in their list's order), then by seed and error: the order of files.
+void sort_trials(std::vector<TrialResult>& results);
+
+}  // namespace blindcorner

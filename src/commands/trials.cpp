@@ -1,0 +1,213 @@
+// SPDX-License-Identifier: Apache-2.0
+/// `blindcorner trials DRIVE -n N -o DIR`: many drives, and how often they end well.
+#include "blindcorner/simulation/trials.h"
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "blindcorner/forward/error.h"
+#include "blindcorner/io/atomic_file.h"
+#include "blindcorner/io/drive_file.h"
+#include "blindcorner/report/drive_report.h"
+#include "blindcorner/simulation/credible_level.h"
+#include "blindcorner/simulation/drive_loop.h"
+#include "blindcorner/simulation/perception.h"
+#include "blindcorner/simulation/trial_journal.h"
+#include "commands/commands.h"
+#include "commands/output_directory.h"
+#include "commands/progress.h"
+#include "io/file_bytes.h"
+#include "report/trials_page.h"
+
+namespace blindcorner {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct TrialsArguments {
+  std::string drive;
+  std::string output;
+  double light = 0;
+  int replays = 4;
+  TrialsOptions options;
+};
+
+void check_perceptions(const std::vector<std::string>& names) {
+  // Oracles that are misled are driven by --error-trials.
+  constexpr std::array kDriven{"los", "solver", "oracle"};
+  for (const std::string& name : names) {
+    if (std::ranges::find(kDriven, name) != kDriven.end()) continue;
+    throw Error("--perception",
+                "found \"" + name + "\", accepted: \"los\", \"solver\", \"oracle\"");
+  }
+  if (std::set<std::string>(names.begin(), names.end()).size() != names.size()) {
+    throw Error("--perception", "a perception is named twice");
+  }
+}
+
+/// The scene's own bytes, which a drive file only names.
+std::string scene_bytes(const std::string& drive_path) {
+  const auto json = nlohmann::json::parse(read_bytes(drive_path));
+  return read_bytes(
+      (fs::path(drive_path).parent_path() / json.at("scene").get<std::string>()).string());
+}
+
+std::vector<TrialResult> sorted(const TrialJournal& journal) {
+  std::vector<TrialResult> results = journal.results();
+  sort_trials(results);
+  return results;
+}
+
+void write_tables(const fs::path& directory, const Drive& drive,
+                  const std::vector<TrialResult>& results) {
+  write_atomically((directory / "trials.csv").string(), trials_csv(drive.trials, results));
+  if (std::ranges::any_of(results, [](const TrialResult& r) { return r.trial.error > 0; })) {
+    write_atomically((directory / "errors.csv").string(), errors_csv(drive.trials, results));
+  }
+}
+
+/// Pages of failed trials, the first few of each perception; those that are there stay.
+void write_replays(const fs::path& directory, const Drive& drive, const SimulatedSensor& sensor,
+                   const std::vector<TrialResult>& results, int most) {
+  std::vector<Trial> wanted;
+  std::map<std::string, int> count;
+  for (const TrialResult& result : results) {
+    if (result.reached() || count[result.trial.perception]++ >= most) continue;
+    if (!fs::exists(directory / replay_page(result.trial))) wanted.push_back(result.trial);
+  }
+  Progress progress("replays", wanted.size());
+  for (const Trial& trial : wanted) {
+    DriveOptions options;
+    options.perception = trial.perception;
+    options.seed = trial.seed;
+    options.speed = trial.speed;
+    options.injected_error = trial.error;
+    const DriveResult driven = drive_through(drive, sensor, options);
+    const fs::path page = directory / replay_page(trial);
+    make_directory(page.parent_path().string());
+    write_atomically(page.string(), drive_page(drive, options, driven));
+    progress.advance();
+  }
+}
+
+void print_summary(const Drive& drive, const std::vector<TrialResult>& results) {
+  std::map<std::pair<std::string, int>, std::pair<int, int>> shares;
+  std::vector<std::string> names;
+  for (const TrialResult& result : results) {
+    if (result.trial.error > 0) continue;
+    auto& [reached, trials] = shares[{result.trial.perception, result.trial.zone}];
+    reached += result.reached() ? 1 : 0;
+    ++trials;
+    if (std::ranges::find(names, result.trial.perception) == names.end()) {
+      names.push_back(result.trial.perception);
+    }
+  }
+  std::printf("%-8s %14s   %s\n", "", "speed, m/s", "goal reached (95 % interval)");
+  for (const std::string& name : names) {
+    for (int zone = 0; zone < drive.trials.zones; ++zone) {
+      const auto [reached, trials] = shares[{name, zone}];
+      if (trials == 0) continue;
+      const ShareInterval interval = wilson_interval(reached, trials);
+      std::printf("%-8s %6.4g to %5.4g   %d/%d = %.3f (%.3f to %.3f)\n", name.c_str(),
+                  zone_lower(drive.trials, zone), zone_lower(drive.trials, zone + 1), reached,
+                  trials, static_cast<double>(reached) / trials, interval.low, interval.high);
+    }
+  }
+}
+
+int run(const TrialsArguments& arguments) {
+  check_perceptions(arguments.options.perceptions);
+  Drive drive = read_drive(arguments.drive);
+  if (arguments.light > 0) drive.sensor.light = arguments.light;
+  drive.scene = with_light(drive.scene, drive.sensor.light);
+  const std::vector<Trial> plan = plan_trials(drive, arguments.options);
+  const std::string study =
+      trial_study(drive, scene_bytes(arguments.drive), arguments.options.seed);
+  const SimulatedSensor sensor(drive.scene);
+  make_directory(arguments.output);
+  const fs::path directory = arguments.output;
+  TrialJournal journal(arguments.output, study);
+  {
+    const auto open = std::ranges::count_if(plan, [&](const Trial& trial) {
+      return std::ranges::none_of(journal.results(), [&](const TrialResult& other) {
+        return same_trial(trial, other.trial);
+      });
+    });
+    Progress progress("trials", static_cast<std::size_t>(open));
+    const std::vector<TrialResult> finished = journal.results();
+    run_trials(
+        plan, finished, arguments.options.threads,
+        [&](const Trial& trial) { return run_trial(drive, sensor, trial); },
+        [&](const TrialResult& result) {
+          journal.add(result);
+          write_tables(directory, drive, sorted(journal));
+          progress.advance();
+        });
+  }
+  const std::vector<TrialResult> results = sorted(journal);
+  write_tables(directory, drive, results);
+  write_replays(directory, drive, sensor, results, arguments.replays);
+  const auto replayed = [&](const Trial& trial) {
+    return fs::exists(directory / replay_page(trial));
+  };
+  write_atomically((directory / "index.html").string(), trials_page(drive, results, replayed));
+  print_summary(drive, results);
+  std::printf("%s\n%s\n", (directory / "trials.csv").c_str(), (directory / "index.html").c_str());
+  return kAllWell;
+}
+
+}  // namespace
+
+void add_trials_command(CLI::App& app, int& exit_code) {
+  CLI::App& command = *app.add_subcommand(
+      "trials",
+      "many drives at random speeds and hidden places; writes DIR/trials.csv and DIR/index.html; "
+      "goes on where it was interrupted");
+  const auto arguments = std::make_shared<TrialsArguments>();
+  command.add_option("DRIVE", arguments->drive, "drive file")->required();
+  command
+      .add_option("-o,--output", arguments->output, "directory for the results; made if missing")
+      ->required()
+      ->type_name("DIR");
+  command
+      .add_option("-n,--trials", arguments->options.trials,
+                  "trials of each perception, spread evenly over the speed zones")
+      ->check(CLI::Range(1, 100000))
+      ->capture_default_str();
+  command
+      .add_option("--perception", arguments->options.perceptions,
+                  "los, solver, oracle, with commas between them")
+      ->delimiter(',')
+      ->capture_default_str();
+  command.add_option("--seed", arguments->options.seed, "of the first trial; the others count on")
+      ->capture_default_str();
+  command
+      .add_option("--error-trials", arguments->options.error_trials,
+                  "trials with injected localisation errors of 0 to 7 m, for each of the two "
+                  "misled oracles; writes errors.csv")
+      ->check(CLI::Range(0, 100000))
+      ->capture_default_str();
+  command
+      .add_option("--light", arguments->light,
+                  "factor on the laser's light; daylight stays; default: the drive file's")
+      ->check(CLI::PositiveNumber);
+  command
+      .add_option("--replays", arguments->replays,
+                  "failed trials of each perception to write pages of")
+      ->check(CLI::Range(0, 100000))
+      ->capture_default_str();
+  command
+      .add_option("--threads", arguments->options.threads, "trials at a time; 0: one per processor")
+      ->check(CLI::Range(0, 1024))
+      ->capture_default_str();
+  command.callback([arguments, &exit_code] { exit_code = run(*arguments); });
+}
+
+}  // namespace blindcorner

@@ -1,0 +1,400 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "report/trials_page.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <optional>
+
+#include "blindcorner/simulation/credible_level.h"
+#include "blindcorner/simulation/paired_difference.h"
+#include "report/chart.h"
+#include "report/formatted.h"
+#include "report/html.h"
+
+namespace blindcorner {
+namespace {
+
+using Results = std::vector<TrialResult>;
+
+/// Bars of the published study: about 33 trials a zone of 1 m/s from 6 to 12 m/s.
+constexpr double kPublishedLowest = 6;
+constexpr std::array kPublishedNlos{1.0, 1.0, 0.81, 0.31, 0.09, 0.0};
+constexpr std::array kPublishedLos{1.0, 1.0, 0.80, 0.17, 0.0, 0.0};
+/// Published success by localisation error in metres, from 1-2 to 6-7.
+constexpr std::array kPublishedErrors{0.89, 0.71, 0.42, 0.29, 0.24, 0.13};
+
+Results chosen(const Results& results, const std::function<bool(const TrialResult&)>& wanted) {
+  Results list;
+  std::ranges::copy_if(results, std::back_inserter(list), wanted);
+  return list;
+}
+
+std::vector<std::string> perceptions_of(const Results& results) {
+  std::vector<std::string> names;
+  for (const TrialResult& result : results) {
+    if (std::ranges::find(names, result.trial.perception) == names.end()) {
+      names.push_back(result.trial.perception);
+    }
+  }
+  return names;
+}
+
+Results of(const Results& results, const std::string& perception) {
+  return chosen(results, [&](const TrialResult& r) { return r.trial.perception == perception; });
+}
+
+int reached(const Results& results) {
+  return static_cast<int>(std::ranges::count_if(results, &TrialResult::reached));
+}
+
+/// A share with its interval, as text.
+std::string share_text(const Results& results) {
+  if (results.empty()) return "-";
+  const int good = reached(results), all = static_cast<int>(results.size());
+  const ShareInterval interval = wilson_interval(good, all);
+  return formatted("%.3f (%.3f to %.3f), %d/%d", static_cast<double>(good) / all, interval.low,
+                   interval.high, good, all);
+}
+
+/// One bar of a group: a share with its interval, if it has one.
+struct Bar {
+  std::string name;
+  double share = 0;
+  std::optional<ShareInterval> interval;
+};
+
+struct BarGroup {
+  std::string label;
+  std::vector<Bar> bars;
+};
+
+Bar bar_of(const std::string& name, const Results& results) {
+  const int all = static_cast<int>(results.size());
+  const int good = reached(results);
+  return {name, all > 0 ? static_cast<double>(good) / all : 0.0, wilson_interval(good, all)};
+}
+
+std::string colour_of(const std::string& name) {
+  static const std::map<std::string, std::string> kColours{{"los", "#d62728"},
+                                                           {"solver", "#1f77b4"},
+                                                           {"oracle", "#2ca02c"},
+                                                           {"oracle_disc", "#9467bd"},
+                                                           {"oracle_covariance", "#17becf"},
+                                                           {"published los", "#f2b8b8"},
+                                                           {"published nlos", "#b7d3ea"},
+                                                           {"published", "#cccccc"}};
+  const auto known = kColours.find(name);
+  return known == kColours.end() ? "#888888" : known->second;
+}
+
+std::string bar_svg(const Bar& bar, double x, double width,
+                    const std::function<double(double)>& y) {
+  std::string svg =
+      formatted("<rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" fill=\"%s\"><title>", x,
+                y(bar.share), width, y(0) - y(bar.share), colour_of(bar.name).c_str()) +
+      html_safe(bar.name) + formatted(": %.3f</title></rect>", bar.share);
+  if (bar.interval) {
+    svg += formatted("<path stroke=\"#222\" d=\"M%.1f %.1fV%.1f\"/>", x + width / 2,
+                     y(bar.interval->low), y(bar.interval->high));
+  }
+  return svg;
+}
+
+/// Grouped bars from 0 to 1, lines for their 95 % intervals.
+std::string bars_svg(const std::string& title, const std::string& x_label,
+                     const std::vector<BarGroup>& groups) {
+  constexpr double kWidth = 900, kHeight = 300, kLeft = 50, kTop = 46, kBottom = 40;
+  const std::function<double(double)> y = [&](double share) {
+    return kTop + (1 - share) * (kHeight - kTop - kBottom);
+  };
+  std::string svg = formatted(
+      "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"%.0f\" height=\"%.0f\" "
+      "font-family=\"sans-serif\" font-size=\"11\"><text x=\"%.0f\" y=\"14\" font-size=\"12\" "
+      "font-weight=\"600\">",
+      kWidth, kHeight, kLeft);
+  svg += html_safe(title) + "</text>";
+  double legend = kLeft;
+  for (const Bar& bar : groups.front().bars) {
+    svg += formatted("<rect x=\"%.0f\" y=\"24\" width=\"10\" height=\"10\" fill=\"%s\"/>", legend,
+                     colour_of(bar.name).c_str()) +
+           formatted("<text x=\"%.0f\" y=\"33\">", legend + 14) + html_safe(bar.name) + "</text>";
+    legend += 34 + 6.5 * static_cast<double>(bar.name.size());
+  }
+  for (int tenth = 0; tenth <= 10; tenth += 2) {
+    svg +=
+        formatted("<path stroke=\"#ddd\" d=\"M%.0f %.1fH%.0f\"/>", kLeft, y(0.1 * tenth), kWidth) +
+        formatted("<text x=\"%.0f\" y=\"%.1f\" text-anchor=\"end\">%.1f</text>", kLeft - 4,
+                  y(0.1 * tenth) + 4, 0.1 * tenth);
+  }
+  const double step = (kWidth - kLeft) / static_cast<double>(groups.size());
+  for (std::size_t g = 0; g < groups.size(); ++g) {
+    const double left = kLeft + step * (static_cast<double>(g) + 0.1);
+    const double width = 0.8 * step / static_cast<double>(groups[g].bars.size());
+    for (std::size_t i = 0; i < groups[g].bars.size(); ++i) {
+      svg += bar_svg(groups[g].bars[i], left + width * static_cast<double>(i), 0.9 * width, y);
+    }
+    svg += formatted("<text x=\"%.1f\" y=\"%.0f\" text-anchor=\"middle\">", left + 0.4 * step,
+                     kHeight - kBottom + 15) +
+           html_safe(groups[g].label) + "</text>";
+  }
+  return svg +
+         formatted("<text x=\"%.0f\" y=\"%.0f\" text-anchor=\"middle\">", kWidth / 2, kHeight - 6) +
+         html_safe(x_label) + "</text></svg>\n";
+}
+
+/// Published success in a speed zone that is one of the published ones.
+std::optional<double> published(const DriveTrials& trials, int zone, const auto& bars) {
+  const double place = zone_lower(trials, zone) - kPublishedLowest;
+  const double width = zone_lower(trials, zone + 1) - zone_lower(trials, zone);
+  if (std::abs(width - 1) > 1e-9 || std::abs(place - std::round(place)) > 1e-9) return {};
+  if (place < 0 || place >= static_cast<double>(bars.size())) return {};
+  return bars[static_cast<std::size_t>(std::lround(place))];
+}
+
+std::string zone_name(const DriveTrials& trials, int zone) {
+  return formatted("%g-%g", zone_lower(trials, zone), zone_lower(trials, zone + 1));
+}
+
+Results in_zone(const Results& results, int zone) {
+  return chosen(results, [&](const TrialResult& r) { return r.trial.zone == zone; });
+}
+
+std::string success_section(const Drive& drive, const Results& results) {
+  const std::vector<std::string> names = perceptions_of(results);
+  std::vector<BarGroup> groups;
+  std::string rows = "<table><tr><th>speed, m/s";
+  for (const std::string& name : names) rows += "<th>" + html_safe(name);
+  rows += "<th>published with NLOS<th>published LOS</tr>\n";
+  for (int zone = 0; zone < drive.trials.zones; ++zone) {
+    BarGroup group{zone_name(drive.trials, zone), {}};
+    rows += "<tr><td>" + group.label;
+    for (const std::string& name : names) {
+      const Results here = in_zone(of(results, name), zone);
+      group.bars.push_back(bar_of(name, here));
+      rows += "<td>" + share_text(here);
+    }
+    const auto nlos = published(drive.trials, zone, kPublishedNlos);
+    const auto los = published(drive.trials, zone, kPublishedLos);
+    if (nlos) group.bars.push_back({"published nlos", *nlos, {}});
+    if (los) group.bars.push_back({"published los", *los, {}});
+    rows += nlos ? formatted("<td>%.2f<td>%.2f</tr>\n", *nlos, *los) : "<td>-<td>-</tr>\n";
+    groups.push_back(std::move(group));
+  }
+  return "<h2>Success by speed</h2>\n" +
+         bars_svg("Share of trials that reach the goal", "wanted speed, m/s", groups) + rows +
+         "</table>\n";
+}
+
+/// Outcomes of the trials that two perceptions have in common.
+PairedCounts paired(const Results& first, const Results& second) {
+  std::map<std::uint64_t, bool> other;
+  for (const TrialResult& result : second) other[result.trial.seed] = result.reached();
+  PairedCounts counts;
+  for (const TrialResult& result : first) {
+    const auto match = other.find(result.trial.seed);
+    if (match == other.end()) continue;
+    if (result.reached()) ++(match->second ? counts.both : counts.only_first);
+    if (!result.reached()) ++(match->second ? counts.only_second : counts.neither);
+  }
+  return counts;
+}
+
+std::string difference_cell(const PairedCounts& counts) {
+  if (counts.trials() == 0) return "<td>-";
+  const PairedDifference d = paired_difference(counts);
+  return formatted("<td>%+.3f (%+.3f to %+.3f), +%d -%d of %d", d.value, d.low, d.high,
+                   counts.only_first, counts.only_second, counts.trials());
+}
+
+std::string difference_section(const Drive& drive, const Results& results) {
+  constexpr std::array<std::pair<const char*, const char*>, 3> kPairs{
+      {{"solver", "los"}, {"oracle", "los"}, {"solver", "oracle"}}};
+  std::string html =
+      "<h2>Differences, paired by seed</h2>\n<p>Success of the first minus that of the second on "
+      "the same trials, with 95 % intervals (Newcombe's tenth method); then trials that only the "
+      "first, and only the second, drove well.</p>\n<table><tr><th>speed, m/s";
+  for (const auto& [first, second] : kPairs) html += formatted("<th>%s - %s", first, second);
+  for (int zone = -1; zone < drive.trials.zones; ++zone) {
+    html += "</tr>\n<tr><td>" + (zone < 0 ? "all" : zone_name(drive.trials, zone));
+    const Results here = zone < 0 ? results : in_zone(results, zone);
+    for (const auto& [first, second] : kPairs) {
+      html += difference_cell(paired(of(here, first), of(here, second)));
+    }
+  }
+  return html + "</tr></table>\n";
+}
+
+std::string error_section(const Results& results) {
+  if (results.empty()) return "";
+  std::vector<BarGroup> groups;
+  std::string rows =
+      "<table><tr><th>injected error, m<th>disc of 1 m<th>with the covariance<th>published</tr>\n";
+  for (int bin = 0; bin < kErrorBins; ++bin) {
+    const Results here = chosen(results, [&](const TrialResult& r) {
+      return std::min(static_cast<int>(r.trial.error), kErrorBins - 1) == bin;
+    });
+    const Results disc = of(here, "oracle_disc"), wide = of(here, "oracle_covariance");
+    BarGroup group{formatted("%d-%d", bin, bin + 1),
+                   {bar_of("oracle_disc", disc), bar_of("oracle_covariance", wide)}};
+    rows += "<tr><td>" + group.label + "<td>" + share_text(disc) + "<td>" + share_text(wide);
+    const bool known = bin > 0;
+    const double share = known ? kPublishedErrors[static_cast<std::size_t>(bin) - 1] : 0;
+    group.bars.push_back({"published", share, {}});
+    rows += known ? formatted("<td>%.2f</tr>\n", share) : "<td>-</tr>\n";
+    groups.push_back(std::move(group));
+  }
+  return "<h2>Success against injected localisation error</h2>\n<p>The truth moved by a drawn "
+         "distance in a drawn direction, the same all through a drive: taken for a disc of 1 m "
+         "there (as published), or stated with a covariance whose root mean square distance is the "
+         "injected one. Speeds over all zones alike; those of the published bars are not known.</p>"
+         "\n" +
+         bars_svg("Share of trials that reach the goal", "injected error, m", groups) + rows +
+         "</table>\n";
+}
+
+/// Share of trials with at most a value.
+ChartSeries distribution(const std::string& name, std::vector<double> values) {
+  std::ranges::sort(values);
+  ChartSeries series{name, {}, SeriesStyle::line, colour_of(name)};
+  const auto count = static_cast<double>(values.size());
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    series.points.push_back({values[i], static_cast<double>(i + 1) / count});
+  }
+  return series;
+}
+
+double mean(const std::vector<double>& values) {
+  double sum = 0;
+  for (const double value : values) sum += value;
+  return values.empty() ? 0 : sum / static_cast<double>(values.size());
+}
+
+std::string clearance_section(const Results& results) {
+  Chart clearance{"clearance", "least distance to anything, m", "share of trials with at most it"};
+  Chart time{"time of trials that reach the goal", "s", "share of trials with at most it"};
+  std::string rows =
+      "<table><tr><th>perception<th>collision<th>stopped<th>timeout<th>median clearance, m"
+      "<th>mean time to the goal, s<th>run time a trial, s</tr>\n";
+  for (const std::string& name : perceptions_of(results)) {
+    std::vector<double> distances, times, run_times;
+    std::map<std::string, int> outcomes;
+    for (const TrialResult& result : of(results, name)) {
+      distances.push_back(result.clearance);
+      run_times.push_back(result.run_time);
+      if (result.reached()) times.push_back(result.time);
+      ++outcomes[result.outcome];
+    }
+    clearance.series.push_back(distribution(name, distances));
+    time.series.push_back(distribution(name, times));
+    std::ranges::sort(distances);
+    rows += "<tr><td>" + html_safe(name) +
+            formatted("<td>%d<td>%d<td>%d<td>%.2f<td>%.2f<td>%.1f</tr>\n", outcomes["collision"],
+                      outcomes["stopped"], outcomes["timeout"], distances[distances.size() / 2],
+                      mean(times), mean(run_times));
+  }
+  for (Chart* chart : {&clearance, &time}) chart->width = 460, chart->height = 300;
+  return "<h2>Clearance and time</h2>\n" + rows + "</table>\n" + charts_html({clearance, time});
+}
+
+/// Predicted against observed occupancy of one perception's cells.
+ChartSeries reliability(const std::string& name, const Results& results, std::string& rows) {
+  ChartSeries series{name, {}, SeriesStyle::marked_line, colour_of(name)};
+  MapStatements sum;
+  std::array<int, 10> trials{};
+  for (const TrialResult& result : results) {
+    for (std::size_t i = 0; i < 10; ++i) {
+      sum.statements[i] += result.map.statements[i];
+      sum.occupied[i] += result.map.occupied[i];
+      sum.probability[i] += result.map.probability[i];
+      trials[i] += result.map.statements[i] > 0 ? 1 : 0;
+    }
+  }
+  for (std::size_t i = 0; i < 10; ++i) {
+    if (sum.statements[i] == 0) continue;
+    const double share = static_cast<double>(sum.occupied[i]) / sum.statements[i];
+    const double predicted = sum.probability[i] / sum.statements[i];
+    const ShareInterval interval =
+        wilson_interval(static_cast<int>(std::lround(share * trials[i])), trials[i]);
+    series.points.push_back({predicted, share});
+    rows += "<tr><td>" + html_safe(name) +
+            formatted("<td>%.1f-%.1f<td>%.3f<td>%.3f (%.3f to %.3f)<td>%d<td>%d</tr>\n",
+                      0.1 * static_cast<double>(i), 0.1 * static_cast<double>(i + 1), predicted,
+                      share, interval.low, interval.high, sum.statements[i], trials[i]);
+  }
+  return series;
+}
+
+std::string reliability_section(const Results& results) {
+  Chart chart{"occupancy grid", "probability that a cell is occupied", "share that is"};
+  chart.width = 460, chart.height = 360;
+  std::string rows =
+      "<table><tr><th>perception<th>bin<th>mean probability<th>share occupied<th>cells<th>trials"
+      "</tr>\n";
+  for (const std::string& name : perceptions_of(results)) {
+    ChartSeries series = reliability(name, of(results, name), rows);
+    if (!series.points.empty()) chart.series.push_back(std::move(series));
+  }
+  if (chart.series.empty()) return "";
+  chart.series.push_back({"honest", {{0, 0}, {1, 1}}, SeriesStyle::line, "#999999"});
+  return "<h2>Reliability of the map</h2>\n<p>Cells of the hidden object's search region in the "
+         "last frame before it came in sight. Intervals count each trial once, because cells of "
+         "one trial stand or fall together.</p>\n" +
+         charts_html({chart}) + rows + "</table>\n";
+}
+
+/// The command that drives a trial again.
+std::string replay_command(const Drive& drive, const Trial& trial) {
+  std::string text = "blindcorner drive " + drive.path + " -o replay --perception " +
+                     trial.perception +
+                     formatted(" --seed %llu --speed %.3f",
+                               static_cast<unsigned long long>(trial.seed), trial.speed);
+  if (trial.error > 0) text += formatted(" --injected-error %.3f", trial.error);
+  if (drive.sensor.light != 1) text += formatted(" --light %g", drive.sensor.light);
+  return text;
+}
+
+std::string failures_section(const Drive& drive, const Results& results,
+                             const std::function<bool(const Trial&)>& replayed) {
+  std::string html =
+      "<h2>Failed trials</h2>\n<table><tr><th>perception<th>speed, m/s<th>seed<th>outcome"
+      "<th>time, s<th>page<th>drive it again</tr>\n";
+  for (const TrialResult& result : results) {
+    if (result.reached()) continue;
+    const Trial& trial = result.trial;
+    html += "<tr><td>" + html_safe(trial.perception) +
+            formatted("<td>%.3f<td>%llu<td>", trial.speed,
+                      static_cast<unsigned long long>(trial.seed)) +
+            html_safe(result.outcome) + formatted("<td>%.2f<td>", result.time);
+    html += replayed(trial) ? "<a href=\"" + replay_page(trial).generic_string() + "\">replay</a>"
+                            : std::string("-");
+    html += "<td style=\"text-align:left\"><code>" + html_safe(replay_command(drive, trial)) +
+            "</code></tr>\n";
+  }
+  return html + "</table>\n";
+}
+
+}  // namespace
+
+std::filesystem::path replay_page(const Trial& trial) {
+  return std::filesystem::path("replay") / (trial.perception + "_" + std::to_string(trial.seed)) /
+         "index.html";
+}
+
+std::string trials_page(const Drive& drive, const std::vector<TrialResult>& results,
+                        const std::function<bool(const Trial&)>& replayed) {
+  const Results plain = chosen(results, [](const TrialResult& r) { return r.trial.error == 0; });
+  const Results misled = chosen(results, [](const TrialResult& r) { return r.trial.error > 0; });
+  const std::string body =
+      formatted(
+          "<p>%zu trials of %s, light times %g. The same seeds, and so the same worlds and "
+          "speeds, for every perception; intervals hold 95 %% (Wilson).</p>\n",
+          results.size(), html_safe(drive.name).c_str(), drive.sensor.light) +
+      success_section(drive, plain) + difference_section(drive, plain) + error_section(misled) +
+      clearance_section(plain) + reliability_section(plain) +
+      failures_section(drive, results, replayed);
+  return plain_page("Trials: " + drive.name, body);
+}
+
+}  // namespace blindcorner

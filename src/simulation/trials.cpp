@@ -1,0 +1,202 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "blindcorner/simulation/trials.h"
+
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <exception>
+#include <mutex>
+#include <random>
+#include <thread>
+#include <tuple>
+
+#include "blindcorner/forward/error.h"
+#include "blindcorner/simulation/drive_loop.h"
+#include "blindcorner/simulation/perception.h"
+#include "blindcorner/simulation/true_world.h"
+#include "simulation/convex_distance.h"
+
+namespace blindcorner {
+namespace {
+
+/// Speeds and errors come from another sequence than what is drawn of the world.
+constexpr std::uint64_t kSpeedSeed = 0xa0761d6478bd642f;
+/// Seeds of trials with injected errors begin this far from the others.
+constexpr std::uint64_t kErrorSeeds = 1'000'000;
+/// Hidden objects' own cells: what covers a cell's centre.
+constexpr double kCovers = 1e-9;
+
+double drawn(std::mt19937_64& random, double lower, double upper) {
+  const double value =
+      lower < upper ? std::uniform_real_distribution<double>(lower, upper)(random) : lower;
+  return std::round(value * 1000) / 1000;
+}
+
+Trial drawn_trial(const DriveTrials& trials, int number, std::uint64_t seed) {
+  Trial trial;
+  trial.zone = number % trials.zones;
+  trial.seed = seed + static_cast<std::uint64_t>(number);
+  std::mt19937_64 random(trial.seed ^ kSpeedSeed);
+  trial.speed = drawn(random, zone_lower(trials, trial.zone), zone_lower(trials, trial.zone + 1));
+  return trial;
+}
+
+/// Where the scene lets the hidden objects be: x and y intervals, m, of all of them together.
+bool in_search_region(const Scene& scene, const Eigen::Vector2d& at) {
+  for (int object = 0; object < object_count(scene); ++object) {
+    bool inside = true;
+    for (const Unknown& unknown : scene.unknowns) {
+      const auto axis = static_cast<Eigen::Index>(unknown.component);
+      if (unknown.object != object || axis > 1) continue;
+      inside = inside && at[axis] >= unknown.lower && at[axis] <= unknown.upper;
+    }
+    if (inside) return true;
+  }
+  return false;
+}
+
+bool covered(const std::vector<Polygon>& bodies, const Eigen::Vector2d& at) {
+  return std::ranges::any_of(
+      bodies, [&](const Polygon& body) { return convex_distance({at}, body) <= kCovers; });
+}
+
+/// Of the last frame that perception got with an answer in the map: later ones know by sight.
+MapStatements map_statements(const Drive& drive, std::uint64_t seed, const DriveResult& result) {
+  MapStatements map;
+  const auto last = std::ranges::find_if(
+      result.frames.rbegin(), result.frames.rend(), [](const DriveFrame& frame) {
+        return frame.fate == FrameFate::used && frame.mixture && !frame.occupancy.empty();
+      });
+  if (last == result.frames.rend()) return map;
+  const std::vector<Polygon> bodies = TrueWorld(drive, seed).bodies(last->time);
+  for (std::size_t i = 0; i < drive.map.cells(); ++i) {
+    const Eigen::Vector2d at = drive.map.center(drive.map.cell(i));
+    const double probability = last->occupancy[i];
+    if (std::isnan(probability) || !in_search_region(drive.scene, at)) continue;
+    const auto bin = static_cast<std::size_t>(std::clamp(probability * 10, 0.0, 9.0));
+    ++map.statements[bin];
+    map.occupied[bin] += covered(bodies, at) ? 1 : 0;
+    map.probability[bin] += probability;
+  }
+  return map;
+}
+
+/// Place in the list of perceptions.
+std::ptrdiff_t rank(const std::string& perception) {
+  static const std::vector<std::string> names = perception_names();
+  return std::ranges::find(names, perception) - names.begin();
+}
+
+}  // namespace
+
+void TrialsOptions::validate() const {
+  if (trials < 1) throw Error("TrialsOptions.trials", "accepted: a number > 0");
+  if (perceptions.empty()) throw Error("TrialsOptions.perceptions", "accepted: at least one");
+  if (error_trials < 0) throw Error("TrialsOptions.error_trials", "accepted: a number >= 0");
+  if (threads < 0) throw Error("TrialsOptions.threads", "accepted: a number >= 0");
+}
+
+double zone_lower(const DriveTrials& trials, int zone) {
+  return trials.speed_lower + (trials.speed_upper - trials.speed_lower) * zone / trials.zones;
+}
+
+std::vector<Trial> plan_trials(const Drive& drive, const TrialsOptions& options) {
+  options.validate();
+  std::vector<Trial> plan;
+  for (int i = 0; i < options.trials; ++i) {
+    Trial trial = drawn_trial(drive.trials, i, options.seed);
+    for (const std::string& name : options.perceptions) {
+      trial.perception = name;
+      plan.push_back(trial);
+    }
+  }
+  for (int i = 0; i < options.error_trials; ++i) {
+    // A bin's trials go through all speed zones, so that errors and speeds are not mixed up.
+    const int bin = i % kErrorBins;
+    Trial trial = drawn_trial(drive.trials, i / kErrorBins, options.seed);
+    trial.seed = options.seed + kErrorSeeds + static_cast<std::uint64_t>(i);
+    std::mt19937_64 random(trial.seed ^ kSpeedSeed);
+    trial.speed = drawn(random, zone_lower(drive.trials, trial.zone),
+                        zone_lower(drive.trials, trial.zone + 1));
+    trial.error = drawn(random, bin, bin + 1);
+    for (const char* name : {"oracle_disc", "oracle_covariance"}) {
+      trial.perception = name;
+      plan.push_back(trial);
+    }
+  }
+  return plan;
+}
+
+TrialResult run_trial(const Drive& drive, const SimulatedSensor& sensor, const Trial& trial,
+                      const FitOptions& fit) {
+  const auto start = std::chrono::steady_clock::now();
+  DriveOptions options;
+  options.perception = trial.perception;
+  options.seed = trial.seed;
+  options.speed = trial.speed;
+  options.injected_error = trial.error;
+  options.fit = fit;
+  options.keep_pictures = false;
+  options.keep_maps = true;
+  const DriveResult driven = drive_through(drive, sensor, options);
+  TrialResult result;
+  result.trial = trial;
+  result.outcome = outcome_word(driven.outcome);
+  result.clearance = driven.clearance;
+  result.time = driven.time;
+  result.map = map_statements(drive, trial.seed, driven);
+  result.run_time = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return result;
+}
+
+void run_trials(const std::vector<Trial>& plan, const std::vector<TrialResult>& finished,
+                int threads, const TrialRun& run, const TrialDone& done) {
+  std::vector<Trial> open;
+  std::ranges::copy_if(plan, std::back_inserter(open), [&](const Trial& trial) {
+    return std::ranges::none_of(
+        finished, [&](const TrialResult& other) { return same_trial(trial, other.trial); });
+  });
+  std::atomic<std::size_t> next{0};
+  std::mutex mutex;
+  std::exception_ptr failure;
+  const auto work = [&] {
+    // A drive by itself in each thread: two drives side by side waste less than one on two cores.
+    tbb::task_arena arena(1);
+    for (std::size_t i = next++; i < open.size(); i = next++) {
+      try {
+        const TrialResult result = arena.execute([&] { return run(open[i]); });
+        const std::lock_guard lock(mutex);
+        if (!failure) done(result);
+      } catch (...) {
+        const std::lock_guard lock(mutex);
+        if (!failure) failure = std::current_exception();
+        next = open.size();
+      }
+    }
+  };
+  const std::size_t wanted = threads > 0
+                                 ? static_cast<std::size_t>(threads)
+                                 : std::max<std::size_t>(1, std::thread::hardware_concurrency());
+  {
+    std::vector<std::jthread> workers;
+    for (std::size_t i = 1; i < std::min(wanted, open.size()); ++i) workers.emplace_back(work);
+    work();
+  }
+  if (failure) std::rethrow_exception(failure);
+}
+
+bool same_trial(const Trial& a, const Trial& b) {
+  return a.perception == b.perception && a.seed == b.seed;
+}
+
+void sort_trials(std::vector<TrialResult>& results) {
+  std::ranges::sort(results, [](const TrialResult& a, const TrialResult& b) {
+    return std::tuple(rank(a.trial.perception), a.trial.seed) <
+           std::tuple(rank(b.trial.perception), b.trial.seed);
+  });
+}
+
+}  // namespace blindcorner

@@ -1,0 +1,200 @@
+// SPDX-License-Identifier: Apache-2.0
+// Studies of many drives: which trials they hold, that none is run twice, and what a kill leaves.
+// Nothing is driven here: outcomes are made up.
+#include "blindcorner/simulation/trials.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <stdlib.h>
+
+#include <filesystem>
+#include <fstream>
+#include <set>
+
+#include "blindcorner/forward/error.h"
+#include "blindcorner/simulation/paired_difference.h"
+#include "blindcorner/simulation/trial_journal.h"
+
+namespace blindcorner {
+namespace {
+
+namespace fs = std::filesystem;
+
+Drive street() {
+  Drive drive;
+  drive.trials = {6, 12, 6};
+  return drive;
+}
+
+std::vector<Trial> plan(int trials, int error_trials = 0) {
+  TrialsOptions options;
+  options.trials = trials;
+  options.error_trials = error_trials;
+  options.perceptions = {"los", "oracle"};
+  return plan_trials(street(), options);
+}
+
+/// An outcome that depends on the trial alone, with digits that rounding would lose.
+TrialResult made_up(const Trial& trial) {
+  TrialResult result;
+  result.trial = trial;
+  result.outcome = trial.seed % 3 == 0 ? "collision" : "reached";
+  result.clearance = trial.speed / 7;
+  result.time = 60 / trial.speed;
+  result.map.statements[2] = 9;
+  result.map.occupied[2] = 2;
+  result.map.probability[2] = trial.speed / 3;
+  return result;
+}
+
+class Journal : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    std::string name = (fs::temp_directory_path() / "blindcorner_trials_XXXXXX").string();
+    ASSERT_NE(mkdtemp(name.data()), nullptr);
+    directory_ = name;
+  }
+  void TearDown() override { fs::remove_all(directory_); }
+
+  /// The tables after a run that ends after `most` trials, as a kill would end it.
+  std::string run(const std::vector<Trial>& trials, int threads, std::size_t most = 1000) const {
+    TrialJournal journal(directory_.string(), "{\"seed\": 1}\n");
+    std::size_t done = 0;
+    try {
+      run_trials(trials, std::vector(journal.results()), threads, made_up,
+                 [&](const TrialResult& result) {
+                   if (done++ >= most) throw Error("killed");
+                   journal.add(result);
+                 });
+    } catch (const Error& /*killed*/) {
+    }
+    std::vector<TrialResult> results = journal.results();
+    sort_trials(results);
+    return trials_csv(street().trials, results) + errors_csv(street().trials, results);
+  }
+
+  fs::path directory_;
+};
+
+TEST(TrialPlan, SpeedsLieInTheirZonesAndZonesAreEquallyFull) {
+  std::array<int, 6> count{};
+  for (const Trial& trial : plan(60)) {
+    EXPECT_GE(trial.speed, 6 + trial.zone);
+    EXPECT_LE(trial.speed, 7 + trial.zone);
+    ++count.at(static_cast<std::size_t>(trial.zone));
+  }
+  EXPECT_THAT(count, ::testing::Each(20));  // ten of each of two perceptions
+}
+
+TEST(TrialPlan, PerceptionsShareSeedsAndSpeeds) {
+  const std::vector<Trial> trials = plan(12);
+  std::set<std::uint64_t> seeds;
+  for (std::size_t i = 0; i < trials.size(); i += 2) {
+    EXPECT_NE(trials[i].perception, trials[i + 1].perception);
+    EXPECT_EQ(trials[i].seed, trials[i + 1].seed);
+    EXPECT_EQ(trials[i].speed, trials[i + 1].speed);
+    seeds.insert(trials[i].seed);
+  }
+  EXPECT_EQ(seeds.size(), 12U);
+}
+
+TEST(TrialPlan, ALargerStudyHoldsTheSmallerOne) {
+  const std::vector<Trial> small = plan(7), large = plan(20);
+  for (std::size_t i = 0; i < small.size(); ++i) {
+    EXPECT_TRUE(same_trial(small[i], large[i]));
+    EXPECT_EQ(small[i].speed, large[i].speed);
+  }
+}
+
+TEST(TrialPlan, InjectedErrorsFillTheirBinsAtAllSpeeds) {
+  std::array<std::set<int>, kErrorBins> zones;
+  for (const Trial& trial : plan(1, kErrorBins * 6)) {
+    if (trial.error > 0) zones.at(static_cast<std::size_t>(trial.error)).insert(trial.zone);
+  }
+  for (const std::set<int>& in_bin : zones) EXPECT_EQ(in_bin.size(), 6U);
+}
+
+TEST(TrialPlan, OptionsOutOfRangeAreRefused) {
+  EXPECT_THROW(plan(0), Error);
+  EXPECT_THROW(plan(1, -1), Error);
+}
+
+TEST_F(Journal, AnInterruptedStudyEndsWithTheSameBytes) {
+  const std::vector<Trial> trials = plan(30, 14);
+  const std::string whole = run(trials, 1);
+  fs::remove(directory_ / "journal.csv");
+  run(trials, 2, 11);
+  EXPECT_NE(run(trials, 2, 0), whole);
+  EXPECT_EQ(run(trials, 2), whole);
+}
+
+TEST_F(Journal, ATornLineIsRunAgain) {
+  const std::vector<Trial> trials = plan(6);
+  const std::string whole = run(trials, 1);
+  const fs::path path = directory_ / "journal.csv";
+  fs::resize_file(path, fs::file_size(path) - 5);
+  EXPECT_EQ(run(trials, 1), whole);
+  EXPECT_EQ(run(trials, 1), whole);  // the file was mended, not only read around
+}
+
+TEST_F(Journal, FinishedTrialsAreNotRunAgain) {
+  const std::vector<Trial> trials = plan(6);
+  run(trials, 1);
+  TrialJournal journal(directory_.string(), "{\"seed\": 1}\n");
+  run_trials(
+      trials, journal.results(), 2,
+      [](const Trial& trial) -> TrialResult {
+        ADD_FAILURE() << "ran seed " << trial.seed;
+        return {};
+      },
+      [](const TrialResult&) {});
+}
+
+TEST_F(Journal, AnotherStudyIsRefusedByName) {
+  run(plan(2), 1);
+  try {
+    TrialJournal journal(directory_.string(), "{\"seed\": 2}\n");
+    FAIL() << "took another study's directory";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), ::testing::HasSubstr("another study (seed differ"));
+  }
+}
+
+TEST_F(Journal, OneProcessAtATime) {
+  const TrialJournal journal(directory_.string(), "{}\n");
+  EXPECT_THROW(TrialJournal(directory_.string(), "{}\n"), Error);
+}
+
+TEST_F(Journal, ALineThatIsNoResultIsNamed) {
+  run(plan(2), 1);
+  std::ofstream(directory_ / "journal.csv", std::ios::app) << "nonsense\n";
+  EXPECT_THROW(TrialJournal(directory_.string(), "{\"seed\": 1}\n"), Error);
+}
+
+TEST(RunTrials, AFailureEndsTheStudy) {
+  const auto fails = [](const Trial&) -> TrialResult { throw Error("no such scene"); };
+  EXPECT_THROW(run_trials(plan(4), {}, 2, fails, [](const TrialResult&) {}), Error);
+}
+
+TEST(PairedDifference, AsPublished) {
+  // Newcombe 1998, table II, method 10: 36, 12, 2, 0.
+  const PairedDifference d = paired_difference({36, 12, 2, 0});
+  EXPECT_NEAR(d.value, 0.2, 1e-12);
+  EXPECT_NEAR(d.low, 0.0569, 5e-5);
+  EXPECT_NEAR(d.high, 0.3404, 5e-5);
+}
+
+TEST(PairedDifference, HoldsAtTheBorders) {
+  const PairedDifference same = paired_difference({20, 0, 0, 0});
+  EXPECT_EQ(same.value, 0);
+  EXPECT_LT(same.low, 0);
+  EXPECT_GT(same.high, 0);
+  const PairedDifference all = paired_difference({0, 20, 0, 0});
+  EXPECT_EQ(all.value, 1);
+  EXPECT_GT(all.low, 0.5);
+  EXPECT_LE(all.high, 1);
+  EXPECT_EQ(paired_difference({}).low, -1);
+}
+
+}  // namespace
+}  // namespace blindcorner
