@@ -25,15 +25,15 @@ double direction(const Eigen::Vector2d& vector) { return std::atan2(vector.y(), 
 double wrapped(double angle) { return std::remainder(angle, 2 * kPi); }
 
 /// Point of a path that goes on straight beyond its end.
-Eigen::Vector2d point_at(const std::vector<PathSample>& path, double arc_length) {
-  const PathSample sample = path_at(path, arc_length);
+Eigen::Vector2d point_at(const std::vector<PathPoint>& path, double arc_length) {
+  const PathPoint sample = path_at(path, arc_length);
   const double beyond = std::max(0.0, arc_length - path.back().arc_length);
   return sample.position +
          beyond * Eigen::Vector2d(std::cos(sample.heading), std::sin(sample.heading));
 }
 
 /// Mean curvature between two arc lengths (Simpson's rule on four pieces), 1/m.
-double mean_curvature(const std::vector<PathSample>& path, double from, double to) {
+double mean_curvature(const std::vector<PathPoint>& path, double from, double to) {
   constexpr double kWeights[] = {1, 4, 2, 4, 1};
   double sum = 0;
   for (int i = 0; i < 5; ++i)
@@ -63,7 +63,7 @@ PathFollowerOptions follower_options(const VehicleLimits& limits) {
   return options;
 }
 
-PathFollower::PathFollower(std::vector<PathSample> path, const VehicleLimits& limits,
+PathFollower::PathFollower(std::vector<PathPoint> path, const VehicleLimits& limits,
                            const VehicleState& state, const PathFollowerOptions& options)
     : path_(std::move(path)), limits_(limits), options_(options) {
   if (path_.size() < 2) {
@@ -82,7 +82,7 @@ FollowerOutput PathFollower::steer(const VehicleState& state) {
   const double reach =
       std::max(options_.control_point_distance, options_.control_point_time * speed);
   arc_length_ = nearest_arc_length(path_, state.position, arc_length_, arc_length_ + 2 * reach);
-  const PathSample here = path_at(path_, arc_length_);
+  const PathPoint here = path_at(path_, arc_length_);
   const Eigen::Vector2d control_point = point_at(path_, arc_length_ + reach);
 
   FollowerOutput output;
@@ -114,7 +114,7 @@ FollowerOutput PathFollower::follow(const VehicleState& state) {
   const double ahead = arc_length_ + std::max(0.0, state.speed) * options_.delay;
   const auto after =
       std::upper_bound(path_.begin(), path_.end() - 1, ahead,
-                       [](double s, const PathSample& sample) { return s < sample.arc_length; });
+                       [](double s, const PathPoint& sample) { return s < sample.arc_length; });
   const auto i = static_cast<std::size_t>(std::max<std::ptrdiff_t>(1, after - path_.begin()));
   // v^2 is linear between samples: its slope is twice the feed-forward acceleration.
   const double length = std::max(path_[i].arc_length - path_[i - 1].arc_length, 1e-9);

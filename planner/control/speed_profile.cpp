@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <string>
 
+#include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
 
 namespace blindcorner {
@@ -14,12 +15,13 @@ namespace {
 /// Squared speeds, m^2/s^2, of a path's samples.
 class Profile {
  public:
-  Profile(std::span<const PathSample> path, const VehicleLimits& limits,
+  Profile(std::span<const PathPoint> path, const VehicleLimits& limits,
           const SpeedProfileOptions& options)
       : path_(path), cornering_(options.cornering * limits.friction), square_(path.size()) {
+    for (std::size_t i = 0; i < path.size(); ++i) curvature_.push_back(drivable_curvature(i));
     const double most = std::min(options.speed, limits.speed);
     for (std::size_t i = 0; i < path.size(); ++i) {
-      const double curve = cornering_ / std::max(std::abs(path[i].curvature), 1e-9);
+      const double curve = cornering_ / std::max(curvature_[i], 1e-9);
       square_[i] = std::min(most * most, curve);
     }
   }
@@ -49,12 +51,22 @@ class Profile {
  private:
   /// Share of the longitudinal acceleration that cornering leaves: an ellipse.
   double beside_cornering(std::size_t sample, double square) const {
-    const double used = square * path_[sample].curvature / cornering_;
+    const double used = square * curvature_[sample] / cornering_;
     return std::sqrt(std::max(0.0, 1 - used * used));
   }
 
-  std::span<const PathSample> path_;
+  /// 1/m, without its sign. A cusp is a turn back between the neighbouring points: a speed of 0
+  /// there would be one that no vehicle drives on from.
+  double drivable_curvature(std::size_t i) const {
+    const std::size_t before = i == 0 ? 0 : i - 1, after = std::min(i + 1, path_.size() - 1);
+    const double room = path_[after].arc_length - path_[before].arc_length;
+    const double tightest = 2 * kPi / std::max(room, 1e-9);
+    return std::isfinite(path_[i].curvature) ? std::abs(path_[i].curvature) : tightest;
+  }
+
+  std::span<const PathPoint> path_;
   double cornering_;  ///< m/s^2
+  std::vector<double> curvature_;
   std::vector<double> square_;
 };
 
@@ -74,7 +86,7 @@ void SpeedProfileOptions::validate() const {
   require("driving", driving, driving > 0 && driving <= 1, "a share above 0, at most 1");
 }
 
-std::vector<double> speed_profile(std::span<const PathSample> path, const VehicleLimits& limits,
+std::vector<double> speed_profile(std::span<const PathPoint> path, const VehicleLimits& limits,
                                   const SpeedProfileOptions& options) {
   options.validate();
   Profile profile(path, limits, options);

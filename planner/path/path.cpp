@@ -3,51 +3,49 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "blindcorner/forward/constants.h"
 
 namespace blindcorner {
 namespace {
 
-/// Share of the way from a to b at which `position` is nearest to the line between them, 0 to 1.
-double nearest_share(const Eigen::Vector2d& a, const Eigen::Vector2d& b,
-                     const Eigen::Vector2d& position) {
-  const Eigen::Vector2d line = b - a;
-  const double squared = line.squaredNorm();
-  return squared > 0 ? std::clamp((position - a).dot(line) / squared, 0.0, 1.0) : 0;
-}
-
-PathPoint between(const PathPoint& a, const PathPoint& b, double share) {
-  PathPoint point;
-  point.position = a.position + share * (b.position - a.position);
-  point.heading = a.heading + share * std::remainder(b.heading - a.heading, 2 * kPi);
-  point.curvature = a.curvature + share * (b.curvature - a.curvature);
-  point.arc_length = a.arc_length + share * (b.arc_length - a.arc_length);
-  return point;
+/// Linear, but never what is not a number beside a cusp.
+double curvature_between(double a, double b, double share) {
+  if (!std::isfinite(a)) return std::isfinite(b) ? b : 0;
+  return std::isfinite(b) ? a + share * (b - a) : a;
 }
 
 }  // namespace
 
-PathPoint Path::at(double arc_length) const {
+PathPoint path_at(std::span<const PathPoint> points, double arc_length) {
   const auto after = std::ranges::upper_bound(points, arc_length, {}, &PathPoint::arc_length);
   if (after == points.begin()) return points.front();
   if (after == points.end()) return points.back();
-  const PathPoint& before = *std::prev(after);
-  return between(before, *after,
-                 (arc_length - before.arc_length) / (after->arc_length - before.arc_length));
+  const PathPoint& a = *std::prev(after);
+  const PathPoint& b = *after;
+  const double share = (arc_length - a.arc_length) / (b.arc_length - a.arc_length);
+  return {.position = a.position + share * (b.position - a.position),
+          .heading = a.heading + share * std::remainder(b.heading - a.heading, 2 * kPi),
+          .curvature = curvature_between(a.curvature, b.curvature, share),
+          .arc_length = arc_length};
 }
 
-double Path::nearest(const Eigen::Vector2d& position, double from) const {
-  double nearest = std::clamp(from, 0.0, points.back().arc_length);
-  double least = (at(nearest).position - position).squaredNorm();
-  for (std::size_t i = 1; i < points.size(); ++i) {
-    const PathPoint &a = points[i - 1], &b = points[i];
-    if (b.arc_length <= from) continue;
-    const PathPoint candidate = between(a, b, nearest_share(a.position, b.position, position));
-    const double distance = (candidate.position - position).squaredNorm();
-    if (candidate.arc_length < from || distance >= least) continue;
-    least = distance;
-    nearest = candidate.arc_length;
+double nearest_arc_length(std::span<const PathPoint> points, const Eigen::Vector2d& position,
+                          double from, double to) {
+  double nearest = std::clamp(from, points.front().arc_length, points.back().arc_length);
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i + 1 < points.size(); ++i) {
+    const PathPoint &a = points[i], &b = points[i + 1];
+    const double length = b.arc_length - a.arc_length;
+    if (length <= 0 || b.arc_length < from || a.arc_length > to) continue;
+    const Eigen::Vector2d along = b.position - a.position;
+    const double share = along.dot(position - a.position) / std::max(along.squaredNorm(), 1e-12);
+    const double low = std::max(0.0, (from - a.arc_length) / length);
+    const double high = std::min(1.0, (to - a.arc_length) / length);
+    const double t = std::clamp(share, low, std::max(low, high));
+    const double distance = (a.position + t * along - position).squaredNorm();
+    if (distance < least) least = distance, nearest = a.arc_length + t * length;
   }
   return nearest;
 }

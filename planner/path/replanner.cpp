@@ -7,12 +7,16 @@
 #include <limits>
 #include <utility>
 
+#include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
 
 namespace blindcorner {
 namespace {
 
 constexpr double kNever = std::numeric_limits<double>::infinity();
+/// Share by which a path may be tighter than the planner's turning radius
+/// (ReplannerOptions::max_curvature).
+constexpr double kCurvatureMargin = 0.05;
 
 void check_option(bool fine, const char* field, double value, const char* accepted) {
   if (fine && std::isfinite(value)) return;
@@ -40,13 +44,14 @@ std::size_t first_after(const Path& path, double arc_length) {
       std::min<std::ptrdiff_t>(after - path.points.begin(), std::ssize(path.points) - 1));
 }
 
-/// Arc length of the first point from `from` on where the vehicle touches an obstacle; infinity
-/// where there is none.
-double first_blocked(const PlanningGrid& grid, const VehicleFootprint& footprint, const Path& path,
-                     double from) {
-  for (std::size_t i = first_after(path, from); i < path.points.size(); ++i) {
-    const PathPoint& point = path.points[i];
-    if (!grid.is_free(footprint, {point.position, point.heading})) return point.arc_length;
+/// Arc length of the first of these poses from `from` on (or of the last one, beyond them) where
+/// the vehicle touches an obstacle; infinity where there is none.
+double first_blocked(const PlanningGrid& grid, const VehicleFootprint& footprint,
+                     const std::vector<PathPoint>& poses, double from) {
+  auto pose = std::ranges::lower_bound(poses, from, {}, &PathPoint::arc_length);
+  if (pose == poses.end() && !poses.empty()) --pose;
+  for (; pose != poses.end(); ++pose) {
+    if (!grid.is_free(footprint, {pose->position, pose->heading})) return pose->arc_length;
   }
   return kNever;
 }
@@ -58,6 +63,10 @@ Path standing(const PlanarPose& vehicle) {
   path.points = {{vehicle.position, vehicle.heading, 0, 0}};
   path.waypoints = {vehicle.position};
   return path;
+}
+
+bool is_finite(const PlanarPose& pose) {
+  return pose.position.allFinite() && std::isfinite(pose.heading);
 }
 
 /// A path's points up to an arc length, with a point there.
@@ -90,8 +99,6 @@ std::string_view plan_reason_word(PlanReason reason) {
       return "still_good";
     case PlanReason::new_plan_no_better:
       return "new_plan_no_better";
-    case PlanReason::at_goal:
-      return "at_goal";
     case PlanReason::first_plan:
       return "first_plan";
     case PlanReason::goal_changed:
@@ -106,6 +113,10 @@ std::string_view plan_reason_word(PlanReason reason) {
       return "refresh";
     case PlanReason::stopped:
       return "stopped";
+    case PlanReason::at_goal:
+      return "at_goal";
+    case PlanReason::not_finite:
+      return "not_finite";
   }
   return "";
 }
@@ -115,6 +126,9 @@ void ReplannerOptions::validate() const {
   check_option(max_cost_growth >= 0, "max_cost_growth", max_cost_growth, "a number >= 0");
   check_option(refresh_after >= 0, "refresh_after", refresh_after, "a number of frames >= 0");
   check_option(goal_tolerance >= 0, "goal_tolerance", goal_tolerance, "a number of metres >= 0");
+  check_option(goal_heading_tolerance >= 0, "goal_heading_tolerance", goal_heading_tolerance,
+               "radians >= 0");
+  check_option(max_curvature >= 0, "max_curvature", max_curvature, "a number of 1/m >= 0");
   check_option(deceleration > 0, "deceleration", deceleration, "a number of m/s^2 > 0");
   check_option(stop_margin >= 0, "stop_margin", stop_margin, "a number of metres >= 0");
 }
@@ -126,10 +140,20 @@ std::string PlanUpdate::text() const {
   if (status != PathStatus::found) {
     text += ", ";
     text += path_status_word(status);
-  } else if (action == PlanAction::stop) {
+  } else if (too_tight) {
+    text += ", the path found is tighter than the vehicle can turn";
+  } else if (action == PlanAction::stop && flags.footprint_collides) {
     text += ", the vehicle does not fit along the path found";
   }
   if (stops_too_late) text += ", too fast to stop in time";
+  std::string words;
+  const auto add = [&words](bool set, const char* word) {
+    if (set) words += std::string(words.empty() ? "" : ", ") + word;
+  };
+  add(flags.curvature_exceeded, "curvature_exceeded");
+  add(flags.partly_unsmoothed, "partly_unsmoothed");
+  add(flags.footprint_collides, "footprint_collides");
+  if (!words.empty()) text += " (" + words + ")";
   return text;
 }
 
@@ -141,7 +165,9 @@ Replanner::Replanner(const PathPlannerOptions& planner, const ReplannerOptions& 
 void Replanner::reset() {
   plan_.reset();
   planned_cost_.clear();
+  poses_.clear();
   stopped_ = false;
+  arc_length_ = 0;
   age_ = 0;
 }
 
@@ -149,32 +175,59 @@ PlanUpdate Replanner::update(const PlanningGrid& grid, const PlanarPose& vehicle
                              const Eigen::Vector2d& goal, std::optional<double> goal_heading) {
   const auto begin = std::chrono::steady_clock::now();
   PlanUpdate update;
-  update.reason = assess(grid, vehicle, goal);
-  goal_ = goal;
-  if (update.reason == PlanReason::still_good || update.reason == PlanReason::at_goal) {
+  update.status = PathStatus::found;
+  const bool finite = is_finite(vehicle) && std::isfinite(speed) && goal.allFinite() &&
+                      std::isfinite(goal_heading.value_or(0));
+  update.reason = finite ? assess(grid, vehicle, goal, goal_heading) : PlanReason::not_finite;
+  if (update.reason == PlanReason::not_finite) {
+    halt(grid, vehicle, speed, update);
+  } else if (update.reason == PlanReason::at_goal) {
+    stand(vehicle, speed, update);
+  } else if (update.reason == PlanReason::still_good) {
     ++age_;
-    keep(vehicle, update);
+    keep(update);
   } else {
     Path path = planner_.plan(grid, {vehicle.position, vehicle.heading, goal, goal_heading});
     update.status = path.status;
+    update.flags = path.flags;
     decide(grid, vehicle, speed, std::move(path), update);
+    if (update.action == PlanAction::replan) {
+      goal_ = goal;
+      goal_heading_ = goal_heading;
+    }
   }
   update.time = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   return update;
 }
 
+/// Compared with what the plan was made for, not with the last frame: a goal may creep.
+bool Replanner::is_new_goal(const Eigen::Vector2d& goal, std::optional<double> goal_heading) const {
+  if ((goal - goal_).norm() > options_.goal_tolerance) return true;
+  if (goal_heading.has_value() != goal_heading_.has_value()) return true;
+  const double turn = std::remainder(goal_heading.value_or(0) - goal_heading_.value_or(0), 2 * kPi);
+  return std::abs(turn) > options_.goal_heading_tolerance;
+}
+
+bool Replanner::drivable(const Path& path) const {
+  const double radius = planner_.options().smoothing.min_turning_radius;
+  if (options_.max_curvature == 0 && radius == 0) return true;
+  const double most =
+      options_.max_curvature > 0 ? options_.max_curvature : (1 + kCurvatureMargin) / radius;
+  return path.greatest_curvature <= most;
+}
+
 /// What speaks against the present plan, the gravest first.
 PlanReason Replanner::assess(const PlanningGrid& grid, const PlanarPose& vehicle,
-                             const Eigen::Vector2d& goal) {
+                             const Eigen::Vector2d& goal, std::optional<double> goal_heading) {
   if ((vehicle.position - goal).norm() <= options_.goal_tolerance) return PlanReason::at_goal;
   if (!plan_) return stopped_ ? PlanReason::stopped : PlanReason::first_plan;
   arc_length_ = plan_->nearest(vehicle.position, std::max(0.0, arc_length_ - options_.max_offset));
   if (stopped_) return PlanReason::stopped;
-  if ((goal - goal_).norm() > options_.goal_tolerance) return PlanReason::goal_changed;
+  if (is_new_goal(goal, goal_heading)) return PlanReason::goal_changed;
   if ((plan_->at(arc_length_).position - vehicle.position).norm() > options_.max_offset) {
     return PlanReason::off_path;
   }
-  if (first_blocked(grid, planner_.options().smoothing.footprint, *plan_, arc_length_) < kNever) {
+  if (first_blocked(grid, planner_.options().smoothing.footprint, poses_, arc_length_) < kNever) {
     return PlanReason::blocked;
   }
   const std::size_t here = first_after(*plan_, arc_length_);
@@ -185,18 +238,55 @@ PlanReason Replanner::assess(const PlanningGrid& grid, const PlanarPose& vehicle
   return PlanReason::still_good;
 }
 
-void Replanner::keep(const PlanarPose& vehicle, PlanUpdate& update) {
+void Replanner::keep(PlanUpdate& update) {
   update.action = PlanAction::keep;
   update.status = PathStatus::found;
-  update.path = plan_ ? *plan_ : standing(vehicle);
-  update.arc_length = plan_ ? arc_length_ : 0;
-  update.speed_limit.assign(update.path.points.size(), kNever);
+  update.path = *plan_;
+  update.flags = plan_->flags;
+  update.too_tight = false;
+  update.arc_length = arc_length_;
+}
+
+/// At the goal. Another goal is planned for as if it were the first.
+void Replanner::stand(const PlanarPose& vehicle, double speed, PlanUpdate& update) {
+  reset();
+  update.action = PlanAction::stop;
+  update.path = standing(vehicle);
+  update.stops_too_late = 0.5 * speed * speed / options_.deceleration > options_.goal_tolerance;
+}
+
+/// Brakes along the plan from where the vehicle was seen last, all of it where the speed is not
+/// known.
+void Replanner::halt(const PlanningGrid& grid, const PlanarPose& vehicle, double speed,
+                     PlanUpdate& update) {
+  const bool placed = is_finite(vehicle);
+  if (!placed && !plan_) {
+    update.action = PlanAction::stop;
+    update.stops_too_late = true;
+    stopped_ = true;
+    return;
+  }
+  if (placed && plan_) {
+    arc_length_ =
+        plan_->nearest(vehicle.position, std::max(0.0, arc_length_ - options_.max_offset));
+  }
+  PlanarPose at = vehicle;
+  if (!placed) at = {plan_->at(arc_length_).position, plan_->at(arc_length_).heading};
+  stop(grid, at, std::isfinite(speed) ? speed : kNever, update);
+}
+
+void Replanner::adopt(const PlanningGrid& grid, Path path) {
+  plan_ = std::move(path);
+  planned_cost_ = costs_to_end(grid, *plan_);
+  poses_ = checked_poses(grid, *plan_, {}, planner_.options().smoothing.footprint);
+  arc_length_ = 0;
 }
 
 /// Takes a new path, keeps the present one, or stops.
 void Replanner::decide(const PlanningGrid& grid, const PlanarPose& vehicle, double speed, Path path,
                        PlanUpdate& update) {
-  const bool usable = path.found() && !path.flags.footprint_collides;
+  update.too_tight = path.found() && !drivable(path);
+  const bool usable = path.found() && !path.flags.footprint_collides && !update.too_tight;
   const bool could_keep =
       update.reason == PlanReason::refresh || update.reason == PlanReason::costlier;
   if (could_keep) {
@@ -206,18 +296,15 @@ void Replanner::decide(const PlanningGrid& grid, const PlanarPose& vehicle, doub
       planned_cost_ = costs;
       age_ = 0;
       update.reason = PlanReason::new_plan_no_better;
-      return keep(vehicle, update);
+      return keep(update);
     }
   }
   if (!usable) return stop(grid, vehicle, speed, update);
-  plan_ = std::move(path);
-  planned_cost_ = costs_to_end(grid, *plan_);
-  arc_length_ = 0;
+  adopt(grid, std::move(path));
   age_ = 0;
   stopped_ = false;
   update.action = PlanAction::replan;
   update.path = *plan_;
-  update.speed_limit.assign(update.path.points.size(), kNever);
 }
 
 /// Brakes along what is free of the present plan, or where the vehicle stands.
@@ -225,12 +312,11 @@ void Replanner::stop(const PlanningGrid& grid, const PlanarPose& vehicle, double
                      PlanUpdate& update) {
   update.action = PlanAction::stop;
   if (!plan_ || (plan_->at(arc_length_).position - vehicle.position).norm() > options_.max_offset) {
-    plan_ = standing(vehicle);
-    arc_length_ = 0;
+    adopt(grid, standing(vehicle));
   }
   const double braking = 0.5 * speed * speed / options_.deceleration;
   const double blocked =
-      first_blocked(grid, planner_.options().smoothing.footprint, *plan_, arc_length_);
+      first_blocked(grid, planner_.options().smoothing.footprint, poses_, arc_length_);
   const double free_end = std::max(
       arc_length_, std::min(plan_->points.back().arc_length, blocked - options_.stop_margin));
   const double end = std::min(free_end, arc_length_ + braking);
@@ -239,12 +325,9 @@ void Replanner::stop(const PlanningGrid& grid, const PlanarPose& vehicle, double
   update.path = cut_at(*plan_, end);
   plan_ = cut_at(*plan_, free_end);
   planned_cost_ = costs_to_end(grid, *plan_);
+  std::erase_if(poses_, [&](const PathPoint& pose) { return pose.arc_length > free_end; });
   stopped_ = true;
   update.arc_length = arc_length_;
-  for (const PathPoint& point : update.path.points) {
-    update.speed_limit.push_back(
-        std::sqrt(2 * options_.deceleration * std::max(0.0, end - point.arc_length)));
-  }
 }
 
 }  // namespace blindcorner

@@ -62,6 +62,13 @@ std::size_t samples_of(const CubicBezier& piece, double spacing) {
       1, static_cast<std::size_t>(std::ceil(polyline_length(piece.control) / spacing)));
 }
 
+/// The shorter way round from one heading to another, rad.
+double turn_between(double from, double to) { return std::remainder(to - from, 2 * kPi); }
+
+bool exceeds(double curvature, double turning_radius) {
+  return turning_radius > 0 && std::abs(curvature) * turning_radius > 1 + kCurvatureRounding;
+}
+
 class Smoother {
  public:
   Smoother(const PlanningGrid& grid, std::span<const Eigen::Vector2d> waypoints,
@@ -69,6 +76,7 @@ class Smoother {
 
   /// Pieces of the curve; sets the flags that say what is wrong with it.
   std::vector<CubicBezier> run(PathFlags& flags);
+  double greatest_curvature() const { return greatest_curvature_; }  ///< of the curve, 1/m
 
  private:
   bool solve_in_rounds();
@@ -81,7 +89,7 @@ class Smoother {
   void space_targets(std::span<const Eigen::Vector2d> along);
   void adapt(const Review& review);
   bool too_tight(double curvature) const {
-    return std::abs(curvature) * options_.min_turning_radius > 1 + kCurvatureRounding;
+    return exceeds(curvature, options_.min_turning_radius);
   }
   bool fixed(std::size_t i) const { return weights_[i] >= kFixed; }
   double cost_factor(const Eigen::Vector2d& point) const;
@@ -95,6 +103,7 @@ class Smoother {
   std::vector<double> weights_;
   std::vector<double> most_risk_;  ///< cost factor allowed at each control point
   std::vector<CubicBezier> pieces_;
+  double greatest_curvature_ = 0;
 };
 
 Smoother::Smoother(const PlanningGrid& grid, std::span<const Eigen::Vector2d> waypoints,
@@ -140,7 +149,8 @@ std::vector<CubicBezier> Smoother::run(PathFlags& flags) {
     flags.partly_unsmoothed = true;
   }
   const Review result = review();
-  flags.curvature_exceeded = too_tight(result.greatest_curvature);
+  greatest_curvature_ = result.greatest_curvature;
+  flags.curvature_exceeded = too_tight(greatest_curvature_);
   flags.footprint_collides = result.collisions > 0;
   return pieces_;
 }
@@ -254,7 +264,7 @@ void Smoother::review_pose(const CubicBezier& piece, std::size_t index, double t
 /// A curve that turns back on itself has no curvature between two samples, but opposite headings.
 void Smoother::review_turn(const CubicBezier& piece, std::size_t index, double t, double before,
                            Review& review) const {
-  const double turn = std::abs(std::remainder(piece.heading(t) - piece.heading(before), 2 * kPi));
+  const double turn = std::abs(turn_between(piece.heading(before), piece.heading(t)));
   if (turn < 0.5 * kPi) return;
   const double chord = (piece.point(t) - piece.point(before)).norm();
   const double curvature = chord > 0 ? turn / chord : std::numeric_limits<double>::infinity();
@@ -298,13 +308,47 @@ bool touches_obstacle(const PlanningGrid& grid, const VehicleFootprint& footprin
   });
 }
 
-/// Points at most `spacing` apart.
+/// Poses of a turn on the spot from one pose to the heading of the next, both left out. No part of
+/// the vehicle moves by more than `spacing` between two of them.
+void add_turn(const PathPoint& from, double heading, double reach, double spacing,
+              std::vector<PathPoint>& poses) {
+  const double turn = turn_between(from.heading, heading);
+  const auto steps = static_cast<int>(std::ceil(std::abs(turn) * reach / spacing));
+  for (int i = 1; i < steps; ++i) {
+    PathPoint pose = from;
+    pose.heading += turn * i / steps;
+    poses.push_back(pose);
+  }
+}
+
+/// Greatest turn of straight lines that are to be driven one after the other, from and to the
+/// headings that are given, rad.
+double greatest_turn(std::span<const CubicBezier> lines, const PathEnds& ends) {
+  double most = 0;
+  std::optional<double> before = ends.start_heading;
+  const auto turn_to = [&](double heading) {
+    if (before) most = std::max(most, std::abs(turn_between(*before, heading)));
+    before = heading;
+  };
+  for (const CubicBezier& line : lines) turn_to(line.heading(0));
+  if (ends.goal_heading) turn_to(*ends.goal_heading);
+  return most;
+}
+
+/// Points at most `spacing` apart. A corner between two pieces is turned within `spacing`, and
+/// nothing is tighter than a turn back within it: no curvature is infinite, and the turn's integral
+/// over the two neighbouring points is its angle.
 std::vector<PathPoint> points_of(std::span<const CubicBezier> pieces, double spacing) {
-  const auto point = [](const CubicBezier& piece, double t, double arc_length) {
-    return PathPoint{piece.point(t), piece.heading(t), piece.curvature(t), arc_length};
+  const double tightest = kPi / spacing;
+  const auto point = [&](const CubicBezier& piece, double t, double arc_length) {
+    return PathPoint{piece.point(t), piece.heading(t),
+                     std::clamp(piece.curvature(t), -tightest, tightest), arc_length};
   };
   std::vector<PathPoint> points{point(pieces.front(), 0, 0)};
+  double heading = pieces.front().heading(0);
   for (const CubicBezier& piece : pieces) {
+    const double turn = turn_between(heading, piece.heading(0)) / spacing;
+    if (std::abs(turn) > std::abs(points.back().curvature)) points.back().curvature = turn;
     const std::size_t samples = samples_of(piece, spacing);
     for (std::size_t i = 1; i <= samples; ++i) {
       const double before = static_cast<double>(i - 1) / static_cast<double>(samples);
@@ -312,6 +356,7 @@ std::vector<PathPoint> points_of(std::span<const CubicBezier> pieces, double spa
       const double length = piece.length(before, t);
       if (length > 0) points.push_back(point(piece, t, points.back().arc_length + length));
     }
+    heading = piece.heading(1);
   }
   return points;
 }
@@ -345,6 +390,34 @@ void SmoothingOptions::validate() const {
   }
 }
 
+std::vector<PathPoint> checked_poses(const PlanningGrid& grid, const Path& path,
+                                     const PathEnds& ends, const VehicleFootprint& footprint) {
+  const double spacing = grid.geometry().cell_size / kSamplesPerCell;
+  const double reach = footprint.circumscribed_radius();
+  std::vector<PathPoint> poses;
+  if (path.pieces.empty()) poses = path.points;
+  if (ends.start_heading && !path.pieces.empty()) {
+    poses.push_back({path.pieces.front().point(0), *ends.start_heading, 0, 0});
+  }
+  for (const CubicBezier& piece : path.pieces) {
+    double arc_length = poses.empty() ? 0 : poses.back().arc_length;
+    const std::size_t samples = samples_of(piece, spacing);
+    for (std::size_t i = 0; i <= samples; ++i) {
+      const double t = static_cast<double>(i) / static_cast<double>(samples);
+      if (i > 0) arc_length += piece.length(t - 1 / static_cast<double>(samples), t);
+      const PathPoint pose{piece.point(t), piece.heading(t), piece.curvature(t), arc_length};
+      if (i == 0 && !poses.empty()) add_turn(poses.back(), pose.heading, reach, spacing, poses);
+      poses.push_back(pose);
+    }
+  }
+  if (ends.goal_heading && !poses.empty()) {
+    const PathPoint last = poses.back();
+    add_turn(last, *ends.goal_heading, reach, spacing, poses);
+    poses.push_back({last.position, *ends.goal_heading, 0, last.arc_length});
+  }
+  return poses;
+}
+
 Path smooth(const PlanningGrid& grid, std::span<const Eigen::Vector2d> waypoints,
             const PathEnds& ends, const SmoothingOptions& options) {
   options.validate();
@@ -359,16 +432,21 @@ Path smooth(const PlanningGrid& grid, std::span<const Eigen::Vector2d> waypoints
     path.flags.footprint_collides = touches_obstacle(grid, options.footprint, path.points);
     return path;
   }
-  path.pieces = Smoother(grid, waypoints, ends, options).run(path.flags);
-  path.points = points_of(path.pieces, spacing);
+  Smoother smoother(grid, waypoints, ends, options);
+  path.pieces = smoother.run(path.flags);
+  path.greatest_curvature = smoother.greatest_curvature();
   if (path.flags.footprint_collides) {
     // The waypoints themselves may be free: the vehicle then turns at their corners.
     path.pieces = straight_pieces(waypoints);
-    path.points = points_of(path.pieces, spacing);
-    path.flags = {.curvature_exceeded = options.min_turning_radius > 0 && path.pieces.size() > 1,
-                  .partly_unsmoothed = true,
-                  .footprint_collides = touches_obstacle(grid, options.footprint, path.points)};
+    path.greatest_curvature =
+        greatest_turn(path.pieces, ends) / std::min(spacing, 0.5 * grid.geometry().cell_size);
+    path.flags = {
+        .curvature_exceeded = exceeds(path.greatest_curvature, options.min_turning_radius),
+        .partly_unsmoothed = true,
+        .footprint_collides = touches_obstacle(
+            grid, options.footprint, checked_poses(grid, path, ends, options.footprint))};
   }
+  path.points = points_of(path.pieces, spacing);
   path.points.front().position = waypoints.front();  // without rounding
   path.points.back().position = waypoints.back();
   path.length = path.points.back().arc_length;

@@ -22,7 +22,8 @@
 namespace blindcorner {
 namespace {
 
-/// A length is met within this, cells (or within the rounding of the file, where that is larger).
+/// A length is met within this, cells, or within the rounding of the file where that is larger:
+/// then it is counted apart.
 constexpr double kTolerance = 1e-3;
 /// Problems that the run time is judged by: the longest ones.
 constexpr std::size_t kLongest = 100;
@@ -245,17 +246,23 @@ int run_planner(const PlannerArguments& arguments) {
   write_study(arguments, kFiles, csv(study), charts(study));
   print_study_files(arguments, kFiles);
   const std::vector<Solution>& optimal = study.variants.front().solutions;
-  std::size_t count = 0;
+  std::size_t count = 0, rounded = 0;
+  double greatest = 0;  // difference of those that met their optimum, cells
   for (std::size_t i = 0; i < study.problems.size(); ++i) {
     if (met(study.problems[i], optimal[i])) {
+      const double difference = std::abs(optimal[i].length - study.problems[i].length);
       ++count;
+      rounded += difference > kTolerance ? 1 : 0;
+      greatest = std::max(greatest, difference);
       continue;
     }
     std::fprintf(stderr, "blindcorner: problem %zu: found %.8f cells, published: %.8f\n", i,
                  optimal[i].length, study.problems[i].length);
   }
-  std::printf("%zu of %zu problems met their optimum within %g cells\n", count,
-              study.problems.size(), kTolerance);
+  std::printf(
+      "%zu of %zu problems met their optimum: %zu within %g cells, %zu only within the rounding of "
+      "the file's lengths; largest difference: %.4f cells\n",
+      count, study.problems.size(), count - rounded, kTolerance, rounded, greatest);
   return count == study.problems.size() ? kAllWell : kSomeFailed;
 }
 

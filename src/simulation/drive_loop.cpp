@@ -42,6 +42,9 @@ constexpr double kAvoidedProbability = 0.2;
 constexpr double kUnknownOccupancy = 0.1;
 /// Room that plans leave on each side for the follower's offset from the path, in widths.
 constexpr double kMargin = 0.1;
+/// A path may be tighter than the turning radius that plans are made with, up to this share of what
+/// the vehicle can turn at full lock: the follower needs the rest to get back onto it.
+constexpr double kSteeringShare = 0.9;
 /// A metre at risk 0.1 costs as much as two.
 constexpr double kRiskWeight = 10;
 /// Frames of one drive draw their photons from seeds this far apart: a prime beyond their number.
@@ -89,10 +92,13 @@ PathPlannerOptions planner_options(const DriveVehicle& vehicle, const VehicleMod
   return options;
 }
 
-ReplannerOptions replanner_options(const Drive& drive) {
+ReplannerOptions replanner_options(const Drive& drive, const VehicleLimits& limits) {
   ReplannerOptions options;
   options.goal_tolerance = drive.goal_tolerance;
   options.max_offset = std::min(options.max_offset, drive.vehicle.width);
+  const double radius = drive.vehicle.turning_radius;
+  const double tightest = kSteeringShare * limits.curvature;
+  if (std::isfinite(tightest) && tightest * radius > 1) options.max_curvature = tightest;
   options.stop_margin = std::min(options.stop_margin, drive.vehicle.length / 2);
   return options;
 }
@@ -206,7 +212,8 @@ DriveLoop::DriveLoop(const Drive& drive, const SimulatedSensor& sensor, const Dr
       grid_(drive.map, map_scene(drive.scene, perception_->disc_radius()), drive.motion),
       vehicle_(model_of(drive.vehicle)),
       limits_(vehicle_.model().limits()),
-      replanner_(planner_options(drive.vehicle, vehicle_.model()), replanner_options(drive)),
+      replanner_(planner_options(drive.vehicle, vehicle_.model()),
+                 replanner_options(drive, limits_)),
       faults_(options.seed ^ kFaultSeed) {
   VehicleState start;
   start.position = drive.vehicle.start;
@@ -360,12 +367,8 @@ void DriveLoop::follow(const PlanUpdate& update) {
       update.action == PlanAction::stop && (update.stops_too_late || update.path.points.size() < 2);
   if (update.action == PlanAction::keep && follower_) return;
   path_.clear();
-  std::vector<PathSample> samples;
-  for (const PathPoint& point : update.path.points) {
-    path_.push_back(point.position);
-    samples.push_back({point.position, point.heading, point.curvature, point.arc_length});
-  }
-  if (samples.size() < 2) {
+  for (const PathPoint& point : update.path.points) path_.push_back(point.position);
+  if (path_.size() < 2) {
     follower_.reset();
     brake_ = true;
     return;
@@ -376,7 +379,7 @@ void DriveLoop::follow(const PlanUpdate& update) {
     options.profile.cornering = std::numeric_limits<double>::infinity();
   }
   options.profile.end = update.action == PlanAction::stop ? 0.0 : speed();
-  follower_.emplace(std::move(samples), limits_, state(), options);
+  follower_.emplace(update.path.points, limits_, state(), options);
 }
 
 /// One control period.

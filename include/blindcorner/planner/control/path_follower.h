@@ -4,8 +4,8 @@
 
 #include <vector>
 
-#include "blindcorner/planner/control/path_sample.h"
 #include "blindcorner/planner/control/speed_profile.h"
+#include "blindcorner/planner/path/path.h"
 #include "blindcorner/planner/vehicles/vehicle_state.h"
 
 namespace blindcorner {
@@ -43,7 +43,7 @@ struct FollowerOutput {
 class PathFollower {
  public:
   /// Throws Error for a path of fewer than two samples. `profile.start` is taken from `state`.
-  PathFollower(std::vector<PathSample> path, const VehicleLimits& limits, const VehicleState& state,
+  PathFollower(std::vector<PathPoint> path, const VehicleLimits& limits, const VehicleState& state,
                const PathFollowerOptions& options = {});
 
   /// Call once a control period, in order: the nearest point is looked for ahead of the last one.
@@ -51,13 +51,13 @@ class PathFollower {
   /// The same steering, and the strongest braking that the friction circle leaves beside it.
   FollowerOutput stop(const VehicleState& state);
 
-  const std::vector<PathSample>& path() const { return path_; }
+  const std::vector<PathPoint>& path() const { return path_; }
   const std::vector<double>& profile() const { return profile_; }  ///< m/s, at the samples
 
  private:
   FollowerOutput steer(const VehicleState& state);
 
-  std::vector<PathSample> path_;
+  std::vector<PathPoint> path_;
   VehicleLimits limits_;
   PathFollowerOptions options_;
   std::vector<double> profile_;

@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "blindcorner/planner/control/path_sample.h"
+#include "blindcorner/planner/path/path.h"
 #include "blindcorner/planner/vehicles/vehicle_state.h"
 
 namespace blindcorner {
@@ -26,7 +26,7 @@ struct SpeedProfileOptions {
 /// Largest speeds at the samples, m/s: at most the wanted one, the curvature's, and those that
 /// braking and driving inside the friction circle can reach from neighbours (one pass backwards,
 /// one forwards). Between samples v^2 is linear in arc length.
-std::vector<double> speed_profile(std::span<const PathSample> path, const VehicleLimits& limits,
+std::vector<double> speed_profile(std::span<const PathPoint> path, const VehicleLimits& limits,
                                   const SpeedProfileOptions& options = {});
 
 }  // namespace blindcorner

@@ -18,19 +18,21 @@ enum class PlanAction {
   stop,    ///< there is none: brake along what is left of the present one
 };
 
-/// Why. The first group keeps, the second plans anew, whatever comes of that.
+/// Why. The first group keeps, the second plans anew, whatever comes of that, the third stops.
 enum class PlanReason {
   still_good,
   new_plan_no_better,  ///< it was time to look for a better one, and there is none
-  at_goal,
 
   first_plan,
-  goal_changed,
-  off_path,  ///< the vehicle is too far from the path
-  blocked,   ///< the path leads through an obstacle by now
-  costlier,  ///< the rest of the path has become too risky
-  refresh,   ///< plans become old: what has become free is seen in no other way
-  stopped,   ///< there was no path in the last frame
+  goal_changed,  ///< or its heading, since the present plan was made
+  off_path,      ///< the vehicle is too far from the path
+  blocked,       ///< the path leads through an obstacle by now
+  costlier,      ///< the rest of the path has become too risky
+  refresh,       ///< plans become old: what has become free is seen in no other way
+  stopped,       ///< there was no path in the last frame
+
+  at_goal,     ///< the plan is dropped
+  not_finite,  ///< the vehicle's pose or speed, or the goal, is not a number
 };
 /// "keep", "still_good", ... as logs have it.
 std::string_view plan_action_word(PlanAction action);
@@ -40,8 +42,16 @@ struct ReplannerOptions {
   double max_offset = 0.5;       ///< m between vehicle and path
   double max_cost_growth = 0.1;  ///< of the rest of the path, relative, since it was planned
   int refresh_after = 20;        ///< frames after which a kept plan is questioned; 0: never
-  double goal_tolerance =
-      0.1;  ///< m: the vehicle is at its goal; a goal that moved by less is not new
+  /// m: the vehicle is at its goal; a goal that is less than this from the plan's is not new.
+  double goal_tolerance = 0.1;
+  /// rad: likewise of the heading at the goal. What a car of 4.5 m shows at its ends is 0.1 m, as
+  /// the goal's tolerance.
+  double goal_heading_tolerance = 0.05;
+  /// 1/m that the vehicle can drive: a path that is tighter is not used. 0: 5 % more than the
+  /// planner's turning radius (any where that is 0). A vehicle that can turn no tighter than that
+  /// radius leaves such a path by 5 % of it in a right angle, 0.28 m of 5.5 m: about half of
+  /// `max_offset`.
+  double max_curvature = 0;
   double deceleration = 4.0;  ///< m/s^2 of a safe stop: half of what dry tyres (mu 0.9) can do
   double stop_margin = 0.5;   ///< m between a safe stop's end and the first place that is blocked
 
@@ -53,15 +63,16 @@ struct PlanUpdate {
   PlanAction action = PlanAction::stop;
   PlanReason reason = PlanReason::first_plan;
   PathStatus status = PathStatus::no_path;  ///< of the search, where there was one; else found
-  Path path;              ///< to follow, from the start of the plan; of a stop the free stretch
-  double arc_length = 0;  ///< m along `path`, where the vehicle is
-  /// m/s at each of the path's points: sqrt(2 deceleration (end - arc length)) of a stop, 0 at its
-  /// end; infinity otherwise.
-  std::vector<double> speed_limit;
-  bool stops_too_late = false;  ///< a stop from the present speed ends behind the path's end
+  Path path;               ///< to follow, from the start of the plan; of a stop the free stretch,
+                           ///< without points when nothing is known of where the vehicle is
+  PathFlags flags;         ///< of the path of the search, or of the plan that is kept
+  bool too_tight = false;  ///< the path found turns tighter than the vehicle can: not used
+  double arc_length = 0;   ///< m along `path`, where the vehicle is
+  bool stops_too_late = false;  ///< a stop with `deceleration` ends behind the path's end
   double time = 0;              ///< s, of this update
 
-  /// One line for a log: "keep: still_good", "stop: blocked, no_path".
+  /// One line for a log: "keep: still_good", "stop: blocked, no_path", "replan: first_plan
+  /// (partly_unsmoothed)".
   std::string text() const;
 };
 
@@ -69,7 +80,8 @@ class Replanner {
  public:
   explicit Replanner(const PathPlannerOptions& planner = {}, const ReplannerOptions& options = {});
 
-  /// Decides for one frame. `grid` as `PathPlanner::grid` makes it; `speed` forward, m/s.
+  /// Decides for one frame; stops where a number is not finite. `grid` as `PathPlanner::grid` makes
+  /// it; `speed` forward, m/s.
   PlanUpdate update(const PlanningGrid& grid, const PlanarPose& vehicle, double speed,
                     const Eigen::Vector2d& goal, std::optional<double> goal_heading = std::nullopt);
   const PathPlanner& planner() const { return planner_; }
@@ -78,8 +90,13 @@ class Replanner {
 
  private:
   PlanReason assess(const PlanningGrid& grid, const PlanarPose& vehicle,
-                    const Eigen::Vector2d& goal);
-  void keep(const PlanarPose& vehicle, PlanUpdate& update);
+                    const Eigen::Vector2d& goal, std::optional<double> goal_heading);
+  bool is_new_goal(const Eigen::Vector2d& goal, std::optional<double> goal_heading) const;
+  bool drivable(const Path& path) const;
+  void adopt(const PlanningGrid& grid, Path path);
+  void keep(PlanUpdate& update);
+  void stand(const PlanarPose& vehicle, double speed, PlanUpdate& update);
+  void halt(const PlanningGrid& grid, const PlanarPose& vehicle, double speed, PlanUpdate& update);
   void decide(const PlanningGrid& grid, const PlanarPose& vehicle, double speed, Path path,
               PlanUpdate& update);
   void stop(const PlanningGrid& grid, const PlanarPose& vehicle, double speed, PlanUpdate& update);
@@ -88,9 +105,11 @@ class Replanner {
   ReplannerOptions options_;
   std::optional<Path> plan_;
   std::vector<double> planned_cost_;  ///< m, from each point of the plan to its end, when planned
-  Eigen::Vector2d goal_ = Eigen::Vector2d::Zero();
-  double arc_length_ = 0;  ///< m along the plan, where the vehicle is
-  int age_ = 0;            ///< frames since the plan was made or questioned
+  std::vector<PathPoint> poses_;      ///< of the plan, where obstacles are looked for
+  Eigen::Vector2d goal_ = Eigen::Vector2d::Zero();  ///< of the plan
+  std::optional<double> goal_heading_;              ///< of the plan, rad
+  double arc_length_ = 0;                           ///< m along the plan, where the vehicle is
+  int age_ = 0;  ///< frames since the plan was made or questioned
   bool stopped_ = false;
 };
 

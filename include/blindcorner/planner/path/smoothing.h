@@ -36,14 +36,21 @@ struct PathEnds {
   std::optional<double> start_heading, goal_heading;  ///< rad
 };
 
+/// Poses along a path's curve that a collision is looked for at: an eighth of a cell apart whatever
+/// the spacing of the path's points, in turns on the spot no part of the vehicle moves farther.
+/// Arc lengths repeat in turns. With `ends` also the turns from and to the headings given there.
+std::vector<PathPoint> checked_poses(const PlanningGrid& grid, const Path& path,
+                                     const PathEnds& ends, const VehicleFootprint& footprint);
+
 /// Points, pieces, flags and length of a path along `waypoints` (first and last are its ends).
 ///
 /// The curve is a uniform cubic B-spline, kept as Bezier pieces: curvature is continuous. Its
 /// control points p minimise sum |p[i-1] - 2 p[i] + p[i+1]|^2 + sum w[i] |p[i] - q[i]|^2, q evenly
 /// spaced along the waypoints. Where the vehicle touches an obstacle, q is pushed away from it;
 /// where the curve is too tight, w is lowered. Where that ends without success, w is raised until
-/// the curve follows the waypoints again, and the flags say so. Collision and curvature are checked
-/// at points an eighth of a cell apart.
+/// the curve follows the waypoints again, and the flags say so. Where that collides as well, the path
+/// is the straight lines themselves, with turns on the spot at their corners and from and to the
+/// headings of the ends. Collision and curvature are checked at points an eighth of a cell apart.
 Path smooth(const PlanningGrid& grid, std::span<const Eigen::Vector2d> waypoints,
             const PathEnds& ends, const SmoothingOptions& options);
 

@@ -24,8 +24,8 @@ struct Drive {
   VehicleState end;
 };
 
-Drive drive(Vehicle vehicle, const std::vector<PathSample>& path,
-            const PathFollowerOptions& options, double seconds = 60) {
+Drive drive(Vehicle vehicle, const std::vector<PathPoint>& path, const PathFollowerOptions& options,
+            double seconds = 60) {
   PathFollower follower(path, vehicle.model().limits(), vehicle.state(), options);
   Drive drive;
   for (double time = 0; time < seconds && !drive.arrived; time += kFrame) {
@@ -156,7 +156,7 @@ TEST(SafeStop, BrakesAtTheFrictionLimit) {
 }
 
 TEST(PathFollower, RefusesPathsWithoutDirection) {
-  EXPECT_THROW(PathFollower({PathSample{}}, {}, {}), Error);
+  EXPECT_THROW(PathFollower({PathPoint{}}, {}, {}), Error);
 }
 
 }  // namespace

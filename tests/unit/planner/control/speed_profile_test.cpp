@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "blindcorner/forward/error.h"
 #include "unit/planner/control/test_paths.h"
@@ -55,6 +56,16 @@ TEST(SpeedProfile, StaysInTheFrictionCircle) {
       EXPECT_LE(std::hypot(along, across), kLimits.friction * (1 + 1e-9));
     }
   }
+}
+
+TEST(SpeedProfile, PassesACuspSlowlyButDoesNotStand) {
+  auto path = straight_path(20, 0.5);
+  path[20].curvature = std::numeric_limits<double>::infinity();
+  const auto speeds = speed_profile(path, kLimits, {.speed = 10, .start = 10, .end = 10});
+  // A turn back within the 1 m between the neighbours: 2 pi per metre.
+  EXPECT_NEAR(speeds[20], std::sqrt(0.9 * kLimits.friction / (2 * std::numbers::pi)), 1e-9);
+  for (const double speed : speeds) EXPECT_GT(speed, 0.5);
+  EXPECT_GT(speeds[24], speeds[20]);
 }
 
 TEST(SpeedProfile, LeavesCurvesAloneWhenTold) {

@@ -252,6 +252,61 @@ TEST(PathPlanner, PassesACorridorOfOneCell) {
   EXPECT_EQ(wide.plan(closed, {{1.5, 3.5}, {}, {0.5, 1.5}, {}}).status, PathStatus::start_blocked);
 }
 
+TEST(PathPlanner, SaysWhereACarCannotTurnToItsPath) {
+  // 4 m wide, 4.5 x 1.8 m, 5.5 m: the car leaves a heading of 30 degrees in no free curve.
+  TestMap map;
+  map.geometry = {.columns = 160, .rows = 24, .cell_size = 0.25};
+  for (std::size_t i = 0; i < map.geometry.cells(); ++i) {
+    const double y = map.geometry.center(map.geometry.cell(i)).y();
+    map.occupancy.push_back(y < 1 || y > 5 ? 1 : 0);
+  }
+  for (const double degrees : {30.0, 150.0, -90.0}) {
+    PathPlanner planner(PathPlannerOptions::car());
+    const PlanningGrid grid = planner.grid(map.geometry, map.occupancy);
+    const Path path = planner.plan(grid, {{5, 3}, degrees * kDegree, {35, 3}, {}});
+    ASSERT_TRUE(path.found());
+    EXPECT_TRUE(path.flags.curvature_exceeded) << degrees;
+    EXPECT_GT(path.greatest_curvature, 1.05 / 5.5) << degrees;
+    const Path to = planner.plan(grid, {{5, 3}, {}, {35, 3}, degrees * kDegree});
+    EXPECT_TRUE(to.flags.curvature_exceeded) << degrees;
+    // The diagonal of the car, 4.8 m, is longer than the corridor is wide.
+    EXPECT_TRUE(degrees == 30 || path.flags.footprint_collides) << degrees;
+  }
+}
+
+TEST(PathPlanner, CornersOfStraightLinesHaveACurvature) {
+  const TestMap map = map_of({"#########", "#.......#", "#######.#", "#######.#", "#########"});
+  PathPlannerOptions options;
+  options.smoothing.footprint = VehicleFootprint::disc(0.5);
+  PathPlanner planner(options);
+  const PlanningGrid grid = planner.grid(map.geometry, map.occupancy);
+  const Path path = planner.plan(grid, {{1.5, 3.5}, {}, {7.5, 1.5}, {}});
+  ASSERT_TRUE(path.found());
+  ASSERT_TRUE(path.flags.partly_unsmoothed);
+  check_points(path);
+  double turned = 0;  // the integral of the curvature is the turn
+  for (std::size_t i = 1; i < path.points.size(); ++i) {
+    const PathPoint &a = path.points[i - 1], &b = path.points[i];
+    turned += 0.5 * (a.curvature + b.curvature) * (b.arc_length - a.arc_length);
+  }
+  EXPECT_NEAR(turned, -kPi / 2, 1e-9);
+  EXPECT_NEAR(greatest_curvature(path), kPi / 2 / 0.5, 1e-9);
+}
+
+TEST(Smooth, LooksForCollisionsWhateverTheSpacingOfPoints) {
+  // A post of one cell stands in the way, between points 4 m apart.
+  TestMap map;
+  map.geometry = {.columns = 100, .rows = 20, .cell_size = 0.2};
+  map.occupancy.assign(map.geometry.cells(), 0);
+  for (int row = 0; row < 20; ++row) map.occupancy[map.geometry.index({44, row})] = 1;
+  const PlanningGrid grid(map.geometry, map.occupancy);
+  SmoothingOptions options;
+  options.footprint = VehicleFootprint::disc(0.3);
+  options.point_spacing = 4;
+  const std::vector<Eigen::Vector2d> line{{1, 2}, {19, 2}};
+  EXPECT_TRUE(smooth(grid, line, {}, options).flags.footprint_collides);
+}
+
 TEST(PathPlanner, StartsWhereTheVehicleIsFreeThoughItsCellIsNot) {
   const TestMap map = map_of({"....", "....", "####"});
   PathPlannerOptions options;

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "blindcorner/planner/control/path_sample.h"
+#include "blindcorner/planner/path/path.h"
 
 #include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
 
 #include "blindcorner/forward/constants.h"
 #include "unit/planner/control/test_paths.h"
@@ -9,27 +12,35 @@
 namespace blindcorner {
 namespace {
 
-TEST(PathSample, IsInterpolatedAndClamped) {
+TEST(PathPoints, IsInterpolatedAndClamped) {
   const auto path = straight_path(10, 1);
   EXPECT_DOUBLE_EQ(path_at(path, 3.25).position.x(), 3.25);
   EXPECT_DOUBLE_EQ(path_at(path, -1).position.x(), 0);
   EXPECT_DOUBLE_EQ(path_at(path, 11).position.x(), 10);
 }
 
-TEST(PathSample, TakesTheShorterWayBetweenHeadings) {
-  std::vector<PathSample> path(2);
+TEST(PathPoints, TakesTheShorterWayBetweenHeadings) {
+  std::vector<PathPoint> path(2);
   path[0].heading = kPi - 0.1;
   path[1].heading = -kPi + 0.1;
   path[1].arc_length = 1;
   EXPECT_NEAR(path_at(path, 0.5).heading, kPi, 1e-12);
 }
 
-TEST(PathSample, NearestIsLookedForInTheGivenPart) {
+TEST(PathPoints, NearestIsLookedForInTheGivenPart) {
   const auto path = turn_path(5, 0, 4 * kPi, 0, 0.05);  // two rounds
   const Eigen::Vector2d start(0, 0);
   EXPECT_NEAR(nearest_arc_length(path, start, 0, 5), 0, 1e-9);
   EXPECT_NEAR(nearest_arc_length(path, start, 20, 40), 10 * kPi, 0.01);
   EXPECT_DOUBLE_EQ(nearest_arc_length(path, start, 2, 4), 2);
+}
+
+TEST(PathPoints, AreFiniteBesideACusp) {
+  auto path = straight_path(4, 1);
+  path[2].curvature = std::numeric_limits<double>::infinity();
+  for (const double s : {1.0, 1.5, 2.0, 2.5, 3.0}) {
+    EXPECT_TRUE(std::isfinite(path_at(path, s).curvature)) << s;
+  }
 }
 
 }  // namespace
