@@ -33,8 +33,9 @@ PairedDifference paired_difference(const PairedCounts& counts) {
     return std::sqrt(std::max(0.0, a * a - 2 * phi * a * b + b * b));
   };
   const double difference = p - q;
-  return {difference, difference - joined(p - of_p.low, of_q.high - q),
-          difference + joined(of_p.high - p, q - of_q.low)};
+  // Rounding must not lead beyond what shares can differ by.
+  return {difference, std::max(-1.0, difference - joined(p - of_p.low, of_q.high - q)),
+          std::min(1.0, difference + joined(of_p.high - p, q - of_q.low))};
 }
 
 }  // namespace blindcorner
