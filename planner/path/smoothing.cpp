@@ -88,9 +88,7 @@ class Smoother {
                    Review& review) const;
   void space_targets(std::span<const Eigen::Vector2d> along);
   void adapt(const Review& review);
-  bool too_tight(double curvature) const {
-    return exceeds(curvature, options_.min_turning_radius);
-  }
+  bool too_tight(double curvature) const { return exceeds(curvature, options_.min_turning_radius); }
   bool fixed(std::size_t i) const { return weights_[i] >= kFixed; }
   double cost_factor(const Eigen::Vector2d& point) const;
 
@@ -443,8 +441,8 @@ Path smooth(const PlanningGrid& grid, std::span<const Eigen::Vector2d> waypoints
     path.flags = {
         .curvature_exceeded = exceeds(path.greatest_curvature, options.min_turning_radius),
         .partly_unsmoothed = true,
-        .footprint_collides = touches_obstacle(
-            grid, options.footprint, checked_poses(grid, path, ends, options.footprint))};
+        .footprint_collides = touches_obstacle(grid, options.footprint,
+                                               checked_poses(grid, path, ends, options.footprint))};
   }
   path.points = points_of(path.pieces, spacing);
   path.points.front().position = waypoints.front();  // without rounding

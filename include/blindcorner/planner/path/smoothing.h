@@ -48,9 +48,10 @@ std::vector<PathPoint> checked_poses(const PlanningGrid& grid, const Path& path,
 /// control points p minimise sum |p[i-1] - 2 p[i] + p[i+1]|^2 + sum w[i] |p[i] - q[i]|^2, q evenly
 /// spaced along the waypoints. Where the vehicle touches an obstacle, q is pushed away from it;
 /// where the curve is too tight, w is lowered. Where that ends without success, w is raised until
-/// the curve follows the waypoints again, and the flags say so. Where that collides as well, the path
-/// is the straight lines themselves, with turns on the spot at their corners and from and to the
-/// headings of the ends. Collision and curvature are checked at points an eighth of a cell apart.
+/// the curve follows the waypoints again, and the flags say so. Where that collides as well, the
+/// path is the straight lines themselves, with turns on the spot at their corners and from and to
+/// the headings of the ends. Collision and curvature are checked at points an eighth of a cell
+/// apart.
 Path smooth(const PlanningGrid& grid, std::span<const Eigen::Vector2d> waypoints,
             const PathEnds& ends, const SmoothingOptions& options);
 
