@@ -30,7 +30,8 @@ std::vector<std::string> scene_files(const std::vector<std::string>& asked) {
   std::vector<std::string> scenes;
   if (fs::is_directory("scenes")) {
     for (const auto& entry : fs::directory_iterator("scenes")) {
-      if (entry.path().extension() == ".json") scenes.push_back(entry.path().string());
+      const std::string path = entry.path().string();
+      if (path.ends_with(".json") && !path.ends_with("_drive.json")) scenes.push_back(path);
     }
   }
   if (scenes.empty()) throw Error("SCENE", "found none, accepted: scene files, or a folder scenes");
