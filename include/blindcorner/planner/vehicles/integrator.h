@@ -31,10 +31,10 @@ struct IntegratorTolerance {
 
 /// Rosenbrock's method of order 4 (Boost.Odeint), L-stable, inner steps chosen by its embedded
 /// error estimate. Throws Error when the equations have no finite solution. Chosen by measurement:
-/// for the car at steps of 1 to 100 ms SUNDIALS' CVODE (BDF) took 1.4 to 3.4 times as long and
-/// ARKODE (DIRK, order 4) 7 to 15 times, at the same tolerance and with larger errors: commands
-/// that are held for a step make methods with a memory, and Newton's iterations, start again in
-/// each.
+/// for the car at steps of 1 to 100 ms SUNDIALS' CVODE (BDF) took 1.4 to 3.6 times as long and
+/// ARKODE (DIRK, order 4) 7 to 16 times, at the same tolerance and nearly always with larger
+/// errors: commands that are held for a step make methods with a memory, and Newton's iterations,
+/// start again in each.
 std::shared_ptr<const Integrator> make_stiff_integrator(const IntegratorTolerance& tolerance = {});
 
 /// One explicit step over all of dt, for comparisons: unstable where dt exceeds 2 (Euler) or 2.8
