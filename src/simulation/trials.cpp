@@ -26,8 +26,8 @@ namespace {
 constexpr std::uint64_t kSpeedSeed = 0xa0761d6478bd642f;
 /// Seeds of trials with injected errors begin this far from the others.
 constexpr std::uint64_t kErrorSeeds = 1'000'000;
-/// Hidden objects' own cells: what covers a cell's centre.
-constexpr double kCovers = 1e-9;
+/// A body that a cell's border only touches is not in the cell: rounding, m.
+constexpr double kTouches = 1e-9;
 
 double drawn(std::mt19937_64& random, double lower, double upper) {
   const double value =
@@ -58,9 +58,13 @@ bool in_search_region(const Scene& scene, const Eigen::Vector2d& at) {
   return false;
 }
 
-bool covered(const std::vector<Polygon>& bodies, const Eigen::Vector2d& at) {
-  return std::ranges::any_of(
-      bodies, [&](const Polygon& body) { return convex_distance({at}, body) <= kCovers; });
+/// Whether a body reaches into a cell, which is what the map's probability is of.
+bool occupied(const std::vector<Polygon>& bodies, const Eigen::Vector2d& center, double size) {
+  const double half = size / 2 - kTouches;
+  const Polygon cell{center + Eigen::Vector2d(-half, -half), center + Eigen::Vector2d(half, -half),
+                     center + Eigen::Vector2d(half, half), center + Eigen::Vector2d(-half, half)};
+  return std::ranges::any_of(bodies,
+                             [&](const Polygon& body) { return convex_distance(cell, body) <= 0; });
 }
 
 /// Of the last frame that perception got with an answer in the map: later ones know by sight.
@@ -78,7 +82,7 @@ MapStatements map_statements(const Drive& drive, std::uint64_t seed, const Drive
     if (std::isnan(probability) || !in_search_region(drive.scene, at)) continue;
     const auto bin = static_cast<std::size_t>(std::clamp(probability * 10, 0.0, 9.0));
     ++map.statements[bin];
-    map.occupied[bin] += covered(bodies, at) ? 1 : 0;
+    map.occupied[bin] += occupied(bodies, at, drive.map.cell_size) ? 1 : 0;
     map.probability[bin] += probability;
   }
   return map;
