@@ -74,6 +74,7 @@ struct LineOfSight::End {
   double distance = 0;    ///< m
   Mark mark = kNothing;   ///< of what they end on; kNothing: of their range
   Vector2d hidden{0, 0};  ///< m, a little behind the surface
+  int body = -1;          ///< of what they end on: surface or hidden object
 };
 
 LineOfSight::LineOfSight(const Scene& scene, const GridGeometry& grid,
@@ -95,7 +96,7 @@ LineOfSight::End LineOfSight::nearest_end(const Vector2d& from, const Vector2d& 
     if (!hit || hit->distance >= end.distance) return;
     const double side = hit->normal.dot(level) > 0 ? 1 : -1;
     const Vector3d behind = hit->point + side * kBehind * grid_.cell_size * hit->normal;
-    end = {hit->distance, mark, behind.head<2>()};
+    end = {hit->distance, mark, behind.head<2>(), hit->surface};
   };
   for (int layer = 0; layer < options_.layers; ++layer) {
     const double share = options_.layers > 1 ? layer / (options_.layers - 1.0) : 0.0;
@@ -136,6 +137,8 @@ LineOfSightScan LineOfSight::scan(const Transform& T_world_sensor,
   const double widest = grid_.cell_size / (options_.max_range + grid_.cell_size);
   const int directions = static_cast<int>(std::ceil(options_.field_of_view / widest));
   std::vector<std::uint8_t> marks(grid_.cells(), kNothing);
+  LineOfSightScan scan;
+  scan.objects_seen.assign(objects_.size(), false);
   for (int i = 0; i < directions; ++i) {
     const double angle = middle + options_.field_of_view * ((i + 0.5) / directions - 0.5);
     const Vector2d direction(std::cos(angle), std::sin(angle));
@@ -145,8 +148,8 @@ LineOfSightScan LineOfSight::scan(const Transform& T_world_sensor,
     if (end.mark == kNothing || !grid_.contains(hit)) continue;
     std::uint8_t& mark = marks[grid_.index(hit)];
     mark = std::max<std::uint8_t>(mark, end.mark);
+    if (end.mark == kObject) scan.objects_seen[static_cast<std::size_t>(end.body)] = true;
   }
-  LineOfSightScan scan;
   for (std::size_t i = 0; i < marks.size(); ++i) {
     if (marks[i] == kFree) scan.free.push_back(i);
     if (marks[i] == kSurface) scan.surface_hits.push_back(i);

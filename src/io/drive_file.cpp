@@ -156,15 +156,25 @@ TrueComponent read_component(const JsonReader& reader, const Unknown& unknown) {
   return {std::max(lower * unit, unknown.lower), std::min(upper * unit, unknown.upper)};
 }
 
+/// Each of x and y stated or drawn.
+void read_velocity(const JsonReader& reader, Vector2d& lower, Vector2d& upper) {
+  const auto parts = reader.elements_exactly(2, "numbers or intervals");
+  std::tie(lower.x(), upper.x()) = read_stated_or_drawn(parts[0], kPosition);
+  std::tie(lower.y(), upper.y()) = read_stated_or_drawn(parts[1], kPosition);
+}
+
 void read_velocities(const JsonReader& reader, DriveTruth& truth) {
   if (!reader.present()) return;
   const std::size_t objects = truth.velocity.size();
+  truth.velocity_upper = truth.velocity;
   if (objects == 1) {
-    truth.velocity[0] = read_point(reader);
+    read_velocity(reader, truth.velocity[0], truth.velocity_upper[0]);
     return;
   }
   const auto list = reader.elements_exactly(objects, "velocities, one per hidden object");
-  std::ranges::transform(list, truth.velocity.begin(), read_point);
+  for (std::size_t i = 0; i < objects; ++i) {
+    read_velocity(list[i], truth.velocity[i], truth.velocity_upper[i]);
+  }
 }
 
 DriveTruth read_truth(const JsonReader& reader, const Scene& scene) {

@@ -8,6 +8,7 @@
 #include <numeric>
 
 #include "blindcorner/forward/scene/footprint.h"
+#include "blindcorner/planner/grid/occupancy_grid.h"
 #include "blindcorner/report/result_file.h"
 #include "blindcorner/simulation/true_world.h"
 #include "report/birds_eye.h"
@@ -25,6 +26,8 @@ using nlohmann::json;
 
 /// Zones whose histograms a page shows of each frame: those with most light from the object.
 constexpr std::size_t kShownZones = 9;
+/// How far ahead a page shows where objects with a known velocity may go, s.
+constexpr double kAhead = 0.5;
 
 json numbers(const Eigen::VectorXd& vector) {
   json list = json::array();
@@ -46,15 +49,31 @@ double rounded(double value, const char* format = "%.4g") {
   return std::strtod(text, nullptr);
 }
 
-json modes_json(const std::optional<PoseMixture>& mixture) {
+json modes_json(const PoseMixture& mixture, const std::vector<PoseVelocity>& velocities) {
   json modes = json::array();
-  if (!mixture) return modes;
-  for (const PoseMode& mode : mixture->modes) {
+  for (std::size_t i = 0; i < mixture.modes.size(); ++i) {
+    const PoseMode& mode = mixture.modes[i];
     modes.push_back({{"weight", number_or_null(mode.weight)},
                      {"pose", numbers(mode.pose)},
                      {"covariance", matrix(mode.covariance)}});
+    if (velocities.empty()) continue;
+    modes.back()["velocity"] = numbers(velocities[i].mean);
+    modes.back()["velocity_covariance"] = matrix(velocities[i].covariance);
   }
   return modes;
+}
+
+/// Modes of the latest answer, as it was given.
+json modes_json(const DriveFrame& frame) {
+  return frame.mixture ? modes_json(*frame.mixture, frame.velocities) : json::array();
+}
+
+/// The same moved on by a time, s, as the map does with what is old.
+json modes_later(const Drive& drive, const DriveFrame& frame, double ahead) {
+  if (!frame.mixture) return json::array();
+  const HiddenMotion motion(drive.scene, drive.motion, OccupancyOptions{}.dwell_time);
+  return modes_json(
+      motion.predicted(*frame.mixture, frame.mixture_age + ahead, frame.velocities), {});
 }
 
 json points_json(const std::vector<Eigen::Vector2d>& points) {
@@ -86,7 +105,7 @@ json frame_json(const DriveFrame& frame) {
           {"arrival_s", rounded(frame.arrival, "%.6g")},
           {"presence_probability",
            frame.mixture ? number_or_null(frame.mixture->presence_probability) : json(nullptr)},
-          {"modes", modes_json(frame.mixture)},
+          {"modes", modes_json(frame)},
           {"modes_age_s", frame.mixture ? number_or_null(frame.mixture_age) : json(nullptr)},
           {"flags", frame.flags},
           {"error", frame.error.empty() ? json(nullptr) : json(frame.error)},
@@ -152,6 +171,8 @@ json picture_json(const Drive& drive, const DriveFrame& frame, const std::vector
   }
   const SensorView view = sensor_view(drive.scene, frame.T_world_sensor, {});
   return {{"grid", grid_text(frame.occupancy)},
+          {"now", modes_later(drive, frame, 0)},
+          {"later", frame.velocities.empty() ? json::array() : modes_later(drive, frame, kAhead)},
           {"field", points_json(view.field_of_view)},
           {"measured", measured},
           {"object", object}};

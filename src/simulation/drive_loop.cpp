@@ -19,6 +19,7 @@
 #include "blindcorner/simulation/perception.h"
 #include "blindcorner/simulation/true_world.h"
 #include "simulation/convex_distance.h"
+#include "simulation/sightings.h"
 
 namespace blindcorner {
 namespace {
@@ -173,6 +174,7 @@ class DriveLoop {
   std::unique_ptr<Perception> perception_;
   double delay_;
   LineOfSight sight_;
+  Sightings sightings_;
   OccupancyGrid grid_;
   Vehicle vehicle_;
   VehicleLimits limits_;
@@ -186,7 +188,7 @@ class DriveLoop {
   double busy_until_ = 0;       ///< s: perception works on a frame
   double standing_since_ = -1;  ///< s; negative: it drives, or has a plan
   double clearance_ = std::numeric_limits<double>::infinity();  ///< m, since the last frame
-  bool was_in_sight_ = false;  ///< hidden objects have been in direct sight
+  AnswerEvent perceived_;      ///< the last before any hidden object came in direct sight
   std::size_t next_goal_ = 0;
   std::deque<SensedEvent> arriving_;  ///< in order of arrival
   std::deque<AnswerEvent> answers_;   ///< in order of readiness
@@ -209,6 +211,7 @@ DriveLoop::DriveLoop(const Drive& drive, const SimulatedSensor& sensor, const Dr
                                                options.injected_error, options.seed})),
       delay_(drive.delay.contains(options.perception) ? drive.delay.at(options.perception) : 0.0),
       sight_(drive.scene, drive.map, sight_options(drive)),
+      sightings_(drive.scene, drive.motion),
       grid_(drive.map, map_scene(drive.scene, perception_->disc_radius()), drive.motion),
       vehicle_(model_of(drive.vehicle)),
       limits_(vehicle_.model().limits()),
@@ -303,12 +306,14 @@ void DriveLoop::take_frame(const SensedEvent& event) {
   AnswerEvent answer{event.capture_time, time_ + delay_, {}};
   if (!scan.object_hits.empty()) {
     frame.fate = FrameFate::in_sight;
-    was_in_sight_ = true;
+    if (!sightings_.any() && latest_) perceived_ = *latest_;
+    sightings_.see(scan.objects_seen, *world_.hidden(event.capture_time), event.capture_time);
     answer.ready = time_;
-    answer.answer.mixture = known_pose(drive_.scene, world_.hidden(event.capture_time));
-    answer.answer.flags = {"in_sight"};
+    answer.answer = sightings_.answer(
+        perceived_.answer, std::max(0.0, event.capture_time - perceived_.capture_time),
+        event.capture_time);
     answers_.clear();  // of what was not in sight
-  } else if (was_in_sight_) {
+  } else if (sightings_.any()) {
     frame.fate = FrameFate::seen_before;
   } else if (time_ < busy_until_) {
     frame.fate = FrameFate::busy;
@@ -458,6 +463,7 @@ DriveResult DriveLoop::run() {
     frame.target_speed = target_speed_;
     if (latest_) {
       frame.mixture = latest_->answer.mixture;
+      frame.velocities = latest_->answer.velocities;
       frame.mixture_age = frame.time - latest_->capture_time;
       frame.flags = latest_->answer.flags;
       frame.error = latest_->answer.error;

@@ -41,6 +41,12 @@ TrueWorld::TrueWorld(const Drive& drive, std::uint64_t seed) : drive_(drive) {
     start_[static_cast<Eigen::Index>(i)] = drawn(component->lower, component->upper, random);
   }
   speed_ = drawn(drive.speed_lower, drive.speed_upper, random);
+  velocity_ = drive.truth.velocity;
+  for (std::size_t i = 0; i < drive.truth.velocity_upper.size(); ++i) {
+    for (const Eigen::Index axis : {0, 1}) {
+      velocity_[i][axis] = drawn(velocity_[i][axis], drive.truth.velocity_upper[i][axis], random);
+    }
+  }
   for (const Surface& surface : drive.scene.surfaces) {
     if (!in_the_way(surface, drive.vehicle.height)) continue;
     walls_.push_back(footprint(surface.shape, surface.T_world_surface));
@@ -54,7 +60,7 @@ std::optional<PoseVector> TrueWorld::hidden(double time) const {
     const Unknown& unknown = drive_.scene.unknowns[i];
     const auto axis = static_cast<Eigen::Index>(unknown.component);
     if (axis > 1) continue;
-    const double speed = drive_.truth.velocity[static_cast<std::size_t>(unknown.object)][axis];
+    const double speed = velocity_[static_cast<std::size_t>(unknown.object)][axis];
     double& value = pose[static_cast<Eigen::Index>(i)];
     value = std::clamp(value + speed * time, unknown.lower, unknown.upper);
   }

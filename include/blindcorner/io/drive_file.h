@@ -61,6 +61,8 @@ struct DriveTruth {
   std::vector<std::optional<TrueComponent>> components;
   /// [objects] m/s. An object stops where its search region ends.
   std::vector<Eigen::Vector2d> velocity;
+  /// [objects] m/s; velocities are drawn uniformly up to these. Empty: they are stated.
+  std::vector<Eigen::Vector2d> velocity_upper;
 };
 
 /// What `blindcorner trials` varies: wanted speeds, in zones of equal width.

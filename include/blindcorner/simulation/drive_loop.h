@@ -12,6 +12,7 @@
 #include "blindcorner/forward/scene/pose_mixture.h"
 #include "blindcorner/inverse/fit.h"
 #include "blindcorner/io/drive_file.h"
+#include "blindcorner/planner/grid/hidden_motion.h"
 #include "blindcorner/planner/vehicles/vehicle_state.h"
 #include "blindcorner/simulation/simulated_sensor.h"
 
@@ -58,6 +59,7 @@ struct DriveFrame {
   FrameFate fate = FrameFate::used;
   double arrival = 0;                  ///< s since the start; of a missing frame its own time
   std::optional<PoseMixture> mixture;  ///< the latest answer that the map knew at this time
+  std::vector<PoseVelocity> velocities;  ///< [modes] of that answer; empty: it has none
   double mixture_age = 0;              ///< s since the capture that it is about
   std::vector<std::string> flags;      ///< of that answer
   std::string error;                   ///< of that answer

@@ -23,10 +23,10 @@ namespace blindcorner {
 
 /// What a perception says of hidden objects after a frame.
 struct PerceptionAnswer {
-  std::optional<PoseMixture> mixture;      ///< empty: it has nothing to say
-  std::vector<PlanarVelocity> velocities;  ///< [hidden objects] where it knows them, else empty
-  std::vector<std::string> flags;          ///< words, as those of a fit's result
-  std::string error;                       ///< one line when it failed on the frame; else empty
+  std::optional<PoseMixture> mixture;    ///< empty: it has nothing to say
+  std::vector<PoseVelocity> velocities;  ///< [modes] where it knows them, else empty
+  std::vector<std::string> flags;        ///< words, as those of a fit's result
+  std::string error;                     ///< one line when it failed on the frame; else empty
 };
 
 /// Called with the frames in the order of time; keeps what it learnt. Not thread safe.

@@ -36,6 +36,7 @@ class TrueWorld {
  private:
   const Drive& drive_;
   PoseVector start_;
+  std::vector<Eigen::Vector2d> velocity_;  ///< [objects] m/s
   double speed_ = 0;
   std::vector<std::vector<Eigen::Vector2d>> walls_;
 };

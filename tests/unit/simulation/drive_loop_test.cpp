@@ -51,6 +51,11 @@ TEST(TrueWorld, MovesAndStopsAtTheRegionsBorder) {
   const TrueWorld world(drive, 1);
   EXPECT_NEAR((*world.hidden(2))[0], 0.6, 1e-12);
   EXPECT_DOUBLE_EQ((*world.hidden(100))[0], 0.9);
+  drive.truth.velocity_upper = {{0.2, 0}};
+  const double drawn = (*TrueWorld(drive, 1).hidden(1))[0];
+  EXPECT_GT(drawn, 0.5);
+  EXPECT_LT(drawn, 0.6);
+  EXPECT_NE(drawn, (*TrueWorld(drive, 2).hidden(1))[0]);
   drive.truth.present = false;
   EXPECT_FALSE(world.hidden(0));
 }

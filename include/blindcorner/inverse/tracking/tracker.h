@@ -114,6 +114,8 @@ class Tracker {
   std::vector<std::optional<Gaussian>> smoothed() const;
   int first_kept_frame() const { return frames_ - static_cast<int>(heaviest_.size()); }
 
+  /// After the latest frame, heaviest first; empty: nothing is tracked.
+  const std::vector<TrackMode>& modes() const { return modes_; }
   const TrackLayout& layout() const { return layout_; }
   const Motion& motion() const { return motion_; }
 

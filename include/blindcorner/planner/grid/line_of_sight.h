@@ -32,6 +32,7 @@ struct LineOfSightScan {
   std::vector<std::size_t> free;          ///< rays of all layers passed through
   std::vector<std::size_t> surface_hits;  ///< a ray ended on the known scene here
   std::vector<std::size_t> object_hits;   ///< a ray ended on something else here
+  std::vector<bool> objects_seen;         ///< [hidden objects] whether a ray ended on it
 };
 
 /// Casts rays at the known scene, whose acceleration structure is built once.
