@@ -27,8 +27,9 @@ bool moves(Component component) { return component == Component::x || component 
 
 void check_size(const std::string& what, Eigen::Index found, Eigen::Index n) {
   if (found == n) return;
-  throw Error("pose mixture", what + " has " + std::to_string(found) + " values; accepted: " +
-                                  std::to_string(n) + ", with covariances of as many rows and columns");
+  throw Error("pose mixture", what + " has " + std::to_string(found) +
+                                  " values; accepted: " + std::to_string(n) +
+                                  ", with covariances of as many rows and columns");
 }
 
 /// n, or -1 for a matrix that is not square.
@@ -59,8 +60,8 @@ PoseVelocity HiddenMotion::any_velocity() const {
 
 void HiddenMotion::move(const PoseVelocity& velocity, double age, PoseMode& mode) const {
   mode.pose += age * velocity.mean;
-  mode.covariance += age * (velocity.with_pose + velocity.with_pose.transpose()) +
-                     age * age * velocity.covariance;
+  mode.covariance +=
+      age * (velocity.with_pose + velocity.with_pose.transpose()) + age * age * velocity.covariance;
   const double q = motion_.acceleration_density * age * age * age / 3;
   for (std::size_t i = 0; i < unknowns_.size(); ++i) {
     const auto row = static_cast<Eigen::Index>(i);

@@ -77,11 +77,14 @@ DriveClaims sum_of(const DrivesRow& row) {
 void print_head() {
   std::printf(
       "found: drives with a sure answer (presence > 0.9) that covers the truth before an object is "
-      "in sight;\nlead, distance: medians of the first one, before sight and to the nearest object; "
-      "error/sigma^2: mean\nnormalised squared error of x and y, at the capture and when the map gets "
-      "it (honest: 1);\nwrong: sure answers whose 99.9 %% region misses the truth (of them flagged)\n");
-  std::printf("%-22s %6s %-8s %8s %7s %13s %9s %7s %13s %14s %9s %6s\n", "drive", "light",
-              "by", "reached", "found", "lead s, m", "distance", "error m", "error/sigma^2",
+      "in sight;\nlead, distance: medians of the first one, before sight and to the nearest "
+      "object; "
+      "error/sigma^2: mean\nnormalised squared error of x and y, at the capture and when the map "
+      "gets "
+      "it (honest: 1);\nwrong: sure answers whose 99.9 %% region misses the truth (of them "
+      "flagged)\n");
+  std::printf("%-22s %6s %-8s %8s %7s %13s %9s %7s %13s %14s %9s %6s\n", "drive", "light", "by",
+              "reached", "found", "lead s, m", "distance", "error m", "error/sigma^2",
               "95 % covers", "wrong", "lost");
 }
 

@@ -72,8 +72,8 @@ json modes_json(const DriveFrame& frame) {
 json modes_later(const Drive& drive, const DriveFrame& frame, double ahead) {
   if (!frame.mixture) return json::array();
   const HiddenMotion motion(drive.scene, drive.motion, OccupancyOptions{}.dwell_time);
-  return modes_json(
-      motion.predicted(*frame.mixture, frame.mixture_age + ahead, frame.velocities), {});
+  return modes_json(motion.predicted(*frame.mixture, frame.mixture_age + ahead, frame.velocities),
+                    {});
 }
 
 json points_json(const std::vector<Eigen::Vector2d>& points) {

@@ -39,8 +39,7 @@ PositionErrors errors_of(const Scene& scene, const PoseMode& mode, const PoseVec
     std::vector<Eigen::Index> places;
     for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
       const Unknown& unknown = scene.unknowns[i];
-      const bool on_ground =
-          unknown.component == Component::x || unknown.component == Component::y;
+      const bool on_ground = unknown.component == Component::x || unknown.component == Component::y;
       if (unknown.object == object && on_ground) places.push_back(static_cast<Eigen::Index>(i));
     }
     const Eigen::VectorXd d = (mode.pose - truth)(places);
@@ -67,8 +66,8 @@ DriveClaims::First first_claim(const Drive& drive, const DriveResult& result,
   first.time = now.time;
   first.distance = std::numeric_limits<double>::infinity();
   for (const Placement& object : placements_at(drive.scene, *now.truth)) {
-    first.distance = std::min(
-        first.distance, (object.position.head<2>() - now.vehicle.position).norm());
+    first.distance =
+        std::min(first.distance, (object.position.head<2>() - now.vehicle.position).norm());
   }
   Eigen::Vector2d before = now.vehicle.position;
   for (const DriveFrame& frame : result.frames) {
@@ -115,8 +114,7 @@ DriveClaims drive_claims(const Drive& drive, const DriveResult& result) {
       continue;
     }
     ++claims.sure;
-    const double level =
-        then->truth ? credible_level(drive.scene, mixture, *then->truth) : 1.0;
+    const double level = then->truth ? credible_level(drive.scene, mixture, *then->truth) : 1.0;
     claims.covered += level <= kCovered ? 1 : 0;
     claims.wrong += level > kWrong ? 1 : 0;
     claims.wrong_flagged += level > kWrong && doubted(frame) ? 1 : 0;

@@ -188,7 +188,7 @@ class DriveLoop {
   double busy_until_ = 0;       ///< s: perception works on a frame
   double standing_since_ = -1;  ///< s; negative: it drives, or has a plan
   double clearance_ = std::numeric_limits<double>::infinity();  ///< m, since the last frame
-  AnswerEvent perceived_;      ///< the last before any hidden object came in direct sight
+  AnswerEvent perceived_;  ///< the last before any hidden object came in direct sight
   std::size_t next_goal_ = 0;
   std::deque<SensedEvent> arriving_;  ///< in order of arrival
   std::deque<AnswerEvent> answers_;   ///< in order of readiness
@@ -309,9 +309,9 @@ void DriveLoop::take_frame(const SensedEvent& event) {
     if (!sightings_.any() && latest_) perceived_ = *latest_;
     sightings_.see(scan.objects_seen, *world_.hidden(event.capture_time), event.capture_time);
     answer.ready = time_;
-    answer.answer = sightings_.answer(
-        perceived_.answer, std::max(0.0, event.capture_time - perceived_.capture_time),
-        event.capture_time);
+    answer.answer = sightings_.answer(perceived_.answer,
+                                      std::max(0.0, event.capture_time - perceived_.capture_time),
+                                      event.capture_time);
     answers_.clear();  // of what was not in sight
   } else if (sightings_.any()) {
     frame.fate = FrameFate::seen_before;

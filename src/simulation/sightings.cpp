@@ -78,7 +78,8 @@ void Sightings::pin(double time, PoseMode& mode, PoseVelocity& velocity) const {
     if (!sighting) continue;
     const auto row = static_cast<Index>(i);
     const PoseMixture then = known_pose(scene_, sighting->pose);
-    const PoseMode now = motion_.predicted(then, std::max(0.0, time - sighting->time)).modes.front();
+    const PoseMode now =
+        motion_.predicted(then, std::max(0.0, time - sighting->time)).modes.front();
     mode.pose[row] = mode.optimum[row] = now.pose[row];
     for (MatrixXd* matrix : {&mode.covariance, &velocity.covariance, &velocity.with_pose}) {
       matrix->row(row).setZero();

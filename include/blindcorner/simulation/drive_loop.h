@@ -57,17 +57,17 @@ struct DriveFrame {
   VehicleState vehicle;
   Transform T_world_sensor = Transform::Identity();
   FrameFate fate = FrameFate::used;
-  double arrival = 0;                  ///< s since the start; of a missing frame its own time
-  std::optional<PoseMixture> mixture;  ///< the latest answer that the map knew at this time
+  double arrival = 0;                    ///< s since the start; of a missing frame its own time
+  std::optional<PoseMixture> mixture;    ///< the latest answer that the map knew at this time
   std::vector<PoseVelocity> velocities;  ///< [modes] of that answer; empty: it has none
-  double mixture_age = 0;              ///< s since the capture that it is about
-  std::vector<std::string> flags;      ///< of that answer
-  std::string error;                   ///< of that answer
-  std::optional<PoseVector> truth;     ///< of the hidden objects
-  std::string plan_text;               ///< what the replanner decided, and why
-  std::vector<Eigen::Vector2d> path;   ///< m, the plan
-  double target_speed = 0;             ///< m/s
-  double clearance = 0;                ///< m, least since the frame before
+  double mixture_age = 0;                ///< s since the capture that it is about
+  std::vector<std::string> flags;        ///< of that answer
+  std::string error;                     ///< of that answer
+  std::optional<PoseVector> truth;       ///< of the hidden objects
+  std::string plan_text;                 ///< what the replanner decided, and why
+  std::vector<Eigen::Vector2d> path;     ///< m, the plan
+  double target_speed = 0;               ///< m/s
+  double clearance = 0;                  ///< m, least since the frame before
   DriveTimes time_ms;
   std::optional<HistogramCube> counts, object_counts;  ///< as sensed; expected of the object
   std::vector<double> occupancy;  ///< [cells] probabilities; NaN where nothing is known
