@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "blindcorner/planner/grid/line_of_sight.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -48,6 +49,12 @@ void mark_free(const GridGeometry& grid, const Vector2d& from, const Vector2d& d
     next[axis] += step[axis];
     (axis == 0 ? cell.column : cell.row) += direction[axis] > 0 ? 1 : -1;
   }
+}
+
+/// Of a sensor's forward axis over the ground, rad.
+double heading(const Transform& T_world_sensor) {
+  const Vector3d forward = T_world_sensor.linear().col(0);
+  return std::atan2(forward.y(), forward.x());
 }
 
 [[noreturn]] void refuse(const std::string& field, double found, const std::string& accepted) {
@@ -109,14 +116,16 @@ LineOfSight::End LineOfSight::nearest_end(const Vector2d& from, const Vector2d& 
 }
 
 LineOfSightScan LineOfSight::scan(const Transform& T_world_sensor,
-                                  const std::vector<Placement>& objects) const {
+                                  const std::vector<Placement>& objects,
+                                  const Transform& T_world_believed) const {
   if (!objects.empty() && objects.size() != objects_.size()) {
     throw Error("line of sight",
                 std::to_string(objects.size()) + " placements; accepted: none or " +
                     std::to_string(objects_.size()) + ", one for each hidden object");
   }
   const Vector2d from = T_world_sensor.translation().head<2>();
-  if (!T_world_sensor.matrix().allFinite()) throw Error("line of sight", "the pose is not finite");
+  if (!T_world_sensor.matrix().allFinite() || !T_world_believed.matrix().allFinite())
+    throw Error("line of sight", "the pose is not finite");
   const Vector2d size = grid_.cell_size * Vector2d(grid_.columns, grid_.rows);
   if ((from - grid_.origin - size / 2).norm() > options_.max_range + size.norm()) return {};
 
@@ -131,8 +140,9 @@ LineOfSightScan LineOfSight::scan(const Transform& T_world_sensor,
     bodies.emplace(triangles);
   }
 
-  const Vector3d forward = T_world_sensor.linear().col(0);
-  const double middle = std::atan2(forward.y(), forward.x());
+  const double middle = heading(T_world_sensor);
+  const Eigen::Rotation2Dd turn(heading(T_world_believed) - middle);
+  const Vector2d believed = T_world_believed.translation().head<2>();
   // A cell at distance d is nowhere narrower than its side: it is h / d wide, as an angle.
   const double widest = grid_.cell_size / (options_.max_range + grid_.cell_size);
   const int directions = static_cast<int>(std::ceil(options_.field_of_view / widest));
@@ -143,8 +153,8 @@ LineOfSightScan LineOfSight::scan(const Transform& T_world_sensor,
     const double angle = middle + options_.field_of_view * ((i + 0.5) / directions - 0.5);
     const Vector2d direction(std::cos(angle), std::sin(angle));
     const End end = nearest_end(from, direction, bodies ? &*bodies : nullptr);
-    mark_free(grid_, from, direction, end.distance, marks);
-    const Cell hit = grid_.cell_at(end.hidden);
+    mark_free(grid_, believed, turn * direction, end.distance, marks);
+    const Cell hit = grid_.cell_at(believed + turn * (end.hidden - from));
     if (end.mark == kNothing || !grid_.contains(hit)) continue;
     std::uint8_t& mark = marks[grid_.index(hit)];
     mark = std::max<std::uint8_t>(mark, end.mark);

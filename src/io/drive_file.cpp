@@ -43,9 +43,17 @@ std::pair<double, double> read_stated_or_drawn(const JsonReader& reader, const N
   return {value, value};
 }
 
+void read_localization(const JsonReader& reader, DriveVehicle& vehicle) {
+  if (!reader.present()) return;
+  reader.allow_only({"sigma_m", "sigma_deg"});
+  vehicle.localization_sigma = reader.at("sigma_m").number_or(0, NumberRange::between(0, 100));
+  vehicle.localization_yaw_sigma =
+      reader.at("sigma_deg").number_or(0, NumberRange::between(0, 90)) * kDegree;
+}
+
 DriveVehicle read_vehicle(const JsonReader& reader) {
   reader.allow_only({"kind", "length_m", "width_m", "height_m", "turning_radius_m", "start",
-                     "brakes_for_curves"});
+                     "brakes_for_curves", "localization"});
   DriveVehicle vehicle;
   if (reader.at("kind").word({"car", "robot"}) == "robot") {
     vehicle.kind = VehicleKind::robot;
@@ -57,6 +65,7 @@ DriveVehicle read_vehicle(const JsonReader& reader) {
   vehicle.turning_radius =
       reader.at("turning_radius_m").number_or(vehicle.turning_radius, NumberRange::between(0, 1e3));
   vehicle.brakes_for_curves = reader.at("brakes_for_curves").boolean_or(true);
+  read_localization(reader.at("localization"), vehicle);
   const JsonReader start = reader.at("start");
   start.allow_only({"position_m", "yaw_deg", "speed_m_per_s"});
   vehicle.start = read_point(start.at("position_m"));

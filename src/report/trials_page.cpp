@@ -25,6 +25,10 @@ constexpr std::array kPublishedLos{1.0, 1.0, 0.80, 0.17, 0.0, 0.0};
 /// Published success by localisation error in metres, from 1-2 to 6-7.
 constexpr std::array kPublishedErrors{0.89, 0.71, 0.42, 0.29, 0.24, 0.13};
 
+/// Perceptions that are compared with each other.
+constexpr std::array<std::pair<const char*, const char*>, 3> kPairs{
+    {{"solver", "los"}, {"oracle", "los"}, {"solver", "oracle"}}};
+
 Results chosen(const Results& results, const std::function<bool(const TrialResult&)>& wanted) {
   Results list;
   std::ranges::copy_if(results, std::back_inserter(list), wanted);
@@ -209,8 +213,6 @@ std::string difference_cell(const PairedCounts& counts) {
 }
 
 std::string difference_section(const Drive& drive, const Results& results) {
-  constexpr std::array<std::pair<const char*, const char*>, 3> kPairs{
-      {{"solver", "los"}, {"oracle", "los"}, {"solver", "oracle"}}};
   std::string html =
       "<h2>Differences, paired by seed</h2>\n<p>Success of the first minus that of the second on "
       "the same trials, with 95 % intervals (Newcombe's tenth method); then trials that only the "
@@ -276,26 +278,61 @@ std::string clearance_section(const Results& results) {
   Chart time{"time of trials that reach the goal", "s", "share of trials with at most it"};
   std::string rows =
       "<table><tr><th>perception<th>collision<th>stopped<th>timeout<th>median clearance, m"
-      "<th>mean time to the goal, s<th>run time a trial, s</tr>\n";
+      "<th>mean way to the goal, m<th>mean time to the goal, s<th>run time a trial, s</tr>\n";
   for (const std::string& name : perceptions_of(results)) {
-    std::vector<double> distances, times, run_times;
+    std::vector<double> distances, lengths, times, run_times;
     std::map<std::string, int> outcomes;
     for (const TrialResult& result : of(results, name)) {
       distances.push_back(result.clearance);
       run_times.push_back(result.run_time);
-      if (result.reached()) times.push_back(result.time);
+      if (result.reached()) times.push_back(result.time), lengths.push_back(result.length);
       ++outcomes[result.outcome];
     }
     clearance.series.push_back(distribution(name, distances));
     time.series.push_back(distribution(name, times));
     std::ranges::sort(distances);
     rows += "<tr><td>" + html_safe(name) +
-            formatted("<td>%d<td>%d<td>%d<td>%.2f<td>%.2f<td>%.1f</tr>\n", outcomes["collision"],
-                      outcomes["stopped"], outcomes["timeout"], distances[distances.size() / 2],
-                      mean(times), mean(run_times));
+            formatted("<td>%d<td>%d<td>%d<td>%.2f<td>%.3f<td>%.2f<td>%.1f</tr>\n",
+                      outcomes["collision"], outcomes["stopped"], outcomes["timeout"],
+                      distances[distances.size() / 2], mean(lengths), mean(times), mean(run_times));
   }
   for (Chart* chart : {&clearance, &time}) chart->width = 460, chart->height = 300;
   return "<h2>Clearance and time</h2>\n" + rows + "</table>\n" + charts_html({clearance, time});
+}
+
+/// Differences of a figure between two perceptions, over trials that both drove to the goal.
+std::vector<double> differences(const Results& first, const Results& second,
+                                double TrialResult::*figure) {
+  std::map<std::uint64_t, double> other;
+  for (const TrialResult& result : second) {
+    if (result.reached()) other[result.trial.seed] = result.*figure;
+  }
+  std::vector<double> values;
+  for (const TrialResult& result : first) {
+    const auto match = other.find(result.trial.seed);
+    if (result.reached() && match != other.end()) values.push_back(result.*figure - match->second);
+  }
+  return values;
+}
+
+std::string mean_cell(const std::vector<double>& values) {
+  if (values.empty()) return "<td>-";
+  const MeanInterval mean = mean_interval(values);
+  return formatted("<td>%+.3f (%+.3f to %+.3f)", mean.value, mean.low, mean.high);
+}
+
+std::string path_section(const Results& results) {
+  std::string rows =
+      "<h2>Way and time, paired by seed</h2>\n<p>Of trials that both drove to the goal: the first "
+      "minus the second, means with 95 % intervals (Student).</p>\n"
+      "<table><tr><th>pair<th>trials<th>way, m<th>time, s</tr>\n";
+  for (const auto& [first, second] : kPairs) {
+    const Results a = of(results, first), b = of(results, second);
+    const std::vector<double> lengths = differences(a, b, &TrialResult::length);
+    rows += formatted("<tr><td>%s - %s<td>%zu", first, second, lengths.size()) +
+            mean_cell(lengths) + mean_cell(differences(a, b, &TrialResult::time)) + "</tr>\n";
+  }
+  return rows + "</table>\n";
 }
 
 /// Predicted against observed occupancy of one perception's cells.
@@ -392,7 +429,7 @@ std::string trials_page(const Drive& drive, const std::vector<TrialResult>& resu
           "speeds, for every perception; intervals hold 95 %% (Wilson).</p>\n",
           results.size(), html_safe(drive.name).c_str(), drive.sensor.light) +
       success_section(drive, plain) + difference_section(drive, plain) + error_section(misled) +
-      clearance_section(plain) + reliability_section(plain) +
+      clearance_section(plain) + path_section(plain) + reliability_section(plain) +
       failures_section(drive, results, replayed);
   return plain_page("Trials: " + drive.name, body);
 }

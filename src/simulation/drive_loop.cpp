@@ -132,7 +132,7 @@ struct SensedEvent {
   double capture_time = 0;  ///< s
   double arrival = 0;       ///< s
   std::size_t frame = 0;
-  Transform T_world_sensor = Transform::Identity();
+  VehicleState vehicle;  ///< true
 };
 
 /// What the perception says of a frame, and when it says it.
@@ -160,9 +160,8 @@ class DriveLoop {
   void mark_walls();
 
   VehicleState state() const { return vehicle_.state(); }
-  Transform T_world_sensor() const {
-    return T_world_vehicle(state()) * drive_.sensor.T_vehicle_sensor;
-  }
+  /// What the vehicle takes its state to be: all that it does with a map starts from here.
+  VehicleState believed() const { return world_.believed(state()); }
   Polygon outline() const;
   std::vector<double> occupancy() const;
   double speed() const { return options_.speed.value_or(world_.speed()); }
@@ -188,7 +187,8 @@ class DriveLoop {
   double busy_until_ = 0;       ///< s: perception works on a frame
   double standing_since_ = -1;  ///< s; negative: it drives, or has a plan
   double clearance_ = std::numeric_limits<double>::infinity();  ///< m, since the last frame
-  AnswerEvent perceived_;  ///< the last before any hidden object came in direct sight
+  VehicleState sensed_from_;  ///< true, at the time of the frame that perception works on
+  AnswerEvent perceived_;     ///< the last before any hidden object came in direct sight
   std::size_t next_goal_ = 0;
   std::deque<SensedEvent> arriving_;  ///< in order of arrival
   std::deque<AnswerEvent> answers_;   ///< in order of readiness
@@ -205,10 +205,11 @@ DriveLoop::DriveLoop(const Drive& drive, const SimulatedSensor& sensor, const Dr
       sensor_(sensor),
       options_(options),
       world_(drive, options.seed),
-      perception_(
-          make_perception(options.perception, {sensor.scene(), drive.motion, options.fit,
-                                               [this](double time) { return world_.hidden(time); },
-                                               options.injected_error, options.seed})),
+      perception_(make_perception(
+          options.perception,
+          {sensor.scene(), drive.motion, options.fit,
+           [this](double time) { return world_.believed_hidden(sensed_from_, time); },
+           options.injected_error, options.seed})),
       delay_(drive.delay.contains(options.perception) ? drive.delay.at(options.perception) : 0.0),
       sight_(drive.scene, drive.map, sight_options(drive)),
       sightings_(drive.scene, drive.motion),
@@ -268,13 +269,13 @@ void DriveLoop::capture_frame() {
   SensedEvent event;
   event.capture_time = event.arrival = time_;
   event.frame = result_.frames.size();
-  event.T_world_sensor = T_world_sensor();
+  event.vehicle = state();
   std::uniform_real_distribution<double> chance(0, 1);
   const bool missing = chance(faults_) < drive_.sensor.missing_share;
   if (chance(faults_) < drive_.sensor.late_share) event.arrival += drive_.sensor.late_by;
   note_frame();
   DriveFrame& frame = result_.frames.back();
-  frame.T_world_sensor = event.T_world_sensor;
+  frame.T_world_sensor = T_world_vehicle(event.vehicle) * drive_.sensor.T_vehicle_sensor;
   frame.arrival = event.arrival;
   if (missing) {
     frame.fate = FrameFate::missing;
@@ -301,13 +302,16 @@ void DriveLoop::note_frame() {
 /// hidden objects are in sight.
 void DriveLoop::take_frame(const SensedEvent& event) {
   DriveFrame& frame = result_.frames[event.frame];
+  const Transform T_world_believed =
+      T_world_vehicle(world_.believed(event.vehicle)) * drive_.sensor.T_vehicle_sensor;
   const LineOfSightScan scan =
-      sight_.scan(event.T_world_sensor, world_.placements(event.capture_time));
+      sight_.scan(frame.T_world_sensor, world_.placements(event.capture_time), T_world_believed);
   AnswerEvent answer{event.capture_time, time_ + delay_, {}};
   if (!scan.object_hits.empty()) {
     frame.fate = FrameFate::in_sight;
     if (!sightings_.any() && latest_) perceived_ = *latest_;
-    sightings_.see(scan.objects_seen, *world_.hidden(event.capture_time), event.capture_time);
+    sightings_.see(scan.objects_seen, *world_.believed_hidden(event.vehicle, event.capture_time),
+                   event.capture_time);
     answer.ready = time_;
     answer.answer = sightings_.answer(perceived_.answer,
                                       std::max(0.0, event.capture_time - perceived_.capture_time),
@@ -321,11 +325,12 @@ void DriveLoop::take_frame(const SensedEvent& event) {
     SensedFrame sensed;
     if (options_.keep_pictures || perception_->needs_histograms()) {
       const Stopwatch watch(frame.time_ms.sense);
-      sensed = sensor_.sense(event.T_world_sensor, world_.hidden(event.capture_time),
+      sensed = sensor_.sense(frame.T_world_sensor, world_.hidden(event.capture_time),
                              options_.seed + kFrameSeeds * (event.frame + 1));
     }
     const Stopwatch watch(frame.time_ms.perceive);
-    answer.answer = perception_->perceive(sensed.capture, event.T_world_sensor, event.capture_time);
+    sensed_from_ = event.vehicle;
+    answer.answer = perception_->perceive(sensed.capture, T_world_believed, event.capture_time);
     busy_until_ = answer.ready;
     if (options_.keep_pictures) {
       frame.counts = std::move(sensed.capture.counts);
@@ -358,7 +363,7 @@ void DriveLoop::plan() {
   const Stopwatch watch(times_.plan);
   const std::vector<double> probabilities = occupancy();
   const PlanningGrid planning = replanner_.planner().grid(drive_.map, probabilities);
-  const VehicleState at = state();
+  const VehicleState at = believed();
   const PlanUpdate update =
       replanner_.update(planning, {at.position, at.yaw}, at.speed, drive_.route[next_goal_]);
   plan_text_ = update.text();
@@ -384,13 +389,14 @@ void DriveLoop::follow(const PlanUpdate& update) {
     options.profile.cornering = std::numeric_limits<double>::infinity();
   }
   options.profile.end = update.action == PlanAction::stop ? 0.0 : speed();
-  follower_.emplace(update.path.points, limits_, state(), options);
+  follower_.emplace(update.path.points, limits_, believed(), options);
 }
 
 /// One control period.
 void DriveLoop::step() {
   const Stopwatch watch(times_.control);
-  const VehicleState before = state();
+  const Vector2d from = state().position;
+  const VehicleState before = believed();
   DriveRequest request = safe_stop(before, limits_);
   target_speed_ = 0;
   if (follower_) {
@@ -401,7 +407,7 @@ void DriveLoop::step() {
   vehicle_.step(request, kStep);
   time_ += kStep;
   const VehicleState after = state();
-  result_.length += (after.position - before.position).norm();
+  result_.length += (after.position - from).norm();
   result_.top_speed = std::max(result_.top_speed, after.speed);
   result_.trace.emplace_back(after.position.x(), after.position.y(), after.yaw);
 }
@@ -416,7 +422,7 @@ bool DriveLoop::finished() {
     result_.outcome = DriveOutcome::collision;
     return true;
   }
-  if ((at.position - drive_.route[next_goal_]).norm() <= drive_.goal_tolerance) {
+  if ((believed().position - drive_.route[next_goal_]).norm() <= drive_.goal_tolerance) {
     if (next_goal_ + 1 == drive_.route.size()) {
       result_.outcome = DriveOutcome::reached;
       return true;

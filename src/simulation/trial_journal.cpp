@@ -22,7 +22,7 @@ namespace blindcorner {
 namespace {
 
 constexpr const char* kHeader =
-    "perception,zone,seed,speed_m_per_s,error_m,outcome,clearance_m,time_s,run_time_s,"
+    "perception,zone,seed,speed_m_per_s,error_m,outcome,clearance_m,time_s,length_m,run_time_s,"
     "statements:occupied:probability in ten bins\n";
 
 /// Digits that give the same number back.
@@ -43,7 +43,8 @@ std::string journal_line(const TrialResult& result) {
   std::string line = trial.perception + "," + std::to_string(trial.zone) + "," +
                      std::to_string(trial.seed) + "," + exact(trial.speed) + "," +
                      exact(trial.error) + "," + result.outcome + "," + exact(result.clearance) +
-                     "," + exact(result.time) + "," + exact(result.run_time);
+                     "," + exact(result.time) + "," + exact(result.length) + "," +
+                     exact(result.run_time);
   for (std::size_t i = 0; i < result.map.statements.size(); ++i) {
     line += "," + std::to_string(result.map.statements[i]) + ":" +
             std::to_string(result.map.occupied[i]) + ":" + exact(result.map.probability[i]);
@@ -57,14 +58,15 @@ TrialResult parse(const std::string& line) {
   std::stringstream stream(line);
   for (std::string cell; std::getline(stream, cell, ',');) cells.push_back(cell);
   TrialResult result;
-  constexpr std::size_t kFirstBin = 9;
+  constexpr std::size_t kFirstBin = 10;
   if (cells.size() != kFirstBin + result.map.statements.size()) throw Error("another length");
   result.trial = {cells[0], std::stoi(cells[1]), std::stoull(cells[2]), std::stod(cells[3]),
                   std::stod(cells[4])};
   result.outcome = cells[5];
   result.clearance = std::stod(cells[6]);
   result.time = std::stod(cells[7]);
-  result.run_time = std::stod(cells[8]);
+  result.length = std::stod(cells[8]);
+  result.run_time = std::stod(cells[9]);
   for (std::size_t i = 0; i < result.map.statements.size(); ++i) {
     std::stringstream bin(cells[kFirstBin + i]);
     char colon = 0;
@@ -121,7 +123,7 @@ void check_study(const std::string& path, const std::string& study) {
 
 std::string table(const DriveTrials& trials, const std::vector<TrialResult>& results,
                   bool with_error) {
-  std::string text = "perception,zone,seed,speed_m_per_s,outcome,clearance_m,time_s";
+  std::string text = "perception,zone,seed,speed_m_per_s,outcome,clearance_m,time_s,length_m";
   text += with_error ? ",error_m\n" : "\n";
   for (const TrialResult& result : results) {
     const Trial& trial = result.trial;
@@ -131,7 +133,8 @@ std::string table(const DriveTrials& trials, const std::vector<TrialResult>& res
                   zone_lower(trials, trial.zone + 1));
     text += trial.perception + "," + zone.data() + "," + std::to_string(trial.seed) + "," +
             fixed(trial.speed, 3) + "," + result.outcome + "," + fixed(result.clearance, 4) + "," +
-            fixed(result.time, 2) + (with_error ? "," + fixed(trial.error, 3) : "") + "\n";
+            fixed(result.time, 2) + "," + fixed(result.length, 3) +
+            (with_error ? "," + fixed(trial.error, 3) : "") + "\n";
   }
   return text;
 }

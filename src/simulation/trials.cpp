@@ -151,6 +151,7 @@ TrialResult run_trial(const Drive& drive, const SimulatedSensor& sensor, const T
   result.outcome = outcome_word(driven.outcome);
   result.clearance = driven.clearance;
   result.time = driven.time;
+  result.length = driven.length;
   result.map = map_statements(drive, trial.seed, driven);
   result.run_time = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return result;

@@ -47,6 +47,10 @@ TrueWorld::TrueWorld(const Drive& drive, std::uint64_t seed) : drive_(drive) {
       velocity_[i][axis] = drawn(velocity_[i][axis], drive.truth.velocity_upper[i][axis], random);
     }
   }
+  // Drawn in any case, and last: the rest of the world is the same with and without an error.
+  std::normal_distribution<double> normal;
+  for (double& offset : offset_) offset = drive.vehicle.localization_sigma * normal(random);
+  turn_ = drive.vehicle.localization_yaw_sigma * normal(random);
   for (const Surface& surface : drive.scene.surfaces) {
     if (!in_the_way(surface, drive.vehicle.height)) continue;
     walls_.push_back(footprint(surface.shape, surface.T_world_surface));
@@ -63,6 +67,30 @@ std::optional<PoseVector> TrueWorld::hidden(double time) const {
     const double speed = velocity_[static_cast<std::size_t>(unknown.object)][axis];
     double& value = pose[static_cast<Eigen::Index>(i)];
     value = std::clamp(value + speed * time, unknown.lower, unknown.upper);
+  }
+  return pose;
+}
+
+VehicleState TrueWorld::believed(const VehicleState& truth) const {
+  VehicleState state = truth;
+  state.position += offset_;
+  state.yaw += turn_;
+  return state;
+}
+
+std::optional<PoseVector> TrueWorld::believed_hidden(const VehicleState& truth, double time) const {
+  std::optional<PoseVector> pose = hidden(time);
+  if (!pose) return pose;
+  const std::vector<Placement> placements = placements_at(drive_.scene, *pose);
+  for (std::size_t i = 0; i < drive_.scene.unknowns.size(); ++i) {
+    const Unknown& unknown = drive_.scene.unknowns[i];
+    double& value = (*pose)[static_cast<Eigen::Index>(i)];
+    if (unknown.component == Component::yaw) value += turn_;
+    const auto axis = static_cast<Eigen::Index>(unknown.component);
+    if (axis > 1) continue;
+    const auto& place = placements[static_cast<std::size_t>(unknown.object)].position;
+    const Eigen::Vector2d seen = Eigen::Rotation2Dd(turn_) * (place.head<2>() - truth.position);
+    value = (truth.position + offset_ + seen)[axis];
   }
   return pose;
 }

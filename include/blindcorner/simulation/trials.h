@@ -35,6 +35,7 @@ struct TrialResult {
   std::string outcome;   ///< outcome_word of drive_loop.h
   double clearance = 0;  ///< m, least
   double time = 0;       ///< s, simulated
+  double length = 0;     ///< m driven
   double run_time = 0;   ///< s that it took to simulate
   /// Cells of the hidden objects' search region, in the last frame before they came in sight, that
   /// the map knew of by then.

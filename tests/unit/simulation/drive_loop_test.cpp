@@ -60,6 +60,29 @@ TEST(TrueWorld, MovesAndStopsAtTheRegionsBorder) {
   EXPECT_FALSE(world.hidden(0));
 }
 
+/// From the vehicle everything stands where it stood: only its map is displaced.
+TEST(TrueWorld, BeliefMovesVehicleAndObjectsTogether) {
+  Drive drive = robot();
+  const TrueWorld exact(drive, 7);
+  drive.vehicle.localization_sigma = 0.1;
+  drive.vehicle.localization_yaw_sigma = 0.2;
+  const TrueWorld world(drive, 7);
+  EXPECT_EQ(*world.hidden(0), *exact.hidden(0));
+  VehicleState state;
+  state.position = {-0.3, 0.5};
+  state.yaw = 0.4;
+  const VehicleState believed = world.believed(state);
+  EXPECT_GT((believed.position - state.position).norm(), 0.01);
+  EXPECT_GT(std::abs(believed.yaw - state.yaw), 0.01);
+  const auto from = [](const VehicleState& vehicle, const PoseVector& pose) {
+    return Eigen::Vector3d(T_world_vehicle(vehicle).inverse() *
+                           Eigen::Vector3d(pose[0], pose[1], 0));
+  };
+  const Eigen::Vector3d seen = from(state, *world.hidden(0));
+  EXPECT_LT((from(believed, *world.believed_hidden(state, 0)) - seen).norm(), 1e-12);
+  EXPECT_EQ(exact.believed(state).position, state.position);
+}
+
 TEST(Perception, KnownByNameOnly) {
   const PerceptionSetup setup{
       robot().scene, robot().motion, {}, [](double) { return std::optional<PoseVector>(); }};
@@ -78,6 +101,19 @@ TEST(Perception, SolverSaysWhatIsWrongWithAFrame) {
   const auto answer = solver->perceive({}, Transform::Identity(), 0);  // no histograms
   EXPECT_FALSE(answer.mixture);
   EXPECT_FALSE(answer.error.empty());
+}
+
+/// It ends where the robot takes the goal to be: off by the error, which it cannot know.
+TEST(DriveLoop, ALocalizationErrorDisplacesTheDrive) {
+  Drive drive = robot();
+  drive.vehicle.localization_sigma = 0.03;
+  const DriveResult result = run(drive, "oracle");
+  EXPECT_EQ(result.outcome, DriveOutcome::reached);
+  const TrueWorld world(drive, 1);
+  VehicleState end;
+  end.position = result.trace.back().head<2>();
+  EXPECT_LE((world.believed(end).position - drive.route.back()).norm(), drive.goal_tolerance);
+  EXPECT_GT((world.believed(end).position - end.position).norm(), 0.005);
 }
 
 TEST(DriveLoop, OracleReachesTheGoal) {

@@ -49,7 +49,13 @@ class LineOfSight {
   /// lies between two of them; in each, the nearest end among the layers counts. A cell in which
   /// any ray ends is no free one.
   LineOfSightScan scan(const Transform& T_world_sensor,
-                       const std::vector<Placement>& objects = {}) const;
+                       const std::vector<Placement>& objects = {}) const {
+    return scan(T_world_sensor, objects, T_world_sensor);
+  }
+  /// The same by a sensor that takes itself to be at another pose: what it sees is displaced with
+  /// it. Both poses differ by a place and a turn over the ground.
+  LineOfSightScan scan(const Transform& T_world_sensor, const std::vector<Placement>& objects,
+                       const Transform& T_world_believed) const;
 
  private:
   struct End;
