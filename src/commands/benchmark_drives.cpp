@@ -65,6 +65,7 @@ DriveClaims sum_of(const DrivesRow& row) {
     sum.answers += run.claims.answers;
     sum.sure += run.claims.sure;
     sum.covered += run.claims.covered;
+    sum.covered_in_map += run.claims.covered_in_map;
     sum.wrong += run.claims.wrong;
     sum.wrong_flagged += run.claims.wrong_flagged;
     sum.lost += run.claims.lost;
@@ -106,7 +107,7 @@ void print_row(const DrivesRow& row) {
               or_dash(sum.at_capture.rms(), "%.2f").c_str(),
               (or_dash(sum.at_capture.ratio(), "%.2f") + ", " + or_dash(sum.in_map.ratio(), "%.2f"))
                   .c_str(),
-              formatted("%d of %d", sum.covered, sum.sure).c_str(),
+              formatted("%d, %d of %d", sum.covered, sum.covered_in_map, sum.sure).c_str(),
               formatted("%d (%d)", sum.wrong, sum.wrong_flagged).c_str(),
               formatted("%d", sum.lost).c_str());
   std::fflush(stdout);
@@ -114,16 +115,17 @@ void print_row(const DrivesRow& row) {
 
 std::string csv(const std::vector<DrivesRow>& rows) {
   std::string text =
-      "drive,light,perception,seed,outcome,clearance_m,answers,sure,covered,wrong,wrong_flagged,"
+      "drive,light,perception,seed,outcome,clearance_m,answers,sure,covered,covered_in_map,wrong,"
+      "wrong_flagged,"
       "lost,rms_error_m,normalised_at_capture,normalised_in_map,first_time_s,lead_s,lead_m,"
       "first_distance_m\n";
   for (const DrivesRow& row : rows) {
     for (const Run& run : row.runs) {
       const DriveClaims& c = run.claims;
-      text += formatted("%s,%g,%s,%llu,%s,%.3f,%d,%d,%d,%d,%d,%d,", row.drive.c_str(), row.light,
+      text += formatted("%s,%g,%s,%llu,%s,%.3f,%d,%d,%d,%d,%d,%d,%d,", row.drive.c_str(), row.light,
                         row.perception.c_str(), static_cast<unsigned long long>(run.seed),
                         outcome_word(run.outcome).c_str(), run.clearance, c.answers, c.sure,
-                        c.covered, c.wrong, c.wrong_flagged, c.lost);
+                        c.covered, c.covered_in_map, c.wrong, c.wrong_flagged, c.lost);
       const auto cell = [](const std::optional<double>& value) {
         return value ? formatted("%.4g", *value) : std::string();
       };

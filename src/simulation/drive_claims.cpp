@@ -16,6 +16,8 @@ namespace {
 
 /// Levels of the regions that a right answer's truth lies in, and a wrong one's does not.
 constexpr double kCovered = 0.95, kWrong = 0.999;
+/// The heaviest mode stands for the whole answer when it weighs more than this.
+constexpr double kDominates = 0.9;
 /// Frames whose times differ by less are the same, s.
 constexpr double kSameTime = 1e-6;
 
@@ -119,9 +121,12 @@ DriveClaims drive_claims(const Drive& drive, const DriveResult& result) {
     claims.wrong += level > kWrong ? 1 : 0;
     claims.wrong_flagged += level > kWrong && doubted(frame) ? 1 : 0;
     if (!then->truth) continue;
-    claims.at_capture.add(errors_of(drive.scene, mixture.modes.front(), *then->truth));
     const PoseMixture now = motion.predicted(mixture, frame.mixture_age, frame.velocities);
-    claims.in_map.add(errors_of(drive.scene, now.modes.front(), *frame.truth));
+    claims.covered_in_map += credible_level(drive.scene, now, *frame.truth) <= kCovered ? 1 : 0;
+    if (mixture.modes.front().weight > kDominates) {
+      claims.at_capture.add(errors_of(drive.scene, mixture.modes.front(), *then->truth));
+      claims.in_map.add(errors_of(drive.scene, now.modes.front(), *frame.truth));
+    }
     if (!claims.first && level <= kCovered) claims.first = first_claim(drive, result, frame);
   }
   return claims;

@@ -26,12 +26,13 @@ struct PositionErrors {
 /// Of one drive. Answers are those of the perception itself, before an object came in sight.
 struct DriveClaims {
   int answers = 0;
-  int sure = 0;           ///< of them: presence above kSurePresence
-  int covered = 0;        ///< of the sure ones: the truth lies in the 95 % region of all unknowns
-  int wrong = 0;          ///< of the sure ones: it lies outside of the 99.9 % region
-  int wrong_flagged = 0;  ///< of the wrong ones: with rival modes or a flag that says so
-  int lost = 0;           ///< not sure any more, after the first correct one
-  PositionErrors at_capture;  ///< of sure answers, when their frame was captured
+  int sure = 0;            ///< of them: presence above kSurePresence
+  int covered = 0;         ///< of the sure ones: the truth lies in the 95 % region of all unknowns
+  int covered_in_map = 0;  ///< the same moved on to when the map got the answer
+  int wrong = 0;           ///< of the sure ones: it lies outside of the 99.9 % region
+  int wrong_flagged = 0;   ///< of the wrong ones: with rival modes or a flag that says so
+  int lost = 0;            ///< not sure any more, after the first correct one
+  PositionErrors at_capture;  ///< of sure answers with one dominating mode, at the capture
   PositionErrors in_map;      ///< the same moved on to when the map got them
 
   /// The first sure answer that covers the truth, when the vehicle had it: s since the start, s and
