@@ -31,7 +31,8 @@ bool by_sight(const DriveFrame& frame) {
 
 /// The answer itself says that it may be wrong.
 bool doubted(const DriveFrame& frame) {
-  return has(frame.flags, "multimodal") || has(frame.flags, "predicted");
+  return has(frame.flags, "multimodal") || has(frame.flags, "predicted") ||
+         has(frame.flags, "at_bound");
 }
 
 /// Of x and y of each hidden object, heaviest mode.
