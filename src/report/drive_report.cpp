@@ -14,11 +14,6 @@
 #include "report/html.h"
 
 namespace blindcorner {
-
-namespace embedded {
-std::string_view report_asset(std::string_view name);
-}
-
 namespace {
 
 using nlohmann::json;
@@ -209,18 +204,6 @@ json world_json(const Drive& drive, const DriveResult& result) {
             {"rows", map.rows}}}};
 }
 
-std::string script_safe(const std::string& text) {
-  std::string safe;
-  for (const char character : text) {
-    if (character == '<') {
-      safe += "\\u003c";
-    } else {
-      safe += character;
-    }
-  }
-  return safe;
-}
-
 }  // namespace
 
 json drive_json(const Drive& drive, const DriveOptions& options, const DriveResult& result) {
@@ -255,18 +238,8 @@ std::string drive_page(const Drive& drive, const DriveOptions& options, const Dr
                      {"world", world_json(drive, result)},
                      {"zones", zones},
                      {"pictures", pictures}};
-  std::string page = "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n";
-  page += "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n";
-  page += "<title>" + html_safe(drive.name) + " - blindcorner</title>\n<style>\n";
-  page += embedded::report_asset("drive_page.css");
-  page +=
-      "</style>\n</head>\n<body>\n<main id=\"page\"></main>\n<noscript>This page draws its "
-      "pictures with JavaScript.</noscript>\n<script type=\"application/json\" id=\"data\">";
-  page += script_safe(dump_json(data));
-  page += "</script>\n<script>\n";
-  page += embedded::report_asset("drive_page.js");
-  page += "</script>\n</body>\n</html>\n";
-  return page;
+  return script_page(drive.name, dump_json(data),
+                     {.style = "drive_page.css", .library = {}, .script = "drive_page.js"});
 }
 
 }  // namespace blindcorner
