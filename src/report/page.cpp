@@ -3,8 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <cstdlib>
 #include <map>
 #include <numeric>
 
@@ -13,6 +11,7 @@
 #include "blindcorner/report/result_file.h"
 #include "report/birds_eye.h"
 #include "report/html.h"
+#include "report/json_values.h"
 
 namespace blindcorner {
 namespace {
@@ -22,9 +21,7 @@ using nlohmann::json;
 /// Five significant digits: enough for any screen, half the bytes.
 json rounded(double value) {
   if (!std::isfinite(value)) return nullptr;
-  char text[32];
-  std::snprintf(text, sizeof text, "%.5g", value);
-  const double shown = std::strtod(text, nullptr);
+  const double shown = with_digits(value, 5);
   if (shown == std::trunc(shown) && std::abs(shown) < 1e9) return static_cast<long>(shown);
   return shown;
 }
