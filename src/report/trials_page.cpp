@@ -301,27 +301,23 @@ std::string clearance_section(const Results& results) {
 /// Predicted against observed occupancy of one perception's cells.
 ChartSeries reliability(const std::string& name, const Results& results, std::string& rows) {
   ChartSeries series{name, {}, SeriesStyle::marked_line, colour_of(name)};
-  MapStatements sum;
-  std::array<int, 10> trials{};
+  ReliabilityDiagram all(kMapBins);
+  std::vector<int> trials(all.counts().size());  // with cells in the bin
   for (const TrialResult& result : results) {
-    for (std::size_t i = 0; i < 10; ++i) {
-      sum.statements[i] += result.map.statements[i];
-      sum.occupied[i] += result.map.occupied[i];
-      sum.probability[i] += result.map.probability[i];
-      trials[i] += result.map.statements[i] > 0 ? 1 : 0;
+    all.merge(result.map);
+    for (std::size_t i = 0; i < trials.size(); ++i) {
+      trials[i] += result.map.counts()[i].statements > 0 ? 1 : 0;
     }
   }
-  for (std::size_t i = 0; i < 10; ++i) {
-    if (sum.statements[i] == 0) continue;
-    const double share = static_cast<double>(sum.occupied[i]) / sum.statements[i];
-    const double predicted = sum.probability[i] / sum.statements[i];
-    const ShareInterval interval =
-        wilson_interval(static_cast<int>(std::lround(share * trials[i])), trials[i]);
-    series.points.push_back({predicted, share});
+  const std::vector<ReliabilityBin> bins = all.bins(trials);
+  for (std::size_t i = 0; i < bins.size(); ++i) {
+    const ReliabilityBin& bin = bins[i];
+    if (bin.statements == 0) continue;
+    series.points.push_back({bin.mean_predicted, bin.observed});
     rows += "<tr><td>" + html_safe(name) +
-            formatted("<td>%.1f-%.1f<td>%.3f<td>%.3f (%.3f to %.3f)<td>%d<td>%d</tr>\n",
-                      0.1 * static_cast<double>(i), 0.1 * static_cast<double>(i + 1), predicted,
-                      share, interval.low, interval.high, sum.statements[i], trials[i]);
+            formatted("<td>%.1f-%.1f<td>%.3f<td>%.3f (%.3f to %.3f)<td>%d<td>%d</tr>\n", bin.lower,
+                      bin.upper, bin.mean_predicted, bin.observed, bin.interval.low,
+                      bin.interval.high, bin.statements, trials[i]);
   }
   return series;
 }

@@ -68,8 +68,9 @@ bool occupied(const std::vector<Polygon>& bodies, const Eigen::Vector2d& center,
 }
 
 /// Of the last frame that perception got with an answer in the map: later ones know by sight.
-MapStatements map_statements(const Drive& drive, std::uint64_t seed, const DriveResult& result) {
-  MapStatements map;
+ReliabilityDiagram map_statements(const Drive& drive, std::uint64_t seed,
+                                  const DriveResult& result) {
+  ReliabilityDiagram map(kMapBins);
   const auto last = std::ranges::find_if(
       result.frames.rbegin(), result.frames.rend(), [](const DriveFrame& frame) {
         return frame.fate == FrameFate::used && frame.mixture && !frame.occupancy.empty();
@@ -80,10 +81,7 @@ MapStatements map_statements(const Drive& drive, std::uint64_t seed, const Drive
     const Eigen::Vector2d at = drive.map.center(drive.map.cell(i));
     const double probability = last->occupancy[i];
     if (std::isnan(probability) || !in_search_region(drive.scene, at)) continue;
-    const auto bin = static_cast<std::size_t>(std::clamp(probability * 10, 0.0, 9.0));
-    ++map.statements[bin];
-    map.occupied[bin] += occupied(bodies, at, drive.map.cell_size) ? 1 : 0;
-    map.probability[bin] += probability;
+    map.add(probability, occupied(bodies, at, drive.map.cell_size));
   }
   return map;
 }

@@ -2,7 +2,6 @@
 /// Many drives, for statistics: which ones, run in parallel, and none of them twice.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <functional>
 #include <string>
@@ -10,6 +9,7 @@
 
 #include "blindcorner/inverse/fit.h"
 #include "blindcorner/io/drive_file.h"
+#include "blindcorner/simulation/reliability_diagram.h"
 #include "blindcorner/simulation/simulated_sensor.h"
 
 namespace blindcorner {
@@ -23,11 +23,8 @@ struct Trial {
   double error = 0;  ///< m, injected (oracle_disc, oracle_covariance); a whole number of mm
 };
 
-/// Statements of the map that cells are occupied, in bins of a tenth of probability.
-struct MapStatements {
-  std::array<int, 10> statements{}, occupied{};
-  std::array<double, 10> probability{};  ///< sums
-};
+/// Bins of what a trial's map said: a tenth of probability each.
+inline constexpr int kMapBins = 10;
 
 /// What became of it.
 struct TrialResult {
@@ -36,9 +33,9 @@ struct TrialResult {
   double clearance = 0;  ///< m, least
   double time = 0;       ///< s, simulated
   double run_time = 0;   ///< s that it took to simulate
-  /// Cells of the hidden objects' search region, in the last frame before they came in sight, that
-  /// the map knew of by then.
-  MapStatements map;
+  /// What the map said of the cells of the hidden objects' search region, in the last frame before
+  /// they came in sight; of those that it knew of by then.
+  ReliabilityDiagram map{kMapBins};
 
   bool reached() const { return outcome == "reached"; }
 };

@@ -41,9 +41,9 @@ TrialResult made_up(const Trial& trial) {
   result.outcome = trial.seed % 3 == 0 ? "collision" : "reached";
   result.clearance = trial.speed / 7;
   result.time = 60 / trial.speed;
-  result.map.statements[2] = 9;
-  result.map.occupied[2] = 2;
-  result.map.probability[2] = trial.speed / 3;
+  std::vector<ReliabilityCount> counts(kMapBins);
+  counts[2] = {9, 2, trial.speed / 3};
+  result.map = ReliabilityDiagram(counts);
   return result;
 }
 
