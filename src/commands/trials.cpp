@@ -4,7 +4,6 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <array>
 #include <cstdio>
 #include <filesystem>
 #include <map>
@@ -21,6 +20,7 @@
 #include "blindcorner/simulation/perception.h"
 #include "blindcorner/simulation/trial_journal.h"
 #include "commands/commands.h"
+#include "commands/lit_drive.h"
 #include "commands/output_directory.h"
 #include "commands/progress.h"
 #include "io/file_bytes.h"
@@ -41,11 +41,8 @@ struct TrialsArguments {
 
 void check_perceptions(const std::vector<std::string>& names) {
   // Oracles that are misled are driven by --error-trials.
-  constexpr std::array kDriven{"los", "solver", "oracle"};
   for (const std::string& name : names) {
-    if (std::ranges::find(kDriven, name) != kDriven.end()) continue;
-    throw Error("--perception",
-                "found \"" + name + "\", accepted: \"los\", \"solver\", \"oracle\"");
+    check_perception(name, "--perception", {"los", "solver", "oracle"});
   }
   if (std::set<std::string>(names.begin(), names.end()).size() != names.size()) {
     throw Error("--perception", "a perception is named twice");
@@ -124,9 +121,7 @@ void print_summary(const Drive& drive, const std::vector<TrialResult>& results) 
 
 int run(const TrialsArguments& arguments) {
   check_perceptions(arguments.options.perceptions);
-  Drive drive = read_drive(arguments.drive);
-  if (arguments.light > 0) drive.sensor.light = arguments.light;
-  drive.scene = with_light(drive.scene, drive.sensor.light);
+  const Drive drive = read_lit_drive(arguments.drive, arguments.light);
   const std::vector<Trial> plan = plan_trials(drive, arguments.options);
   const std::string study =
       trial_study(drive, scene_bytes(arguments.drive), arguments.options.seed);
