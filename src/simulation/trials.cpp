@@ -67,15 +67,12 @@ bool occupied(const std::vector<Polygon>& bodies, const Eigen::Vector2d& center,
                              [&](const Polygon& body) { return convex_distance(cell, body) <= 0; });
 }
 
-/// Of the last frame that perception got with an answer in the map: later ones know by sight.
+/// Of the last map before the hidden objects came in sight.
 ReliabilityDiagram map_statements(const Drive& drive, std::uint64_t seed,
                                   const DriveResult& result) {
   ReliabilityDiagram map(kMapBins);
-  const auto last = std::ranges::find_if(
-      result.frames.rbegin(), result.frames.rend(), [](const DriveFrame& frame) {
-        return frame.fate == FrameFate::used && frame.mixture && !frame.occupancy.empty();
-      });
-  if (last == result.frames.rend()) return map;
+  const DriveFrame* last = last_map(result);
+  if (last == nullptr) return map;
   const std::vector<Polygon> bodies = TrueWorld(drive, seed).bodies(last->time);
   for (std::size_t i = 0; i < drive.map.cells(); ++i) {
     const Eigen::Vector2d at = drive.map.center(drive.map.cell(i));
@@ -142,7 +139,7 @@ TrialResult run_trial(const Drive& drive, const SimulatedSensor& sensor, const T
   options.injected_error = trial.error;
   options.fit = fit;
   options.keep_pictures = false;
-  options.keep_maps = true;
+  options.keep_last_map = true;
   const DriveResult driven = drive_through(drive, sensor, options);
   TrialResult result;
   result.trial = trial;
