@@ -119,33 +119,33 @@ void print_summary(const Drive& drive, const std::vector<TrialResult>& results) 
   }
 }
 
+/// Runs what has no result in the journal yet.
+void run_open_trials(const TrialsArguments& arguments, const Drive& drive,
+                     const SimulatedSensor& sensor, TrialJournal& journal) {
+  const std::vector<Trial> open =
+      open_trials(plan_trials(drive, arguments.options), journal.results());
+  Progress progress("trials", open.size());
+  run_trials(
+      open, arguments.options.threads,
+      [&](const Trial& trial) { return run_trial(drive, sensor, trial); },
+      [&](const TrialResult& result) {
+        journal.add(result);
+        write_tables(arguments.output, drive, sorted(journal));
+        progress.advance();
+      });
+}
+
 int run(const TrialsArguments& arguments) {
   check_perceptions(arguments.options.perceptions);
   const Drive drive = read_lit_drive(arguments.drive, arguments.light);
-  const std::vector<Trial> plan = plan_trials(drive, arguments.options);
+  arguments.options.validate();
   const std::string study =
       trial_study(drive, scene_bytes(arguments.drive), arguments.options.seed);
   const SimulatedSensor sensor(drive.scene);
   make_directory(arguments.output);
   const fs::path directory = arguments.output;
   TrialJournal journal(arguments.output, study);
-  {
-    const auto open = std::ranges::count_if(plan, [&](const Trial& trial) {
-      return std::ranges::none_of(journal.results(), [&](const TrialResult& other) {
-        return same_trial(trial, other.trial);
-      });
-    });
-    Progress progress("trials", static_cast<std::size_t>(open));
-    const std::vector<TrialResult> finished = journal.results();
-    run_trials(
-        plan, finished, arguments.options.threads,
-        [&](const Trial& trial) { return run_trial(drive, sensor, trial); },
-        [&](const TrialResult& result) {
-          journal.add(result);
-          write_tables(directory, drive, sorted(journal));
-          progress.advance();
-        });
-  }
+  run_open_trials(arguments, drive, sensor, journal);
   const std::vector<TrialResult> results = sorted(journal);
   write_tables(directory, drive, results);
   write_replays(directory, drive, sensor, results, arguments.replays);

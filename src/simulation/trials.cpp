@@ -151,28 +151,33 @@ TrialResult run_trial(const Drive& drive, const SimulatedSensor& sensor, const T
   return result;
 }
 
-void run_trials(const std::vector<Trial>& plan, const std::vector<TrialResult>& finished,
-                int threads, const TrialRun& run, const TrialDone& done) {
+std::vector<Trial> open_trials(const std::vector<Trial>& plan,
+                               const std::vector<TrialResult>& finished) {
   std::vector<Trial> open;
   std::ranges::copy_if(plan, std::back_inserter(open), [&](const Trial& trial) {
     return std::ranges::none_of(
         finished, [&](const TrialResult& other) { return same_trial(trial, other.trial); });
   });
+  return open;
+}
+
+void run_trials(const std::vector<Trial>& trials, int threads, const TrialRun& run,
+                const TrialDone& done) {
   std::atomic<std::size_t> next{0};
   std::mutex mutex;
   std::exception_ptr failure;
   const auto work = [&] {
     // A drive by itself in each thread: two drives side by side waste less than one on two cores.
     tbb::task_arena arena(1);
-    for (std::size_t i = next++; i < open.size(); i = next++) {
+    for (std::size_t i = next++; i < trials.size(); i = next++) {
       try {
-        const TrialResult result = arena.execute([&] { return run(open[i]); });
+        const TrialResult result = arena.execute([&] { return run(trials[i]); });
         const std::lock_guard lock(mutex);
         if (!failure) done(result);
       } catch (...) {
         const std::lock_guard lock(mutex);
         if (!failure) failure = std::current_exception();
-        next = open.size();
+        next = trials.size();
       }
     }
   };
@@ -181,7 +186,7 @@ void run_trials(const std::vector<Trial>& plan, const std::vector<TrialResult>& 
                                  : std::max<std::size_t>(1, std::thread::hardware_concurrency());
   {
     std::vector<std::jthread> workers;
-    for (std::size_t i = 1; i < std::min(wanted, open.size()); ++i) workers.emplace_back(work);
+    for (std::size_t i = 1; i < std::min(wanted, trials.size()); ++i) workers.emplace_back(work);
     work();
   }
   if (failure) std::rethrow_exception(failure);

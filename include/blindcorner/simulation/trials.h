@@ -70,10 +70,14 @@ TrialResult run_trial(const Drive& drive, const SimulatedSensor& sensor, const T
 using TrialRun = std::function<TrialResult(const Trial&)>;
 using TrialDone = std::function<void(const TrialResult&)>;
 
-/// Runs the trials that are not among `finished`, `threads` at a time, and calls `done` for each as
-/// it ends, one call at a time. What `run` or `done` throws ends the study and is thrown on.
-void run_trials(const std::vector<Trial>& plan, const std::vector<TrialResult>& finished,
-                int threads, const TrialRun& run, const TrialDone& done);
+/// The trials of a plan that have no result yet.
+std::vector<Trial> open_trials(const std::vector<Trial>& plan,
+                               const std::vector<TrialResult>& finished);
+
+/// Runs trials, `threads` at a time, and calls `done` for each as it ends, one call at a time. What
+/// `run` or `done` throws ends the study and is thrown on.
+void run_trials(const std::vector<Trial>& trials, int threads, const TrialRun& run,
+                const TrialDone& done);
 
 /// Whether two are the same trial of the same perception.
 bool same_trial(const Trial& a, const Trial& b);
