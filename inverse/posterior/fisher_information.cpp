@@ -1,21 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "inverse/posterior/fisher_information.h"
 
-#include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
-
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 
+#include "inverse/likelihood/light_slope.h"
+
 namespace blindcorner {
 namespace {
-
-using LightMap = Eigen::Map<const Eigen::VectorXd>;
-
-LightMap light_of(const ShapeBuffer& buffer) {
-  return {buffer.object.data(), static_cast<Eigen::Index>(buffer.object.size())};
-}
 
 /// Which linear unknowns a zone has for itself.
 struct OwnUnknowns {
@@ -50,29 +43,6 @@ void complete(const ObservedZone& zone, const BinLikelihood& law, const LinearUn
 }
 
 }  // namespace
-
-Eigen::MatrixXd light_slope(const PoseObjective& objective, const LightSource& source,
-                            const PoseVector& pose) {
-  PoseVector step(pose.size());
-  for (Eigen::Index i = 0; i < pose.size(); ++i) {
-    step[i] = step_within(objective.compiled(), pose, i);
-  }
-  Eigen::MatrixXd slope(objective.rows(), pose.size());
-  std::vector<ShapeBuffer> lights(static_cast<std::size_t>(pose.size()) + 1);
-  // Isolated: whoever waits here must not pick up another fit.
-  tbb::this_task_arena::isolate([&] {
-    tbb::parallel_for(std::size_t{0}, lights.size(), [&](std::size_t i) {
-      PoseVector moved = pose;
-      if (i > 0) moved[static_cast<Eigen::Index>(i) - 1] += step[static_cast<Eigen::Index>(i) - 1];
-      objective.shapes(source, moved, lights[i]);
-    });
-  });
-  for (Eigen::Index i = 0; i < pose.size(); ++i) {
-    slope.col(i) =
-        (light_of(lights[static_cast<std::size_t>(i) + 1]) - light_of(lights[0])) / step[i];
-  }
-  return slope;
-}
 
 Eigen::MatrixXd fisher_information(const LinearSolver& solver, std::span<const ZoneShapes> shapes,
                                    const LinearSolution& linear, const Eigen::MatrixXd& slope,
