@@ -83,10 +83,10 @@ bool adjoin(const PoseVector& difference, const PoseVector& spacing) {
 /// The first `most` of a list, best first, that are next to none taken before. `next_to` compares
 /// two of them.
 template <typename Element>
-std::vector<Element> apart(const std::vector<Element>& best_first, std::size_t most,
+std::vector<Element> apart(const std::vector<Element>& list, std::size_t most,
                            const auto& next_to) {
   std::vector<Element> taken;
-  for (const Element& element : best_first) {
+  for (const Element& element : list) {
     if (taken.size() == most) break;
     const auto close = [&](const Element& other) { return next_to(other, element); };
     if (std::ranges::none_of(taken, close)) taken.push_back(element);
