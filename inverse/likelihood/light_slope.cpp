@@ -13,10 +13,11 @@ namespace {
 /// model's is anyway.
 constexpr int kManyRows = 4000;
 
-/// One unknown's column. `here` is not looked at for central differences.
-void difference(const PoseObjective& objective, const LightSource& source, const PoseVector& pose,
-                Eigen::Index unknown, const ShapeBuffer& here, Differences differences,
-                Eigen::Ref<Eigen::VectorXd> column) {
+}  // namespace
+
+void light_slope(const PoseObjective& objective, const LightSource& source, const PoseVector& pose,
+                 const ShapeBuffer& here, Differences differences, Eigen::Index unknown,
+                 Eigen::Ref<Eigen::VectorXd> column) {
   thread_local ShapeBuffer light;
   const Unknown& of = objective.compiled().scene.unknowns[static_cast<std::size_t>(unknown)];
   const double step = step_within(objective.compiled(), pose, unknown);
@@ -37,13 +38,11 @@ void difference(const PoseObjective& objective, const LightSource& source, const
   column = (column - light_of(light)) / (up - down);
 }
 
-}  // namespace
-
 void light_slope(const PoseObjective& objective, const LightSource& source, const PoseVector& pose,
                  const ShapeBuffer& here, Differences differences, Eigen::MatrixXd& slope) {
   slope.resize(objective.rows(), pose.size());
   const auto column = [&](Eigen::Index i) {
-    difference(objective, source, pose, i, here, differences, slope.col(i));
+    light_slope(objective, source, pose, here, differences, i, slope.col(i));
   };
   if (objective.rows() < kManyRows && source.models == nullptr) {
     for (Eigen::Index i = 0; i < pose.size(); ++i) column(i);

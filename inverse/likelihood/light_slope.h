@@ -24,7 +24,12 @@ enum class Differences {
 void light_slope(const PoseObjective& objective, const LightSource& source, const PoseVector& pose,
                  const ShapeBuffer& here, Differences differences, Eigen::MatrixXd& slope);
 
-/// The same by one-sided differences.
+/// [rows] The same in one unknown. Central differences do not look at `here`.
+void light_slope(const PoseObjective& objective, const LightSource& source, const PoseVector& pose,
+                 const ShapeBuffer& here, Differences differences, Eigen::Index unknown,
+                 Eigen::Ref<Eigen::VectorXd> column);
+
+/// All of them by one-sided differences.
 Eigen::MatrixXd light_slope(const PoseObjective& objective, const LightSource& source,
                             const PoseVector& pose);
 

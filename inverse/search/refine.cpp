@@ -137,15 +137,8 @@ class ResidualCost final : public ceres::CostFunction {
     const Scene& scene = objective_.compiled().scene;
     const Eigen::Map<const Eigen::VectorXd> r(residuals, jacobian.rows());
     for (Eigen::Index i = 0; i < jacobian.cols(); ++i) {
-      const auto k = static_cast<std::size_t>(i);
-      if (period_of(scene, k) > 0) continue;
-      const Unknown& unknown = scene.unknowns[k];
-      const double margin = kAtBound * unknown.range();
-      const bool low = pose_[i] <= unknown.lower + margin;
-      const bool high = pose_[i] >= unknown.upper - margin;
-      if (!low && !high) continue;
-      const double gradient = jacobian.col(i).dot(r);
-      if ((low && gradient > 0) || (high && gradient < 0)) jacobian.col(i).setZero();
+      const int bound = bound_at(scene, pose_, i);
+      if (bound != 0 && bound * jacobian.col(i).dot(r) < 0) jacobian.col(i).setZero();
     }
   }
 
@@ -312,6 +305,15 @@ std::vector<Refined> without_slopes(const PoseObjective& objective, std::vector<
 }
 
 }  // namespace
+
+int bound_at(const Scene& scene, const PoseVector& pose, Eigen::Index unknown) {
+  const auto k = static_cast<std::size_t>(unknown);
+  if (period_of(scene, k) > 0) return 0;
+  const Unknown& of = scene.unknowns[k];
+  const double margin = kAtBound * of.range();
+  if (pose[unknown] <= of.lower + margin) return -1;
+  return pose[unknown] >= of.upper - margin ? 1 : 0;
+}
 
 LightSource light_near(const PoseObjective& objective, const Refined& refined) {
   const std::optional<LightSource> steering = steering_light(objective.compiled());
