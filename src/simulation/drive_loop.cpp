@@ -157,6 +157,7 @@ class DriveLoop {
   void step();
   void note_frame();
   bool finished();
+  void forget_maps();
   void mark_walls();
 
   VehicleState state() const { return vehicle_.state(); }
@@ -193,6 +194,7 @@ class DriveLoop {
   std::deque<SensedEvent> arriving_;  ///< in order of arrival
   std::deque<AnswerEvent> answers_;   ///< in order of readiness
   std::optional<AnswerEvent> latest_;
+  std::vector<double> occupancy_;  ///< as the last plan saw it
   std::string plan_text_;
   std::vector<Vector2d> path_;
   double target_speed_ = 0;
@@ -231,16 +233,7 @@ DriveLoop::DriveLoop(const Drive& drive, const SimulatedSensor& sensor, const Dr
 
 /// The known scene is in the map from the start.
 void DriveLoop::mark_walls() {
-  const GridGeometry& map = drive_.map;
-  const double reach = map.cell_size * std::sqrt(0.5);
-  for (std::size_t i = 0; i < map.cells(); ++i) {
-    const Polygon center{map.center(map.cell(i))};
-    for (const Polygon& wall : world_.walls()) {
-      if (convex_distance(center, wall) > reach) continue;
-      grid_.add_static_evidence(map.cell(i), kWallEvidence);
-      break;
-    }
-  }
+  for (const Cell& cell : world_.wall_cells()) grid_.add_static_evidence(cell, kWallEvidence);
 }
 
 Polygon DriveLoop::outline() const {
@@ -288,6 +281,7 @@ void DriveLoop::capture_frame() {
 
 /// What the vehicle knows when a frame is due.
 void DriveLoop::note_frame() {
+  if (!options_.keep_pictures) forget_maps();
   DriveFrame frame;
   frame.time = time_;
   frame.vehicle = state();
@@ -296,6 +290,15 @@ void DriveLoop::note_frame() {
   clearance_ = std::numeric_limits<double>::infinity();
   result_.frames.push_back(std::move(frame));
   times_ = {};
+}
+
+/// Maps that last_map() will not find any more. What becomes of frames on their way is open yet.
+void DriveLoop::forget_maps() {
+  if (!arriving_.empty()) return;
+  const DriveFrame* last = last_map(result_);
+  for (DriveFrame& frame : result_.frames) {
+    if (&frame != last) frame.occupancy = std::vector<double>();
+  }
 }
 
 /// Direct sight goes to the map at once; the histograms go to perception, unless it is busy or
@@ -361,8 +364,8 @@ void DriveLoop::update_map(const LineOfSightScan* scan, const AnswerEvent* event
 
 void DriveLoop::plan() {
   const Stopwatch watch(times_.plan);
-  const std::vector<double> probabilities = occupancy();
-  const PlanningGrid planning = replanner_.planner().grid(drive_.map, probabilities);
+  occupancy_ = occupancy();
+  const PlanningGrid planning = replanner_.planner().grid(drive_.map, occupancy_);
   const VehicleState at = believed();
   const PlanUpdate update =
       replanner_.update(planning, {at.position, at.yaw}, at.speed, drive_.route[next_goal_]);
@@ -474,7 +477,7 @@ DriveResult DriveLoop::run() {
       frame.flags = latest_->answer.flags;
       frame.error = latest_->answer.error;
     }
-    if (options_.keep_pictures || options_.keep_maps) frame.occupancy = occupancy();
+    if (options_.keep_pictures || options_.keep_last_map) frame.occupancy = occupancy_;
   }
   result_.mean_speed = result_.time > 0 ? result_.length / result_.time : 0.0;
   return std::move(result_);
@@ -487,6 +490,14 @@ constexpr std::array kFateWords{"used", "in_sight", "seen_before", "busy", "miss
 
 std::string outcome_word(DriveOutcome outcome) {
   return kOutcomeWords.at(static_cast<std::size_t>(outcome));
+}
+
+const DriveFrame* last_map(const DriveResult& result) {
+  const auto last = std::ranges::find_if(
+      result.frames.rbegin(), result.frames.rend(), [](const DriveFrame& frame) {
+        return frame.fate == FrameFate::used && frame.mixture && !frame.occupancy.empty();
+      });
+  return last == result.frames.rend() ? nullptr : &*last;
 }
 
 std::string fate_word(FrameFate fate) { return kFateWords.at(static_cast<std::size_t>(fate)); }

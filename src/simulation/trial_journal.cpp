@@ -13,6 +13,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <sstream>
+#include <utility>
 
 #include "blindcorner/forward/error.h"
 #include "blindcorner/io/atomic_file.h"
@@ -45,9 +46,9 @@ std::string journal_line(const TrialResult& result) {
                      exact(trial.error) + "," + result.outcome + "," + exact(result.clearance) +
                      "," + exact(result.time) + "," + exact(result.length) + "," +
                      exact(result.run_time);
-  for (std::size_t i = 0; i < result.map.statements.size(); ++i) {
-    line += "," + std::to_string(result.map.statements[i]) + ":" +
-            std::to_string(result.map.occupied[i]) + ":" + exact(result.map.probability[i]);
+  for (const ReliabilityCount& bin : result.map.counts()) {
+    line += "," + std::to_string(bin.statements) + ":" + std::to_string(bin.happened) + ":" +
+            exact(bin.sum);
   }
   return line + "\n";
 }
@@ -59,7 +60,8 @@ TrialResult parse(const std::string& line) {
   for (std::string cell; std::getline(stream, cell, ',');) cells.push_back(cell);
   TrialResult result;
   constexpr std::size_t kFirstBin = 10;
-  if (cells.size() != kFirstBin + result.map.statements.size()) throw Error("another length");
+  std::vector<ReliabilityCount> counts(kMapBins);
+  if (cells.size() != kFirstBin + counts.size()) throw Error("another length");
   result.trial = {cells[0], std::stoi(cells[1]), std::stoull(cells[2]), std::stod(cells[3]),
                   std::stod(cells[4])};
   result.outcome = cells[5];
@@ -67,13 +69,13 @@ TrialResult parse(const std::string& line) {
   result.time = std::stod(cells[7]);
   result.length = std::stod(cells[8]);
   result.run_time = std::stod(cells[9]);
-  for (std::size_t i = 0; i < result.map.statements.size(); ++i) {
+  for (std::size_t i = 0; i < counts.size(); ++i) {
     std::stringstream bin(cells[kFirstBin + i]);
     char colon = 0;
-    bin >> result.map.statements[i] >> colon >> result.map.occupied[i] >> colon >>
-        result.map.probability[i];
+    bin >> counts[i].statements >> colon >> counts[i].happened >> colon >> counts[i].sum;
     if (!bin) throw Error("not three numbers");
   }
+  result.map = ReliabilityDiagram(std::move(counts));
   return result;
 }
 

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "blindcorner/simulation/true_world.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <random>
 
@@ -55,6 +57,29 @@ TrueWorld::TrueWorld(const Drive& drive, std::uint64_t seed) : drive_(drive) {
     if (!in_the_way(surface, drive.vehicle.height)) continue;
     walls_.push_back(footprint(surface.shape, surface.T_world_surface));
   }
+}
+
+std::vector<Cell> TrueWorld::wall_cells() const {
+  const GridGeometry& map = drive_.map;
+  const double reach = map.cell_size * std::sqrt(0.5);
+  std::vector<Cell> cells;
+  std::vector<bool> found(map.cells());
+  for (const auto& wall : walls_) {
+    Eigen::AlignedBox2d box;
+    for (const Eigen::Vector2d& corner : wall) box.extend(corner);
+    const Cell low = map.cell_at(box.min().array() - reach);
+    const Cell high = map.cell_at(box.max().array() + reach);
+    for (int row = std::max(low.row, 0); row <= std::min(high.row, map.rows - 1); ++row) {
+      for (int column = std::max(low.column, 0); column <= std::min(high.column, map.columns - 1);
+           ++column) {
+        const Cell cell{column, row};
+        if (found[map.index(cell)] || convex_distance({map.center(cell)}, wall) > reach) continue;
+        found[map.index(cell)] = true;
+        cells.push_back(cell);
+      }
+    }
+  }
+  return cells;
 }
 
 std::optional<PoseVector> TrueWorld::hidden(double time) const {

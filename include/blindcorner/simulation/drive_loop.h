@@ -24,7 +24,7 @@ struct DriveOptions {
   std::optional<double> speed;  ///< m/s; empty: the drive file's
   FitOptions fit;               ///< of the solver; its detection is the tracker's
   bool keep_pictures = true;    ///< histograms and grids of the frames, for a page
-  bool keep_maps = false;       ///< grids of the frames, for statistics
+  bool keep_last_map = false;   ///< the grid of the frame that last_map() finds, for statistics
   double injected_error = 0;    ///< m, of the misled oracles (perception.h)
 };
 
@@ -83,6 +83,10 @@ struct DriveResult {
   std::vector<Eigen::Vector3d> trace;  ///< x, y (m), yaw (rad) at every control step
   double trace_step = 0;               ///< s between them
 };
+
+/// The last frame that perception got with an answer in the map, as far as maps were kept; later
+/// ones know by sight. Null: there is none.
+const DriveFrame* last_map(const DriveResult& result);
 
 /// Drives until goal, collision, standstill without a plan, or time limit. `sensor` is made from
 /// the drive's scene with its light (with_light), once for many drives. The same seed gives the

@@ -62,6 +62,10 @@ struct PerceptionSetup {
 /// the first is sure of a disc of 1 m there, as published; the second states a covariance to match.
 std::vector<std::string> perception_names();
 
+/// Throws Error naming `field` unless the name is among those that are accepted there.
+void check_perception(const std::string& name, const std::string& field,
+                      const std::vector<std::string>& accepted = perception_names());
+
 /// Throws Error for an unknown name, and where the scene does not suit the perception.
 std::unique_ptr<Perception> make_perception(const std::string& name, const PerceptionSetup& setup);
 

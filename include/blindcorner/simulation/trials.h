@@ -2,7 +2,6 @@
 /// Many drives, for statistics: which ones, run in parallel, and none of them twice.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <functional>
 #include <string>
@@ -10,6 +9,7 @@
 
 #include "blindcorner/inverse/fit.h"
 #include "blindcorner/io/drive_file.h"
+#include "blindcorner/simulation/reliability_diagram.h"
 #include "blindcorner/simulation/simulated_sensor.h"
 
 namespace blindcorner {
@@ -23,11 +23,8 @@ struct Trial {
   double error = 0;  ///< m, injected (oracle_disc, oracle_covariance); a whole number of mm
 };
 
-/// Statements of the map that cells are occupied, in bins of a tenth of probability.
-struct MapStatements {
-  std::array<int, 10> statements{}, occupied{};
-  std::array<double, 10> probability{};  ///< sums
-};
+/// Bins of what a trial's map said: a tenth of probability each.
+inline constexpr int kMapBins = 10;
 
 /// What became of it.
 struct TrialResult {
@@ -37,9 +34,9 @@ struct TrialResult {
   double time = 0;       ///< s, simulated
   double length = 0;     ///< m driven
   double run_time = 0;   ///< s that it took to simulate
-  /// Cells of the hidden objects' search region, in the last frame before they came in sight, that
-  /// the map knew of by then.
-  MapStatements map;
+  /// What the map said of the cells of the hidden objects' search region, in the last frame before
+  /// they came in sight; of those that it knew of by then.
+  ReliabilityDiagram map{kMapBins};
 
   bool reached() const { return outcome == "reached"; }
 };
@@ -74,10 +71,14 @@ TrialResult run_trial(const Drive& drive, const SimulatedSensor& sensor, const T
 using TrialRun = std::function<TrialResult(const Trial&)>;
 using TrialDone = std::function<void(const TrialResult&)>;
 
-/// Runs the trials that are not among `finished`, `threads` at a time, and calls `done` for each as
-/// it ends, one call at a time. What `run` or `done` throws ends the study and is thrown on.
-void run_trials(const std::vector<Trial>& plan, const std::vector<TrialResult>& finished,
-                int threads, const TrialRun& run, const TrialDone& done);
+/// The trials of a plan that have no result yet.
+std::vector<Trial> open_trials(const std::vector<Trial>& plan,
+                               const std::vector<TrialResult>& finished);
+
+/// Runs trials, `threads` at a time, and calls `done` for each as it ends, one call at a time. What
+/// `run` or `done` throws ends the study and is thrown on.
+void run_trials(const std::vector<Trial>& trials, int threads, const TrialRun& run,
+                const TrialDone& done);
 
 /// Whether two are the same trial of the same perception.
 bool same_trial(const Trial& a, const Trial& b);

@@ -34,6 +34,8 @@ class TrueWorld {
   /// Corners (m) of the known surfaces that stand in the vehicle's way, seen from above: what
   /// reaches into the heights between a kerb and the vehicle's roof.
   const std::vector<std::vector<Eigen::Vector2d>>& walls() const { return walls_; }
+  /// Cells of the drive's map whose circumcircle a wall reaches into.
+  std::vector<Cell> wall_cells() const;
   /// Of the hidden objects.
   std::vector<std::vector<Eigen::Vector2d>> bodies(double time) const;
 

@@ -5,6 +5,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
+#include <cstring>
 #include <memory>
 
 #include "blindcorner/forward/error.h"
@@ -81,6 +84,24 @@ TEST(TrueWorld, BeliefMovesVehicleAndObjectsTogether) {
   const Eigen::Vector3d seen = from(state, *world.hidden(0));
   EXPECT_LT((from(believed, *world.believed_hidden(state, 0)) - seen).norm(), 1e-12);
   EXPECT_EQ(exact.believed(state).position, state.position);
+}
+
+// The cells that are looked at are all that there are to find.
+TEST(TrueWorld, WallCellsAreThoseThatWallsReachInto) {
+  const TrueWorld world(robot(), 1);
+  const GridGeometry& map = robot().map;
+  std::vector<bool> found(map.cells());
+  for (const Cell& cell : world.wall_cells()) {
+    EXPECT_FALSE(found[map.index(cell)]) << "twice";
+    found[map.index(cell)] = true;
+  }
+  for (std::size_t i = 0; i < map.cells(); ++i) {
+    const Polygon center{map.center(map.cell(i))};
+    const bool reached = std::ranges::any_of(world.walls(), [&](const Polygon& wall) {
+      return convex_distance(center, wall) <= map.cell_size * std::sqrt(0.5);
+    });
+    EXPECT_EQ(found[i], reached) << "cell " << i;
+  }
 }
 
 TEST(Perception, KnownByNameOnly) {
@@ -179,6 +200,35 @@ TEST(DriveLoop, LateFramesArriveInOrder) {
   drive.sensor.late_by = 0.3;
   const DriveResult result = run(drive, "oracle");
   EXPECT_EQ(result.outcome, DriveOutcome::reached);
+}
+
+// Statistics of the map read one frame's; which one does not depend on what else is kept, nor on
+// frames that arrive late.
+TEST(DriveLoop, KeepsTheMapThatStatisticsRead) {
+  Drive drive = robot();
+  drive.sensor.late_share = 0.5;
+  drive.sensor.late_by = 0.3;
+  drive.time_limit = 3;
+  DriveOptions options;
+  options.perception = "oracle";
+  const DriveResult all = drive_through(drive, sensor(), options);
+  options.keep_pictures = false;
+  options.keep_last_map = true;
+  const DriveResult one = drive_through(drive, sensor(), options);
+  const DriveFrame* there = last_map(all);
+  const DriveFrame* kept = last_map(one);
+  ASSERT_NE(there, nullptr);
+  ASSERT_NE(kept, nullptr);
+  EXPECT_EQ(kept->time, there->time);
+  ASSERT_EQ(kept->occupancy.size(), there->occupancy.size());
+  EXPECT_EQ(std::memcmp(kept->occupancy.data(), there->occupancy.data(),
+                        kept->occupancy.size() * sizeof(double)),
+            0);  // bytes: NaN where nothing is known
+  const auto maps = [](const DriveResult& result) {
+    return std::ranges::count_if(result.frames,
+                                 [](const DriveFrame& frame) { return !frame.occupancy.empty(); });
+  };
+  EXPECT_LT(maps(one), maps(all) / 2);
 }
 
 TEST(DriveLoop, NoWayEndsInAStop) {
