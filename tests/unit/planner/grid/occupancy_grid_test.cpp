@@ -272,8 +272,10 @@ TEST(OccupancyGrid, RefusesNonsenseAndStaysAsItWas) {
   bad.mixture.modes[0].covariance = MatrixXd::Identity(1, 2);
   EXPECT_THROW(grid.update(0.1, nullptr, &bad), Error);
   bad = good;
-  bad.velocities.resize(1);
-  bad.velocities[0].mean.x() = std::nan("");
+  bad.velocities.resize(1);  // without values
+  EXPECT_THROW(grid.update(0.1, nullptr, &bad), Error);
+  bad.velocities[0] = HiddenMotion(scene_of(), Motion{}, 60).any_velocity();
+  bad.velocities[0].mean[0] = std::nan("");
   EXPECT_THROW(grid.update(0.1, nullptr, &bad), Error);
   EXPECT_THROW(grid.update(-1, nullptr, &good), Error);
   EXPECT_THROW(grid.update(std::nan(""), nullptr, &good), Error);
