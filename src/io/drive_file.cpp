@@ -53,7 +53,7 @@ void read_localization(const JsonReader& reader, DriveVehicle& vehicle) {
 
 DriveVehicle read_vehicle(const JsonReader& reader) {
   reader.allow_only({"kind", "length_m", "width_m", "height_m", "turning_radius_m", "start",
-                     "brakes_for_curves", "localization"});
+                     "brakes_for_curves", "cornering_share", "localization"});
   DriveVehicle vehicle;
   if (reader.at("kind").word({"car", "robot"}) == "robot") {
     vehicle.kind = VehicleKind::robot;
@@ -65,6 +65,10 @@ DriveVehicle read_vehicle(const JsonReader& reader) {
   vehicle.turning_radius =
       reader.at("turning_radius_m").number_or(vehicle.turning_radius, NumberRange::between(0, 1e3));
   vehicle.brakes_for_curves = reader.at("brakes_for_curves").boolean_or(true);
+  if (const JsonReader share = reader.at("cornering_share"); share.present()) {
+    vehicle.cornering_share =
+        share.number(NumberRange{.lower = 0, .upper = 1, .above_lower = true});
+  }
   read_localization(reader.at("localization"), vehicle);
   const JsonReader start = reader.at("start");
   start.allow_only({"position_m", "yaw_deg", "speed_m_per_s"});

@@ -79,7 +79,15 @@ std::shared_ptr<const VehicleModel> model_of(const DriveVehicle& vehicle) {
   return make_differential_drive(parameters);
 }
 
-PathPlannerOptions planner_options(const DriveVehicle& vehicle, const VehicleModel& model) {
+/// Tightest turn of a plan, m: v^2 / r is what friction has to hold.
+double turning_radius(const DriveVehicle& vehicle, const VehicleLimits& limits, double speed) {
+  if (!vehicle.cornering_share) return vehicle.turning_radius;
+  return std::max(vehicle.turning_radius,
+                  speed * speed / (*vehicle.cornering_share * limits.friction));
+}
+
+PathPlannerOptions planner_options(const DriveVehicle& vehicle, const VehicleModel& model,
+                                   double radius) {
   PathPlannerOptions options =
       vehicle.kind == VehicleKind::car ? PathPlannerOptions::car() : PathPlannerOptions::robot();
   options.grid.occupied_threshold = kAvoidedProbability;
@@ -87,17 +95,16 @@ PathPlannerOptions planner_options(const DriveVehicle& vehicle, const VehicleMod
   options.grid.risk_weight = kRiskWeight;
   const VehicleRectangle body = model.footprint();
   const double margin = kMargin * body.width;
-  options.smoothing.min_turning_radius = vehicle.turning_radius;
+  options.smoothing.min_turning_radius = radius;
   options.smoothing.footprint =
       VehicleFootprint::rectangle(body.length + 2 * margin, body.width + 2 * margin, body.center_x);
   return options;
 }
 
-ReplannerOptions replanner_options(const Drive& drive, const VehicleLimits& limits) {
+ReplannerOptions replanner_options(const Drive& drive, const VehicleLimits& limits, double radius) {
   ReplannerOptions options;
   options.goal_tolerance = drive.goal_tolerance;
   options.max_offset = std::min(options.max_offset, drive.vehicle.width);
-  const double radius = drive.vehicle.turning_radius;
   const double tightest = kSteeringShare * limits.curvature;
   if (std::isfinite(tightest) && tightest * radius > 1) options.max_curvature = tightest;
   options.stop_margin = std::min(options.stop_margin, drive.vehicle.length / 2);
@@ -218,8 +225,10 @@ DriveLoop::DriveLoop(const Drive& drive, const SimulatedSensor& sensor, const Dr
       grid_(drive.map, map_scene(drive.scene, perception_->disc_radius()), drive.motion),
       vehicle_(model_of(drive.vehicle)),
       limits_(vehicle_.model().limits()),
-      replanner_(planner_options(drive.vehicle, vehicle_.model()),
-                 replanner_options(drive, limits_)),
+      replanner_(
+          planner_options(drive.vehicle, vehicle_.model(),
+                          turning_radius(drive.vehicle, limits_, speed())),
+          replanner_options(drive, limits_, turning_radius(drive.vehicle, limits_, speed()))),
       faults_(options.seed ^ kFaultSeed) {
   VehicleState start;
   start.position = drive.vehicle.start;

@@ -29,6 +29,9 @@ struct DriveVehicle {
   std::optional<double> start_speed;  ///< m/s; empty: the wanted speed
   /// Whether the speed is lowered to what friction holds in curves, or held at the wanted one.
   bool brakes_for_curves = true;
+  /// Share of the friction limit (mu g) that the curves of a plan may need at the wanted speed;
+  /// empty: plans do not look at it.
+  std::optional<double> cornering_share;
   /// Standard deviations of where the vehicle takes itself to be: an offset that stays the same for
   /// a whole drive, since a map and odometry drift slower than a corner is taken.
   double localization_sigma = 0;      ///< m, of x and of y
