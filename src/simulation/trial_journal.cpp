@@ -24,6 +24,8 @@ namespace {
 constexpr const char* kHeader =
     "perception,zone,seed,speed_m_per_s,error_m,outcome,clearance_m,time_s,run_time_s,"
     "statements:occupied:probability in ten bins\n";
+/// Of studies with a corner, after all the others.
+constexpr const char* kCornerColumn = ",mean_speed_m_per_s";
 
 /// Digits that give the same number back.
 std::string exact(double value) {
@@ -48,6 +50,7 @@ std::string journal_line(const TrialResult& result) {
     line += "," + std::to_string(result.map.statements[i]) + ":" +
             std::to_string(result.map.occupied[i]) + ":" + exact(result.map.probability[i]);
   }
+  if (result.corner_speed > 0) line += "," + exact(result.corner_speed);
   return line + "\n";
 }
 
@@ -58,7 +61,9 @@ TrialResult parse(const std::string& line) {
   for (std::string cell; std::getline(stream, cell, ',');) cells.push_back(cell);
   TrialResult result;
   constexpr std::size_t kFirstBin = 9;
-  if (cells.size() != kFirstBin + result.map.statements.size()) throw Error("another length");
+  const std::size_t after_bins = kFirstBin + result.map.statements.size();
+  if (cells.size() != after_bins && cells.size() != after_bins + 1) throw Error("another length");
+  if (cells.size() > after_bins) result.corner_speed = std::stod(cells.back());
   result.trial = {cells[0], std::stoi(cells[1]), std::stoull(cells[2]), std::stod(cells[3]),
                   std::stod(cells[4])};
   result.outcome = cells[5];
@@ -122,7 +127,10 @@ void check_study(const std::string& path, const std::string& study) {
 std::string table(const DriveTrials& trials, const std::vector<TrialResult>& results,
                   bool with_error) {
   std::string text = "perception,zone,seed,speed_m_per_s,outcome,clearance_m,time_s";
-  text += with_error ? ",error_m\n" : "\n";
+  const bool with_corner = trials.corner_radius > 0;
+  if (with_error) text += ",error_m";
+  if (with_corner) text += kCornerColumn;
+  text += "\n";
   for (const TrialResult& result : results) {
     const Trial& trial = result.trial;
     if ((trial.error > 0) != with_error) continue;
@@ -131,7 +139,8 @@ std::string table(const DriveTrials& trials, const std::vector<TrialResult>& res
                   zone_lower(trials, trial.zone + 1));
     text += trial.perception + "," + zone.data() + "," + std::to_string(trial.seed) + "," +
             fixed(trial.speed, 3) + "," + result.outcome + "," + fixed(result.clearance, 4) + "," +
-            fixed(result.time, 2) + (with_error ? "," + fixed(trial.error, 3) : "") + "\n";
+            fixed(result.time, 2) + (with_error ? "," + fixed(trial.error, 3) : "") +
+            (with_corner ? "," + fixed(result.corner_speed, 3) : "") + "\n";
   }
   return text;
 }

@@ -14,6 +14,8 @@ namespace {
 
 /// Surfaces that end below this height are driven over: the road, m.
 constexpr double kKerb = 0.05;
+/// Whether there is an object at all is drawn from another sequence than where it is.
+constexpr std::uint64_t kPresenceSeed = 0xd6e8feb86659fd93;
 
 bool in_the_way(const Surface& surface, double vehicle_height) {
   double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
@@ -41,6 +43,8 @@ TrueWorld::TrueWorld(const Drive& drive, std::uint64_t seed) : drive_(drive) {
     start_[static_cast<Eigen::Index>(i)] = drawn(component->lower, component->upper, random);
   }
   speed_ = drawn(drive.speed_lower, drive.speed_upper, random);
+  std::mt19937_64 presence(seed ^ kPresenceSeed);
+  present_ = std::uniform_real_distribution<double>(0, 1)(presence) < drive.truth.present;
   for (const Surface& surface : drive.scene.surfaces) {
     if (!in_the_way(surface, drive.vehicle.height)) continue;
     walls_.push_back(footprint(surface.shape, surface.T_world_surface));
@@ -48,7 +52,7 @@ TrueWorld::TrueWorld(const Drive& drive, std::uint64_t seed) : drive_(drive) {
 }
 
 std::optional<PoseVector> TrueWorld::hidden(double time) const {
-  if (!drive_.truth.present) return std::nullopt;
+  if (!present_) return std::nullopt;
   PoseVector pose = start_;
   for (std::size_t i = 0; i < drive_.scene.unknowns.size(); ++i) {
     const Unknown& unknown = drive_.scene.unknowns[i];

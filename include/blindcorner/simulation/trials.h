@@ -14,6 +14,8 @@
 
 namespace blindcorner {
 
+struct DriveResult;
+
 /// One drive of a study.
 struct Trial {
   std::string perception;
@@ -36,6 +38,9 @@ struct TrialResult {
   double clearance = 0;  ///< m, least
   double time = 0;       ///< s, simulated
   double run_time = 0;   ///< s that it took to simulate
+  /// m/s, while the vehicle was within DriveTrials::corner_radius of the corner; 0: it never was,
+  /// or the study has no corner.
+  double corner_speed = 0;
   /// Cells of the hidden objects' search region, in the last frame before they came in sight, that
   /// the map knew of by then.
   MapStatements map;
@@ -72,6 +77,9 @@ TrialResult run_trial(const Drive& drive, const SimulatedSensor& sensor, const T
 
 using TrialRun = std::function<TrialResult(const Trial&)>;
 using TrialDone = std::function<void(const TrialResult&)>;
+
+/// Mean speed over the part of a drive within a radius of a point, m/s; 0: it never came there.
+double mean_speed_within(const DriveResult& result, const Eigen::Vector2d& point, double radius);
 
 /// Runs the trials that are not among `finished`, `threads` at a time, and calls `done` for each as
 /// it ends, one call at a time. What `run` or `done` throws ends the study and is thrown on.

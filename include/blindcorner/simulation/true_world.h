@@ -37,6 +37,7 @@ class TrueWorld {
   const Drive& drive_;
   PoseVector start_;
   double speed_ = 0;
+  bool present_ = true;
   std::vector<std::vector<Eigen::Vector2d>> walls_;
 };
 
