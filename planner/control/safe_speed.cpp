@@ -24,7 +24,8 @@ constexpr double kSteeringOffset = 0.15;
 /// A stop at a place of the path: the largest speeds from which it is possible.
 class Stop {
  public:
-  Stop(std::span<const PathPoint> path, double place, const VehicleLimits& limits, double braking) {
+  Stop(std::span<const PathPoint> path, double place, const VehicleLimits& limits, double braking)
+      : braking_(braking * limits.friction) {
     const auto after = std::ranges::lower_bound(path, place, {}, &PathPoint::arc_length);
     points_.assign(path.begin(), after);
     points_.push_back(path_at(path, place));
@@ -48,18 +49,20 @@ class Stop {
     return std::sqrt(low + share * (high - low));
   }
 
-  /// The same for a vehicle that brakes only after a time, s.
-  double speed_at(double arc_length, double reaction_time) const {
+  /// The same for a vehicle that brakes only after a time, s, for what comes towards it, m/s.
+  double speed_at(double arc_length, double reaction_time, double closing_speed) const {
     double low = 0, high = speed_at(arc_length);
     constexpr int kHalvings = 30;  // to 1e-8 m/s
     for (int i = 0; i < kHalvings && low < high; ++i) {
       const double v = (low + high) / 2;
-      (v <= speed_at(arc_length + v * reaction_time) ? low : high) = v;
+      const double taken = v * reaction_time + closing_speed * (reaction_time + v / braking_);
+      (v <= speed_at(arc_length + taken) ? low : high) = v;
     }
     return low;
   }
 
  private:
+  double braking_;  ///< m/s^2
   std::vector<PathPoint> points_;
   std::vector<double> speeds_;  ///< m/s, at the points
 };
@@ -86,13 +89,13 @@ std::vector<Demand> demands_of(std::span<const PathPoint> path, const VehicleLim
     ahead[{stop, std::clamp(encounter.sight, from, stop)}] += encounter.probability;
   }
   std::vector<Demand> demands;
-  const Stop* stop = nullptr;
   std::map<double, Stop> stops;
   for (const auto& [places, probability] : ahead) {
-    stop =
-        &stops.try_emplace(places.first, path, places.first, limits, options.braking).first->second;
-    demands.push_back(
-        {stop->speed_at(places.second, options.reaction_time), places.second, probability});
+    const auto& [place, sight] = places;
+    const Stop& stop = stops.try_emplace(place, path, place, limits, options.braking).first->second;
+    const double closing =
+        sight > from ? options.closing_speed : 0.0;  // what is seen shows its own
+    demands.push_back({stop.speed_at(sight, options.reaction_time, closing), sight, probability});
   }
   return demands;
 }
@@ -119,6 +122,8 @@ void SafeSpeedOptions::validate() const {
   require("reaction_time", reaction_time, reaction_time >= 0 && std::isfinite(reaction_time),
           "seconds >= 0");
   require("braking", braking, braking > 0 && braking <= 1, "a share above 0, at most 1");
+  require("closing_speed", closing_speed, closing_speed >= 0 && std::isfinite(closing_speed),
+          "m/s >= 0");
   require("margin", margin, margin >= 0 && std::isfinite(margin), "metres >= 0");
 }
 

@@ -219,15 +219,20 @@ void read_route(const JsonReader& reader, Drive& drive) {
           .number_or(drive.time_limit, NumberRange{.lower = 0, .upper = 3600, .above_lower = true});
 }
 
-/// A risk is a choice for vehicles that use it.
+/// What only vehicles that choose their speed use is an error beside the wanted speed.
 void read_speed_mode(const JsonReader& reader, Drive& drive) {
-  const JsonReader mode = reader.at("speed_mode"), risk = reader.at("risk");
-  if (mode.word_or("wanted", {"wanted", "safe"}) == "safe") drive.speed_mode = SpeedMode::safe;
-  if (!risk.present()) return;
-  if (drive.speed_mode == SpeedMode::wanted) {
-    risk.fail("nothing, unless speed_mode is \"safe\"");
+  if (reader.at("speed_mode").word_or("wanted", {"wanted", "safe"}) == "safe") {
+    drive.speed_mode = SpeedMode::safe;
   }
-  drive.risk = risk.number(kShare);
+  const auto number = [&](const char* name, double absent, const NumberRange& range) {
+    const JsonReader field = reader.at(name);
+    if (field.present() && drive.speed_mode == SpeedMode::wanted) {
+      field.fail("nothing, unless speed_mode is \"safe\"");
+    }
+    return field.number_or(absent, range);
+  };
+  drive.risk = number("risk", drive.risk, kShare);
+  drive.closing_speed = number("closing_speed_m_per_s", 0, NumberRange::between(0, 100));
 }
 
 void read_trials(const JsonReader& reader, Drive& drive) {
@@ -264,7 +269,7 @@ Drive read_drive(const std::string& path) {
   if (!reader.is_object()) reader.fail("an object");
   reader.allow_only({"name", "description", "scene", "vehicle", "route_m", "goal_tolerance_m",
                      "speed_m_per_s", "time_limit_s", "sensor", "direct_sight", "map", "hidden",
-                     "perception", "trials", "speed_mode", "risk"});
+                     "perception", "trials", "speed_mode", "risk", "closing_speed_m_per_s"});
   Drive drive;
   drive.path = path;
   drive.name = reader.at("name").text_or(std::filesystem::path(path).stem().string());

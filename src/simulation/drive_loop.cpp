@@ -132,6 +132,7 @@ OccupancyOptions occupancy_options(const Drive& drive) {
 SafeSpeedOptions safe_speed_options(const Drive& drive) {
   SafeSpeedOptions options;
   options.risk = drive.risk;
+  options.closing_speed = drive.closing_speed;
   options.reaction_time = 1 / drive.sensor.rate + kBrakesTake;
   if (drive.sensor.late_share > 0) options.reaction_time += drive.sensor.late_by;
   options.margin = std::min(options.margin, drive.vehicle.length / 2);

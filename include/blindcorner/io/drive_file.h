@@ -92,6 +92,8 @@ struct Drive {
   double time_limit = 60;  ///< s
   SpeedMode speed_mode = SpeedMode::wanted;
   double risk = 0.005;  ///< of a collision at each decision of SpeedMode::safe
+  /// m/s with which what is not in sight may come towards the vehicle, in SpeedMode::safe.
+  double closing_speed = 0;
   DriveSensor sensor;
   DirectSight sight;
   GridGeometry map;

@@ -73,12 +73,14 @@ TEST(DriveFile, SpeedModeRiskAndCornerAreRead) {
   const Drive drive = read_changed([](json& d) {
     d["speed_mode"] = "safe";
     d["risk"] = 0.01;
+    d["closing_speed_m_per_s"] = 2;
     d["hidden"] = {{"present", 0.25}};
     d["trials"] = {
         {"speed_m_per_s", {1, 2}}, {"zones", 2}, {"corner_m", {0.5, 1}}, {"corner_radius_m", 3}};
   });
   EXPECT_EQ(drive.speed_mode, SpeedMode::safe);
   EXPECT_EQ(drive.risk, 0.01);
+  EXPECT_EQ(drive.closing_speed, 2);
   EXPECT_EQ(drive.truth.present, 0.25);
   EXPECT_EQ(drive.trials.corner_radius, 3);
   EXPECT_EQ(drive.trials.corner, Eigen::Vector2d(0.5, 1));

@@ -7,7 +7,10 @@
 ///
 ///     s + v t_r + v^2 / (2 b) <= c - m,   v <= sqrt(2 b d + (b t_r)^2) - b t_r,   d = c - m - s
 ///
-/// (on a straight line; in curves b is what the friction circle leaves). An object that is not seen
+/// (on a straight line; in curves b is what the friction circle leaves). One that is hidden at s
+/// may come towards the vehicle with up to u, and so takes u (t_r + v / b) of d until the vehicle
+/// stands (Shalev-Shwartz et al. 2017, "On a formal model of safe and scalable self-driving cars",
+/// oncoming traffic without its own braking). An object that is not seen
 /// before c - m asks for a stop there. Nothing is asked before s: at any earlier place the vehicle
 /// need only be able to slow down to that speed by the time it gets to s, which the speed profile
 /// sees to. So a place that is hidden now costs no speed where the next frames will show it in
@@ -51,6 +54,8 @@ struct SafeSpeedOptions {
   /// takes what curves need. That of a comfortable stop (SpeedProfileOptions::braking), which is
   /// what a plan to stop for an object that is seen is driven with.
   double braking = 0.5;
+  /// u: how fast what is not in sight may come towards the vehicle, m/s.
+  double closing_speed = 0;
   double margin = 0.5;  ///< m, between the vehicle that has stopped and the object
 
   /// Throws Error naming the field.

@@ -91,6 +91,18 @@ TEST(SafeSpeed, WhatWillBeSeenInTimeCostsNothingNow) {
   EXPECT_EQ(limit_at({{1, 20, 0}}, 30), kNever);
 }
 
+TEST(SafeSpeed, WhatComesTowardsItTakesDistance) {
+  SafeSpeedOptions options = plain();
+  options.closing_speed = 3;
+  // v t + v^2 / 2b + u (t + v / b) = 30 with b = 4, t = 0.5: v^2 / 8 + 1.25 v - 28.5 = 0.
+  const double v = 4 * (-1.25 + std::sqrt(1.25 * 1.25 + 28.5 / 2));
+  const auto path = straight_path(100, 0.5);
+  const std::vector<Encounter> hidden{{1, 50, 20}};
+  EXPECT_NEAR(safe_speed_limits(path, car(), hidden, 0, options)[40], v, 0.01);
+  // In sight already: whether it moves is seen.
+  EXPECT_NEAR(limit_at(hidden, 20, options), closed_form(30, 4, 0.5), 1e-3);
+}
+
 TEST(SafeSpeed, RisesWithTheRiskAndWithDistance) {
   const std::vector<Encounter> many{{0.002, 13, 10}, {0.003, 16, 10}, {0.1, 25, 10}};
   double last = 0;
