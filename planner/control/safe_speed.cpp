@@ -2,6 +2,7 @@
 #include "blindcorner/planner/control/safe_speed.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <map>
@@ -16,10 +17,12 @@ namespace blindcorner {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-/// Over which a path's curvature is averaged, m: about a wheelbase, below which a car cannot tell.
-constexpr double kSteeringLength = 3.0;
-/// How far a car may leave its path while it steers, m: less than plans leave it on each side.
-constexpr double kSteeringOffset = 0.15;
+/// Over which a path's curvature is averaged, m: below a wheelbase a car cannot tell.
+constexpr double kAveraged = 2.0;
+/// Over which changes of curvature are looked at, m: from a car's length to half a street's turn.
+constexpr std::array kSteeringLengths{4.0, 7.0, 12.0};
+/// Share of the steering's rate that a plan uses; what is left is for control.
+constexpr double kSteeringShare = 0.8;
 
 /// A stop at a place of the path: the largest speeds from which it is possible.
 class Stop {
@@ -158,20 +161,20 @@ std::vector<double> steerable_speeds(std::span<const PathPoint> path, const Vehi
   if (path.empty() || limits.wheelbase == 0 || !std::isfinite(limits.steering_rate)) return speeds;
   const double end = path.back().arc_length;
   const auto mean_curvature = [&](double middle) {
-    const double a = middle - kSteeringLength / 2, b = std::min(middle + kSteeringLength / 2, end);
-    if (a < from || b - a <= 0) return middle > from ? path_at(path, middle).curvature : curvature;
+    const double b = std::clamp(middle + kAveraged / 2, from, end), a = b - kAveraged;
+    if (a < from) return middle > from ? path_at(path, middle).curvature : curvature;
     return std::remainder(path_at(path, b).heading - path_at(path, a).heading, 2 * kPi) / (b - a);
   };
   for (std::size_t i = 0; i < path.size(); ++i) {
-    const double s = path[i].arc_length;
-    if (s < from) continue;
-    const double before = mean_curvature(s - kSteeringLength / 2);
-    const double after = mean_curvature(std::min(s + kSteeringLength / 2, end));
-    const double turn =
-        std::abs(std::atan(limits.wheelbase * after) - std::atan(limits.wheelbase * before));
-    const double change = std::max(std::abs(after - before), 1e-6);
-    speeds[i] =
-        limits.steering_rate * std::sqrt(24 * kSteeringOffset / change) / std::max(turn, 1e-6);
+    if (path[i].arc_length < from) continue;
+    for (const double length : kSteeringLengths) {
+      const double before = mean_curvature(path[i].arc_length - length / 2);
+      const double after = mean_curvature(path[i].arc_length + length / 2);
+      const double turn =
+          std::abs(std::atan(limits.wheelbase * after) - std::atan(limits.wheelbase * before));
+      const double rate = kSteeringShare * limits.steering_rate;
+      speeds[i] = std::min(speeds[i], rate * length / std::max(turn, 1e-6));
+    }
   }
   return speeds;
 }

@@ -72,9 +72,9 @@ std::vector<double> safe_speed_limits(std::span<const PathPoint> path, const Veh
 
 /// Largest speeds at the samples, m/s, at which the steering follows the path from arc length
 /// `from` on, with `curvature` (1/m) as the vehicle turns now. Who leaves its path has nothing of
-/// what it knows about it. The steering takes l = v |change of angle| / rate metres for a
-/// change; a change of curvature dk that is spread over l metres leaves the path by dk l^2 / 24,
-/// which may be 0.15 m. Infinite for vehicles that turn on the spot.
+/// what it knows about it. A change of the steering angle that the path makes within l metres has
+/// l / v seconds, with four fifths of the steering's rate. Infinite for vehicles that turn on the
+/// spot.
 std::vector<double> steerable_speeds(std::span<const PathPoint> path, const VehicleLimits& limits,
                                      double from, double curvature);
 
