@@ -10,11 +10,6 @@
 
 namespace blindcorner {
 
-/// [rows, unknowns] Derivatives of the object's light at unit amplitude in the pose, by forward
-/// differences in steps of CompiledScene::step: 1.5 % of their own scale off.
-Eigen::MatrixXd light_slope(const PoseObjective& objective, const LightSource& source,
-                            const PoseVector& pose);
-
 /// Sum of (dm/du)(dm/du)' / variance over all bins, m the expected counts and u any unknowns; the
 /// linear unknowns that a zone has for itself are eliminated by the Schur complement. `slope`
 /// [rows, n] holds the derivatives of the object's light in u at unit amplitude. `gradient`, unless

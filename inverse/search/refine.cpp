@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "inverse/likelihood/light_slope.h"
 #include "inverse/posterior/fisher_information.h"
 #include "inverse/posterior/mode_merging.h"
 #include "inverse/posterior/prior_moments.h"
@@ -50,9 +51,6 @@ constexpr double kOnSlope = 4;
 /// sqrt(2 * kAccuracy) = 1.4e-5 of where they should be, and the Jacobian's gradient is that of the
 /// eliminated unknowns.
 constexpr double kAccuracy = 1e-10;
-/// Rows above which an unknown's light is worth a task of its own, tenths of a millisecond, as a
-/// model's is anyway.
-constexpr int kManyRows = 4000;
 
 /// Distance from a bound at which an unknown is held, against its range.
 constexpr double kAtBound = 1e-9;
@@ -86,7 +84,8 @@ class ResidualCost final : public ceres::CostFunction {
     }
     std::ranges::copy(residuals_, residuals);
     if (jacobians != nullptr && jacobians[0] != nullptr) {
-      find_slope(pose);
+      light_slope(objective_, light_, pose, here_,
+                  central_ ? Differences::central : Differences::one_sided, slope_);
       slope_pose_ = pose;
       differentiate(residuals, jacobians[0]);
     }
@@ -117,36 +116,6 @@ class ResidualCost final : public ceres::CostFunction {
     }
   }
 
-  /// Of the light, by differences.
-  void find_slope(const PoseVector& pose) const {
-    const Scene& scene = objective_.compiled().scene;
-    slope_.resize(objective_.rows(), pose.size());
-    const auto column = [&](Eigen::Index i) {
-      thread_local ShapeBuffer above, below;
-      const double step = step_within(objective_.compiled(), pose, i);
-      const Unknown& unknown = scene.unknowns[static_cast<std::size_t>(i)];
-      // Sizes must stay positive.
-      PoseVector up = pose;
-      PoseVector down = pose;
-      up[i] += step;
-      if (central_) down[i] -= step;
-      if (unknown.component == Component::size) down[i] = std::max(down[i], 0.5 * unknown.lower);
-      objective_.shapes(light_, up, above);
-      if (central_) objective_.shapes(light_, down, below);
-      const std::vector<double>& from = central_ ? below.object : here_.object;
-      const double width = central_ ? up[i] - down[i] : step;
-      for (std::size_t r = 0; r < from.size(); ++r) {
-        slope_(static_cast<Eigen::Index>(r), i) = (above.object[r] - from[r]) / width;
-      }
-    };
-    if (objective_.rows() < kManyRows && light_.models == nullptr) {
-      for (Eigen::Index i = 0; i < pose.size(); ++i) column(i);
-      return;
-    }
-    // Isolated: whoever waits here must not pick up work that waits for this.
-    tbb::this_task_arena::isolate([&] { tbb::parallel_for(Eigen::Index{0}, pose.size(), column); });
-  }
-
   void differentiate(const double* residuals, double* out) const {
     const auto& unknowns = objective_.compiled().scene.unknowns;
     const auto n = static_cast<Eigen::Index>(unknowns.size());
@@ -168,15 +137,8 @@ class ResidualCost final : public ceres::CostFunction {
     const Scene& scene = objective_.compiled().scene;
     const Eigen::Map<const Eigen::VectorXd> r(residuals, jacobian.rows());
     for (Eigen::Index i = 0; i < jacobian.cols(); ++i) {
-      const auto k = static_cast<std::size_t>(i);
-      if (period_of(scene, k) > 0) continue;
-      const Unknown& unknown = scene.unknowns[k];
-      const double margin = kAtBound * unknown.range();
-      const bool low = pose_[i] <= unknown.lower + margin;
-      const bool high = pose_[i] >= unknown.upper - margin;
-      if (!low && !high) continue;
-      const double gradient = jacobian.col(i).dot(r);
-      if ((low && gradient > 0) || (high && gradient < 0)) jacobian.col(i).setZero();
+      const int bound = bound_at(scene, pose_, i);
+      if (bound != 0 && bound * jacobian.col(i).dot(r) < 0) jacobian.col(i).setZero();
     }
   }
 
@@ -343,6 +305,15 @@ std::vector<Refined> without_slopes(const PoseObjective& objective, std::vector<
 }
 
 }  // namespace
+
+int bound_at(const Scene& scene, const PoseVector& pose, Eigen::Index unknown) {
+  const auto k = static_cast<std::size_t>(unknown);
+  if (period_of(scene, k) > 0) return 0;
+  const Unknown& of = scene.unknowns[k];
+  const double margin = kAtBound * of.range();
+  if (pose[unknown] <= of.lower + margin) return -1;
+  return pose[unknown] >= of.upper - margin ? 1 : 0;
+}
 
 LightSource light_near(const PoseObjective& objective, const Refined& refined) {
   const std::optional<LightSource> steering = steering_light(objective.compiled());

@@ -19,6 +19,9 @@ struct Refined {
   bool converged = false;
 };
 
+/// Where an unknown is in the search region: -1 at its lower bound, 1 at its upper one, else 0.
+int bound_at(const Scene& scene, const PoseVector& pose, Eigen::Index unknown);
+
 /// Where descents from `starts` end on closed-form light with widened pulses; without such light
 /// the starts themselves.
 std::vector<PoseVector> approach_widely(const PoseObjective& objective,

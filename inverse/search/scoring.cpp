@@ -80,6 +80,20 @@ bool adjoin(const PoseVector& difference, const PoseVector& spacing) {
   return (difference.array().abs() < 1.1 * spacing.array()).all();
 }
 
+/// The first `most` of a list, best first, that are next to none taken before. `next_to` compares
+/// two of them.
+template <typename Element>
+std::vector<Element> apart(const std::vector<Element>& list, std::size_t most,
+                           const auto& next_to) {
+  std::vector<Element> taken;
+  for (const Element& element : list) {
+    if (taken.size() == most) break;
+    const auto close = [&](const Element& other) { return next_to(other, element); };
+    if (std::ranges::none_of(taken, close)) taken.push_back(element);
+  }
+  return taken;
+}
+
 /// The poses with the `count` highest scores, best first.
 std::vector<int> best_first(const Eigen::VectorXf& scores, std::size_t count) {
   std::vector<int> order(static_cast<std::size_t>(scores.size()));
@@ -302,6 +316,27 @@ struct Arrangement {
   double log_posterior = 0;
 };
 
+/// Whether two places of an object are neighbours on its grid.
+struct NextTo {
+  const CompiledScene::ObjectGrid& grid;
+
+  bool operator()(int a, int b) const {
+    return adjoin(grid.poses[static_cast<std::size_t>(a)] - grid.poses[static_cast<std::size_t>(b)],
+                  grid.spacing);
+  }
+};
+
+/// `pose` with an object where its grid has the place.
+void put(const CompiledScene& compiled, std::size_t object, int place, PoseVector& pose) {
+  const PoseVector& own = compiled.objects()[object].poses[static_cast<std::size_t>(place)];
+  const auto& unknowns = compiled.scene.unknowns;
+  Eigen::Index used = 0;
+  for (std::size_t i = 0; i < unknowns.size(); ++i) {
+    if (unknowns[i].object != static_cast<int>(object)) continue;
+    pose[static_cast<Eigen::Index>(i)] = own[used++];
+  }
+}
+
 /// Objects' places, one after the other.
 class Arranger {
  public:
@@ -325,17 +360,9 @@ class Arranger {
     Eigen::VectorXf left = filter_.counts();
     if (any) left -= amplitude_of(from) * from.light;
     const Eigen::VectorXf scores = filter_.scores(grid.templates, left);
-    std::vector<int> chosen;
-    for (const int i : best_first(scores, static_cast<std::size_t>(scores.size()) / 4)) {
-      const PoseVector& pose = grid.poses[static_cast<std::size_t>(i)];
-      const bool close = std::ranges::any_of(chosen, [&](int other) {
-        return adjoin(grid.poses[static_cast<std::size_t>(other)] - pose, grid.spacing);
-      });
-      if (!close) chosen.push_back(i);
-      if (chosen.size() == most) break;
-    }
+    const std::vector<int> order = best_first(scores, static_cast<std::size_t>(scores.size()) / 4);
     std::vector<Arrangement> result;
-    for (const int i : chosen) {
+    for (const int i : apart(order, most, NextTo{grid})) {
       Arrangement next = from;
       next.place[object] = i;
       grid.templates.add(static_cast<std::size_t>(i), 1, next.light);
@@ -346,13 +373,9 @@ class Arranger {
   }
 
   PoseVector pose_of(const Arrangement& arrangement) const {
-    const Scene& scene = objective_.compiled().scene;
-    PoseVector pose(static_cast<Eigen::Index>(scene.unknowns.size()));
-    std::vector<Eigen::Index> used(grids_.size(), 0);
-    for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
-      const auto o = static_cast<std::size_t>(scene.unknowns[i].object);
-      pose[static_cast<Eigen::Index>(i)] =
-          grids_[o].poses[static_cast<std::size_t>(arrangement.place[o])][used[o]++];
+    PoseVector pose(objective_.compiled().unknown_count());
+    for (std::size_t object = 0; object < grids_.size(); ++object) {
+      put(objective_.compiled(), object, arrangement.place[object], pose);
     }
     return pose;
   }
@@ -436,7 +459,6 @@ std::vector<PoseVector> other_places(const PoseObjective& objective, const PoseV
                                      const LinearSolution& linear, const Correction& correction,
                                      std::size_t most) {
   const CompiledScene& compiled = objective.compiled();
-  const auto& unknowns = compiled.scene.unknowns;
   // The slopes that it lacks hold near the optimum only.
   Correction values = correction;
   values.slope.resize(0, 0);
@@ -444,33 +466,23 @@ std::vector<PoseVector> other_places(const PoseObjective& objective, const PoseV
   std::vector<PoseVector> chosen;
   for (std::size_t object = 0; object < compiled.objects().size(); ++object) {
     const CompiledScene::ObjectGrid& grid = compiled.objects()[object];
-    const auto with = [&](const PoseVector& own) {
+    const auto with = [&](int place) {
       PoseVector pose = optimum;
-      for (std::size_t i = 0, used = 0; i < unknowns.size(); ++i) {
-        if (unknowns[i].object != static_cast<int>(object)) continue;
-        pose[static_cast<Eigen::Index>(i)] = own[static_cast<Eigen::Index>(used++)];
-      }
+      put(compiled, object, place, pose);
       return pose;
     };
     Eigen::VectorXf scores(std::ssize(grid.poses));
     tbb::this_task_arena::isolate([&] {
       tbb::parallel_for(Eigen::Index{0}, scores.size(), [&](Eigen::Index i) {
         LinearSolution solution = linear;
-        scores[i] =
-            static_cast<float>(objective
-                                   .evaluate(light, with(grid.poses[static_cast<std::size_t>(i)]),
-                                             solution, true, kAccuracy)
-                                   .log_posterior);
+        scores[i] = static_cast<float>(
+            objective.evaluate(light, with(static_cast<int>(i)), solution, true, kAccuracy)
+                .log_posterior);
       });
     });
-    std::vector<PoseVector> apart;
-    for (const int i : best_first(scores, grid.poses.size())) {
-      if (apart.size() == most) break;
-      const PoseVector& own = grid.poses[static_cast<std::size_t>(i)];
-      const auto close = [&](const PoseVector& other) { return adjoin(other - own, grid.spacing); };
-      if (std::ranges::none_of(apart, close)) apart.push_back(own);
+    for (const int i : apart(best_first(scores, grid.poses.size()), most, NextTo{grid})) {
+      chosen.push_back(with(i));
     }
-    for (const PoseVector& own : apart) chosen.push_back(with(own));
   }
   return chosen;
 }
@@ -608,15 +620,11 @@ std::vector<PoseVector> best_by_model(const PoseObjective& objective, const Scor
     });
   });
   std::ranges::stable_sort(places, std::greater{}, &Place::log_posterior);
+  const auto next_to = [&](const Place& a, const Place& b) {
+    return adjoin(pose_difference(compiled.scene, a.pose, b.pose), compiled.spacing);
+  };
   std::vector<PoseVector> chosen;
-  for (const Place& place : places) {
-    const bool near = std::ranges::any_of(chosen, [&](const PoseVector& other) {
-      const PoseVector d = pose_difference(compiled.scene, other, place.pose);
-      return adjoin(d, compiled.spacing);
-    });
-    if (!near) chosen.push_back(place.pose);
-    if (chosen.size() == count) break;
-  }
+  for (const Place& place : apart(places, count, next_to)) chosen.push_back(place.pose);
   return chosen;
 }
 

@@ -88,9 +88,8 @@ std::vector<Candidate> object_starts(const PoseObjective& objective, const Linea
                                      std::size_t count);
 
 /// Poses in which one of several objects is elsewhere on its grid and the others are as in
-/// `optimum`: of each object the `most` best places that
-/// are no neighbours of a better one. Closed-form light, corrected at the optimum, with the
-/// objects' shadows on each other.
+/// `optimum`: of each object the `most` best places that are no neighbours of a better one.
+/// Closed-form light, corrected at the optimum, with the objects' shadows on each other.
 std::vector<PoseVector> other_places(const PoseObjective& objective, const PoseVector& optimum,
                                      const LinearSolution& linear, const Correction& correction,
                                      std::size_t most);

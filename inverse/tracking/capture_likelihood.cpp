@@ -13,6 +13,7 @@
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
 #include "inverse/likelihood/direct_error.h"
+#include "inverse/likelihood/light_slope.h"
 #include "inverse/posterior/fisher_information.h"
 #include "inverse/posterior/fitted_histograms.h"
 #include "inverse/posterior/goodness_of_fit.h"

@@ -220,6 +220,7 @@ TrackPoint Tracker::advance(double dt, const FrameLikelihood& frame) {
   for (TrackMode& mode : modes_) {
     node_of(mode.node).dt = dt;
   }
+  if (modes_.empty() || modes_.front().age == 0) heaviest_age_ = 0;
   heaviest_.push_back(modes_.empty() ? -1 : modes_.front().node);
   if (!modes_.empty() && modes_.front().coasted == 0) adapt(point.innovation, dt);
   ++frames_;
@@ -232,10 +233,17 @@ TrackPoint Tracker::advance(double dt, const FrameLikelihood& frame) {
 void Tracker::predict_all(double dt) {
   for (TrackMode& mode : modes_) predict(layout_, motion_, dt, mode.state);
   since_search_ += dt;
+  heaviest_age_ += dt;
   // An object comes and goes at random, at rates that keep the prior probability in the long run.
   const double leave = 1 - std::exp(-dt / options_.dwell_time);
   const double come = std::min(1.0, leave * presence_prior_ / (1 - presence_prior_));
   presence_ = presence_ * (1 - leave) + (1 - presence_) * come;
+}
+
+/// A young track may have begun at the wrong one of several optima, which its own predictions never
+/// leave: the region is searched again each time its age has doubled.
+bool Tracker::search_is_due() const {
+  return since_search_ >= std::min(options_.search_interval, heaviest_age_ / 2);
 }
 
 /// All explanations of a frame with their weights; updates the probability of presence.
@@ -271,7 +279,7 @@ std::vector<Tracker::Hypothesis> Tracker::explain(const FrameLikelihood& frame, 
   }
   std::vector<Hypothesis> all;
   double log_other = log_empty;
-  if (surprised || modes_.empty() || since_search_ >= options_.search_interval) {
+  if (surprised || modes_.empty() || search_is_due()) {
     since_search_ = 0;
     point.searched = true;
     const double share = modes_.empty() ? 1.0 : options_.lost_probability;
@@ -487,6 +495,17 @@ TrackSummary summary_of(const TrackLayout& layout, const TrackPoint& point) {
   return summary;
 }
 
+/// Whether a position is where the search held it back: within 1e-3 of the range.
+bool at_bound(const Scene& scene, const Gaussian& state) {
+  for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
+    const Unknown& unknown = scene.unknowns[i];
+    const double value = state.mean[static_cast<Index>(i)], margin = 1e-3 * unknown.range();
+    if (!is_position(unknown.component)) continue;
+    if (value < unknown.lower + margin || value > unknown.upper - margin) return true;
+  }
+  return false;
+}
+
 double milliseconds_since(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start)
       .count();
@@ -515,6 +534,7 @@ FitResult track_frame(const Fitter& fitter, Tracker& tracker, const Capture& cap
     result.goodness_of_fit.inflation = point.inflation;
     if (point.modes.size() > 1 && mode.weight < 0.9) result.flags.emplace_back("multimodal");
     if (mode.coasted > 0) result.flags.emplace_back("predicted");
+    if (at_bound(fitter.scene(), mode.state)) result.flags.emplace_back("at_bound");
     if (mode.age == 0) result.flags.emplace_back("track_started");
   }
   result.time_ms.total = milliseconds_since(start);

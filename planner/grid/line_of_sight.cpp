@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "blindcorner/planner/grid/line_of_sight.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -50,6 +51,12 @@ void mark_free(const GridGeometry& grid, const Vector2d& from, const Vector2d& d
   }
 }
 
+/// Of a sensor's forward axis over the ground, rad.
+double heading(const Transform& T_world_sensor) {
+  const Vector3d forward = T_world_sensor.linear().col(0);
+  return std::atan2(forward.y(), forward.x());
+}
+
 [[noreturn]] void refuse(const std::string& field, double found, const std::string& accepted) {
   throw Error("LineOfSightOptions." + field + " = " + std::to_string(found) +
               "; accepted: " + accepted);
@@ -74,6 +81,7 @@ struct LineOfSight::End {
   double distance = 0;    ///< m
   Mark mark = kNothing;   ///< of what they end on; kNothing: of their range
   Vector2d hidden{0, 0};  ///< m, a little behind the surface
+  int body = -1;          ///< of what they end on: surface or hidden object
 };
 
 LineOfSight::LineOfSight(const Scene& scene, const GridGeometry& grid,
@@ -95,7 +103,7 @@ LineOfSight::End LineOfSight::nearest_end(const Vector2d& from, const Vector2d& 
     if (!hit || hit->distance >= end.distance) return;
     const double side = hit->normal.dot(level) > 0 ? 1 : -1;
     const Vector3d behind = hit->point + side * kBehind * grid_.cell_size * hit->normal;
-    end = {hit->distance, mark, behind.head<2>()};
+    end = {hit->distance, mark, behind.head<2>(), hit->surface};
   };
   for (int layer = 0; layer < options_.layers; ++layer) {
     const double share = options_.layers > 1 ? layer / (options_.layers - 1.0) : 0.0;
@@ -108,14 +116,16 @@ LineOfSight::End LineOfSight::nearest_end(const Vector2d& from, const Vector2d& 
 }
 
 LineOfSightScan LineOfSight::scan(const Transform& T_world_sensor,
-                                  const std::vector<Placement>& objects) const {
+                                  const std::vector<Placement>& objects,
+                                  const Transform& T_world_believed) const {
   if (!objects.empty() && objects.size() != objects_.size()) {
     throw Error("line of sight",
                 std::to_string(objects.size()) + " placements; accepted: none or " +
                     std::to_string(objects_.size()) + ", one for each hidden object");
   }
   const Vector2d from = T_world_sensor.translation().head<2>();
-  if (!T_world_sensor.matrix().allFinite()) throw Error("line of sight", "the pose is not finite");
+  if (!T_world_sensor.matrix().allFinite() || !T_world_believed.matrix().allFinite())
+    throw Error("line of sight", "the pose is not finite");
   const Vector2d size = grid_.cell_size * Vector2d(grid_.columns, grid_.rows);
   if ((from - grid_.origin - size / 2).norm() > options_.max_range + size.norm()) return {};
 
@@ -130,23 +140,26 @@ LineOfSightScan LineOfSight::scan(const Transform& T_world_sensor,
     bodies.emplace(triangles);
   }
 
-  const Vector3d forward = T_world_sensor.linear().col(0);
-  const double middle = std::atan2(forward.y(), forward.x());
+  const double middle = heading(T_world_sensor);
+  const Eigen::Rotation2Dd turn(heading(T_world_believed) - middle);
+  const Vector2d believed = T_world_believed.translation().head<2>();
   // A cell at distance d is nowhere narrower than its side: it is h / d wide, as an angle.
   const double widest = grid_.cell_size / (options_.max_range + grid_.cell_size);
   const int directions = static_cast<int>(std::ceil(options_.field_of_view / widest));
   std::vector<std::uint8_t> marks(grid_.cells(), kNothing);
+  LineOfSightScan scan;
+  scan.objects_seen.assign(objects_.size(), false);
   for (int i = 0; i < directions; ++i) {
     const double angle = middle + options_.field_of_view * ((i + 0.5) / directions - 0.5);
     const Vector2d direction(std::cos(angle), std::sin(angle));
     const End end = nearest_end(from, direction, bodies ? &*bodies : nullptr);
-    mark_free(grid_, from, direction, end.distance, marks);
-    const Cell hit = grid_.cell_at(end.hidden);
+    mark_free(grid_, believed, turn * direction, end.distance, marks);
+    const Cell hit = grid_.cell_at(believed + turn * (end.hidden - from));
     if (end.mark == kNothing || !grid_.contains(hit)) continue;
     std::uint8_t& mark = marks[grid_.index(hit)];
     mark = std::max<std::uint8_t>(mark, end.mark);
+    if (end.mark == kObject) scan.objects_seen[static_cast<std::size_t>(end.body)] = true;
   }
-  LineOfSightScan scan;
   for (std::size_t i = 0; i < marks.size(); ++i) {
     if (marks[i] == kFree) scan.free.push_back(i);
     if (marks[i] == kSurface) scan.surface_hits.push_back(i);

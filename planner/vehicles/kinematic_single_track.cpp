@@ -4,11 +4,10 @@
 #include <cmath>
 
 #include "planner/vehicles/single_track_limits.h"
+#include "planner/vehicles/single_track_states.h"
 
 namespace blindcorner {
 namespace {
-
-enum State { kX, kY, kSteering, kSpeed, kYaw, kStates };
 
 class KinematicSingleTrack : public VehicleModel {
  public:
@@ -18,7 +17,9 @@ class KinematicSingleTrack : public VehicleModel {
 
   std::string name() const override { return "kinematic_single_track"; }
   std::vector<std::string> state_names() const override {
-    return {"x_m", "y_m", "steering_rad", "speed_m_per_s", "yaw_rad"};
+    std::vector<std::string> names = single_track_state_names();
+    names.resize(kKinematicStates);
+    return names;
   }
   VehicleRectangle footprint() const override { return {p_.length, p_.width, p_.wheelbase() / 2}; }
   VehicleLimits limits() const override {
@@ -28,27 +29,23 @@ class KinematicSingleTrack : public VehicleModel {
   }
 
   StateVector initial(const VehicleState& state) const override {
-    StateVector x(kStates);
-    x << state.position, state.steering_angle, state.speed, state.yaw;
-    return x;
+    return single_track_initial(state).head(kKinematicStates);
   }
 
   VehicleState motion(const StateVector& x) const override {
-    return {.position = x.head<2>(),
-            .yaw = x[kYaw],
-            .speed = x[kSpeed],
-            .steering_angle = x[kSteering],
-            .yaw_rate = x[kSpeed] * std::tan(x[kSteering]) / p_.wheelbase()};
+    VehicleState motion = single_track_motion(x);
+    motion.yaw_rate = yaw_rate(x);
+    return motion;
   }
 
   StateVector derivative(const StateVector& x, const VehicleCommand& command) const override {
     const double v = x[kSpeed];
-    StateVector dx(kStates);
+    StateVector dx(kKinematicStates);
     dx[kX] = v * std::cos(x[kYaw]);
     dx[kY] = v * std::sin(x[kYaw]);
     dx[kSteering] = possible_steering_rate(p_, x[kSteering], command.steering);
     dx[kSpeed] = possible_acceleration(p_, v, command.acceleration);
-    dx[kYaw] = v * std::tan(x[kSteering]) / p_.wheelbase();
+    dx[kYaw] = yaw_rate(x);
     return dx;
   }
 
@@ -60,6 +57,10 @@ class KinematicSingleTrack : public VehicleModel {
   }
 
  private:
+  double yaw_rate(const StateVector& x) const {
+    return x[kSpeed] * std::tan(x[kSteering]) / p_.wheelbase();
+  }
+
   SingleTrackParameters p_;
 };
 

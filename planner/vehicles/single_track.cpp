@@ -4,12 +4,11 @@
 #include <cmath>
 
 #include "planner/vehicles/single_track_limits.h"
+#include "planner/vehicles/single_track_states.h"
 #include "planner/vehicles/slow_single_track.h"
 
 namespace blindcorner {
 namespace {
-
-enum State { kX, kY, kSteering, kSpeed, kYaw, kYawRate, kSlip, kStates };
 
 class SingleTrack : public VehicleModel {
  public:
@@ -23,35 +22,22 @@ class SingleTrack : public VehicleModel {
   }
 
   std::string name() const override { return "single_track"; }
-  std::vector<std::string> state_names() const override {
-    return {"x_m",     "y_m", "steering_rad", "speed_m_per_s", "yaw_rad", "yaw_rate_rad_per_s",
-            "slip_rad"};
-  }
+  std::vector<std::string> state_names() const override { return single_track_state_names(); }
   VehicleRectangle footprint() const override { return {p_.length, p_.width, 0}; }
   VehicleLimits limits() const override {
     return single_track_limits(p_, tyres_.friction * kGravity);
   }
 
   StateVector initial(const VehicleState& state) const override {
-    StateVector x(kStates);
-    x << state.position, state.steering_angle, state.speed, state.yaw, state.yaw_rate,
-        state.slip_angle;
-    return x;
+    return single_track_initial(state);
   }
 
-  VehicleState motion(const StateVector& x) const override {
-    return {.position = x.head<2>(),
-            .yaw = x[kYaw],
-            .speed = x[kSpeed],
-            .steering_angle = x[kSteering],
-            .yaw_rate = x[kYawRate],
-            .slip_angle = x[kSlip]};
-  }
+  VehicleState motion(const StateVector& x) const override { return single_track_motion(x); }
 
   StateVector derivative(const StateVector& x, const VehicleCommand& command) const override {
     const double rate = possible_steering_rate(p_, x[kSteering], command.steering);
     const double acceleration = possible_acceleration(p_, x[kSpeed], command.acceleration);
-    StateVector dx(kStates);
+    StateVector dx(kSingleTrackStates);
     dx[kSteering] = rate;
     dx[kSpeed] = acceleration;
     if (std::abs(x[kSpeed]) < tyres_.kinematic_below) {

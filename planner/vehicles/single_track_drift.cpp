@@ -7,12 +7,14 @@
 
 #include "planner/vehicles/pacejka.h"
 #include "planner/vehicles/single_track_limits.h"
+#include "planner/vehicles/single_track_states.h"
 #include "planner/vehicles/slow_single_track.h"
 
 namespace blindcorner {
 namespace {
 
-enum State { kX, kY, kSteering, kSpeed, kYaw, kYawRate, kSlip, kFront, kRear, kStates };
+/// Speeds of the wheels, rad/s, after what all single-track models have.
+enum WheelState { kFront = kSingleTrackStates, kRear, kStates };
 
 // The blend with the kinematic model, all of CommonRoad's STD.
 constexpr double kBlendSpeed = 0.2;             ///< both models weigh the same, m/s
@@ -34,15 +36,9 @@ class SingleTrackDrift : public VehicleModel {
 
   std::string name() const override { return "single_track_drift"; }
   std::vector<std::string> state_names() const override {
-    return {"x_m",
-            "y_m",
-            "steering_rad",
-            "speed_m_per_s",
-            "yaw_rad",
-            "yaw_rate_rad_per_s",
-            "slip_rad",
-            "front_wheel_rad_per_s",
-            "rear_wheel_rad_per_s"};
+    std::vector<std::string> names = single_track_state_names();
+    names.insert(names.end(), {"front_wheel_rad_per_s", "rear_wheel_rad_per_s"});
+    return names;
   }
   VehicleRectangle footprint() const override { return {p_.length, p_.width, 0}; }
   VehicleLimits limits() const override { return single_track_limits(p_, tyre_.p_dy1 * kGravity); }
@@ -50,19 +46,11 @@ class SingleTrackDrift : public VehicleModel {
   StateVector initial(const VehicleState& state) const override {
     const double rolling = state.speed * std::cos(state.slip_angle) / p_.wheel_radius;
     StateVector x(kStates);
-    x << state.position, state.steering_angle, state.speed, state.yaw, state.yaw_rate,
-        state.slip_angle, rolling * std::cos(state.steering_angle), rolling;
+    x << single_track_initial(state), rolling * std::cos(state.steering_angle), rolling;
     return x;
   }
 
-  VehicleState motion(const StateVector& x) const override {
-    return {.position = x.head<2>(),
-            .yaw = x[kYaw],
-            .speed = x[kSpeed],
-            .steering_angle = x[kSteering],
-            .yaw_rate = x[kYawRate],
-            .slip_angle = x[kSlip]};
-  }
+  VehicleState motion(const StateVector& x) const override { return single_track_motion(x); }
 
   StateVector derivative(const StateVector& x, const VehicleCommand& command) const override {
     const double rate = possible_steering_rate(p_, x[kSteering], command.steering);
@@ -79,7 +67,7 @@ class SingleTrackDrift : public VehicleModel {
     // Wheels do not turn backwards. CommonRoad sets the tyre's part to zero below zero, where a
     // locked wheel ends up by rounding: it never turns again. Here it turns when the brake is let
     // go.
-    for (const State wheel : {kFront, kRear}) {
+    for (const WheelState wheel : {kFront, kRear}) {
       if (x[wheel] <= 0) dx[wheel] = std::max(dx[wheel], 0.0);
     }
     return dx;

@@ -53,21 +53,40 @@ struct Study {
   std::vector<std::size_t> missed;
 };
 
-/// The grid that a problem is to be solved on: that of the terrain which it starts on.
+/// A grid whose cells are squares of `factor` by `factor` of another one's, and as occupied as the
+/// most occupied of them: what is free on it is free.
+PlanningGrid coarser(const GridGeometry& fine, const std::vector<double>& occupancy, int factor) {
+  GridGeometry coarse = fine;
+  coarse.columns = (fine.columns + factor - 1) / factor;
+  coarse.rows = (fine.rows + factor - 1) / factor;
+  coarse.cell_size = factor * fine.cell_size;
+  std::vector<double> worst(coarse.cells(), 0.0);
+  for (std::size_t i = 0; i < occupancy.size(); ++i) {
+    const Cell cell = fine.cell(i);
+    double& value = worst[coarse.index({cell.column / factor, cell.row / factor})];
+    value = std::max(value, occupancy[i]);
+  }
+  return PlanningGrid(coarse, worst);
+}
+
+/// The grid that a problem is to be solved on: that of the terrain which it starts on, with cells
+/// of `factor` by `factor` of the map's.
 class TerrainGrids {
  public:
-  explicit TerrainGrids(const MovingAiMap& map) : map_(map) {}
+  explicit TerrainGrids(const MovingAiMap& map, int factor = 1) : map_(map), factor_(factor) {}
 
   const PlanningGrid& of(const MovingAiProblem& problem) {
     const Terrain terrain = map_.terrain[map_.geometry.index(problem.start)];
     const Terrain free = terrain == Terrain::water ? Terrain::water : Terrain::ground;
     const auto found = grids_.find(free);
     if (found != grids_.end()) return found->second;
-    return grids_.try_emplace(free, map_.geometry, map_.occupancy(free)).first->second;
+    return grids_.emplace(free, coarser(map_.geometry, map_.occupancy(free), factor_))
+        .first->second;
   }
 
  private:
   const MovingAiMap& map_;
+  int factor_;
   std::map<Terrain, PlanningGrid> grids_;
 };
 
@@ -130,6 +149,28 @@ void smooth_all(Study& study, TerrainGrids& grids) {
       }));
 }
 
+/// The same with larger cells. Problems whose ends lie in cells that are not all free, or whose
+/// only passages are narrower than two of them, have no path; the ways to the first and from the
+/// last cell's centre count.
+void search_coarser(const MovingAiMap& map, Study& study) {
+  for (const int factor : {2, 4}) {
+    TerrainGrids grids(map, factor);
+    GridSearch search;
+    study.variants.push_back(solve_all(
+        study, grids, formatted("cells of %d", factor),
+        [&](const PlanningGrid& grid, const MovingAiProblem& problem) {
+          const Eigen::Vector2d from = map.geometry.center(problem.start);
+          const Eigen::Vector2d to = map.geometry.center(problem.goal);
+          const GridGeometry& cells = grid.geometry();
+          const CellPath path = search.search(grid, cells.cell_at(from), cells.cell_at(to));
+          if (path.status != PathStatus::found) return Solution{.expansions = path.expansions};
+          const double ends = (cells.center(path.cells.front()) - from).norm() +
+                              (cells.center(path.cells.back()) - to).norm();
+          return Solution{(path.length + ends) / map.geometry.cell_size, 0, path.expansions};
+        }));
+  }
+}
+
 bool met(const MovingAiProblem& problem, const Solution& solution) {
   return std::abs(solution.length - problem.length) <= std::max(kTolerance, problem.rounding);
 }
@@ -143,13 +184,14 @@ std::vector<std::size_t> longest_problems(const std::vector<MovingAiProblem>& pr
   return order;
 }
 
-/// Values of the longest problems; those that are not numbers are left out.
+/// Values of the longest problems; those without a path, and values that are not numbers, are left
+/// out.
 template <typename Value>
 std::vector<double> of_longest(const Study& study, const Variant& variant, Value value) {
   std::vector<double> values;
   for (const std::size_t i : study.longest) {
     const double v = value(study.problems[i], variant.solutions[i]);
-    if (std::isfinite(v)) values.push_back(v);
+    if (std::isfinite(variant.solutions[i].length) && std::isfinite(v)) values.push_back(v);
   }
   return values;
 }
@@ -230,7 +272,8 @@ const StudyFiles kFiles{
     "planner", "Paths of published problems",
     "Problems of the MovingAI benchmark, one after the other. Time is that of one processor for "
     "everything a new problem costs on a known map. Weights multiply the heuristic: the path is at "
-    "most that much longer than the optimum. Any-angle: straight lines in place of steps between "
+    "most that much longer than the optimum. Cells of 2 and 4: those of the map joined to squares, "
+    "free where all of them are. Any-angle: straight lines in place of steps between "
     "cells. Smoothed: the curve that a point would follow, checked for collisions. Both can be "
     "shorter than the optimum, which moves between centres of neighbouring cells."};
 
@@ -241,6 +284,7 @@ int run_planner(const PlannerArguments& arguments) {
   study.longest = longest_problems(study.problems);
   TerrainGrids grids(map);
   search_all(arguments, study, grids);
+  search_coarser(map, study);
   smooth_all(study, grids);
   print_table(study);
   write_study(arguments, kFiles, csv(study), charts(study));

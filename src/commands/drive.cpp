@@ -7,7 +7,6 @@
 #include <filesystem>
 #include <memory>
 
-#include "blindcorner/forward/error.h"
 #include "blindcorner/io/atomic_file.h"
 #include "blindcorner/io/drive_file.h"
 #include "blindcorner/report/drive_report.h"
@@ -15,6 +14,7 @@
 #include "blindcorner/simulation/drive_loop.h"
 #include "blindcorner/simulation/perception.h"
 #include "commands/commands.h"
+#include "commands/lit_drive.h"
 #include "commands/output_directory.h"
 
 namespace blindcorner {
@@ -90,23 +90,12 @@ void print_real_time(const Drive& drive, const DriveResult& result) {
 }
 
 Drive drive_of(const DriveArguments& arguments) {
-  Drive drive = read_drive(arguments.drive);
-  if (arguments.light > 0) drive.sensor.light = arguments.light;
-  drive.scene = with_light(drive.scene, drive.sensor.light);
-  const std::vector<std::string> known = perception_names();
-  const auto check = [&](const std::string& name, const std::string& where) {
-    if (std::ranges::find(known, name) != known.end()) return;
-    std::string accepted;
-    for (const std::string& word : known) {
-      accepted += (accepted.empty() ? "\"" : ", \"") + word + "\"";
-    }
-    throw Error(where, "found \"" + name + "\", accepted: " + accepted);
-  };
-  check(drive.perception, arguments.drive + ": perception.use");
+  const Drive drive = read_lit_drive(arguments.drive, arguments.light);
+  check_perception(drive.perception, arguments.drive + ": perception.use");
   for (const auto& [name, delay] : drive.delay) {
-    check(name, arguments.drive + ": perception.delay_s");
+    check_perception(name, arguments.drive + ": perception.delay_s");
   }
-  if (!arguments.perception.empty()) check(arguments.perception, "--perception");
+  if (!arguments.perception.empty()) check_perception(arguments.perception, "--perception");
   return drive;
 }
 

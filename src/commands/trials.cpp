@@ -4,7 +4,6 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <array>
 #include <cstdio>
 #include <filesystem>
 #include <map>
@@ -21,6 +20,7 @@
 #include "blindcorner/simulation/perception.h"
 #include "blindcorner/simulation/trial_journal.h"
 #include "commands/commands.h"
+#include "commands/lit_drive.h"
 #include "commands/output_directory.h"
 #include "commands/progress.h"
 #include "io/file_bytes.h"
@@ -41,11 +41,8 @@ struct TrialsArguments {
 
 void check_perceptions(const std::vector<std::string>& names) {
   // Oracles that are misled are driven by --error-trials.
-  constexpr std::array kDriven{"los", "solver", "oracle"};
   for (const std::string& name : names) {
-    if (std::ranges::find(kDriven, name) != kDriven.end()) continue;
-    throw Error("--perception",
-                "found \"" + name + "\", accepted: \"los\", \"solver\", \"oracle\"");
+    check_perception(name, "--perception", {"los", "solver", "oracle"});
   }
   if (std::set<std::string>(names.begin(), names.end()).size() != names.size()) {
     throw Error("--perception", "a perception is named twice");
@@ -122,35 +119,33 @@ void print_summary(const Drive& drive, const std::vector<TrialResult>& results) 
   }
 }
 
+/// Runs what has no result in the journal yet.
+void run_open_trials(const TrialsArguments& arguments, const Drive& drive,
+                     const SimulatedSensor& sensor, TrialJournal& journal) {
+  const std::vector<Trial> open =
+      open_trials(plan_trials(drive, arguments.options), journal.results());
+  Progress progress("trials", open.size());
+  run_trials(
+      open, arguments.options.threads,
+      [&](const Trial& trial) { return run_trial(drive, sensor, trial); },
+      [&](const TrialResult& result) {
+        journal.add(result);
+        write_tables(arguments.output, drive, sorted(journal));
+        progress.advance();
+      });
+}
+
 int run(const TrialsArguments& arguments) {
   check_perceptions(arguments.options.perceptions);
-  Drive drive = read_drive(arguments.drive);
-  if (arguments.light > 0) drive.sensor.light = arguments.light;
-  drive.scene = with_light(drive.scene, drive.sensor.light);
-  const std::vector<Trial> plan = plan_trials(drive, arguments.options);
+  const Drive drive = read_lit_drive(arguments.drive, arguments.light);
+  arguments.options.validate();
   const std::string study =
       trial_study(drive, scene_bytes(arguments.drive), arguments.options.seed);
   const SimulatedSensor sensor(drive.scene);
   make_directory(arguments.output);
   const fs::path directory = arguments.output;
   TrialJournal journal(arguments.output, study);
-  {
-    const auto open = std::ranges::count_if(plan, [&](const Trial& trial) {
-      return std::ranges::none_of(journal.results(), [&](const TrialResult& other) {
-        return same_trial(trial, other.trial);
-      });
-    });
-    Progress progress("trials", static_cast<std::size_t>(open));
-    const std::vector<TrialResult> finished = journal.results();
-    run_trials(
-        plan, finished, arguments.options.threads,
-        [&](const Trial& trial) { return run_trial(drive, sensor, trial); },
-        [&](const TrialResult& result) {
-          journal.add(result);
-          write_tables(directory, drive, sorted(journal));
-          progress.advance();
-        });
-  }
+  run_open_trials(arguments, drive, sensor, journal);
   const std::vector<TrialResult> results = sorted(journal);
   write_tables(directory, drive, results);
   write_replays(directory, drive, sensor, results, arguments.replays);

@@ -43,9 +43,17 @@ std::pair<double, double> read_stated_or_drawn(const JsonReader& reader, const N
   return {value, value};
 }
 
+void read_localization(const JsonReader& reader, DriveVehicle& vehicle) {
+  if (!reader.present()) return;
+  reader.allow_only({"sigma_m", "sigma_deg"});
+  vehicle.localization_sigma = reader.at("sigma_m").number_or(0, NumberRange::between(0, 100));
+  vehicle.localization_yaw_sigma =
+      reader.at("sigma_deg").number_or(0, NumberRange::between(0, 90)) * kDegree;
+}
+
 DriveVehicle read_vehicle(const JsonReader& reader) {
   reader.allow_only({"kind", "length_m", "width_m", "height_m", "turning_radius_m", "start",
-                     "brakes_for_curves"});
+                     "brakes_for_curves", "localization"});
   DriveVehicle vehicle;
   if (reader.at("kind").word({"car", "robot"}) == "robot") {
     vehicle.kind = VehicleKind::robot;
@@ -57,6 +65,7 @@ DriveVehicle read_vehicle(const JsonReader& reader) {
   vehicle.turning_radius =
       reader.at("turning_radius_m").number_or(vehicle.turning_radius, NumberRange::between(0, 1e3));
   vehicle.brakes_for_curves = reader.at("brakes_for_curves").boolean_or(true);
+  read_localization(reader.at("localization"), vehicle);
   const JsonReader start = reader.at("start");
   start.allow_only({"position_m", "yaw_deg", "speed_m_per_s"});
   vehicle.start = read_point(start.at("position_m"));
@@ -156,15 +165,25 @@ TrueComponent read_component(const JsonReader& reader, const Unknown& unknown) {
   return {std::max(lower * unit, unknown.lower), std::min(upper * unit, unknown.upper)};
 }
 
+/// Each of x and y stated or drawn.
+void read_velocity(const JsonReader& reader, Vector2d& lower, Vector2d& upper) {
+  const auto parts = reader.elements_exactly(2, "numbers or intervals");
+  std::tie(lower.x(), upper.x()) = read_stated_or_drawn(parts[0], kPosition);
+  std::tie(lower.y(), upper.y()) = read_stated_or_drawn(parts[1], kPosition);
+}
+
 void read_velocities(const JsonReader& reader, DriveTruth& truth) {
   if (!reader.present()) return;
   const std::size_t objects = truth.velocity.size();
+  truth.velocity_upper = truth.velocity;
   if (objects == 1) {
-    truth.velocity[0] = read_point(reader);
+    read_velocity(reader, truth.velocity[0], truth.velocity_upper[0]);
     return;
   }
   const auto list = reader.elements_exactly(objects, "velocities, one per hidden object");
-  std::ranges::transform(list, truth.velocity.begin(), read_point);
+  for (std::size_t i = 0; i < objects; ++i) {
+    read_velocity(list[i], truth.velocity[i], truth.velocity_upper[i]);
+  }
 }
 
 DriveTruth read_truth(const JsonReader& reader, const Scene& scene) {

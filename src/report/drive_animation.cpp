@@ -6,6 +6,7 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/scene/footprint.h"
+#include "blindcorner/planner/grid/occupancy_grid.h"
 #include "blindcorner/report/drive_report.h"
 #include "report/birds_eye.h"
 #include "report/formatted.h"
@@ -58,13 +59,18 @@ std::string known_world(const Drive& drive, const Canvas& canvas) {
   return roads + buildings;
 }
 
-/// 95 % ellipse of a mode's position in the plane, and the footprint at its mean.
-std::string mode_picture(const Scene& scene, const PoseMode& mode, const Canvas& canvas) {
+/// Of hidden objects, one after the other, as on the page (drive_page.js): said, and true.
+constexpr std::array kSaid{"#d93025", "#8e24aa", "#00796b", "#6d4c41"};
+constexpr std::array kTrue{"#188038", "#0b5394", "#7f6000", "#37474f"};
+
+/// 95 % ellipse of an object's position in the plane under a mode, and the footprint at its mean.
+std::string mode_picture(const Scene& scene, const PoseMode& mode, int object,
+                         const Canvas& canvas) {
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();
   std::array<Eigen::Index, 2> place{-1, -1};
   for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
     const auto axis = static_cast<std::size_t>(scene.unknowns[i].component);
-    if (axis < 2 && scene.unknowns[i].object == 0) place[axis] = static_cast<Eigen::Index>(i);
+    if (axis < 2 && scene.unknowns[i].object == object) place[axis] = static_cast<Eigen::Index>(i);
   }
   for (Eigen::Index a = 0; a < 2; ++a) {
     for (Eigen::Index b = 0; b < 2; ++b) {
@@ -75,15 +81,34 @@ std::string mode_picture(const Scene& scene, const PoseMode& mode, const Canvas&
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes(covariance);
   const Vector2d half = (kChiSquare95 * axes.eigenvalues()).cwiseMax(0).cwiseSqrt();
   const Vector2d along = axes.eigenvectors().col(1);
-  const Placement placed = placements_at(scene, mode.pose).front();
+  const Placement placed = placements_at(scene, mode.pose)[static_cast<std::size_t>(object)];
+  const HiddenObject& hidden = hidden_object(scene, object);
+  const char* colour = kSaid[static_cast<std::size_t>(object) % kSaid.size()];
   const Vector2d center = canvas.at(placed.position.head<2>());
-  return canvas.line(footprint(scene.hidden.shape, scene.hidden.anchor, placed),
-                     "fill=\"#d93025\" fill-opacity=\".35\" stroke=\"#d93025\"", true) +
+  return canvas.line(
+             footprint(hidden.shape, hidden.anchor, placed),
+             formatted("fill=\"%s\" fill-opacity=\".35\" stroke=\"%s\"", colour, colour).c_str(),
+             true) +
          formatted(
              "<ellipse rx=\"%.1f\" ry=\"%.1f\" transform=\"translate(%.1f %.1f) "
-             "rotate(%.1f)\" fill=\"none\" stroke=\"#d93025\" stroke-dasharray=\"5 3\"/>",
+             "rotate(%.1f)\" fill=\"none\" stroke=\"%s\" stroke-dasharray=\"5 3\"/>",
              canvas.scale() * half[1], canvas.scale() * half[0], center.x(), center.y(),
-             -std::atan2(along.y(), along.x()) / kDegree);
+             -std::atan2(along.y(), along.x()) / kDegree, colour);
+}
+
+/// All modes as of the frame's time, moved on from the capture's.
+std::string modes_picture(const Drive& drive, const DriveFrame& frame, const Canvas& canvas) {
+  if (!frame.mixture) return {};
+  const HiddenMotion motion(drive.scene, drive.motion, OccupancyOptions{}.dwell_time);
+  const PoseMixture now = motion.predicted(*frame.mixture, frame.mixture_age, frame.velocities);
+  std::string text;
+  for (const PoseMode& mode : now.modes) {
+    if (!mode.pose.allFinite()) continue;
+    for (int i = 0; i < object_count(drive.scene); ++i) {
+      text += mode_picture(drive.scene, mode, i, canvas);
+    }
+  }
+  return text;
 }
 
 std::string vehicle_picture(const Drive& drive, const VehicleState& state, const Canvas& canvas) {
@@ -109,15 +134,14 @@ std::string frame_picture(const Drive& drive, const DriveFrame& frame, const Can
   for (std::size_t i = 0; i < frame.path.size(); i += step) path.push_back(frame.path[i]);
   if (!frame.path.empty()) path.push_back(frame.path.back());
   text += canvas.line(path, "fill=\"none\" stroke=\"#1a73e8\" stroke-width=\"3.5\"", false);
-  if (frame.mixture && object_count(scene) == 1) {
-    for (const PoseMode& mode : frame.mixture->modes) text += mode_picture(scene, mode, canvas);
-  }
+  text += modes_picture(drive, frame, canvas);
   if (frame.truth) {
     for (int i = 0; i < object_count(scene); ++i) {
       const HiddenObject& object = hidden_object(scene, i);
       const Placement placed = placements_at(scene, *frame.truth)[static_cast<std::size_t>(i)];
-      text += canvas.line(footprint(object.shape, object.anchor, placed),
-                          "fill=\"none\" stroke=\"#188038\" stroke-width=\"2\"", true);
+      const std::string style = formatted("fill=\"none\" stroke=\"%s\" stroke-width=\"2\"",
+                                          kTrue[static_cast<std::size_t>(i) % kTrue.size()]);
+      text += canvas.line(footprint(object.shape, object.anchor, placed), style.c_str(), true);
     }
   }
   return text + vehicle_picture(drive, frame.vehicle, canvas);

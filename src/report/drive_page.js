@@ -10,9 +10,12 @@
   var COLOUR = {
     land: "#eef0ee", road: "#ffffff", building: "#d9d5cd", buildingEdge: "#bdb6a8", wall: "#8f887b",
     route: "#1a73e8", trace: "#8ab4f8", field: "rgba(251,188,4,0.16)", fieldEdge: "rgba(227,160,0,.55)",
-    car: "#1a73e8", glass: "#d2e3fc", truth: "#188038", mode: "#d93025", goal: "#d93025",
+    car: "#1a73e8", glass: "#d2e3fc", goal: "#d93025",
     measured: "#5f6b76", object: "#d93025", ink: "#202a33", soft: "#66727d"
   };
+  // Of the hidden objects, one after the other: what is said of it, and where it really is.
+  var OBJECT = ["217,48,37", "142,36,170", "0,121,107", "109,76,65"];
+  var TRUTH = ["#188038", "#0b5394", "#7f6000", "#37474f"];
   var CHI2_95 = 5.991;  // 95 % quantile of chi-square, two degrees of freedom
 
   var now = 0, playing = false, rate = 1, last = null;
@@ -51,8 +54,12 @@
   var plots = element(side, "canvas");
   var legend = element(side, "div", "legend");
   [["#5f6b76", "counts of the sensor"], ["#d93025", "of them from the hidden object (expected)"],
-   ["rgba(217,48,37,.45)", "probability that a cell is occupied"], [COLOUR.truth, "true hidden object"],
-   ["rgba(217,48,37,.9)", "modes: 95 % ellipse, footprint"], [COLOUR.route, "plan"]].forEach(function (entry) {
+   ["rgba(217,48,37,.45)", "probability that a cell is occupied"]
+  ].concat([].concat.apply([], world.objects.map(function (object, i) {
+    var name = world.objects.length > 1 ? object.name + ", " : "";
+    return [[TRUTH[i % TRUTH.length], name + "true hidden object"],
+            ["rgb(" + OBJECT[i % OBJECT.length] + ")", name + "modes: 95 % ellipse, footprint; arrow and dots: in half a second"]];
+  }))).concat([[COLOUR.route, "plan"]]).forEach(function (entry) {
     var item = element(legend, "span"), mark = element(item, "i");
     mark.style.background = entry[0];
     item.appendChild(document.createTextNode(entry[1]));
@@ -170,24 +177,48 @@
     function c(a, b) { return a >= 0 && b >= 0 ? mode.covariance[a][b] || 0 : 0; }
     return [c(ix, ix), c(ix, iy), c(iy, iy)];
   }
-  function drawModes(ctx, frame) {
-    frame.modes.slice().reverse().forEach(function (mode) {
+  function drawEllipse(ctx, mode, object, dash) {
+    var at = placed(mode.pose, object), v = covariance(mode, object);
+    var half = Math.sqrt(Math.pow((v[0] - v[2]) / 2, 2) + v[1] * v[1]), mean = (v[0] + v[2]) / 2;
+    ctx.save();
+    ctx.translate(X(at.x_m), Y(at.y_m));
+    ctx.rotate(-Math.atan2(2 * v[1], v[0] - v[2]) / 2);
+    ctx.beginPath();
+    ctx.ellipse(0, 0, Math.sqrt(CHI2_95 * Math.max(mean + half, 0)) * view.scale,
+      Math.sqrt(CHI2_95 * Math.max(mean - half, 0)) * view.scale, 0, 0, 2 * Math.PI);
+    ctx.setLineDash(dash); ctx.stroke();
+    ctx.restore();
+  }
+  // From where an object is to where it is half a second later, with the ellipse there.
+  function drawMotion(ctx, now, later, object) {
+    var a = placed(now.pose, object), b = placed(later.pose, object);
+    var x = X(b.x_m), y = Y(b.y_m), dx = x - X(a.x_m), dy = y - Y(a.y_m), length = Math.hypot(dx, dy), head = 9 * pixel;
+    ctx.lineWidth = 1.5 * pixel;
+    drawEllipse(ctx, later, object, [1.5 * pixel, 4 * pixel]);
+    if (length < head) return;
+    dx /= length; dy /= length; ctx.lineWidth = 3 * pixel;
+    ctx.beginPath(); ctx.moveTo(X(a.x_m), Y(a.y_m)); ctx.lineTo(x - head * dx, y - head * dy); ctx.stroke();
+    ctx.beginPath(); ctx.moveTo(x, y);
+    ctx.lineTo(x - head * dx - 0.5 * head * dy, y - head * dy + 0.5 * head * dx);
+    ctx.lineTo(x - head * dx + 0.5 * head * dy, y - head * dy - 0.5 * head * dx);
+    ctx.closePath(); ctx.fillStyle = ctx.strokeStyle; ctx.fill();
+  }
+  // Moved on from the capture to the time of the frame.
+  function drawModes(ctx, i) {
+    var frame = frames[i], later = pictures[i].later;
+    pictures[i].now.map(function (mode, k) { return [mode, later[k]]; }).reverse().forEach(function (pair) {
+      var mode = pair[0];
       world.objects.forEach(function (unused, object) {
-        if (mode.pose[0] === null) return;
-        var at = placed(mode.pose, object), v = covariance(mode, object);
-        var half = Math.sqrt(Math.pow((v[0] - v[2]) / 2, 2) + v[1] * v[1]), mean = (v[0] + v[2]) / 2;
-        var strength = (0.25 + 0.75 * mode.weight) * Math.max(frame.presence_probability, 0.15);
+        var first = world.unknowns.findIndex(function (u) { return u.object === object; });
+        if (first >= 0 && mode.pose[first] === null) return;
         ctx.save();
-        ctx.globalAlpha = strength;
-        trail(ctx, outlineAt(object, at), true);
-        ctx.fillStyle = "rgba(217,48,37,.35)"; ctx.fill();
-        ctx.strokeStyle = COLOUR.mode; ctx.lineWidth = 2 * pixel; ctx.stroke();
-        ctx.translate(X(at.x_m), Y(at.y_m));
-        ctx.rotate(-Math.atan2(2 * v[1], v[0] - v[2]) / 2);
-        ctx.beginPath();
-        ctx.ellipse(0, 0, Math.sqrt(CHI2_95 * Math.max(mean + half, 0)) * view.scale,
-          Math.sqrt(CHI2_95 * Math.max(mean - half, 0)) * view.scale, 0, 0, 2 * Math.PI);
-        ctx.setLineDash([6 * pixel, 4 * pixel]); ctx.stroke();
+        ctx.globalAlpha = (0.25 + 0.75 * mode.weight) * Math.max(frame.presence_probability, 0.15);
+        trail(ctx, outlineAt(object, placed(mode.pose, object)), true);
+        var colour = OBJECT[object % OBJECT.length];
+        ctx.fillStyle = "rgba(" + colour + ",.35)"; ctx.fill();
+        ctx.strokeStyle = "rgb(" + colour + ")"; ctx.lineWidth = 2 * pixel; ctx.stroke();
+        drawEllipse(ctx, mode, object, [6 * pixel, 4 * pixel]);
+        if (pair[1]) drawMotion(ctx, mode, pair[1], object);
         ctx.restore();
       });
     });
@@ -196,7 +227,7 @@
     if (!frame.truth) return;
     world.objects.forEach(function (unused, object) {
       trail(ctx, outlineAt(object, placed(frame.truth, object)), true);
-      ctx.strokeStyle = COLOUR.truth; ctx.lineWidth = 2.5 * pixel; ctx.stroke();
+      ctx.strokeStyle = TRUTH[object % TRUTH.length]; ctx.lineWidth = 2.5 * pixel; ctx.stroke();
     });
   }
   function drawField(ctx, i) {
@@ -272,7 +303,7 @@
     ctx.strokeStyle = "#fff"; ctx.lineWidth = 7 * pixel; ctx.stroke();
     ctx.strokeStyle = COLOUR.route; ctx.lineWidth = 4.5 * pixel; ctx.stroke();
     drawGoal(ctx);
-    drawModes(ctx, frame);
+    drawModes(ctx, i);
     drawTruth(ctx, frame);
     drawVehicle(ctx, vehicleAt(now), frame);
     drawScale(ctx);
@@ -310,19 +341,23 @@
   }
   var FATE = { used: "used by the perception", in_sight: "the object is in direct sight",
                seen_before: "the object has been in direct sight", busy: "skipped: perception was busy", missing: "never arrived" };
-  function errorOf(frame) {
-    if (!frame.truth || !frame.modes.length) return null;
-    var a = placed(frame.truth, 0), b = placed(frame.modes[0].pose, 0);
-    return Math.hypot(a.x_m - b.x_m, a.y_m - b.y_m);
+  // Of each object, in the heaviest mode as of the frame's time.
+  function errorOf(i) {
+    var frame = frames[i], mode = pictures[i].now[0];
+    if (!frame.truth || !mode) return null;
+    return world.objects.map(function (unused, object) {
+      var a = placed(frame.truth, object), b = placed(mode.pose, object);
+      return Math.hypot(a.x_m - b.x_m, a.y_m - b.y_m).toFixed(2);
+    }).join(" and ");
   }
   function drawFacts(i) {
-    var frame = frames[i], error = errorOf(frame), t = frame.time_ms;
+    var frame = frames[i], error = errorOf(i), t = frame.time_ms;
     facts.textContent = "";
     [["speed", frame.speed_m_per_s.toFixed(2) + " m/s (target " + (frame.target_speed_m_per_s || 0).toFixed(2) + ")"],
      ["sensor frame", i + " of " + (frames.length - 1) + ", " + FATE[frame.frame]],
      ["hidden object", frame.presence_probability === null ? "nothing known"
        : "present with " + (100 * frame.presence_probability).toFixed(1) + " %, " + frame.modes.length + " mode" + (frame.modes.length === 1 ? "" : "s")],
-     ["heaviest mode", error === null ? "–" : error.toFixed(2) + " m from the truth"],
+     ["heaviest mode", error === null ? "–" : error + " m from the truth"],
      ["plan", frame.plan.decision],
      ["run time", "perceive " + t.perceive.toFixed(0) + ", map " + t.map.toFixed(1) + ", plan " + t.plan.toFixed(1) + " ms"]
     ].forEach(function (fact) { element(facts, "dt", "", fact[0]); element(facts, "dd", "", fact[1]); });

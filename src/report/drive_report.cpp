@@ -3,78 +3,71 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <cstdlib>
 #include <numeric>
 
 #include "blindcorner/forward/scene/footprint.h"
+#include "blindcorner/planner/grid/occupancy_grid.h"
 #include "blindcorner/report/result_file.h"
 #include "blindcorner/simulation/true_world.h"
 #include "report/birds_eye.h"
 #include "report/html.h"
+#include "report/json_values.h"
 
 namespace blindcorner {
-
-namespace embedded {
-std::string_view report_asset(std::string_view name);
-}
-
 namespace {
 
 using nlohmann::json;
 
 /// Zones whose histograms a page shows of each frame: those with most light from the object.
 constexpr std::size_t kShownZones = 9;
+/// How far ahead a page shows where objects with a known velocity may go, s.
+constexpr double kAhead = 0.5;
 
-json numbers(const Eigen::VectorXd& vector) {
-  json list = json::array();
-  for (const double value : vector) list.push_back(number_or_null(value));
-  return list;
-}
-
-json matrix(const Eigen::MatrixXd& values) {
-  json rows = json::array();
-  for (Eigen::Index i = 0; i < values.rows(); ++i)
-    rows.push_back(numbers(values.row(i).transpose()));
-  return rows;
-}
-
-/// Significant digits enough for a screen.
-double rounded(double value, const char* format = "%.4g") {
-  char text[32];
-  std::snprintf(text, sizeof text, format, value);
-  return std::strtod(text, nullptr);
-}
-
-json modes_json(const std::optional<PoseMixture>& mixture) {
+json modes_json(const PoseMixture& mixture, const std::vector<PoseVelocity>& velocities) {
   json modes = json::array();
-  if (!mixture) return modes;
-  for (const PoseMode& mode : mixture->modes) {
+  for (std::size_t i = 0; i < mixture.modes.size(); ++i) {
+    const PoseMode& mode = mixture.modes[i];
     modes.push_back({{"weight", number_or_null(mode.weight)},
-                     {"pose", numbers(mode.pose)},
-                     {"covariance", matrix(mode.covariance)}});
+                     {"pose", numbers_json(mode.pose)},
+                     {"covariance", matrix_json(mode.covariance)}});
+    if (velocities.empty()) continue;
+    modes.back()["velocity"] = numbers_json(velocities[i].mean);
+    modes.back()["velocity_covariance"] = matrix_json(velocities[i].covariance);
   }
   return modes;
+}
+
+/// Modes of the latest answer, as it was given.
+json modes_json(const DriveFrame& frame) {
+  return frame.mixture ? modes_json(*frame.mixture, frame.velocities) : json::array();
+}
+
+/// The same moved on by a time, s, as the map does with what is old.
+json modes_later(const Drive& drive, const DriveFrame& frame, double ahead) {
+  if (!frame.mixture) return json::array();
+  const HiddenMotion motion(drive.scene, drive.motion, OccupancyOptions{}.dwell_time);
+  return modes_json(motion.predicted(*frame.mixture, frame.mixture_age + ahead, frame.velocities),
+                    {});
 }
 
 json points_json(const std::vector<Eigen::Vector2d>& points) {
   json list = json::array();
   for (const Eigen::Vector2d& p : points) {
-    list.push_back({rounded(p.x(), "%.5g"), rounded(p.y(), "%.5g")});
+    list.push_back({with_digits(p.x(), 5), with_digits(p.y(), 5)});
   }
   return list;
 }
 
 json times_json(const DriveTimes& times) {
-  return {{"sense", rounded(times.sense)},
-          {"perceive", rounded(times.perceive)},
-          {"map", rounded(times.map)},
-          {"plan", rounded(times.plan)},
-          {"control", rounded(times.control)}};
+  return {{"sense", with_digits(times.sense, 4)},
+          {"perceive", with_digits(times.perceive, 4)},
+          {"map", with_digits(times.map, 4)},
+          {"plan", with_digits(times.plan, 4)},
+          {"control", with_digits(times.control, 4)}};
 }
 
 json frame_json(const DriveFrame& frame) {
-  return {{"time_s", rounded(frame.time, "%.6g")},
+  return {{"time_s", with_digits(frame.time, 6)},
           {"x_m", frame.vehicle.position.x()},
           {"y_m", frame.vehicle.position.y()},
           {"yaw_rad", frame.vehicle.yaw},
@@ -83,14 +76,14 @@ json frame_json(const DriveFrame& frame) {
           {"target_speed_m_per_s", number_or_null(frame.target_speed)},
           {"clearance_m", number_or_null(frame.clearance)},
           {"frame", fate_word(frame.fate)},
-          {"arrival_s", rounded(frame.arrival, "%.6g")},
+          {"arrival_s", with_digits(frame.arrival, 6)},
           {"presence_probability",
            frame.mixture ? number_or_null(frame.mixture->presence_probability) : json(nullptr)},
-          {"modes", modes_json(frame.mixture)},
+          {"modes", modes_json(frame)},
           {"modes_age_s", frame.mixture ? number_or_null(frame.mixture_age) : json(nullptr)},
           {"flags", frame.flags},
           {"error", frame.error.empty() ? json(nullptr) : json(frame.error)},
-          {"truth", frame.truth ? numbers(*frame.truth) : json(nullptr)},
+          {"truth", frame.truth ? numbers_json(*frame.truth) : json(nullptr)},
           {"plan", {{"decision", frame.plan_text}, {"path_m", points_json(frame.path)}}},
           {"time_ms", times_json(frame.time_ms)}};
 }
@@ -137,7 +130,7 @@ std::vector<int> shown_zones(const DriveResult& result) {
 
 json zone_json(const HistogramCube& cube, int zone) {
   json bins = json::array();
-  for (int k = 0; k < cube.bins; ++k) bins.push_back(rounded(cube.zone(zone)[k], "%.3g"));
+  for (int k = 0; k < cube.bins; ++k) bins.push_back(with_digits(cube.zone(zone)[k], 3));
   return bins;
 }
 
@@ -152,6 +145,8 @@ json picture_json(const Drive& drive, const DriveFrame& frame, const std::vector
   }
   const SensorView view = sensor_view(drive.scene, frame.T_world_sensor, {});
   return {{"grid", grid_text(frame.occupancy)},
+          {"now", modes_later(drive, frame, 0)},
+          {"later", frame.velocities.empty() ? json::array() : modes_later(drive, frame, kAhead)},
           {"field", points_json(view.field_of_view)},
           {"measured", measured},
           {"object", object}};
@@ -186,7 +181,7 @@ json world_json(const Drive& drive, const DriveResult& result) {
   }
   json trace = json::array();
   for (const Eigen::Vector3d& at : result.trace) {
-    trace.push_back({rounded(at.x(), "%.5g"), rounded(at.y(), "%.5g"), rounded(at.z())});
+    trace.push_back({with_digits(at.x(), 5), with_digits(at.y(), 5), with_digits(at.z(), 4)});
   }
   const GridGeometry& map = drive.map;
   return {{"surfaces", surfaces},
@@ -207,18 +202,6 @@ json world_json(const Drive& drive, const DriveResult& result) {
             {"cell_m", map.cell_size},
             {"columns", map.columns},
             {"rows", map.rows}}}};
-}
-
-std::string script_safe(const std::string& text) {
-  std::string safe;
-  for (const char character : text) {
-    if (character == '<') {
-      safe += "\\u003c";
-    } else {
-      safe += character;
-    }
-  }
-  return safe;
 }
 
 }  // namespace
@@ -255,18 +238,8 @@ std::string drive_page(const Drive& drive, const DriveOptions& options, const Dr
                      {"world", world_json(drive, result)},
                      {"zones", zones},
                      {"pictures", pictures}};
-  std::string page = "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n";
-  page += "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n";
-  page += "<title>" + html_safe(drive.name) + " - blindcorner</title>\n<style>\n";
-  page += embedded::report_asset("drive_page.css");
-  page +=
-      "</style>\n</head>\n<body>\n<main id=\"page\"></main>\n<noscript>This page draws its "
-      "pictures with JavaScript.</noscript>\n<script type=\"application/json\" id=\"data\">";
-  page += script_safe(dump_json(data));
-  page += "</script>\n<script>\n";
-  page += embedded::report_asset("drive_page.js");
-  page += "</script>\n</body>\n</html>\n";
-  return page;
+  return script_page(drive.name, dump_json(data),
+                     {.style = "drive_page.css", .library = {}, .script = "drive_page.js"});
 }
 
 }  // namespace blindcorner

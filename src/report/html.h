@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-/// What all pages share: safe text, and a plain page that needs no script.
+/// What all pages share: safe text, a plain page that needs no script, and one that a script draws.
 #pragma once
 
 #include <string>
+#include <string_view>
 
 namespace blindcorner {
 
@@ -11,5 +12,16 @@ std::string html_safe(const std::string& text);
 
 /// A self-contained page: the title as its heading, then the body, which is HTML already.
 std::string plain_page(const std::string& title, const std::string& body);
+
+/// Names of the files that are embedded into the program for a page.
+struct PageAssets {
+  std::string_view style;
+  std::string_view library;  ///< a script that stands before the data; empty: none
+  std::string_view script;   ///< draws the data into the element "page"
+};
+
+/// A self-contained page that a script draws; `data` is JSON.
+std::string script_page(const std::string& title, const std::string& data,
+                        const PageAssets& assets);
 
 }  // namespace blindcorner

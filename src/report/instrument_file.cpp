@@ -3,11 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <cstdlib>
 
 #include "blindcorner/forward/constants.h"
 #include "io/sensor_reader.h"
+#include "report/json_values.h"
 
 namespace blindcorner {
 namespace {
@@ -15,12 +14,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 /// Seven digits: far below any standard error, and files that people can read.
-Json number(double value) {
-  if (!std::isfinite(value)) return nullptr;
-  char text[32];
-  std::snprintf(text, sizeof text, "%.7g", value);
-  return std::strtod(text, nullptr);
-}
+Json number(double value) { return number_or_null(with_digits(value, 7)); }
 
 /// All numbers of a value with seven digits.
 Json rounded(Json value) {

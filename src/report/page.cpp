@@ -3,24 +3,17 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <cstdlib>
 #include <map>
 #include <numeric>
-#include <string_view>
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/scene/footprint.h"
 #include "blindcorner/report/result_file.h"
 #include "report/birds_eye.h"
 #include "report/html.h"
+#include "report/json_values.h"
 
 namespace blindcorner {
-
-namespace embedded {
-std::string_view report_asset(std::string_view name);
-}
-
 namespace {
 
 using nlohmann::json;
@@ -28,9 +21,7 @@ using nlohmann::json;
 /// Five significant digits: enough for any screen, half the bytes.
 json rounded(double value) {
   if (!std::isfinite(value)) return nullptr;
-  char text[32];
-  std::snprintf(text, sizeof text, "%.5g", value);
-  const double shown = std::strtod(text, nullptr);
+  const double shown = with_digits(value, 5);
   if (shown == std::trunc(shown) && std::abs(shown) < 1e9) return static_cast<long>(shown);
   return shown;
 }
@@ -263,20 +254,6 @@ void add_captures(const Scene& scene, const std::vector<FitResult>& results,
   data["max_zones"] = options.max_zones;
 }
 
-/// JSON that may stand inside a script element: no "<" can open or close anything.
-std::string script_safe(const std::string& text) {
-  std::string safe;
-  safe.reserve(text.size());
-  for (const char character : text) {
-    if (character == '<') {
-      safe += "\\u003c";
-    } else {
-      safe += character;
-    }
-  }
-  return safe;
-}
-
 }  // namespace
 
 CaptureConditions conditions_of(const Scene& scene, const Capture& capture) {
@@ -299,20 +276,8 @@ std::string result_page(const Scene& scene, const std::vector<FitResult>& result
   json data = {{"result", result_json(scene, results)}, {"scene", scene_json(scene)}};
   add_captures(scene, results, conditions, options, data);
   const std::string title = scene.name.empty() ? "fit" : scene.name;
-  std::string page = "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n";
-  page += "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n";
-  page += "<title>" + html_safe(title) + " - blindcorner</title>\n<style>\n";
-  page += embedded::report_asset("page.css");
-  page +=
-      "</style>\n</head>\n<body>\n<main id=\"page\"></main>\n<noscript>This page draws its "
-      "pictures with JavaScript.</noscript>\n<script>\n";
-  page += embedded::report_asset("d3.js");
-  page += "\n</script>\n<script type=\"application/json\" id=\"data\">";
-  page += script_safe(dump_json(data));
-  page += "</script>\n<script>\n";
-  page += embedded::report_asset("page.js");
-  page += "</script>\n</body>\n</html>\n";
-  return page;
+  return script_page(title, dump_json(data),
+                     {.style = "page.css", .library = "d3.js", .script = "page.js"});
 }
 
 }  // namespace blindcorner

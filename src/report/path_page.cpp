@@ -7,6 +7,7 @@
 #include <functional>
 #include <nlohmann/json.hpp>
 
+#include "blindcorner/report/result_file.h"
 #include "report/formatted.h"
 #include "report/html.h"
 
@@ -15,10 +16,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// Curvatures of a corner are infinite, which JSON has no number for.
-Json number(double value) { return std::isfinite(value) ? Json(value) : Json(); }
-
-Json pair(const Eigen::Vector2d& point) { return {number(point.x()), number(point.y())}; }
+Json pair(const Eigen::Vector2d& point) { return {point.x(), point.y()}; }
 
 /// How a cell is drawn; the first kind is the page's background.
 enum class Ground { free, unknown, margin, obstacle };
@@ -119,15 +117,13 @@ std::string picture(const PlannedPath& planned, std::span<const double> occupanc
 }
 
 std::string figures(const Path& path) {
-  double most = 0;
-  for (const PathPoint& point : path.points) most = std::max(most, std::abs(point.curvature));
   return formatted(
       "<table><tr><td>status<td>%s</tr><tr><td>length<td>%.2f m</tr><tr><td>length over cells"
       "<td>%.2f m</tr><tr><td>cost<td>%.2f m</tr><tr><td>greatest curvature<td>%.3f / m</tr>"
       "<tr><td>expansions<td>%zu</tr><tr><td>search<td>%.1f ms</tr><tr><td>smoothing<td>%.1f ms"
       "</tr></table>\n",
       std::string(path_status_word(path.status)).c_str(), path.length, path.grid_length, path.cost,
-      most, path.expansions, 1e3 * path.search_time, 1e3 * path.smoothing_time);
+      path.greatest_curvature, path.expansions, 1e3 * path.search_time, 1e3 * path.smoothing_time);
 }
 
 }  // namespace
@@ -157,7 +153,7 @@ std::string path_json(const PlannedPath& planned) {
   json["points"] = Json::array();
   for (const PathPoint& p : path.points) {
     json["points"].push_back(
-        {p.position.x(), p.position.y(), p.heading, number(p.curvature), p.arc_length});
+        {p.position.x(), p.position.y(), p.heading, number_or_null(p.curvature), p.arc_length});
   }
   return json.dump() + "\n";
 }

@@ -8,6 +8,7 @@
 
 #include "blindcorner/forward/scene/shape.h"
 #include "blindcorner/io/atomic_file.h"
+#include "report/json_values.h"
 
 namespace blindcorner {
 
@@ -15,33 +16,17 @@ namespace {
 
 using nlohmann::json;
 
-template <typename Numbers>
-json numbers(const Numbers& values) {
-  json list = json::array();
-  for (const double value : values) list.push_back(number_or_null(value));
-  return list;
-}
-
-json matrix(const Eigen::MatrixXd& values) {
-  json rows = json::array();
-  for (Eigen::Index r = 0; r < values.rows(); ++r) {
-    const Eigen::VectorXd row = values.row(r);
-    rows.push_back(numbers(row));
-  }
-  return rows;
-}
-
 json mode_json(const std::vector<std::string>& names, const PoseMode& mode) {
   json undetermined = json::array();
   for (const int index : mode.undetermined) {
     undetermined.push_back(names.at(static_cast<std::size_t>(index)));
   }
   return {{"weight", number_or_null(mode.weight)},
-          {"pose", numbers(mode.pose)},
-          {"covariance", matrix(mode.covariance)},
+          {"pose", numbers_json(mode.pose)},
+          {"covariance", matrix_json(mode.covariance)},
           {"undetermined", undetermined},
           {"log_likelihood", number_or_null(mode.log_likelihood)},
-          {"optimum", numbers(mode.optimum)}};
+          {"optimum", numbers_json(mode.optimum)}};
 }
 
 json goodness_json(const GoodnessOfFit& goodness) {
@@ -61,29 +46,30 @@ json times_json(const StageTimes& times) {
 }
 
 json linear_json(const FittedHistograms& fitted) {
-  return {{"amplitude", numbers(fitted.amplitude)},
-          {"ambient", numbers(fitted.ambient)},
-          {"direct", numbers(fitted.direct)}};
+  return {{"amplitude", numbers_json(fitted.amplitude)},
+          {"ambient", numbers_json(fitted.ambient)},
+          {"direct", numbers_json(fitted.direct)}};
 }
 
 json track_json(const TrackSummary& track) {
   const bool smoothed = track.smoothed_pose.size() > 0;
-  return {{"time_s", number_or_null(track.time)},
-          {"velocity", numbers(track.velocity)},
-          {"amplitude", number_or_null(track.amplitude)},
-          {"amplitude_sigma_log", number_or_null(track.amplitude_sigma_log)},
-          {"predicted_frames", track.coasted},
-          {"searched", track.searched},
-          {"innovation", number_or_null(track.innovation)},
-          {"innovation_expected", number_or_null(track.freedom)},
-          {"inflation", number_or_null(track.inflation)},
-          {"smoothed_pose", smoothed ? numbers(track.smoothed_pose) : json(nullptr)},
-          {"smoothed_covariance", smoothed ? matrix(track.smoothed_covariance) : json(nullptr)}};
+  return {
+      {"time_s", number_or_null(track.time)},
+      {"velocity", numbers_json(track.velocity)},
+      {"amplitude", number_or_null(track.amplitude)},
+      {"amplitude_sigma_log", number_or_null(track.amplitude_sigma_log)},
+      {"predicted_frames", track.coasted},
+      {"searched", track.searched},
+      {"innovation", number_or_null(track.innovation)},
+      {"innovation_expected", number_or_null(track.freedom)},
+      {"inflation", number_or_null(track.inflation)},
+      {"smoothed_pose", smoothed ? numbers_json(track.smoothed_pose) : json(nullptr)},
+      {"smoothed_covariance", smoothed ? matrix_json(track.smoothed_covariance) : json(nullptr)}};
 }
 
 json truth_json(const Scene& scene, const std::map<std::string, double>& truth) {
   const std::vector<double> values = truth_vector(scene, truth);
-  return values.empty() ? json(nullptr) : numbers(values);
+  return values.empty() ? json(nullptr) : numbers_json(values);
 }
 
 }  // namespace
@@ -151,8 +137,8 @@ json capture_json(const Scene& scene, const FitResult& result) {
     }
   }
   const bool no_pose = failed || posterior.modes.empty();
-  entry["mean"] = no_pose ? json(nullptr) : numbers(posterior.mean);
-  entry["covariance"] = no_pose ? json(nullptr) : matrix(posterior.covariance);
+  entry["mean"] = no_pose ? json(nullptr) : numbers_json(posterior.mean);
+  entry["covariance"] = no_pose ? json(nullptr) : matrix_json(posterior.covariance);
   entry["goodness_of_fit"] = unless_failed(goodness_json(result.goodness_of_fit));
   entry["linear"] = json::array();
   for (const FittedHistograms& fitted : result.histograms) {

@@ -9,6 +9,7 @@
 
 #include "blindcorner/simulation/credible_level.h"
 #include "blindcorner/simulation/paired_difference.h"
+#include "report/bar_chart.h"
 #include "report/chart.h"
 #include "report/formatted.h"
 #include "report/html.h"
@@ -24,6 +25,10 @@ constexpr std::array kPublishedNlos{1.0, 1.0, 0.81, 0.31, 0.09, 0.0};
 constexpr std::array kPublishedLos{1.0, 1.0, 0.80, 0.17, 0.0, 0.0};
 /// Published success by localisation error in metres, from 1-2 to 6-7.
 constexpr std::array kPublishedErrors{0.89, 0.71, 0.42, 0.29, 0.24, 0.13};
+
+/// Perceptions that are compared with each other.
+constexpr std::array<std::pair<const char*, const char*>, 3> kPairs{
+    {{"solver", "los"}, {"oracle", "los"}, {"solver", "oracle"}}};
 
 Results chosen(const Results& results, const std::function<bool(const TrialResult&)>& wanted) {
   Results list;
@@ -58,24 +63,6 @@ std::string share_text(const Results& results) {
                    interval.high, good, all);
 }
 
-/// One bar of a group: a share with its interval, if it has one.
-struct Bar {
-  std::string name;
-  double share = 0;
-  std::optional<ShareInterval> interval;
-};
-
-struct BarGroup {
-  std::string label;
-  std::vector<Bar> bars;
-};
-
-Bar bar_of(const std::string& name, const Results& results) {
-  const int all = static_cast<int>(results.size());
-  const int good = reached(results);
-  return {name, all > 0 ? static_cast<double>(good) / all : 0.0, wilson_interval(good, all)};
-}
-
 std::string colour_of(const std::string& name) {
   static const std::map<std::string, std::string> kColours{{"los", "#d62728"},
                                                            {"solver", "#1f77b4"},
@@ -89,59 +76,14 @@ std::string colour_of(const std::string& name) {
   return known == kColours.end() ? "#888888" : known->second;
 }
 
-std::string bar_svg(const Bar& bar, double x, double width,
-                    const std::function<double(double)>& y) {
-  std::string svg =
-      formatted("<rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" fill=\"%s\"><title>", x,
-                y(bar.share), width, y(0) - y(bar.share), colour_of(bar.name).c_str()) +
-      html_safe(bar.name) + formatted(": %.3f</title></rect>", bar.share);
-  if (bar.interval) {
-    svg += formatted("<path stroke=\"#222\" d=\"M%.1f %.1fV%.1f\"/>", x + width / 2,
-                     y(bar.interval->low), y(bar.interval->high));
-  }
-  return svg;
+Bar bar_of(const std::string& name, double share, std::optional<ShareInterval> interval = {}) {
+  return {name, colour_of(name), share, interval};
 }
 
-/// Grouped bars from 0 to 1, lines for their 95 % intervals.
-std::string bars_svg(const std::string& title, const std::string& x_label,
-                     const std::vector<BarGroup>& groups) {
-  constexpr double kWidth = 900, kHeight = 300, kLeft = 50, kTop = 46, kBottom = 40;
-  const std::function<double(double)> y = [&](double share) {
-    return kTop + (1 - share) * (kHeight - kTop - kBottom);
-  };
-  std::string svg = formatted(
-      "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"%.0f\" height=\"%.0f\" "
-      "font-family=\"sans-serif\" font-size=\"11\"><text x=\"%.0f\" y=\"14\" font-size=\"12\" "
-      "font-weight=\"600\">",
-      kWidth, kHeight, kLeft);
-  svg += html_safe(title) + "</text>";
-  double legend = kLeft;
-  for (const Bar& bar : groups.front().bars) {
-    svg += formatted("<rect x=\"%.0f\" y=\"24\" width=\"10\" height=\"10\" fill=\"%s\"/>", legend,
-                     colour_of(bar.name).c_str()) +
-           formatted("<text x=\"%.0f\" y=\"33\">", legend + 14) + html_safe(bar.name) + "</text>";
-    legend += 34 + 6.5 * static_cast<double>(bar.name.size());
-  }
-  for (int tenth = 0; tenth <= 10; tenth += 2) {
-    svg +=
-        formatted("<path stroke=\"#ddd\" d=\"M%.0f %.1fH%.0f\"/>", kLeft, y(0.1 * tenth), kWidth) +
-        formatted("<text x=\"%.0f\" y=\"%.1f\" text-anchor=\"end\">%.1f</text>", kLeft - 4,
-                  y(0.1 * tenth) + 4, 0.1 * tenth);
-  }
-  const double step = (kWidth - kLeft) / static_cast<double>(groups.size());
-  for (std::size_t g = 0; g < groups.size(); ++g) {
-    const double left = kLeft + step * (static_cast<double>(g) + 0.1);
-    const double width = 0.8 * step / static_cast<double>(groups[g].bars.size());
-    for (std::size_t i = 0; i < groups[g].bars.size(); ++i) {
-      svg += bar_svg(groups[g].bars[i], left + width * static_cast<double>(i), 0.9 * width, y);
-    }
-    svg += formatted("<text x=\"%.1f\" y=\"%.0f\" text-anchor=\"middle\">", left + 0.4 * step,
-                     kHeight - kBottom + 15) +
-           html_safe(groups[g].label) + "</text>";
-  }
-  return svg +
-         formatted("<text x=\"%.0f\" y=\"%.0f\" text-anchor=\"middle\">", kWidth / 2, kHeight - 6) +
-         html_safe(x_label) + "</text></svg>\n";
+Bar bar_of(const std::string& name, const Results& results) {
+  const int all = static_cast<int>(results.size());
+  const int good = reached(results);
+  return bar_of(name, all > 0 ? static_cast<double>(good) / all : 0.0, wilson_interval(good, all));
 }
 
 /// Published success in a speed zone that is one of the published ones.
@@ -177,8 +119,8 @@ std::string success_section(const Drive& drive, const Results& results) {
     }
     const auto nlos = published(drive.trials, zone, kPublishedNlos);
     const auto los = published(drive.trials, zone, kPublishedLos);
-    if (nlos) group.bars.push_back({"published nlos", *nlos, {}});
-    if (los) group.bars.push_back({"published los", *los, {}});
+    if (nlos) group.bars.push_back(bar_of("published nlos", *nlos));
+    if (los) group.bars.push_back(bar_of("published los", *los));
     rows += nlos ? formatted("<td>%.2f<td>%.2f</tr>\n", *nlos, *los) : "<td>-<td>-</tr>\n";
     groups.push_back(std::move(group));
   }
@@ -209,8 +151,6 @@ std::string difference_cell(const PairedCounts& counts) {
 }
 
 std::string difference_section(const Drive& drive, const Results& results) {
-  constexpr std::array<std::pair<const char*, const char*>, 3> kPairs{
-      {{"solver", "los"}, {"oracle", "los"}, {"solver", "oracle"}}};
   std::string html =
       "<h2>Differences, paired by seed</h2>\n<p>Success of the first minus that of the second on "
       "the same trials, with 95 % intervals (Newcombe's tenth method); then trials that only the "
@@ -306,7 +246,7 @@ std::string error_section(const Results& results) {
     rows += "<tr><td>" + group.label + "<td>" + share_text(disc) + "<td>" + share_text(wide);
     const bool known = bin > 0;
     const double share = known ? kPublishedErrors[static_cast<std::size_t>(bin) - 1] : 0;
-    group.bars.push_back({"published", share, {}});
+    group.bars.push_back(bar_of("published", share));
     rows += known ? formatted("<td>%.2f</tr>\n", share) : "<td>-</tr>\n";
     groups.push_back(std::move(group));
   }
@@ -341,52 +281,83 @@ std::string clearance_section(const Results& results) {
   Chart time{"time of trials that reach the goal", "s", "share of trials with at most it"};
   std::string rows =
       "<table><tr><th>perception<th>collision<th>stopped<th>timeout<th>median clearance, m"
-      "<th>mean time to the goal, s<th>run time a trial, s</tr>\n";
+      "<th>mean way to the goal, m<th>mean time to the goal, s<th>run time a trial, s</tr>\n";
   for (const std::string& name : perceptions_of(results)) {
-    std::vector<double> distances, times, run_times;
+    std::vector<double> distances, lengths, times, run_times;
     std::map<std::string, int> outcomes;
     for (const TrialResult& result : of(results, name)) {
       distances.push_back(result.clearance);
       run_times.push_back(result.run_time);
-      if (result.reached()) times.push_back(result.time);
+      if (result.reached()) times.push_back(result.time), lengths.push_back(result.length);
       ++outcomes[result.outcome];
     }
     clearance.series.push_back(distribution(name, distances));
     time.series.push_back(distribution(name, times));
     std::ranges::sort(distances);
     rows += "<tr><td>" + html_safe(name) +
-            formatted("<td>%d<td>%d<td>%d<td>%.2f<td>%.2f<td>%.1f</tr>\n", outcomes["collision"],
-                      outcomes["stopped"], outcomes["timeout"], distances[distances.size() / 2],
-                      mean(times), mean(run_times));
+            formatted("<td>%d<td>%d<td>%d<td>%.2f<td>%.3f<td>%.2f<td>%.1f</tr>\n",
+                      outcomes["collision"], outcomes["stopped"], outcomes["timeout"],
+                      distances[distances.size() / 2], mean(lengths), mean(times), mean(run_times));
   }
   for (Chart* chart : {&clearance, &time}) chart->width = 460, chart->height = 300;
   return "<h2>Clearance and time</h2>\n" + rows + "</table>\n" + charts_html({clearance, time});
 }
 
+/// Differences of a figure between two perceptions, over trials that both drove to the goal.
+std::vector<double> differences(const Results& first, const Results& second,
+                                double TrialResult::*figure) {
+  std::map<std::uint64_t, double> other;
+  for (const TrialResult& result : second) {
+    if (result.reached()) other[result.trial.seed] = result.*figure;
+  }
+  std::vector<double> values;
+  for (const TrialResult& result : first) {
+    const auto match = other.find(result.trial.seed);
+    if (result.reached() && match != other.end()) values.push_back(result.*figure - match->second);
+  }
+  return values;
+}
+
+std::string mean_cell(const std::vector<double>& values) {
+  if (values.empty()) return "<td>-";
+  const MeanInterval mean = mean_interval(values);
+  return formatted("<td>%+.3f (%+.3f to %+.3f)", mean.value, mean.low, mean.high);
+}
+
+std::string path_section(const Results& results) {
+  std::string rows =
+      "<h2>Way and time, paired by seed</h2>\n<p>Of trials that both drove to the goal: the first "
+      "minus the second, means with 95 % intervals (Student).</p>\n"
+      "<table><tr><th>pair<th>trials<th>way, m<th>time, s</tr>\n";
+  for (const auto& [first, second] : kPairs) {
+    const Results a = of(results, first), b = of(results, second);
+    const std::vector<double> lengths = differences(a, b, &TrialResult::length);
+    rows += formatted("<tr><td>%s - %s<td>%zu", first, second, lengths.size()) +
+            mean_cell(lengths) + mean_cell(differences(a, b, &TrialResult::time)) + "</tr>\n";
+  }
+  return rows + "</table>\n";
+}
+
 /// Predicted against observed occupancy of one perception's cells.
 ChartSeries reliability(const std::string& name, const Results& results, std::string& rows) {
   ChartSeries series{name, {}, SeriesStyle::marked_line, colour_of(name)};
-  MapStatements sum;
-  std::array<int, 10> trials{};
+  ReliabilityDiagram all(kMapBins);
+  std::vector<int> trials(all.counts().size());  // with cells in the bin
   for (const TrialResult& result : results) {
-    for (std::size_t i = 0; i < 10; ++i) {
-      sum.statements[i] += result.map.statements[i];
-      sum.occupied[i] += result.map.occupied[i];
-      sum.probability[i] += result.map.probability[i];
-      trials[i] += result.map.statements[i] > 0 ? 1 : 0;
+    all.merge(result.map);
+    for (std::size_t i = 0; i < trials.size(); ++i) {
+      trials[i] += result.map.counts()[i].statements > 0 ? 1 : 0;
     }
   }
-  for (std::size_t i = 0; i < 10; ++i) {
-    if (sum.statements[i] == 0) continue;
-    const double share = static_cast<double>(sum.occupied[i]) / sum.statements[i];
-    const double predicted = sum.probability[i] / sum.statements[i];
-    const ShareInterval interval =
-        wilson_interval(static_cast<int>(std::lround(share * trials[i])), trials[i]);
-    series.points.push_back({predicted, share});
+  const std::vector<ReliabilityBin> bins = all.bins(trials);
+  for (std::size_t i = 0; i < bins.size(); ++i) {
+    const ReliabilityBin& bin = bins[i];
+    if (bin.statements == 0) continue;
+    series.points.push_back({bin.mean_predicted, bin.observed});
     rows += "<tr><td>" + html_safe(name) +
-            formatted("<td>%.1f-%.1f<td>%.3f<td>%.3f (%.3f to %.3f)<td>%d<td>%d</tr>\n",
-                      0.1 * static_cast<double>(i), 0.1 * static_cast<double>(i + 1), predicted,
-                      share, interval.low, interval.high, sum.statements[i], trials[i]);
+            formatted("<td>%.1f-%.1f<td>%.3f<td>%.3f (%.3f to %.3f)<td>%d<td>%d</tr>\n", bin.lower,
+                      bin.upper, bin.mean_predicted, bin.observed, bin.interval.low,
+                      bin.interval.high, bin.statements, trials[i]);
   }
   return series;
 }
@@ -458,7 +429,7 @@ std::string trials_page(const Drive& drive, const std::vector<TrialResult>& resu
           results.size(), html_safe(drive.name).c_str(), drive.sensor.light) +
       corner_section(drive, plain) + success_section(drive, plain) +
       difference_section(drive, plain) + error_section(misled) + clearance_section(plain) +
-      reliability_section(plain) + failures_section(drive, results, replayed);
+      path_section(plain) + reliability_section(plain) + failures_section(drive, results, replayed);
   return plain_page("Trials: " + drive.name, body);
 }
 

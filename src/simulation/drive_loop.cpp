@@ -22,6 +22,7 @@
 #include "blindcorner/simulation/perception.h"
 #include "blindcorner/simulation/true_world.h"
 #include "simulation/convex_distance.h"
+#include "simulation/sightings.h"
 
 namespace blindcorner {
 namespace {
@@ -171,7 +172,7 @@ struct SensedEvent {
   double capture_time = 0;  ///< s
   double arrival = 0;       ///< s
   std::size_t frame = 0;
-  Transform T_world_sensor = Transform::Identity();
+  VehicleState vehicle;  ///< true
 };
 
 /// What the perception says of a frame, and when it says it.
@@ -197,12 +198,12 @@ class DriveLoop {
   void step();
   void note_frame();
   bool finished();
+  void forget_maps();
   void mark_walls();
 
   VehicleState state() const { return vehicle_.state(); }
-  Transform T_world_sensor() const {
-    return T_world_vehicle(state()) * drive_.sensor.T_vehicle_sensor;
-  }
+  /// What the vehicle takes its state to be: all that it does with a map starts from here.
+  VehicleState believed() const { return world_.believed(state()); }
   Polygon outline() const;
   std::vector<double> occupancy() const;
   double speed() const { return options_.speed.value_or(world_.speed()); }
@@ -214,6 +215,7 @@ class DriveLoop {
   std::unique_ptr<Perception> perception_;
   double delay_;
   LineOfSight sight_;
+  Sightings sightings_;
   OccupancyGrid grid_;
   PoseHypotheses hypotheses_;
   Vehicle vehicle_;
@@ -229,11 +231,13 @@ class DriveLoop {
   double busy_until_ = 0;       ///< s: perception works on a frame
   double standing_since_ = -1;  ///< s; negative: it drives, or has a plan
   double clearance_ = std::numeric_limits<double>::infinity();  ///< m, since the last frame
-  bool was_in_sight_ = false;  ///< hidden objects have been in direct sight
+  VehicleState sensed_from_;  ///< true, at the time of the frame that perception works on
+  AnswerEvent perceived_;     ///< the last before any hidden object came in direct sight
   std::size_t next_goal_ = 0;
   std::deque<SensedEvent> arriving_;  ///< in order of arrival
   std::deque<AnswerEvent> answers_;   ///< in order of readiness
   std::optional<AnswerEvent> latest_;
+  std::vector<double> occupancy_;  ///< as the last plan saw it
   std::string plan_text_;
   std::vector<Vector2d> path_;
   double target_speed_ = 0;
@@ -246,12 +250,14 @@ DriveLoop::DriveLoop(const Drive& drive, const SimulatedSensor& sensor, const Dr
       sensor_(sensor),
       options_(options),
       world_(drive, options.seed),
-      perception_(
-          make_perception(options.perception, {sensor.scene(), drive.motion, options.fit,
-                                               [this](double time) { return world_.hidden(time); },
-                                               options.injected_error, options.seed})),
+      perception_(make_perception(
+          options.perception,
+          {sensor.scene(), drive.motion, options.fit,
+           [this](double time) { return world_.believed_hidden(sensed_from_, time); },
+           options.injected_error, options.seed})),
       delay_(drive.delay.contains(options.perception) ? drive.delay.at(options.perception) : 0.0),
       sight_(drive.scene, drive.map, sight_options(drive)),
+      sightings_(drive.scene, drive.motion),
       grid_(drive.map, map_scene(drive.scene, perception_->disc_radius()), drive.motion,
             occupancy_options(drive)),
       hypotheses_(map_scene(drive.scene, perception_->disc_radius()), drive.map),
@@ -272,16 +278,7 @@ DriveLoop::DriveLoop(const Drive& drive, const SimulatedSensor& sensor, const Dr
 
 /// The known scene is in the map from the start.
 void DriveLoop::mark_walls() {
-  const GridGeometry& map = drive_.map;
-  const double reach = map.cell_size * std::sqrt(0.5);
-  for (std::size_t i = 0; i < map.cells(); ++i) {
-    const Polygon center{map.center(map.cell(i))};
-    for (const Polygon& wall : world_.walls()) {
-      if (convex_distance(center, wall) > reach) continue;
-      grid_.add_static_evidence(map.cell(i), kWallEvidence);
-      break;
-    }
-  }
+  for (const Cell& cell : world_.wall_cells()) grid_.add_static_evidence(cell, kWallEvidence);
 }
 
 Polygon DriveLoop::outline() const {
@@ -310,13 +307,13 @@ void DriveLoop::capture_frame() {
   SensedEvent event;
   event.capture_time = event.arrival = time_;
   event.frame = result_.frames.size();
-  event.T_world_sensor = T_world_sensor();
+  event.vehicle = state();
   std::uniform_real_distribution<double> chance(0, 1);
   const bool missing = chance(faults_) < drive_.sensor.missing_share;
   if (chance(faults_) < drive_.sensor.late_share) event.arrival += drive_.sensor.late_by;
   note_frame();
   DriveFrame& frame = result_.frames.back();
-  frame.T_world_sensor = event.T_world_sensor;
+  frame.T_world_sensor = T_world_vehicle(event.vehicle) * drive_.sensor.T_vehicle_sensor;
   frame.arrival = event.arrival;
   if (missing) {
     frame.fate = FrameFate::missing;
@@ -329,6 +326,7 @@ void DriveLoop::capture_frame() {
 
 /// What the vehicle knows when a frame is due.
 void DriveLoop::note_frame() {
+  if (!options_.keep_pictures) forget_maps();
   DriveFrame frame;
   frame.time = time_;
   frame.vehicle = state();
@@ -339,21 +337,35 @@ void DriveLoop::note_frame() {
   times_ = {};
 }
 
+/// Maps that last_map() will not find any more. What becomes of frames on their way is open yet.
+void DriveLoop::forget_maps() {
+  if (!arriving_.empty()) return;
+  const DriveFrame* last = last_map(result_);
+  for (DriveFrame& frame : result_.frames) {
+    if (&frame != last) frame.occupancy = std::vector<double>();
+  }
+}
+
 /// Direct sight goes to the map at once; the histograms go to perception, unless it is busy or
 /// hidden objects are in sight.
 void DriveLoop::take_frame(const SensedEvent& event) {
   DriveFrame& frame = result_.frames[event.frame];
+  const Transform T_world_believed =
+      T_world_vehicle(world_.believed(event.vehicle)) * drive_.sensor.T_vehicle_sensor;
   const LineOfSightScan scan =
-      sight_.scan(event.T_world_sensor, world_.placements(event.capture_time));
+      sight_.scan(frame.T_world_sensor, world_.placements(event.capture_time), T_world_believed);
   AnswerEvent answer{event.capture_time, time_ + delay_, {}};
   if (!scan.object_hits.empty()) {
     frame.fate = FrameFate::in_sight;
-    was_in_sight_ = true;
+    if (!sightings_.any() && latest_) perceived_ = *latest_;
+    sightings_.see(scan.objects_seen, *world_.believed_hidden(event.vehicle, event.capture_time),
+                   event.capture_time);
     answer.ready = time_;
-    answer.answer.mixture = known_pose(drive_.scene, world_.hidden(event.capture_time));
-    answer.answer.flags = {"in_sight"};
+    answer.answer = sightings_.answer(perceived_.answer,
+                                      std::max(0.0, event.capture_time - perceived_.capture_time),
+                                      event.capture_time);
     answers_.clear();  // of what was not in sight
-  } else if (was_in_sight_) {
+  } else if (sightings_.any()) {
     frame.fate = FrameFate::seen_before;
   } else if (time_ < busy_until_) {
     frame.fate = FrameFate::busy;
@@ -361,11 +373,12 @@ void DriveLoop::take_frame(const SensedEvent& event) {
     SensedFrame sensed;
     if (options_.keep_pictures || perception_->needs_histograms()) {
       const Stopwatch watch(frame.time_ms.sense);
-      sensed = sensor_.sense(event.T_world_sensor, world_.hidden(event.capture_time),
+      sensed = sensor_.sense(frame.T_world_sensor, world_.hidden(event.capture_time),
                              options_.seed + kFrameSeeds * (event.frame + 1));
     }
     const Stopwatch watch(frame.time_ms.perceive);
-    answer.answer = perception_->perceive(sensed.capture, event.T_world_sensor, event.capture_time);
+    sensed_from_ = event.vehicle;
+    answer.answer = perception_->perceive(sensed.capture, T_world_believed, event.capture_time);
     busy_until_ = answer.ready;
     if (options_.keep_pictures) {
       frame.counts = std::move(sensed.capture.counts);
@@ -396,9 +409,9 @@ void DriveLoop::update_map(const LineOfSightScan* scan, const AnswerEvent* event
 
 void DriveLoop::plan() {
   const Stopwatch watch(times_.plan);
-  const std::vector<double> probabilities = occupancy();
-  const PlanningGrid planning = replanner_.planner().grid(drive_.map, probabilities);
-  const VehicleState at = state();
+  occupancy_ = occupancy();
+  const PlanningGrid planning = replanner_.planner().grid(drive_.map, occupancy_);
+  const VehicleState at = believed();
   const PlanUpdate update =
       replanner_.update(planning, {at.position, at.yaw}, at.speed, drive_.route[next_goal_]);
   plan_text_ = update.text();
@@ -425,7 +438,7 @@ void DriveLoop::follow(const PlanUpdate& update) {
     options.profile.cornering = std::numeric_limits<double>::infinity();
   }
   options.profile.end = update.action == PlanAction::stop ? 0.0 : speed();
-  follower_.emplace(update.path.points, limits_, state(), options);
+  follower_.emplace(update.path.points, limits_, believed(), options);
   outlook_.reset();
 }
 
@@ -436,24 +449,25 @@ void DriveLoop::limit_speed() {
     outlook_.emplace(path, vehicle_.model().footprint(), drive_.sensor.T_vehicle_sensor, sight_,
                      drive_.map, outlook_options(drive_, limits_, speed()));
   }
-  const double here =
-      nearest_arc_length(path, state().position, path.front().arc_length, path.back().arc_length);
+  const double here = nearest_arc_length(path, believed().position, path.front().arc_length,
+                                         path.back().arc_length);
   const std::vector<PoseHypothesis> hypotheses =
       hypotheses_.of(grid_.hidden_mixture(), grid_.not_seen());
   std::vector<double> limits = safe_speed_limits(
       path, limits_, outlook_->encounters(hypotheses, here), here, safe_speed_options(drive_));
   const double turning =
-      limits_.wheelbase > 0 ? std::tan(state().steering_angle) / limits_.wheelbase : 0.0;
+      limits_.wheelbase > 0 ? std::tan(believed().steering_angle) / limits_.wheelbase : 0.0;
   const std::vector<double> steerable = steerable_speeds(path, limits_, here, turning);
   std::ranges::transform(limits, steerable, limits.begin(),
                          [](double a, double b) { return std::min(a, b); });
-  follower_->limit_speed(limits, state());
+  follower_->limit_speed(limits, believed());
 }
 
 /// One control period.
 void DriveLoop::step() {
   const Stopwatch watch(times_.control);
-  const VehicleState before = state();
+  const Vector2d from = state().position;
+  const VehicleState before = believed();
   DriveRequest request = safe_stop(before, limits_);
   target_speed_ = 0;
   if (follower_) {
@@ -464,7 +478,7 @@ void DriveLoop::step() {
   vehicle_.step(request, kStep);
   time_ += kStep;
   const VehicleState after = state();
-  result_.length += (after.position - before.position).norm();
+  result_.length += (after.position - from).norm();
   result_.top_speed = std::max(result_.top_speed, after.speed);
   result_.trace.emplace_back(after.position.x(), after.position.y(), after.yaw);
 }
@@ -479,7 +493,7 @@ bool DriveLoop::finished() {
     result_.outcome = DriveOutcome::collision;
     return true;
   }
-  if ((at.position - drive_.route[next_goal_]).norm() <= drive_.goal_tolerance) {
+  if ((believed().position - drive_.route[next_goal_]).norm() <= drive_.goal_tolerance) {
     if (next_goal_ + 1 == drive_.route.size()) {
       result_.outcome = DriveOutcome::reached;
       return true;
@@ -526,11 +540,12 @@ DriveResult DriveLoop::run() {
     frame.target_speed = target_speed_;
     if (latest_) {
       frame.mixture = latest_->answer.mixture;
+      frame.velocities = latest_->answer.velocities;
       frame.mixture_age = frame.time - latest_->capture_time;
       frame.flags = latest_->answer.flags;
       frame.error = latest_->answer.error;
     }
-    if (options_.keep_pictures || options_.keep_maps) frame.occupancy = occupancy();
+    if (options_.keep_pictures || options_.keep_last_map) frame.occupancy = occupancy_;
   }
   result_.mean_speed = result_.time > 0 ? result_.length / result_.time : 0.0;
   return std::move(result_);
@@ -543,6 +558,14 @@ constexpr std::array kFateWords{"used", "in_sight", "seen_before", "busy", "miss
 
 std::string outcome_word(DriveOutcome outcome) {
   return kOutcomeWords.at(static_cast<std::size_t>(outcome));
+}
+
+const DriveFrame* last_map(const DriveResult& result) {
+  const auto last = std::ranges::find_if(
+      result.frames.rbegin(), result.frames.rend(), [](const DriveFrame& frame) {
+        return frame.fate == FrameFate::used && frame.mixture && !frame.occupancy.empty();
+      });
+  return last == result.frames.rend() ? nullptr : &*last;
 }
 
 std::string fate_word(FrameFate fate) { return kFateWords.at(static_cast<std::size_t>(fate)); }

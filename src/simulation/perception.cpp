@@ -8,6 +8,7 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
+#include "io/json_reader.h"
 #include "simulation/solver_perception.h"
 
 namespace blindcorner {
@@ -136,15 +137,16 @@ std::vector<std::string> perception_names() {
   return names;
 }
 
+void check_perception(const std::string& name, const std::string& field,
+                      const std::vector<std::string>& accepted) {
+  if (std::ranges::find(accepted, name) != accepted.end()) return;
+  throw Error(field, "found \"" + name + "\", accepted: " + list_words(accepted));
+}
+
 std::unique_ptr<Perception> make_perception(const std::string& name, const PerceptionSetup& setup) {
-  const auto* entry =
-      std::ranges::find_if(kPerceptions, [&](const Entry& e) { return name == e.name; });
-  if (entry != kPerceptions.end()) return entry->make(setup);
-  std::string accepted;
-  for (const std::string& known : perception_names()) {
-    accepted += (accepted.empty() ? "\"" : ", \"") + known + "\"";
-  }
-  throw Error("perception", "found \"" + name + "\", accepted: " + accepted);
+  check_perception(name, "perception");
+  return std::ranges::find_if(kPerceptions, [&](const Entry& e) { return name == e.name; })
+      ->make(setup);
 }
 
 PoseMixture known_pose(const Scene& scene, const std::optional<PoseVector>& pose) {

@@ -4,16 +4,19 @@
 #include <algorithm>
 #include <cmath>
 #include <string>
+#include <utility>
 
 #include "blindcorner/forward/error.h"
 
 namespace blindcorner {
 
-ReliabilityDiagram::ReliabilityDiagram(int bins) {
-  if (bins < 1) {
-    throw Error("reliability diagram", std::to_string(bins) + " bins; accepted: 1 or more");
-  }
-  counts_.resize(static_cast<std::size_t>(bins));
+ReliabilityDiagram::ReliabilityDiagram(int bins)
+    : ReliabilityDiagram(
+          std::vector<ReliabilityCount>(static_cast<std::size_t>(std::max(bins, 0)))) {}
+
+ReliabilityDiagram::ReliabilityDiagram(std::vector<ReliabilityCount> counts)
+    : counts_(std::move(counts)) {
+  if (counts_.empty()) throw Error("reliability diagram", "no bins; accepted: 1 or more");
 }
 
 void ReliabilityDiagram::add(double probability, bool happened) {
@@ -22,7 +25,7 @@ void ReliabilityDiagram::add(double probability, bool happened) {
                 "probability " + std::to_string(probability) + "; accepted: 0 to 1");
   }
   const auto bin = static_cast<std::size_t>(probability * static_cast<double>(counts_.size()));
-  Count& count = counts_[std::min(bin, counts_.size() - 1)];
+  ReliabilityCount& count = counts_[std::min(bin, counts_.size() - 1)];
   ++count.statements;
   count.happened += happened ? 1 : 0;
   count.sum += probability;
@@ -42,9 +45,15 @@ void ReliabilityDiagram::merge(const ReliabilityDiagram& other) {
 }
 
 std::vector<ReliabilityBin> ReliabilityDiagram::bins(int effective_trials) const {
+  return bins(std::vector<int>(counts_.size(), effective_trials));
+}
+
+std::vector<ReliabilityBin> ReliabilityDiagram::bins(
+    const std::vector<int>& effective_trials) const {
   std::vector<ReliabilityBin> bins;
   const auto width = 1.0 / static_cast<double>(counts_.size());
-  for (const Count& count : counts_) {
+  for (const ReliabilityCount& count : counts_) {
+    const int effective = effective_trials.at(bins.size());
     ReliabilityBin bin;
     bin.lower = static_cast<double>(bins.size()) * width;
     bin.upper = bin.lower + width;
@@ -54,8 +63,7 @@ std::vector<ReliabilityBin> ReliabilityDiagram::bins(int effective_trials) const
       bin.mean_predicted = count.sum / count.statements;
       bin.observed = static_cast<double>(count.happened) / count.statements;
     }
-    const int trials =
-        effective_trials > 0 ? std::min(effective_trials, count.statements) : count.statements;
+    const int trials = effective > 0 ? std::min(effective, count.statements) : count.statements;
     bin.interval = wilson_interval(static_cast<int>(std::lround(bin.observed * trials)), trials);
     bins.push_back(bin);
   }

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "simulation/solver_perception.h"
 
-#include <cmath>
 #include <optional>
 
 #include "blindcorner/inverse/fit.h"
@@ -10,28 +9,24 @@
 namespace blindcorner {
 namespace {
 
-/// Velocities over the ground of the heaviest mode, as far as the track has them.
-std::vector<PlanarVelocity> velocities_of(const Scene& scene, const Motion& motion,
-                                          const TrackSummary& track) {
-  std::vector<PlanarVelocity> velocities(static_cast<std::size_t>(object_count(scene)));
-  for (PlanarVelocity& velocity : velocities) {
-    velocity.covariance.diagonal().setConstant(std::pow(motion.initial_speed, 2));
+/// Velocity of a track's mode with all that it is correlated with.
+PoseVelocity velocity_of(const TrackLayout& layout, const Gaussian& state) {
+  const Eigen::Index n = layout.poses;
+  // Takes velocities to the unknowns that they belong to.
+  Eigen::MatrixXd place = Eigen::MatrixXd::Zero(n, layout.size - layout.measured);
+  for (std::size_t i = 0; i < layout.moving.size(); ++i) {
+    place(layout.moving[i], static_cast<Eigen::Index>(i)) = 1;
   }
-  for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
-    const Unknown& unknown = scene.unknowns[i];
-    const auto axis = static_cast<Eigen::Index>(unknown.component);
-    const auto index = static_cast<Eigen::Index>(i);
-    if (axis > 1 || index >= track.velocity.size() || !std::isfinite(track.velocity[index]))
-      continue;
-    velocities[static_cast<std::size_t>(unknown.object)].mean[axis] = track.velocity[index];
-  }
-  return velocities;
+  const Eigen::Index moving = place.cols();
+  return {place * state.mean.tail(moving),
+          place * state.covariance.bottomRightCorner(moving, moving) * place.transpose(),
+          state.covariance.topRightCorner(layout.measured, moving).topRows(n) * place.transpose()};
 }
 
 class SolverPerception final : public Perception {
  public:
   explicit SolverPerception(const PerceptionSetup& setup)
-      : motion_(setup.motion), fitter_(setup.scene, setup.fit), tracker_(setup.scene, motion_) {}
+      : fitter_(setup.scene, setup.fit), tracker_(setup.scene, setup.motion) {}
 
   PerceptionAnswer perceive(const Capture& capture, const Transform& T_world_sensor,
                             double time) override {
@@ -44,7 +39,9 @@ class SolverPerception final : public Perception {
       last_ = time;
       answer.mixture = result.posterior;
       answer.flags = result.flags;
-      if (result.track) answer.velocities = velocities_of(fitter_.scene(), motion_, *result.track);
+      for (const TrackMode& mode : tracker_.modes()) {
+        answer.velocities.push_back(velocity_of(tracker_.layout(), mode.state));
+      }
     } catch (const std::exception& error) {
       answer.error = error.what();
     }
@@ -52,7 +49,6 @@ class SolverPerception final : public Perception {
   }
 
  private:
-  Motion motion_;
   Fitter fitter_;
   Tracker tracker_;
   std::optional<double> last_;  ///< s, of the last frame that was used

@@ -13,6 +13,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <sstream>
+#include <utility>
 
 #include "blindcorner/forward/error.h"
 #include "blindcorner/io/atomic_file.h"
@@ -22,7 +23,7 @@ namespace blindcorner {
 namespace {
 
 constexpr const char* kHeader =
-    "perception,zone,seed,speed_m_per_s,error_m,outcome,clearance_m,time_s,run_time_s,"
+    "perception,zone,seed,speed_m_per_s,error_m,outcome,clearance_m,time_s,length_m,run_time_s,"
     "statements:occupied:probability in ten bins\n";
 /// Of studies with a corner, after all the others.
 constexpr const char* kCornerColumn = ",mean_speed_m_per_s";
@@ -45,10 +46,11 @@ std::string journal_line(const TrialResult& result) {
   std::string line = trial.perception + "," + std::to_string(trial.zone) + "," +
                      std::to_string(trial.seed) + "," + exact(trial.speed) + "," +
                      exact(trial.error) + "," + result.outcome + "," + exact(result.clearance) +
-                     "," + exact(result.time) + "," + exact(result.run_time);
-  for (std::size_t i = 0; i < result.map.statements.size(); ++i) {
-    line += "," + std::to_string(result.map.statements[i]) + ":" +
-            std::to_string(result.map.occupied[i]) + ":" + exact(result.map.probability[i]);
+                     "," + exact(result.time) + "," + exact(result.length) + "," +
+                     exact(result.run_time);
+  for (const ReliabilityCount& bin : result.map.counts()) {
+    line += "," + std::to_string(bin.statements) + ":" + std::to_string(bin.happened) + ":" +
+            exact(bin.sum);
   }
   if (result.corner_speed > 0) line += "," + exact(result.corner_speed);
   return line + "\n";
@@ -60,8 +62,9 @@ TrialResult parse(const std::string& line) {
   std::stringstream stream(line);
   for (std::string cell; std::getline(stream, cell, ',');) cells.push_back(cell);
   TrialResult result;
-  constexpr std::size_t kFirstBin = 9;
-  const std::size_t after_bins = kFirstBin + result.map.statements.size();
+  constexpr std::size_t kFirstBin = 10;
+  std::vector<ReliabilityCount> counts(kMapBins);
+  const std::size_t after_bins = kFirstBin + counts.size();
   if (cells.size() != after_bins && cells.size() != after_bins + 1) throw Error("another length");
   if (cells.size() > after_bins) result.corner_speed = std::stod(cells.back());
   result.trial = {cells[0], std::stoi(cells[1]), std::stoull(cells[2]), std::stod(cells[3]),
@@ -69,14 +72,15 @@ TrialResult parse(const std::string& line) {
   result.outcome = cells[5];
   result.clearance = std::stod(cells[6]);
   result.time = std::stod(cells[7]);
-  result.run_time = std::stod(cells[8]);
-  for (std::size_t i = 0; i < result.map.statements.size(); ++i) {
+  result.length = std::stod(cells[8]);
+  result.run_time = std::stod(cells[9]);
+  for (std::size_t i = 0; i < counts.size(); ++i) {
     std::stringstream bin(cells[kFirstBin + i]);
     char colon = 0;
-    bin >> result.map.statements[i] >> colon >> result.map.occupied[i] >> colon >>
-        result.map.probability[i];
+    bin >> counts[i].statements >> colon >> counts[i].happened >> colon >> counts[i].sum;
     if (!bin) throw Error("not three numbers");
   }
+  result.map = ReliabilityDiagram(std::move(counts));
   return result;
 }
 
@@ -126,7 +130,7 @@ void check_study(const std::string& path, const std::string& study) {
 
 std::string table(const DriveTrials& trials, const std::vector<TrialResult>& results,
                   bool with_error) {
-  std::string text = "perception,zone,seed,speed_m_per_s,outcome,clearance_m,time_s";
+  std::string text = "perception,zone,seed,speed_m_per_s,outcome,clearance_m,time_s,length_m";
   const bool with_corner = trials.corner_radius > 0;
   if (with_error) text += ",error_m";
   if (with_corner) text += kCornerColumn;
@@ -139,7 +143,8 @@ std::string table(const DriveTrials& trials, const std::vector<TrialResult>& res
                   zone_lower(trials, trial.zone + 1));
     text += trial.perception + "," + zone.data() + "," + std::to_string(trial.seed) + "," +
             fixed(trial.speed, 3) + "," + result.outcome + "," + fixed(result.clearance, 4) + "," +
-            fixed(result.time, 2) + (with_error ? "," + fixed(trial.error, 3) : "") +
+            fixed(result.time, 2) + "," + fixed(result.length, 3) +
+            (with_error ? "," + fixed(trial.error, 3) : "") +
             (with_corner ? "," + fixed(result.corner_speed, 3) : "") + "\n";
   }
   return text;

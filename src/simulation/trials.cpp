@@ -67,23 +67,18 @@ bool occupied(const std::vector<Polygon>& bodies, const Eigen::Vector2d& center,
                              [&](const Polygon& body) { return convex_distance(cell, body) <= 0; });
 }
 
-/// Of the last frame that perception got with an answer in the map: later ones know by sight.
-MapStatements map_statements(const Drive& drive, std::uint64_t seed, const DriveResult& result) {
-  MapStatements map;
-  const auto last = std::ranges::find_if(
-      result.frames.rbegin(), result.frames.rend(), [](const DriveFrame& frame) {
-        return frame.fate == FrameFate::used && frame.mixture && !frame.occupancy.empty();
-      });
-  if (last == result.frames.rend()) return map;
+/// Of the last map before the hidden objects came in sight.
+ReliabilityDiagram map_statements(const Drive& drive, std::uint64_t seed,
+                                  const DriveResult& result) {
+  ReliabilityDiagram map(kMapBins);
+  const DriveFrame* last = last_map(result);
+  if (last == nullptr) return map;
   const std::vector<Polygon> bodies = TrueWorld(drive, seed).bodies(last->time);
   for (std::size_t i = 0; i < drive.map.cells(); ++i) {
     const Eigen::Vector2d at = drive.map.center(drive.map.cell(i));
     const double probability = last->occupancy[i];
     if (std::isnan(probability) || !in_search_region(drive.scene, at)) continue;
-    const auto bin = static_cast<std::size_t>(std::clamp(probability * 10, 0.0, 9.0));
-    ++map.statements[bin];
-    map.occupied[bin] += occupied(bodies, at, drive.map.cell_size) ? 1 : 0;
-    map.probability[bin] += probability;
+    map.add(probability, occupied(bodies, at, drive.map.cell_size));
   }
   return map;
 }
@@ -144,13 +139,14 @@ TrialResult run_trial(const Drive& drive, const SimulatedSensor& sensor, const T
   options.injected_error = trial.error;
   options.fit = fit;
   options.keep_pictures = false;
-  options.keep_maps = true;
+  options.keep_last_map = true;
   const DriveResult driven = drive_through(drive, sensor, options);
   TrialResult result;
   result.trial = trial;
   result.outcome = outcome_word(driven.outcome);
   result.clearance = driven.clearance;
   result.time = driven.time;
+  result.length = driven.length;
   result.map = map_statements(drive, trial.seed, driven);
   result.corner_speed = mean_speed_within(driven, drive.trials.corner, drive.trials.corner_radius);
   result.run_time = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
@@ -168,28 +164,33 @@ double mean_speed_within(const DriveResult& result, const Eigen::Vector2d& point
   return time > 0 ? length / time : 0;
 }
 
-void run_trials(const std::vector<Trial>& plan, const std::vector<TrialResult>& finished,
-                int threads, const TrialRun& run, const TrialDone& done) {
+std::vector<Trial> open_trials(const std::vector<Trial>& plan,
+                               const std::vector<TrialResult>& finished) {
   std::vector<Trial> open;
   std::ranges::copy_if(plan, std::back_inserter(open), [&](const Trial& trial) {
     return std::ranges::none_of(
         finished, [&](const TrialResult& other) { return same_trial(trial, other.trial); });
   });
+  return open;
+}
+
+void run_trials(const std::vector<Trial>& trials, int threads, const TrialRun& run,
+                const TrialDone& done) {
   std::atomic<std::size_t> next{0};
   std::mutex mutex;
   std::exception_ptr failure;
   const auto work = [&] {
     // A drive by itself in each thread: two drives side by side waste less than one on two cores.
     tbb::task_arena arena(1);
-    for (std::size_t i = next++; i < open.size(); i = next++) {
+    for (std::size_t i = next++; i < trials.size(); i = next++) {
       try {
-        const TrialResult result = arena.execute([&] { return run(open[i]); });
+        const TrialResult result = arena.execute([&] { return run(trials[i]); });
         const std::lock_guard lock(mutex);
         if (!failure) done(result);
       } catch (...) {
         const std::lock_guard lock(mutex);
         if (!failure) failure = std::current_exception();
-        next = open.size();
+        next = trials.size();
       }
     }
   };
@@ -198,7 +199,7 @@ void run_trials(const std::vector<Trial>& plan, const std::vector<TrialResult>& 
                                  : std::max<std::size_t>(1, std::thread::hardware_concurrency());
   {
     std::vector<std::jthread> workers;
-    for (std::size_t i = 1; i < std::min(wanted, open.size()); ++i) workers.emplace_back(work);
+    for (std::size_t i = 1; i < std::min(wanted, trials.size()); ++i) workers.emplace_back(work);
     work();
   }
   if (failure) std::rethrow_exception(failure);

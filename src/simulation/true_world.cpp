@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "blindcorner/simulation/true_world.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <random>
 
@@ -43,12 +45,45 @@ TrueWorld::TrueWorld(const Drive& drive, std::uint64_t seed) : drive_(drive) {
     start_[static_cast<Eigen::Index>(i)] = drawn(component->lower, component->upper, random);
   }
   speed_ = drawn(drive.speed_lower, drive.speed_upper, random);
+  velocity_ = drive.truth.velocity;
+  for (std::size_t i = 0; i < drive.truth.velocity_upper.size(); ++i) {
+    for (const Eigen::Index axis : {0, 1}) {
+      velocity_[i][axis] = drawn(velocity_[i][axis], drive.truth.velocity_upper[i][axis], random);
+    }
+  }
+  // Drawn in any case, and last: the rest of the world is the same with and without an error.
+  std::normal_distribution<double> normal;
+  for (double& offset : offset_) offset = drive.vehicle.localization_sigma * normal(random);
+  turn_ = drive.vehicle.localization_yaw_sigma * normal(random);
   std::mt19937_64 presence(seed ^ kPresenceSeed);
   present_ = std::uniform_real_distribution<double>(0, 1)(presence) < drive.truth.present;
   for (const Surface& surface : drive.scene.surfaces) {
     if (!in_the_way(surface, drive.vehicle.height)) continue;
     walls_.push_back(footprint(surface.shape, surface.T_world_surface));
   }
+}
+
+std::vector<Cell> TrueWorld::wall_cells() const {
+  const GridGeometry& map = drive_.map;
+  const double reach = map.cell_size * std::sqrt(0.5);
+  std::vector<Cell> cells;
+  std::vector<bool> found(map.cells());
+  for (const auto& wall : walls_) {
+    Eigen::AlignedBox2d box;
+    for (const Eigen::Vector2d& corner : wall) box.extend(corner);
+    const Cell low = map.cell_at(box.min().array() - reach);
+    const Cell high = map.cell_at(box.max().array() + reach);
+    for (int row = std::max(low.row, 0); row <= std::min(high.row, map.rows - 1); ++row) {
+      for (int column = std::max(low.column, 0); column <= std::min(high.column, map.columns - 1);
+           ++column) {
+        const Cell cell{column, row};
+        if (found[map.index(cell)] || convex_distance({map.center(cell)}, wall) > reach) continue;
+        found[map.index(cell)] = true;
+        cells.push_back(cell);
+      }
+    }
+  }
+  return cells;
 }
 
 std::optional<PoseVector> TrueWorld::hidden(double time) const {
@@ -58,9 +93,33 @@ std::optional<PoseVector> TrueWorld::hidden(double time) const {
     const Unknown& unknown = drive_.scene.unknowns[i];
     const auto axis = static_cast<Eigen::Index>(unknown.component);
     if (axis > 1) continue;
-    const double speed = drive_.truth.velocity[static_cast<std::size_t>(unknown.object)][axis];
+    const double speed = velocity_[static_cast<std::size_t>(unknown.object)][axis];
     double& value = pose[static_cast<Eigen::Index>(i)];
     value = std::clamp(value + speed * time, unknown.lower, unknown.upper);
+  }
+  return pose;
+}
+
+VehicleState TrueWorld::believed(const VehicleState& truth) const {
+  VehicleState state = truth;
+  state.position += offset_;
+  state.yaw += turn_;
+  return state;
+}
+
+std::optional<PoseVector> TrueWorld::believed_hidden(const VehicleState& truth, double time) const {
+  std::optional<PoseVector> pose = hidden(time);
+  if (!pose) return pose;
+  const std::vector<Placement> placements = placements_at(drive_.scene, *pose);
+  for (std::size_t i = 0; i < drive_.scene.unknowns.size(); ++i) {
+    const Unknown& unknown = drive_.scene.unknowns[i];
+    double& value = (*pose)[static_cast<Eigen::Index>(i)];
+    if (unknown.component == Component::yaw) value += turn_;
+    const auto axis = static_cast<Eigen::Index>(unknown.component);
+    if (axis > 1) continue;
+    const auto& place = placements[static_cast<std::size_t>(unknown.object)].position;
+    const Eigen::Vector2d seen = Eigen::Rotation2Dd(turn_) * (place.head<2>() - truth.position);
+    value = (truth.position + offset_ + seen)[axis];
   }
   return pose;
 }

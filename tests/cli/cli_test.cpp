@@ -1029,7 +1029,9 @@ TEST_F(Cli, TrialsWriteTableAndPage) {
   const Outcome result = run(trials_of_robot(path("study"), "-n 2"));
   ASSERT_EQ(result.exit_code, 0) << result.err;
   const std::string table = text_of(path("study/trials.csv"));
-  EXPECT_THAT(table, StartsWith("perception,zone,seed,speed_m_per_s,outcome,clearance_m,time_s\n"));
+  EXPECT_THAT(
+      table,
+      StartsWith("perception,zone,seed,speed_m_per_s,outcome,clearance_m,time_s,length_m\n"));
   EXPECT_EQ(std::ranges::count(table, '\n'), 5);
   EXPECT_THAT(text_of(path("study/index.html")), HasSubstr("Success by speed"));
 }

@@ -33,6 +33,10 @@ struct DriveVehicle {
   std::optional<double> start_speed;  ///< m/s; empty: the wanted speed
   /// Whether the speed is lowered to what friction holds in curves, or held at the wanted one.
   bool brakes_for_curves = true;
+  /// Standard deviations of where the vehicle takes itself to be: an offset that stays the same for
+  /// a whole drive, since a map and odometry drift slower than a corner is taken.
+  double localization_sigma = 0;      ///< m, of x and of y
+  double localization_yaw_sigma = 0;  ///< rad
 };
 
 /// The histogram sensor on the vehicle, and what may go wrong with its frames.
@@ -65,6 +69,8 @@ struct DriveTruth {
   std::vector<std::optional<TrueComponent>> components;
   /// [objects] m/s. An object stops where its search region ends.
   std::vector<Eigen::Vector2d> velocity;
+  /// [objects] m/s; velocities are drawn uniformly up to these. Empty: they are stated.
+  std::vector<Eigen::Vector2d> velocity_upper;
 };
 
 /// What `blindcorner trials` varies: wanted speeds, in zones of equal width.

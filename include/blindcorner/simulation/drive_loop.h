@@ -12,6 +12,7 @@
 #include "blindcorner/forward/scene/pose_mixture.h"
 #include "blindcorner/inverse/fit.h"
 #include "blindcorner/io/drive_file.h"
+#include "blindcorner/planner/grid/hidden_motion.h"
 #include "blindcorner/planner/vehicles/vehicle_state.h"
 #include "blindcorner/simulation/simulated_sensor.h"
 
@@ -23,7 +24,7 @@ struct DriveOptions {
   std::optional<double> speed;  ///< m/s; empty: the drive file's
   FitOptions fit;               ///< of the solver; its detection is the tracker's
   bool keep_pictures = true;    ///< histograms and grids of the frames, for a page
-  bool keep_maps = false;       ///< grids of the frames, for statistics
+  bool keep_last_map = false;   ///< the grid of the frame that last_map() finds, for statistics
   double injected_error = 0;    ///< m, of the misled oracles (perception.h)
 };
 
@@ -56,16 +57,17 @@ struct DriveFrame {
   VehicleState vehicle;
   Transform T_world_sensor = Transform::Identity();
   FrameFate fate = FrameFate::used;
-  double arrival = 0;                  ///< s since the start; of a missing frame its own time
-  std::optional<PoseMixture> mixture;  ///< the latest answer that the map knew at this time
-  double mixture_age = 0;              ///< s since the capture that it is about
-  std::vector<std::string> flags;      ///< of that answer
-  std::string error;                   ///< of that answer
-  std::optional<PoseVector> truth;     ///< of the hidden objects
-  std::string plan_text;               ///< what the replanner decided, and why
-  std::vector<Eigen::Vector2d> path;   ///< m, the plan
-  double target_speed = 0;             ///< m/s
-  double clearance = 0;                ///< m, least since the frame before
+  double arrival = 0;                    ///< s since the start; of a missing frame its own time
+  std::optional<PoseMixture> mixture;    ///< the latest answer that the map knew at this time
+  std::vector<PoseVelocity> velocities;  ///< [modes] of that answer; empty: it has none
+  double mixture_age = 0;                ///< s since the capture that it is about
+  std::vector<std::string> flags;        ///< of that answer
+  std::string error;                     ///< of that answer
+  std::optional<PoseVector> truth;       ///< of the hidden objects
+  std::string plan_text;                 ///< what the replanner decided, and why
+  std::vector<Eigen::Vector2d> path;     ///< m, the plan
+  double target_speed = 0;               ///< m/s
+  double clearance = 0;                  ///< m, least since the frame before
   DriveTimes time_ms;
   std::optional<HistogramCube> counts, object_counts;  ///< as sensed; expected of the object
   std::vector<double> occupancy;  ///< [cells] probabilities; NaN where nothing is known
@@ -81,6 +83,10 @@ struct DriveResult {
   std::vector<Eigen::Vector3d> trace;  ///< x, y (m), yaw (rad) at every control step
   double trace_step = 0;               ///< s between them
 };
+
+/// The last frame that perception got with an answer in the map, as far as maps were kept; later
+/// ones know by sight. Null: there is none.
+const DriveFrame* last_map(const DriveResult& result);
 
 /// Drives until goal, collision, standstill without a plan, or time limit. `sensor` is made from
 /// the drive's scene with its light (with_light), once for many drives. The same seed gives the

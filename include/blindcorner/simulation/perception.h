@@ -23,10 +23,10 @@ namespace blindcorner {
 
 /// What a perception says of hidden objects after a frame.
 struct PerceptionAnswer {
-  std::optional<PoseMixture> mixture;      ///< empty: it has nothing to say
-  std::vector<PlanarVelocity> velocities;  ///< [hidden objects] where it knows them, else empty
-  std::vector<std::string> flags;          ///< words, as those of a fit's result
-  std::string error;                       ///< one line when it failed on the frame; else empty
+  std::optional<PoseMixture> mixture;    ///< empty: it has nothing to say
+  std::vector<PoseVelocity> velocities;  ///< [modes] where it knows them, else empty
+  std::vector<std::string> flags;        ///< words, as those of a fit's result
+  std::string error;                     ///< one line when it failed on the frame; else empty
 };
 
 /// Called with the frames in the order of time; keeps what it learnt. Not thread safe.
@@ -61,6 +61,10 @@ struct PerceptionSetup {
 /// "oracle_disc" and "oracle_covariance" are misled by an injected error, one direction a drive:
 /// the first is sure of a disc of 1 m there, as published; the second states a covariance to match.
 std::vector<std::string> perception_names();
+
+/// Throws Error naming `field` unless the name is among those that are accepted there.
+void check_perception(const std::string& name, const std::string& field,
+                      const std::vector<std::string>& accepted = perception_names());
 
 /// Throws Error for an unknown name, and where the scene does not suit the perception.
 std::unique_ptr<Perception> make_perception(const std::string& name, const PerceptionSetup& setup);

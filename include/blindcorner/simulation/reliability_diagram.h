@@ -20,11 +20,19 @@ struct ReliabilityBin {
   ShareInterval interval;
 };
 
+/// What is counted of one bin.
+struct ReliabilityCount {
+  int statements = 0, happened = 0;
+  double sum = 0;  ///< of the probabilities
+};
+
 /// Counts probabilities and outcomes (DeGroot & Fienberg 1983).
 class ReliabilityDiagram {
  public:
   /// Bins of equal width over 0..1. Throws Error for less than one.
   explicit ReliabilityDiagram(int bins = 10);
+  /// As counts() has given it, [bins]. Throws Error for less than one.
+  explicit ReliabilityDiagram(std::vector<ReliabilityCount> counts);
 
   /// Throws Error when the probability is none.
   void add(double probability, bool happened);
@@ -34,13 +42,13 @@ class ReliabilityDiagram {
   /// From the lowest. With `effective_trials`, no interval is narrower than so many independent
   /// statements allow.
   std::vector<ReliabilityBin> bins(int effective_trials = 0) const;
+  /// The same with a number of its own for each bin, [bins].
+  std::vector<ReliabilityBin> bins(const std::vector<int>& effective_trials) const;
+  /// [bins] For files.
+  const std::vector<ReliabilityCount>& counts() const { return counts_; }
 
  private:
-  struct Count {
-    int statements = 0, happened = 0;
-    double sum = 0;
-  };
-  std::vector<Count> counts_;
+  std::vector<ReliabilityCount> counts_;
 };
 
 }  // namespace blindcorner

@@ -2,7 +2,6 @@
 /// Many drives, for statistics: which ones, run in parallel, and none of them twice.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <functional>
 #include <string>
@@ -10,6 +9,7 @@
 
 #include "blindcorner/inverse/fit.h"
 #include "blindcorner/io/drive_file.h"
+#include "blindcorner/simulation/reliability_diagram.h"
 #include "blindcorner/simulation/simulated_sensor.h"
 
 namespace blindcorner {
@@ -25,11 +25,8 @@ struct Trial {
   double error = 0;  ///< m, injected (oracle_disc, oracle_covariance); a whole number of mm
 };
 
-/// Statements of the map that cells are occupied, in bins of a tenth of probability.
-struct MapStatements {
-  std::array<int, 10> statements{}, occupied{};
-  std::array<double, 10> probability{};  ///< sums
-};
+/// Bins of what a trial's map said: a tenth of probability each.
+inline constexpr int kMapBins = 10;
 
 /// What became of it.
 struct TrialResult {
@@ -37,13 +34,14 @@ struct TrialResult {
   std::string outcome;   ///< outcome_word of drive_loop.h
   double clearance = 0;  ///< m, least
   double time = 0;       ///< s, simulated
+  double length = 0;     ///< m driven
   double run_time = 0;   ///< s that it took to simulate
   /// m/s, while the vehicle was within DriveTrials::corner_radius of the corner; 0: it never was,
   /// or the study has no corner.
   double corner_speed = 0;
-  /// Cells of the hidden objects' search region, in the last frame before they came in sight, that
-  /// the map knew of by then.
-  MapStatements map;
+  /// What the map said of the cells of the hidden objects' search region, in the last frame before
+  /// they came in sight; of those that it knew of by then.
+  ReliabilityDiagram map{kMapBins};
 
   bool reached() const { return outcome == "reached"; }
 };
@@ -81,10 +79,14 @@ using TrialDone = std::function<void(const TrialResult&)>;
 /// Mean speed over the part of a drive within a radius of a point, m/s; 0: it never came there.
 double mean_speed_within(const DriveResult& result, const Eigen::Vector2d& point, double radius);
 
-/// Runs the trials that are not among `finished`, `threads` at a time, and calls `done` for each as
-/// it ends, one call at a time. What `run` or `done` throws ends the study and is thrown on.
-void run_trials(const std::vector<Trial>& plan, const std::vector<TrialResult>& finished,
-                int threads, const TrialRun& run, const TrialDone& done);
+/// The trials of a plan that have no result yet.
+std::vector<Trial> open_trials(const std::vector<Trial>& plan,
+                               const std::vector<TrialResult>& finished);
+
+/// Runs trials, `threads` at a time, and calls `done` for each as it ends, one call at a time. What
+/// `run` or `done` throws ends the study and is thrown on.
+void run_trials(const std::vector<Trial>& trials, int threads, const TrialRun& run,
+                const TrialDone& done);
 
 /// Whether two are the same trial of the same perception.
 bool same_trial(const Trial& a, const Trial& b);

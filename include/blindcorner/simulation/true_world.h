@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// What is really there on a drive: walls, and hidden objects that may move.
+/// What is really there on a drive: walls, hidden objects that may move, and where the vehicle is
+/// against where it takes itself to be.
 #pragma once
 
 #include <Eigen/Core>
@@ -8,6 +9,7 @@
 #include <vector>
 
 #include "blindcorner/io/drive_file.h"
+#include "blindcorner/planner/vehicles/vehicle_state.h"
 
 namespace blindcorner {
 
@@ -21,12 +23,19 @@ class TrueWorld {
   /// The same as placements; none without hidden objects.
   std::vector<Placement> placements(double time) const;
 
+  /// Where the vehicle takes itself to be: off by the same place and turn for the whole drive.
+  VehicleState believed(const VehicleState& truth) const;
+  /// Where a vehicle that is there would place the hidden objects that it sees without error.
+  std::optional<PoseVector> believed_hidden(const VehicleState& truth, double time) const;
+
   /// Wanted speed of this drive, m/s.
   double speed() const { return speed_; }
 
   /// Corners (m) of the known surfaces that stand in the vehicle's way, seen from above: what
   /// reaches into the heights between a kerb and the vehicle's roof.
   const std::vector<std::vector<Eigen::Vector2d>>& walls() const { return walls_; }
+  /// Cells of the drive's map whose circumcircle a wall reaches into.
+  std::vector<Cell> wall_cells() const;
   /// Of the hidden objects.
   std::vector<std::vector<Eigen::Vector2d>> bodies(double time) const;
 
@@ -36,8 +45,11 @@ class TrueWorld {
  private:
   const Drive& drive_;
   PoseVector start_;
+  std::vector<Eigen::Vector2d> velocity_;  ///< [objects] m/s
   double speed_ = 0;
   bool present_ = true;
+  Eigen::Vector2d offset_ = Eigen::Vector2d::Zero();  ///< of the vehicle's belief, m
+  double turn_ = 0;                                   ///< of the vehicle's belief, rad
   std::vector<std::vector<Eigen::Vector2d>> walls_;
 };
 

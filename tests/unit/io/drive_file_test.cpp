@@ -101,6 +101,8 @@ TEST(DriveFile, WrongOnesGetOneLine) {
   expect([](json& d) { d["scene"] = "none.json"; }, "scene", "none.json");
   expect([](json& d) { d["vehicle"]["kind"] = "boat"; }, "vehicle.kind", "boat");
   expect([](json& d) { d["vehicle"]["turning_radius_m"] = -1; }, "vehicle.turning_radius_m", "-1");
+  expect([](json& d) { d["vehicle"]["localization"]["sigma_m"] = -1; },
+         "vehicle.localization.sigma_m", "-1");
   expect([](json& d) { d["vehicle"].erase("start"); }, "vehicle.start", "nothing");
   expect(
       [](json& d) {

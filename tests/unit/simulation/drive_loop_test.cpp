@@ -5,6 +5,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
+#include <cstring>
 #include <map>
 #include <memory>
 
@@ -52,8 +55,54 @@ TEST(TrueWorld, MovesAndStopsAtTheRegionsBorder) {
   const TrueWorld world(drive, 1);
   EXPECT_NEAR((*world.hidden(2))[0], 0.6, 1e-12);
   EXPECT_DOUBLE_EQ((*world.hidden(100))[0], 0.9);
+  drive.truth.velocity_upper = {{0.2, 0}};
+  const double drawn = (*TrueWorld(drive, 1).hidden(1))[0];
+  EXPECT_GT(drawn, 0.5);
+  EXPECT_LT(drawn, 0.6);
+  EXPECT_NE(drawn, (*TrueWorld(drive, 2).hidden(1))[0]);
   drive.truth.present = false;
   EXPECT_FALSE(world.hidden(0));
+}
+
+/// From the vehicle everything stands where it stood: only its map is displaced.
+TEST(TrueWorld, BeliefMovesVehicleAndObjectsTogether) {
+  Drive drive = robot();
+  const TrueWorld exact(drive, 7);
+  drive.vehicle.localization_sigma = 0.1;
+  drive.vehicle.localization_yaw_sigma = 0.2;
+  const TrueWorld world(drive, 7);
+  EXPECT_EQ(*world.hidden(0), *exact.hidden(0));
+  VehicleState state;
+  state.position = {-0.3, 0.5};
+  state.yaw = 0.4;
+  const VehicleState believed = world.believed(state);
+  EXPECT_GT((believed.position - state.position).norm(), 0.01);
+  EXPECT_GT(std::abs(believed.yaw - state.yaw), 0.01);
+  const auto from = [](const VehicleState& vehicle, const PoseVector& pose) {
+    return Eigen::Vector3d(T_world_vehicle(vehicle).inverse() *
+                           Eigen::Vector3d(pose[0], pose[1], 0));
+  };
+  const Eigen::Vector3d seen = from(state, *world.hidden(0));
+  EXPECT_LT((from(believed, *world.believed_hidden(state, 0)) - seen).norm(), 1e-12);
+  EXPECT_EQ(exact.believed(state).position, state.position);
+}
+
+// The cells that are looked at are all that there are to find.
+TEST(TrueWorld, WallCellsAreThoseThatWallsReachInto) {
+  const TrueWorld world(robot(), 1);
+  const GridGeometry& map = robot().map;
+  std::vector<bool> found(map.cells());
+  for (const Cell& cell : world.wall_cells()) {
+    EXPECT_FALSE(found[map.index(cell)]) << "twice";
+    found[map.index(cell)] = true;
+  }
+  for (std::size_t i = 0; i < map.cells(); ++i) {
+    const Polygon center{map.center(map.cell(i))};
+    const bool reached = std::ranges::any_of(world.walls(), [&](const Polygon& wall) {
+      return convex_distance(center, wall) <= map.cell_size * std::sqrt(0.5);
+    });
+    EXPECT_EQ(found[i], reached) << "cell " << i;
+  }
 }
 
 TEST(Perception, KnownByNameOnly) {
@@ -74,6 +123,19 @@ TEST(Perception, SolverSaysWhatIsWrongWithAFrame) {
   const auto answer = solver->perceive({}, Transform::Identity(), 0);  // no histograms
   EXPECT_FALSE(answer.mixture);
   EXPECT_FALSE(answer.error.empty());
+}
+
+/// It ends where the robot takes the goal to be: off by the error, which it cannot know.
+TEST(DriveLoop, ALocalizationErrorDisplacesTheDrive) {
+  Drive drive = robot();
+  drive.vehicle.localization_sigma = 0.03;
+  const DriveResult result = run(drive, "oracle");
+  EXPECT_EQ(result.outcome, DriveOutcome::reached);
+  const TrueWorld world(drive, 1);
+  VehicleState end;
+  end.position = result.trace.back().head<2>();
+  EXPECT_LE((world.believed(end).position - drive.route.back()).norm(), drive.goal_tolerance);
+  EXPECT_GT((world.believed(end).position - end.position).norm(), 0.005);
 }
 
 TEST(DriveLoop, OracleReachesTheGoal) {
@@ -139,6 +201,35 @@ TEST(DriveLoop, LateFramesArriveInOrder) {
   drive.sensor.late_by = 0.3;
   const DriveResult result = run(drive, "oracle");
   EXPECT_EQ(result.outcome, DriveOutcome::reached);
+}
+
+// Statistics of the map read one frame's; which one does not depend on what else is kept, nor on
+// frames that arrive late.
+TEST(DriveLoop, KeepsTheMapThatStatisticsRead) {
+  Drive drive = robot();
+  drive.sensor.late_share = 0.5;
+  drive.sensor.late_by = 0.3;
+  drive.time_limit = 3;
+  DriveOptions options;
+  options.perception = "oracle";
+  const DriveResult all = drive_through(drive, sensor(), options);
+  options.keep_pictures = false;
+  options.keep_last_map = true;
+  const DriveResult one = drive_through(drive, sensor(), options);
+  const DriveFrame* there = last_map(all);
+  const DriveFrame* kept = last_map(one);
+  ASSERT_NE(there, nullptr);
+  ASSERT_NE(kept, nullptr);
+  EXPECT_EQ(kept->time, there->time);
+  ASSERT_EQ(kept->occupancy.size(), there->occupancy.size());
+  EXPECT_EQ(std::memcmp(kept->occupancy.data(), there->occupancy.data(),
+                        kept->occupancy.size() * sizeof(double)),
+            0);  // bytes: NaN where nothing is known
+  const auto maps = [](const DriveResult& result) {
+    return std::ranges::count_if(result.frames,
+                                 [](const DriveFrame& frame) { return !frame.occupancy.empty(); });
+  };
+  EXPECT_LT(maps(one), maps(all) / 2);
 }
 
 TEST(DriveLoop, NoWayEndsInAStop) {

@@ -41,8 +41,30 @@ TEST(ReliabilityDiagram, MergesAndWidens) {
   EXPECT_EQ(few.observed, all.observed);
 }
 
+TEST(ReliabilityDiagram, BinsHaveEffectiveTrialsOfTheirOwn) {
+  ReliabilityDiagram diagram(2);
+  for (int i = 0; i < 100; ++i) diagram.add(i < 50 ? 0.3 : 0.7, i % 2 == 0);
+  const std::vector<ReliabilityBin> bins = diagram.bins({10, 20});
+  EXPECT_EQ(bins[0].interval.low, wilson_interval(5, 10).low);
+  EXPECT_EQ(bins[1].interval.low, wilson_interval(10, 20).low);
+}
+
+TEST(ReliabilityDiagram, CountsMakeTheSameDiagram) {
+  ReliabilityDiagram diagram(3);
+  for (int i = 0; i < 10; ++i) diagram.add(0.1 * i, i % 3 == 0);
+  const std::vector<ReliabilityBin> there = diagram.bins();
+  const std::vector<ReliabilityBin> back = ReliabilityDiagram(diagram.counts()).bins();
+  ASSERT_EQ(back.size(), there.size());
+  for (std::size_t i = 0; i < back.size(); ++i) {
+    EXPECT_EQ(back[i].statements, there[i].statements);
+    EXPECT_EQ(back[i].observed, there[i].observed);
+    EXPECT_EQ(back[i].mean_predicted, there[i].mean_predicted);
+  }
+}
+
 TEST(ReliabilityDiagram, RefusesNonsense) {
   EXPECT_THROW(ReliabilityDiagram(0), Error);
+  EXPECT_THROW(ReliabilityDiagram(std::vector<ReliabilityCount>{}), Error);
   ReliabilityDiagram diagram(2);
   EXPECT_THROW(diagram.add(1.1, true), Error);
   EXPECT_THROW(diagram.add(std::nan(""), true), Error);

@@ -41,9 +41,9 @@ TrialResult made_up(const Trial& trial) {
   result.outcome = trial.seed % 3 == 0 ? "collision" : "reached";
   result.clearance = trial.speed / 7;
   result.time = 60 / trial.speed;
-  result.map.statements[2] = 9;
-  result.map.occupied[2] = 2;
-  result.map.probability[2] = trial.speed / 3;
+  std::vector<ReliabilityCount> counts(kMapBins);
+  counts[2] = {9, 2, trial.speed / 3};
+  result.map = ReliabilityDiagram(counts);
   return result;
 }
 
@@ -61,7 +61,7 @@ class Journal : public ::testing::Test {
     TrialJournal journal(directory_.string(), "{\"seed\": 1}\n");
     std::size_t done = 0;
     try {
-      run_trials(trials, std::vector(journal.results()), threads, made_up,
+      run_trials(open_trials(trials, journal.results()), threads, made_up,
                  [&](const TrialResult& result) {
                    if (done++ >= most) throw Error("killed");
                    journal.add(result);
@@ -141,13 +141,9 @@ TEST_F(Journal, FinishedTrialsAreNotRunAgain) {
   const std::vector<Trial> trials = plan(6);
   run(trials, 1);
   TrialJournal journal(directory_.string(), "{\"seed\": 1}\n");
-  run_trials(
-      trials, journal.results(), 2,
-      [](const Trial& trial) -> TrialResult {
-        ADD_FAILURE() << "ran seed " << trial.seed;
-        return {};
-      },
-      [](const TrialResult&) {});
+  for (const Trial& trial : open_trials(trials, journal.results())) {
+    ADD_FAILURE() << "would run seed " << trial.seed;
+  }
 }
 
 TEST_F(Journal, AnotherStudyIsRefusedByName) {
@@ -173,7 +169,7 @@ TEST_F(Journal, ALineThatIsNoResultIsNamed) {
 
 TEST(RunTrials, AFailureEndsTheStudy) {
   const auto fails = [](const Trial&) -> TrialResult { throw Error("no such scene"); };
-  EXPECT_THROW(run_trials(plan(4), {}, 2, fails, [](const TrialResult&) {}), Error);
+  EXPECT_THROW(run_trials(plan(4), 2, fails, [](const TrialResult&) {}), Error);
 }
 
 TEST(PairedDifference, AsPublished) {
@@ -182,6 +178,16 @@ TEST(PairedDifference, AsPublished) {
   EXPECT_NEAR(d.value, 0.2, 1e-12);
   EXPECT_NEAR(d.low, 0.0569, 5e-5);
   EXPECT_NEAR(d.high, 0.3404, 5e-5);
+}
+
+/// Student's quantile of two degrees of freedom is 4.3027 (tables).
+TEST(MeanInterval, OfThreeNumbersByHand) {
+  const MeanInterval mean = mean_interval(std::vector<double>{1, 2, 3});
+  EXPECT_DOUBLE_EQ(mean.value, 2);
+  EXPECT_NEAR(mean.high - 2, 4.3027 / std::sqrt(3.0), 1e-4);
+  EXPECT_NEAR(mean.low, 2 - (mean.high - 2), 1e-12);
+  EXPECT_TRUE(std::isinf(mean_interval(std::vector<double>{1}).high));
+  EXPECT_TRUE(std::isnan(mean_interval({}).value));
 }
 
 TEST(PairedDifference, HoldsAtTheBorders) {

@@ -28,7 +28,8 @@ struct TrackerOptions {
   double lost_probability = 1e-4;
   /// Chance of an innovation as improbable as this asks for a search of the whole region.
   double gate_probability = 1e-3;
-  /// Time after which the whole region is searched in any case, s.
+  /// Time after which the whole region is searched in any case, s. While a track is young, that is
+  /// done each time its age has doubled.
   double search_interval = 2.0;
   /// Hypotheses closer than this (squared Mahalanobis distance under the wider one) are one.
   double merge_distance2 = 1.0;
@@ -114,6 +115,8 @@ class Tracker {
   std::vector<std::optional<Gaussian>> smoothed() const;
   int first_kept_frame() const { return frames_ - static_cast<int>(heaviest_.size()); }
 
+  /// After the latest frame, heaviest first; empty: nothing is tracked.
+  const std::vector<TrackMode>& modes() const { return modes_; }
   const TrackLayout& layout() const { return layout_; }
   const Motion& motion() const { return motion_; }
 
@@ -127,6 +130,7 @@ class Tracker {
   struct Hypothesis;
 
   void predict_all(double dt);
+  bool search_is_due() const;
   std::vector<Hypothesis> explain(const FrameLikelihood& frame, TrackPoint& point);
   void search(const FrameLikelihood& frame, double share, std::vector<Hypothesis>& hypotheses);
   void keep(std::vector<Hypothesis> hypotheses);
@@ -151,6 +155,7 @@ class Tracker {
   double presence_ = 0;
   double inflation_ = 1;
   double since_search_ = 0;
+  double heaviest_age_ = 0;  ///< s since the heaviest mode began
   int frames_ = 0;
 };
 

@@ -32,6 +32,7 @@ struct LineOfSightScan {
   std::vector<std::size_t> free;          ///< rays of all layers passed through
   std::vector<std::size_t> surface_hits;  ///< a ray ended on the known scene here
   std::vector<std::size_t> object_hits;   ///< a ray ended on something else here
+  std::vector<bool> objects_seen;         ///< [hidden objects] whether a ray ended on it
 };
 
 /// Casts rays at the known scene, whose acceleration structure is built once.
@@ -48,7 +49,13 @@ class LineOfSight {
   /// lies between two of them; in each, the nearest end among the layers counts. A cell in which
   /// any ray ends is no free one.
   LineOfSightScan scan(const Transform& T_world_sensor,
-                       const std::vector<Placement>& objects = {}) const;
+                       const std::vector<Placement>& objects = {}) const {
+    return scan(T_world_sensor, objects, T_world_sensor);
+  }
+  /// The same by a sensor that takes itself to be at another pose: what it sees is displaced with
+  /// it. Both poses differ by a place and a turn over the ground.
+  LineOfSightScan scan(const Transform& T_world_sensor, const std::vector<Placement>& objects,
+                       const Transform& T_world_believed) const;
 
  private:
   struct End;

@@ -70,8 +70,8 @@ struct OccupancyOptions {
 struct HiddenAnswer {
   PoseMixture mixture;
   double age = 0;  ///< s since the capture that it is about
-  /// [hidden objects] as far as known (tracker); empty: any direction, Motion::initial_speed.
-  std::vector<PlanarVelocity> velocities;
+  /// [modes] as far as known (tracker); empty: any direction, Motion::initial_speed.
+  std::vector<PoseVelocity> velocities;
 };
 
 class OccupancyGrid {

@@ -338,6 +338,18 @@ TEST(Tracker, OneFrameElsewhereDoesNotMoveTheTrackButSeveralDo) {
   EXPECT_LT((point.modes[0].state.mean.head(2) - there).norm(), 0.05);
 }
 
+TEST(Tracker, AYoungTrackIsSearchedAgainEachTimeItsAgeHasDoubled) {
+  const Scene scene = floor_scene();
+  const MatrixXd noise = 1e-4 * MatrixXd::Identity(2, 2);
+  Tracker tracker(scene, walking());
+  std::vector<int> searched;
+  for (int frame = 0; frame < 20; ++frame) {
+    const LinearFrame seen(tracker.layout(), {vector({1, 1})}, noise);
+    if (tracker.advance(0.125, seen).searched) searched.push_back(frame);
+  }
+  EXPECT_EQ(searched, (std::vector<int>{0, 1, 2, 4, 8, 16}));
+}
+
 TEST(Tracker, YawGoesAroundTheCircle) {
   Scene scene;
   scene.hidden.shape = RectangleShape{1, 1};

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <ctime>
 #include <limits>
+#include <numbers>
 
 #include "blindcorner/forward/error.h"
 #include "unit/test_scenes.h"
@@ -54,6 +55,23 @@ TEST(LineOfSight, FreeBeforeOccupiedAtUnknownBehind) {
   EXPECT_FALSE(has(scan.free, -2.7, 0.0));   // out of range
   EXPECT_EQ(scan.surface_hits.size(), 20U);  // 2 m of wall, the floor is no obstacle
   EXPECT_TRUE(scan.object_hits.empty());
+}
+
+/// Three columns and two rows off, and the same turned by a right angle.
+TEST(LineOfSight, WhatIsSeenIsDisplacedWithTheBelief) {
+  const LineOfSight eye(wall_on_a_floor(), kGrid, to(2.0));
+  const Transform T = at({0.03, 0.02, 1.2});
+  const LineOfSightScan there = eye.scan(T), moved = eye.scan(T, {}, at({0.33, -0.18, 1.2}));
+  ASSERT_EQ(moved.surface_hits.size(), there.surface_hits.size());
+  const auto by = [](std::size_t cell) { return cell + 3 - 2 * std::size_t{60}; };
+  for (std::size_t i = 0; i < there.surface_hits.size(); ++i) {
+    EXPECT_EQ(moved.surface_hits[i], by(there.surface_hits[i]));
+  }
+  Transform turned = T;
+  turned.linear() = Eigen::AngleAxisd(std::numbers::pi / 2, Vector3d::UnitZ()).matrix();
+  const LineOfSightScan left = eye.scan(T, {}, turned);
+  EXPECT_TRUE(has(left.surface_hits, 0.0, 0.95));
+  EXPECT_TRUE(has(left.free, 1.05, 0.0));
 }
 
 TEST(LineOfSight, NoCellInRangeIsSkippedAndNoneIsListedTwice) {

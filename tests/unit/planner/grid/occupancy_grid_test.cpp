@@ -230,12 +230,16 @@ TEST(HiddenMotion, PredictsAsTheTrackerDoes) {
   const PoseMixture later = hidden.predicted(at(2, 2, 0.1, 0.5), 0.5);
   EXPECT_NEAR(later.modes[0].covariance(0, 0), 0.01 + 4 * 0.25 + 3 * 0.125 / 3, 1e-12);
   EXPECT_EQ(later.modes[0].covariance(0, 1), 0);
-  PlanarVelocity velocity;
-  velocity.mean = {1, -2};
+  PoseVelocity velocity = hidden.any_velocity();
+  velocity.mean = Vector2d(1, -2);
   velocity.covariance << 0.04, 0.01, 0.01, 0.09;
+  velocity.with_pose << 0.01, 0.002, 0.003, 0.015;
   const PoseMixture known = hidden.predicted(at(2, 2, 0.1, 0.5), 0.5, {velocity});
   EXPECT_NEAR((known.modes[0].pose - Vector2d(2.5, 1)).norm(), 0, 1e-12);
-  EXPECT_NEAR(known.modes[0].covariance(0, 1), 0.25 * 0.01, 1e-12);
+  // P + t (W + W') + t^2 V + q t^3 / 3
+  EXPECT_NEAR(known.modes[0].covariance(0, 0), 0.01 + 0.01 + 0.25 * 0.04 + 0.125, 1e-12);
+  EXPECT_NEAR(known.modes[0].covariance(1, 1), 0.01 + 0.015 + 0.25 * 0.09 + 0.125, 1e-12);
+  EXPECT_NEAR(known.modes[0].covariance(0, 1), 0.5 * 0.005 + 0.25 * 0.01, 1e-12);
 
   const HiddenMotion leaving(scene_of(), motion, 2.0);
   const PoseMixture half = leaving.predicted(at(2, 2, 0.1, 0.9), 2 * std::log(2));
@@ -243,6 +247,8 @@ TEST(HiddenMotion, PredictsAsTheTrackerDoes) {
   EXPECT_NEAR(half.modes[0].weight, 0.45 / 0.7, 1e-12);
   EXPECT_THROW(hidden.predicted(at(2, 2, 0.1, 0.5), -1), Error);
   EXPECT_THROW(hidden.predicted(at(2, 2, 0.1, 0.5), 1, {velocity, velocity}), Error);
+  velocity.with_pose.resize(0, 0);
+  EXPECT_THROW(hidden.predicted(at(2, 2, 0.1, 0.5), 1, {velocity}), Error);
   PoseMixture empty;
   empty.modes = {PoseMode{}};
   EXPECT_THROW(hidden.predicted(empty, 1), Error);
@@ -266,8 +272,10 @@ TEST(OccupancyGrid, RefusesNonsenseAndStaysAsItWas) {
   bad.mixture.modes[0].covariance = MatrixXd::Identity(1, 2);
   EXPECT_THROW(grid.update(0.1, nullptr, &bad), Error);
   bad = good;
-  bad.velocities.resize(1);
-  bad.velocities[0].mean.x() = std::nan("");
+  bad.velocities.resize(1);  // without values
+  EXPECT_THROW(grid.update(0.1, nullptr, &bad), Error);
+  bad.velocities[0] = HiddenMotion(scene_of(), Motion{}, 60).any_velocity();
+  bad.velocities[0].mean[0] = std::nan("");
   EXPECT_THROW(grid.update(0.1, nullptr, &bad), Error);
   EXPECT_THROW(grid.update(-1, nullptr, &good), Error);
   EXPECT_THROW(grid.update(std::nan(""), nullptr, &good), Error);

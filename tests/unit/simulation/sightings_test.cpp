@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+// Two hidden objects of which one comes in direct sight.
+#include "simulation/sightings.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "blindcorner/io/drive_file.h"
+#include "blindcorner/simulation/drive_claims.h"
+
+namespace blindcorner {
+namespace {
+
+const Drive& street() {
+  static const Drive drive = read_drive(std::string(SOURCE_DIR) + "/scenes/street_two_drive.json");
+  return drive;
+}
+
+PoseVector truth() { return Eigen::Vector4d(22, 23, 18, 20); }
+
+TEST(Sightings, OneInSightDoesNotGiveAwayTheOther) {
+  Sightings sightings(street().scene, street().motion);
+  EXPECT_FALSE(sightings.any());
+  sightings.see({false, true}, truth(), 1);
+  const PerceptionAnswer answer = sightings.answer({}, 0, 1);
+  const PoseMode& mode = answer.mixture->modes.front();
+  EXPECT_EQ(answer.flags, std::vector<std::string>{"partly_in_sight"});
+  EXPECT_NEAR(mode.pose[2], 18, 1e-12);
+  EXPECT_NEAR(std::sqrt(mode.covariance(2, 2)), kKnownPosition, 1e-12);
+  // Nothing was perceived, so the other one is anywhere: its prior, and no trace of the truth.
+  EXPECT_NEAR(mode.pose[0], 22.25, 1e-12);
+  EXPECT_NEAR(mode.covariance(1, 1), 100 / 12.0, 1e-9);
+  EXPECT_EQ(mode.undetermined, (std::vector<int>{0, 1}));
+}
+
+TEST(Sightings, TheOtherOneStaysAsPerceivedAndAges) {
+  Sightings sightings(street().scene, street().motion);
+  PerceptionAnswer perceived;
+  perceived.mixture = known_pose(street().scene, truth() + PoseVector::Constant(4, 0.5));
+  PoseVelocity velocity = HiddenMotion(street().scene, street().motion, 60).any_velocity();
+  velocity.mean = Eigen::Vector4d(0, -2, 0, 0);
+  velocity.covariance(1, 1) = 0.09;
+  perceived.velocities = {velocity};
+  sightings.see({false, true}, truth(), 1);
+  const PerceptionAnswer answer = sightings.answer(perceived, 0.5, 1);
+  const PoseMode& mode = answer.mixture->modes.front();
+  EXPECT_NEAR(mode.pose[1], 23.5 - 1, 1e-12);
+  const double q = street().motion.acceleration_density;
+  EXPECT_NEAR(mode.covariance(1, 1), 0.02 * 0.02 + 0.25 * 0.09 + q * 0.125 / 3, 1e-12);
+  EXPECT_NEAR(answer.velocities.front().with_pose(1, 1), 0.5 * 0.09, 1e-12);
+  EXPECT_NEAR(mode.pose[3], 20, 1e-12);  // seen, whatever was perceived
+  EXPECT_EQ(answer.mixture->presence_probability, 1);
+  sightings.see({true, false}, truth(), 2);
+  const PerceptionAnswer both = sightings.answer(perceived, 1.5, 2);
+  EXPECT_EQ(both.flags, std::vector<std::string>{"in_sight"});
+  EXPECT_NEAR((both.mixture->mean - truth()).norm(), 0, 1e-12);
+}
+
+/// A drive of two frames with an answer that is off by one standard deviation along x and y of both
+/// objects, then by ten.
+TEST(DriveClaims, CountsWhatIsHonestAndWhatIsWrong) {
+  DriveResult result;
+  for (int i = 0; i < 3; ++i) {
+    DriveFrame frame;
+    frame.time = 0.1 * i;
+    frame.vehicle.position = {i, 0};
+    frame.truth = truth();
+    const double sigmas = i == 1 ? 1 : 10;
+    if (i > 0) {
+      frame.mixture =
+          known_pose(street().scene, truth() + PoseVector::Constant(4, sigmas * kKnownPosition));
+      frame.mixture_age = 0.1;
+    }
+    result.frames.push_back(frame);
+  }
+  const DriveClaims claims = drive_claims(street(), result);
+  EXPECT_EQ(claims.answers, 2);
+  EXPECT_EQ(claims.sure, 2);
+  EXPECT_EQ(claims.covered, 1);
+  EXPECT_EQ(claims.wrong, 1);
+  EXPECT_EQ(claims.wrong_flagged, 0);
+  EXPECT_NEAR(*claims.at_capture.ratio(), (1 + 100) / 2.0, 1e-9);
+  EXPECT_LT(*claims.in_map.ratio(), *claims.at_capture.ratio());  // it may have moved since
+  ASSERT_TRUE(claims.first);
+  EXPECT_NEAR(claims.first->lead, 1, 1e-12);
+  EXPECT_NEAR(claims.first->distance, std::hypot(17.0, 20.0), 1e-12);
+}
+
+}  // namespace
+}  // namespace blindcorner
