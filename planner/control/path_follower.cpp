@@ -77,6 +77,22 @@ PathFollower::PathFollower(std::vector<PathPoint> path, const VehicleLimits& lim
       nearest_arc_length(path_, state.position, path_.front().arc_length, path_.back().arc_length);
 }
 
+void PathFollower::limit_speed(const std::vector<double>& limits, const VehicleState& state) {
+  if (!limits.empty() && limits.size() != path_.size()) {
+    throw Error("PathFollower: " + std::to_string(limits.size()) + " speed limits; accepted: " +
+                std::to_string(path_.size()) + ", one for each sample");
+  }
+  const auto after =
+      std::ranges::upper_bound(path_, arc_length_, {}, &PathPoint::arc_length) - path_.begin();
+  const auto here = std::max<std::ptrdiff_t>(0, std::min(after, std::ssize(path_) - 1) - 1);
+  SpeedProfileOptions ahead = options_.profile;
+  ahead.start = std::max(0.0, state.speed);
+  if (!limits.empty()) ahead.limits.assign(limits.begin() + here, limits.end());
+  std::ranges::copy(
+      speed_profile(std::span(path_).subspan(static_cast<std::size_t>(here)), limits_, ahead),
+      profile_.begin() + here);
+}
+
 FollowerOutput PathFollower::steer(const VehicleState& state) {
   const double speed = std::abs(state.speed);
   const double reach =

@@ -84,6 +84,7 @@ void SpeedProfileOptions::validate() const {
   require("cornering", cornering, cornering > 0, "a share > 0");
   require("braking", braking, braking > 0 && braking <= 1, "a share above 0, at most 1");
   require("driving", driving, driving > 0 && driving <= 1, "a share above 0, at most 1");
+  for (const double limit : limits) require("limits", limit, limit >= 0, "m/s >= 0");
 }
 
 std::vector<double> speed_profile(std::span<const PathPoint> path, const VehicleLimits& limits,
@@ -91,6 +92,11 @@ std::vector<double> speed_profile(std::span<const PathPoint> path, const Vehicle
   options.validate();
   Profile profile(path, limits, options);
   if (path.empty()) return {};
+  if (!options.limits.empty() && options.limits.size() != path.size()) {
+    throw Error("SpeedProfileOptions.limits: " + std::to_string(options.limits.size()) +
+                " values; accepted: none or " + std::to_string(path.size()) + ", one per sample");
+  }
+  for (std::size_t i = 0; i < options.limits.size(); ++i) profile.limit(i, options.limits[i]);
   profile.limit(path.size() - 1, options.end);
   for (std::size_t i = path.size() - 1; i > 0; --i) {
     profile.reach(i, i - 1, options.braking * limits.friction);

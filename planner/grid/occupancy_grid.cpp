@@ -106,16 +106,21 @@ void OccupancyGrid::see(const LineOfSightScan& scan) {
   for (const std::size_t cell : scan.object_hits) add(moving_evidence_, cell, hit);
 }
 
-void OccupancyGrid::spread_hidden() {
+PoseMixture OccupancyGrid::hidden_mixture() const {
+  if (!spread_) throw Error("hidden objects need a grid that was made for a scene");
+  return answer_ ? prediction_->predicted(answer_->mixture, answer_->age, answer_->velocities)
+                 : spread_->prior();
+}
+
+std::vector<double> OccupancyGrid::not_seen() const {
   std::vector<double> not_seen(geometry_.cells());
   std::ranges::transform(moving_evidence_, not_seen.begin(), [](double evidence) {
     return evidence < 0 ? std::exp(evidence) : 1.0;  // the likelihood of no return
   });
-  hidden_ = spread_->occupied(
-      answer_ ? prediction_->predicted(answer_->mixture, answer_->age, answer_->velocities)
-              : spread_->prior(),
-      not_seen);
+  return not_seen;
 }
+
+void OccupancyGrid::spread_hidden() { hidden_ = spread_->occupied(hidden_mixture(), not_seen()); }
 
 void OccupancyGrid::add_static_evidence(const Cell& cell, double log_ratio) {
   if (!geometry_.contains(cell)) return;

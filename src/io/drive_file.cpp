@@ -200,7 +200,11 @@ DriveTruth read_truth(const JsonReader& reader, const Scene& scene) {
   std::vector<std::string_view> fields(names.begin(), names.end());
   fields.insert(fields.end(), {"present", "velocity_m_per_s"});
   reader.allow_only(fields);
-  truth.present = reader.at("present").boolean_or(true);
+  if (const JsonReader present = reader.at("present"); present.present()) {
+    const bool stated = present.json().is_boolean();
+    if (!stated && !present.json().is_number()) present.fail("true, false or a probability");
+    truth.present = stated ? (present.boolean() ? 1 : 0) : present.number(kShare);
+  }
   for (std::size_t i = 0; i < names.size(); ++i) {
     const JsonReader field = reader.at(names[i]);
     if (field.present()) truth.components[i] = read_component(field, scene.unknowns[i]);
@@ -238,13 +242,37 @@ void read_route(const JsonReader& reader, Drive& drive) {
           .number_or(drive.time_limit, NumberRange{.lower = 0, .upper = 3600, .above_lower = true});
 }
 
+/// What only vehicles that choose their speed use is an error beside the wanted speed.
+void read_speed_mode(const JsonReader& reader, Drive& drive) {
+  if (reader.at("speed_mode").word_or("wanted", {"wanted", "safe"}) == "safe") {
+    drive.speed_mode = SpeedMode::safe;
+  }
+  const auto number = [&](const char* name, double absent, const NumberRange& range) {
+    const JsonReader field = reader.at(name);
+    if (field.present() && drive.speed_mode == SpeedMode::wanted) {
+      field.fail("nothing, unless speed_mode is \"safe\"");
+    }
+    return field.number_or(absent, range);
+  };
+  drive.risk = number("risk", drive.risk, kShare);
+  drive.closing_speed = number("closing_speed_m_per_s", 0, NumberRange::between(0, 100));
+}
+
 void read_trials(const JsonReader& reader, Drive& drive) {
-  drive.trials = {drive.speed_lower, drive.speed_upper, 1};
+  drive.trials.speed_lower = drive.speed_lower;
+  drive.trials.speed_upper = drive.speed_upper;
   if (!reader.present()) return;
-  reader.allow_only({"speed_m_per_s", "zones"});
+  reader.allow_only({"speed_m_per_s", "zones", "corner_m", "corner_radius_m"});
   std::tie(drive.trials.speed_lower, drive.trials.speed_upper) =
       reader.at("speed_m_per_s").interval(kSpeed);
   drive.trials.zones = reader.at("zones").integer(1, 1000);
+  if (const JsonReader corner = reader.at("corner_m"); corner.present()) {
+    drive.trials.corner = read_point(corner);
+    drive.trials.corner_radius =
+        reader.at("corner_radius_m").number(NumberRange::between(0.1, 1e3));
+  } else if (reader.at("corner_radius_m").present()) {
+    corner.fail("the corner's [x, y], of which corner_radius_m is the surroundings");
+  }
 }
 
 /// The scene beside the drive file. What is wrong with it is said of it.
@@ -264,7 +292,7 @@ Drive read_drive(const std::string& path) {
   if (!reader.is_object()) reader.fail("an object");
   reader.allow_only({"name", "description", "scene", "vehicle", "route_m", "goal_tolerance_m",
                      "speed_m_per_s", "time_limit_s", "sensor", "direct_sight", "map", "hidden",
-                     "perception", "trials"});
+                     "perception", "trials", "speed_mode", "risk", "closing_speed_m_per_s"});
   Drive drive;
   drive.path = path;
   drive.name = reader.at("name").text_or(std::filesystem::path(path).stem().string());
@@ -277,6 +305,7 @@ Drive read_drive(const std::string& path) {
   drive.truth = read_truth(reader.at("hidden"), drive.scene);
   read_perception(reader.at("perception"), drive);
   read_route(reader, drive);
+  read_speed_mode(reader, drive);
   read_trials(reader.at("trials"), drive);
   drive.motion.frame_interval = 1 / drive.sensor.rate;
   return drive;

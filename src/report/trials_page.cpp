@@ -166,6 +166,71 @@ std::string difference_section(const Drive& drive, const Results& results) {
   return html + "</tr></table>\n";
 }
 
+/// Mean with the interval that holds it with 95 % (Student's t), from the values alone.
+std::string mean_text(const std::vector<double>& values) {
+  if (values.empty()) return "-";
+  if (values.size() < 2) return formatted("%.2f, n = 1", values.front());
+  const MeanInterval interval = mean_interval(values);
+  return formatted("%.2f (%.2f to %.2f), n = %zu", interval.mean, interval.low, interval.high,
+                   values.size());
+}
+
+/// Speeds through the corner of the trials that reach the goal, by seed.
+std::map<std::uint64_t, double> corner_speeds(const Results& results) {
+  std::map<std::uint64_t, double> speeds;
+  for (const TrialResult& result : results) {
+    if (result.reached() && result.corner_speed > 0)
+      speeds[result.trial.seed] = result.corner_speed;
+  }
+  return speeds;
+}
+
+std::string corner_differences(const Results& results) {
+  constexpr std::array<std::pair<const char*, const char*>, 3> kPairs{
+      {{"solver", "los"}, {"oracle", "los"}, {"oracle", "solver"}}};
+  std::string rows = "<table><tr><th>paired by seed<th>difference of mean speeds, m/s</tr>\n";
+  for (const auto& [first, second] : kPairs) {
+    const auto others = corner_speeds(of(results, second));
+    std::vector<double> differences;
+    for (const auto& [seed, speed] : corner_speeds(of(results, first))) {
+      const auto match = others.find(seed);
+      if (match != others.end()) differences.push_back(speed - match->second);
+    }
+    rows += formatted("<tr><td>%s - %s<td>", first, second) + mean_text(differences) + "</tr>\n";
+  }
+  return rows + "</table>\n";
+}
+
+/// Studies with a corner: what speed costs or wins there, at which rate of collisions.
+std::string corner_section(const Drive& drive, const Results& results) {
+  const DriveTrials& trials = drive.trials;
+  if (trials.corner_radius <= 0) return "";
+  std::string rows =
+      "<table><tr><th>perception<th>mean speed, m/s<th>collisions<th>stopped, timeout</tr>\n";
+  for (const std::string& name : perceptions_of(results)) {
+    const Results here = of(results, name);
+    std::vector<double> speeds;
+    for (const auto& [seed, speed] : corner_speeds(here)) speeds.push_back(speed);
+    const auto collided = std::ranges::count(here, "collision", &TrialResult::outcome);
+    const ShareInterval share =
+        wilson_interval(static_cast<int>(collided), static_cast<int>(here.size()));
+    rows += "<tr><td>" + html_safe(name) + "<td>" + mean_text(speeds) +
+            formatted("<td>%td/%zu = %.4f (%.4f to %.4f)<td>%td</tr>\n", collided, here.size(),
+                      static_cast<double>(collided) / static_cast<double>(here.size()), share.low,
+                      share.high, std::ssize(here) - reached(here) - collided);
+  }
+  return formatted(
+             "<h2>Speed through the corner</h2>\n<p>Distance over time of each drive within %g m "
+             "of "
+             "(%g, %g) m; means over the drives that reach the goal, with 95 %% intervals "
+             "(Student's t); collisions of all drives (Wilson). ",
+             trials.corner_radius, trials.corner.x(), trials.corner.y()) +
+         (drive.speed_mode == SpeedMode::safe
+              ? formatted("Speeds are chosen with a risk of %g.", drive.risk)
+              : std::string("Speeds are the wanted ones.")) +
+         "</p>\n" + rows + "</table>\n" + corner_differences(results);
+}
+
 std::string error_section(const Results& results) {
   if (results.empty()) return "";
   std::vector<BarGroup> groups;
@@ -362,9 +427,9 @@ std::string trials_page(const Drive& drive, const std::vector<TrialResult>& resu
           "<p>%zu trials of %s, light times %g. The same seeds, and so the same worlds and "
           "speeds, for every perception; intervals hold 95 %% (Wilson).</p>\n",
           results.size(), html_safe(drive.name).c_str(), drive.sensor.light) +
-      success_section(drive, plain) + difference_section(drive, plain) + error_section(misled) +
-      clearance_section(plain) + path_section(plain) + reliability_section(plain) +
-      failures_section(drive, results, replayed);
+      corner_section(drive, plain) + success_section(drive, plain) +
+      difference_section(drive, plain) + error_section(misled) + clearance_section(plain) +
+      path_section(plain) + reliability_section(plain) + failures_section(drive, results, replayed);
   return plain_page("Trials: " + drive.name, body);
 }
 

@@ -4,7 +4,10 @@
 #include <Eigen/Cholesky>
 #include <cmath>
 #include <random>
+#include <string>
 #include <vector>
+
+#include "blindcorner/forward/error.h"
 
 namespace blindcorner {
 
@@ -39,9 +42,37 @@ double credible_level(const Scene& scene, const PoseMixture& mixture, const Pose
   return static_cast<double>(denser) / samples;
 }
 
+namespace {
+
+constexpr double kZ = 1.959964;  // of the normal distribution, 95 % within
+
+/// Student's t within which 95 % lie: exact for one and two degrees of freedom, else Cornish and
+/// Fisher's expansion (Abramowitz and Stegun 26.7.5), to 0.3 %.
+double student_t(std::size_t degrees) {
+  if (degrees < 3) return degrees < 2 ? 12.7062 : 4.30265;
+  const double z = kZ, z3 = z * z * z, z5 = z3 * z * z, z7 = z5 * z * z;
+  const auto v = static_cast<double>(degrees);
+  return z + (z3 + z) / (4 * v) + (5 * z5 + 16 * z3 + 3 * z) / (96 * v * v) +
+         (3 * z7 + 19 * z5 + 17 * z3 - 15 * z) / (384 * v * v * v);
+}
+
+}  // namespace
+
+MeanInterval mean_interval(std::span<const double> values) {
+  if (values.size() < 2) {
+    throw Error("mean_interval", std::to_string(values.size()) + " values; accepted: 2 or more");
+  }
+  const auto n = static_cast<double>(values.size());
+  double sum = 0, squares = 0;
+  for (const double value : values) sum += value;
+  const double mean = sum / n;
+  for (const double value : values) squares += (value - mean) * (value - mean);
+  const double half = student_t(values.size() - 1) * std::sqrt(squares / (n - 1) / n);
+  return {mean, mean - half, mean + half};
+}
+
 ShareInterval wilson_interval(int successes, int trials) {
   if (trials <= 0) return {};
-  constexpr double kZ = 1.959964;  // of the normal distribution, 95 % within
   const double n = trials;
   const double share = successes / n;
   const double scale = 1 / (1 + kZ * kZ / n);

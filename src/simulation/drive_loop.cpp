@@ -10,8 +10,11 @@
 #include <random>
 
 #include "blindcorner/planner/control/path_follower.h"
+#include "blindcorner/planner/control/path_outlook.h"
+#include "blindcorner/planner/control/safe_speed.h"
 #include "blindcorner/planner/grid/line_of_sight.h"
 #include "blindcorner/planner/grid/occupancy_grid.h"
+#include "blindcorner/planner/grid/pose_hypotheses.h"
 #include "blindcorner/planner/path/replanner.h"
 #include "blindcorner/planner/vehicles/car.h"
 #include "blindcorner/planner/vehicles/differential_drive.h"
@@ -52,6 +55,9 @@ constexpr double kRiskWeight = 10;
 constexpr std::uint64_t kFrameSeeds = 1'000'003;
 /// The perception's own chances (which frames are late) are drawn from another sequence.
 constexpr std::uint64_t kFaultSeed = 0x9e3779b97f4a7c15;
+
+/// Between a command and half of its effect, s (PathFollowerOptions::delay).
+constexpr double kBrakesTake = 0.05;
 
 /// Adds the wall-clock time until it is destroyed to a sum, ms.
 class Stopwatch {
@@ -120,6 +126,40 @@ LineOfSightOptions sight_options(const Drive& drive) {
   return options;
 }
 
+/// A vehicle that counts on what it has seen to stay free must not forget it while it drives by:
+/// what was seen empty fades in the time in which hidden objects cross the vehicle's width.
+OccupancyOptions occupancy_options(const Drive& drive) {
+  OccupancyOptions options;
+  if (drive.speed_mode == SpeedMode::safe && drive.motion.initial_speed > 0) {
+    options.moving_evidence_time = drive.vehicle.width / drive.motion.initial_speed;
+  }
+  return options;
+}
+
+/// Direct sight needs no perception: it acts with the next frame.
+SafeSpeedOptions safe_speed_options(const Drive& drive) {
+  SafeSpeedOptions options;
+  options.risk = drive.risk;
+  options.closing_speed = drive.closing_speed;
+  options.reaction_time = 1 / drive.sensor.rate + kBrakesTake;
+  if (drive.sensor.late_share > 0) options.reaction_time += drive.sensor.late_by;
+  options.margin = std::min(options.margin, drive.vehicle.length / 2);
+  return options;
+}
+
+/// Looks as far as a vehicle at the wanted speed needs to slow down and then to stop.
+PathOutlookOptions outlook_options(const Drive& drive, const VehicleLimits& limits, double speed) {
+  PathOutlookOptions options;
+  const double braking = 0.5 * speed * speed / limits.friction;
+  const SpeedProfileOptions profile;
+  const SafeSpeedOptions safe = safe_speed_options(drive);
+  options.horizon = braking / profile.braking + braking / safe.braking +
+                    speed * safe.reaction_time + drive.vehicle.length;
+  options.station_spacing = drive.vehicle.length / 5;
+  options.side_margin = kMargin * drive.vehicle.width / 2;
+  return options;
+}
+
 /// The scene whose hidden objects the map knows: as they are, or as discs of a radius (m).
 Scene map_scene(const Scene& scene, const std::optional<double>& disc_radius) {
   Scene known = scene;
@@ -161,6 +201,7 @@ class DriveLoop {
   void update_map(const LineOfSightScan* scan, const AnswerEvent* event);
   void plan();
   void follow(const PlanUpdate& update);
+  void limit_speed();
   void step();
   void note_frame();
   bool finished();
@@ -183,11 +224,13 @@ class DriveLoop {
   LineOfSight sight_;
   Sightings sightings_;
   OccupancyGrid grid_;
+  PoseHypotheses hypotheses_;
   Vehicle vehicle_;
   VehicleLimits limits_;
   Replanner replanner_;
   std::optional<PathFollower> follower_;
-  bool brake_ = true;  ///< no path to follow, or one that ends too soon
+  std::optional<PathOutlook> outlook_;  ///< of the follower's path, where speed is chosen by it
+  bool brake_ = true;                   ///< no path to follow, or one that ends too soon
   std::mt19937_64 faults_;
 
   double time_ = 0;             ///< s
@@ -222,7 +265,9 @@ DriveLoop::DriveLoop(const Drive& drive, const SimulatedSensor& sensor, const Dr
       delay_(drive.delay.contains(options.perception) ? drive.delay.at(options.perception) : 0.0),
       sight_(drive.scene, drive.map, sight_options(drive)),
       sightings_(drive.scene, drive.motion),
-      grid_(drive.map, map_scene(drive.scene, perception_->disc_radius()), drive.motion),
+      grid_(drive.map, map_scene(drive.scene, perception_->disc_radius()), drive.motion,
+            occupancy_options(drive)),
+      hypotheses_(map_scene(drive.scene, perception_->disc_radius()), drive.map),
       vehicle_(model_of(drive.vehicle)),
       limits_(vehicle_.model().limits()),
       replanner_(
@@ -380,6 +425,7 @@ void DriveLoop::plan() {
       replanner_.update(planning, {at.position, at.yaw}, at.speed, drive_.route[next_goal_]);
   plan_text_ = update.text();
   follow(update);
+  if (drive_.speed_mode == SpeedMode::safe && follower_) limit_speed();
 }
 
 /// A follower for a new path. A stop is driven along what is left of the path, to its end; where
@@ -402,6 +448,28 @@ void DriveLoop::follow(const PlanUpdate& update) {
   }
   options.profile.end = update.action == PlanAction::stop ? 0.0 : speed();
   follower_.emplace(update.path.points, limits_, believed(), options);
+  outlook_.reset();
+}
+
+/// Lowers the follower's speeds to those from which the vehicle can stop for what may be there.
+void DriveLoop::limit_speed() {
+  const std::vector<PathPoint>& path = follower_->path();
+  if (!outlook_) {
+    outlook_.emplace(path, vehicle_.model().footprint(), drive_.sensor.T_vehicle_sensor, sight_,
+                     drive_.map, outlook_options(drive_, limits_, speed()));
+  }
+  const double here = nearest_arc_length(path, believed().position, path.front().arc_length,
+                                         path.back().arc_length);
+  const std::vector<PoseHypothesis> hypotheses =
+      hypotheses_.of(grid_.hidden_mixture(), grid_.not_seen());
+  std::vector<double> limits = safe_speed_limits(
+      path, limits_, outlook_->encounters(hypotheses, here), here, safe_speed_options(drive_));
+  const double turning =
+      limits_.wheelbase > 0 ? std::tan(believed().steering_angle) / limits_.wheelbase : 0.0;
+  const std::vector<double> steerable = steerable_speeds(path, limits_, here, turning);
+  std::ranges::transform(limits, steerable, limits.begin(),
+                         [](double a, double b) { return std::min(a, b); });
+  follower_->limit_speed(limits, believed());
 }
 
 /// One control period.

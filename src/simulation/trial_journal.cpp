@@ -25,6 +25,8 @@ namespace {
 constexpr const char* kHeader =
     "perception,zone,seed,speed_m_per_s,error_m,outcome,clearance_m,time_s,length_m,run_time_s,"
     "statements:occupied:probability in ten bins\n";
+/// Of studies with a corner, after all the others.
+constexpr const char* kCornerColumn = ",mean_speed_m_per_s";
 
 /// Digits that give the same number back.
 std::string exact(double value) {
@@ -50,6 +52,7 @@ std::string journal_line(const TrialResult& result) {
     line += "," + std::to_string(bin.statements) + ":" + std::to_string(bin.happened) + ":" +
             exact(bin.sum);
   }
+  if (result.corner_speed > 0) line += "," + exact(result.corner_speed);
   return line + "\n";
 }
 
@@ -61,7 +64,9 @@ TrialResult parse(const std::string& line) {
   TrialResult result;
   constexpr std::size_t kFirstBin = 10;
   std::vector<ReliabilityCount> counts(kMapBins);
-  if (cells.size() != kFirstBin + counts.size()) throw Error("another length");
+  const std::size_t after_bins = kFirstBin + counts.size();
+  if (cells.size() != after_bins && cells.size() != after_bins + 1) throw Error("another length");
+  if (cells.size() > after_bins) result.corner_speed = std::stod(cells.back());
   result.trial = {cells[0], std::stoi(cells[1]), std::stoull(cells[2]), std::stod(cells[3]),
                   std::stod(cells[4])};
   result.outcome = cells[5];
@@ -126,7 +131,10 @@ void check_study(const std::string& path, const std::string& study) {
 std::string table(const DriveTrials& trials, const std::vector<TrialResult>& results,
                   bool with_error) {
   std::string text = "perception,zone,seed,speed_m_per_s,outcome,clearance_m,time_s,length_m";
-  text += with_error ? ",error_m\n" : "\n";
+  const bool with_corner = trials.corner_radius > 0;
+  if (with_error) text += ",error_m";
+  if (with_corner) text += kCornerColumn;
+  text += "\n";
   for (const TrialResult& result : results) {
     const Trial& trial = result.trial;
     if ((trial.error > 0) != with_error) continue;
@@ -136,7 +144,8 @@ std::string table(const DriveTrials& trials, const std::vector<TrialResult>& res
     text += trial.perception + "," + zone.data() + "," + std::to_string(trial.seed) + "," +
             fixed(trial.speed, 3) + "," + result.outcome + "," + fixed(result.clearance, 4) + "," +
             fixed(result.time, 2) + "," + fixed(result.length, 3) +
-            (with_error ? "," + fixed(trial.error, 3) : "") + "\n";
+            (with_error ? "," + fixed(trial.error, 3) : "") +
+            (with_corner ? "," + fixed(result.corner_speed, 3) : "") + "\n";
   }
   return text;
 }

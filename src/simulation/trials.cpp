@@ -148,8 +148,20 @@ TrialResult run_trial(const Drive& drive, const SimulatedSensor& sensor, const T
   result.time = driven.time;
   result.length = driven.length;
   result.map = map_statements(drive, trial.seed, driven);
+  result.corner_speed = mean_speed_within(driven, drive.trials.corner, drive.trials.corner_radius);
   result.run_time = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return result;
+}
+
+double mean_speed_within(const DriveResult& result, const Eigen::Vector2d& point, double radius) {
+  double length = 0, time = 0;
+  for (std::size_t i = 0; i + 1 < result.trace.size(); ++i) {
+    const Eigen::Vector2d from = result.trace[i].head<2>(), to = result.trace[i + 1].head<2>();
+    if ((from - point).norm() > radius || (to - point).norm() > radius) continue;
+    length += (to - from).norm();
+    time += result.trace_step;
+  }
+  return time > 0 ? length / time : 0;
 }
 
 std::vector<Trial> open_trials(const std::vector<Trial>& plan,

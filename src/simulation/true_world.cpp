@@ -16,6 +16,8 @@ namespace {
 
 /// Surfaces that end below this height are driven over: the road, m.
 constexpr double kKerb = 0.05;
+/// Whether there is an object at all is drawn from another sequence than where it is.
+constexpr std::uint64_t kPresenceSeed = 0xd6e8feb86659fd93;
 
 bool in_the_way(const Surface& surface, double vehicle_height) {
   double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
@@ -53,6 +55,8 @@ TrueWorld::TrueWorld(const Drive& drive, std::uint64_t seed) : drive_(drive) {
   std::normal_distribution<double> normal;
   for (double& offset : offset_) offset = drive.vehicle.localization_sigma * normal(random);
   turn_ = drive.vehicle.localization_yaw_sigma * normal(random);
+  std::mt19937_64 presence(seed ^ kPresenceSeed);
+  present_ = std::uniform_real_distribution<double>(0, 1)(presence) < drive.truth.present;
   for (const Surface& surface : drive.scene.surfaces) {
     if (!in_the_way(surface, drive.vehicle.height)) continue;
     walls_.push_back(footprint(surface.shape, surface.T_world_surface));
@@ -83,7 +87,7 @@ std::vector<Cell> TrueWorld::wall_cells() const {
 }
 
 std::optional<PoseVector> TrueWorld::hidden(double time) const {
-  if (!drive_.truth.present) return std::nullopt;
+  if (!present_) return std::nullopt;
   PoseVector pose = start_;
   for (std::size_t i = 0; i < drive_.scene.unknowns.size(); ++i) {
     const Unknown& unknown = drive_.scene.unknowns[i];

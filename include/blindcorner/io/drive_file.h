@@ -17,6 +17,10 @@ namespace blindcorner {
 /// What drives.
 enum class VehicleKind { car, robot };
 
+/// How the speed is chosen: the wanted one wherever curves and the plan allow it, or also such that
+/// the vehicle can stop before what may be there (planner/control/safe_speed.h).
+enum class SpeedMode { wanted, safe };
+
 /// Body of the vehicle and where it starts. Its reference point is the middle of the body.
 struct DriveVehicle {
   VehicleKind kind = VehicleKind::car;
@@ -63,7 +67,7 @@ struct TrueComponent {
 
 /// The truth that the vehicle does not know.
 struct DriveTruth {
-  bool present = true;  ///< whether there is a hidden object at all
+  double present = 1;  ///< probability that there is a hidden object at all
   /// [unknowns] of the scene; empty: drawn from the scene's prior.
   std::vector<std::optional<TrueComponent>> components;
   /// [objects] m/s. An object stops where its search region ends.
@@ -76,6 +80,9 @@ struct DriveTruth {
 struct DriveTrials {
   double speed_lower = 0, speed_upper = 0;  ///< m/s
   int zones = 1;
+  /// Mean speed is measured while the vehicle is this near to the corner, m; 0: not measured.
+  double corner_radius = 0;
+  Eigen::Vector2d corner = Eigen::Vector2d::Zero();  ///< m
 };
 
 /// A drive: everything that `blindcorner drive` needs to know.
@@ -92,6 +99,10 @@ struct Drive {
       5;  ///< m/s, wanted speed: drawn uniformly, or stated where both are the same
   double speed_upper = 5;  ///< m/s
   double time_limit = 60;  ///< s
+  SpeedMode speed_mode = SpeedMode::wanted;
+  double risk = 0.005;  ///< of a collision at each decision of SpeedMode::safe
+  /// m/s with which what is not in sight may come towards the vehicle, in SpeedMode::safe.
+  double closing_speed = 0;
   DriveSensor sensor;
   DirectSight sight;
   GridGeometry map;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 
 #include "blindcorner/forward/scene/pose_mixture.h"
 #include "blindcorner/forward/scene/scene.h"
@@ -21,5 +22,13 @@ struct ShareInterval {
   double low = 0, high = 1;
 };
 ShareInterval wilson_interval(int successes, int trials);
+
+/// Mean of values with the interval that holds it with 95 % (Student's t).
+struct MeanInterval {
+  double mean = 0;
+  double low = 0, high = 0;
+};
+/// Throws Error for fewer than two values.
+MeanInterval mean_interval(std::span<const double> values);
 
 }  // namespace blindcorner

@@ -14,6 +14,8 @@
 
 namespace blindcorner {
 
+struct DriveResult;
+
 /// One drive of a study.
 struct Trial {
   std::string perception;
@@ -34,6 +36,9 @@ struct TrialResult {
   double time = 0;       ///< s, simulated
   double length = 0;     ///< m driven
   double run_time = 0;   ///< s that it took to simulate
+  /// m/s, while the vehicle was within DriveTrials::corner_radius of the corner; 0: it never was,
+  /// or the study has no corner.
+  double corner_speed = 0;
   /// What the map said of the cells of the hidden objects' search region, in the last frame before
   /// they came in sight; of those that it knew of by then.
   ReliabilityDiagram map{kMapBins};
@@ -70,6 +75,9 @@ TrialResult run_trial(const Drive& drive, const SimulatedSensor& sensor, const T
 
 using TrialRun = std::function<TrialResult(const Trial&)>;
 using TrialDone = std::function<void(const TrialResult&)>;
+
+/// Mean speed over the part of a drive within a radius of a point, m/s; 0: it never came there.
+double mean_speed_within(const DriveResult& result, const Eigen::Vector2d& point, double radius);
 
 /// The trials of a plan that have no result yet.
 std::vector<Trial> open_trials(const std::vector<Trial>& plan,

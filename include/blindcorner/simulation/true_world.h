@@ -47,6 +47,7 @@ class TrueWorld {
   PoseVector start_;
   std::vector<Eigen::Vector2d> velocity_;  ///< [objects] m/s
   double speed_ = 0;
+  bool present_ = true;
   Eigen::Vector2d offset_ = Eigen::Vector2d::Zero();  ///< of the vehicle's belief, m
   double turn_ = 0;                                   ///< of the vehicle's belief, rad
   std::vector<std::vector<Eigen::Vector2d>> walls_;

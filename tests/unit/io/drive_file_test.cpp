@@ -68,6 +68,25 @@ TEST(DriveFile, TruthIsStatedOrDrawn) {
   EXPECT_FALSE(drive.truth.components[1]);
 }
 
+TEST(DriveFile, SpeedModeRiskAndCornerAreRead) {
+  EXPECT_EQ(read_changed([](json&) {}).speed_mode, SpeedMode::wanted);
+  const Drive drive = read_changed([](json& d) {
+    d["speed_mode"] = "safe";
+    d["risk"] = 0.01;
+    d["closing_speed_m_per_s"] = 2;
+    d["hidden"] = {{"present", 0.25}};
+    d["trials"] = {
+        {"speed_m_per_s", {1, 2}}, {"zones", 2}, {"corner_m", {0.5, 1}}, {"corner_radius_m", 3}};
+  });
+  EXPECT_EQ(drive.speed_mode, SpeedMode::safe);
+  EXPECT_EQ(drive.risk, 0.01);
+  EXPECT_EQ(drive.closing_speed, 2);
+  EXPECT_EQ(drive.truth.present, 0.25);
+  EXPECT_EQ(drive.trials.corner_radius, 3);
+  EXPECT_EQ(drive.trials.corner, Eigen::Vector2d(0.5, 1));
+  EXPECT_EQ(read_drive(kScenes + "street_safe_drive.json").speed_mode, SpeedMode::safe);
+}
+
 TEST(DriveFile, WrongOnesGetOneLine) {
   const auto expect = [](const std::function<void(json&)>& change, const std::string& field,
                          const std::string& found) {
@@ -103,6 +122,16 @@ TEST(DriveFile, WrongOnesGetOneLine) {
   expect([](json& d) { d["hidden"]["x_m"] = 7; }, "hidden.x_m", "7");
   expect([](json& d) { d["hidden"]["z_m"] = 0; }, "hidden.z_m", "unknown field");
   expect([](json& d) { d["perception"]["delay_s"]["los"] = -1; }, "perception.delay_s.los", "-1");
+  expect([](json& d) { d["speed_mode"] = "fast"; }, "speed_mode", "fast");
+  expect([](json& d) { d["risk"] = 0.01; }, "risk", "speed_mode is \"safe\"");
+  expect(
+      [](json& d) {
+        d["speed_mode"] = "safe";
+        d["risk"] = 1.5;
+      },
+      "risk", "1.5");
+  expect([](json& d) { d["hidden"]["present"] = "maybe"; }, "hidden.present", "maybe");
+  expect([](json& d) { d["hidden"]["present"] = 2; }, "hidden.present", "2");
 }
 
 }  // namespace

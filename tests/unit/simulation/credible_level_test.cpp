@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "blindcorner/forward/constants.h"
+#include "blindcorner/forward/error.h"
 #include "unit/test_scenes.h"
 
 namespace blindcorner {
@@ -65,6 +66,16 @@ TEST(WilsonInterval, OfFewTrials) {
   EXPECT_NEAR(wilson_interval(0, 10).low, 0, 1e-12);
   EXPECT_NEAR(wilson_interval(0, 10).high, 0.2775, 1e-4);
   EXPECT_EQ(wilson_interval(0, 0).high, 1);
+}
+
+TEST(MeanInterval, IsStudents) {
+  // 1, 2, 3, 4, 5: mean 3, standard error sqrt(2.5 / 5), t of four degrees of freedom 2.7764.
+  const std::vector<double> values{1, 2, 3, 4, 5};
+  const MeanInterval interval = mean_interval(values);
+  EXPECT_DOUBLE_EQ(interval.mean, 3);
+  EXPECT_NEAR(interval.high - 3, 2.7764 * std::sqrt(0.5), 0.01);
+  EXPECT_NEAR(mean_interval(std::vector<double>{0, 2}).high, 1 + 12.706, 1e-3);
+  EXPECT_THROW(mean_interval(std::vector<double>{1}), Error);
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <map>
 #include <memory>
 
 #include "blindcorner/forward/error.h"
@@ -273,6 +274,36 @@ TEST(SimulatedSensor, MoreLightIsMoreSignalOverTheSameDaylight) {
   const Scene brighter = with_light(scene, 10);
   EXPECT_DOUBLE_EQ(brighter.sensor.radiant_intensity, 10 * scene.sensor.radiant_intensity);
   EXPECT_DOUBLE_EQ(brighter.linear.fixed_ambient, scene.linear.fixed_ambient);
+}
+
+/// Slowest speed of the vehicle within 10 m of the corner, m/s.
+double slowest_at_the_corner(const Drive& drive, const DriveResult& result) {
+  double slowest = 1e9;
+  for (const DriveFrame& frame : result.frames) {
+    const double distance = (frame.vehicle.position - drive.trials.corner).norm();
+    if (distance < 10) slowest = std::min(slowest, frame.vehicle.speed);
+  }
+  return slowest;
+}
+
+TEST(SafeSpeedDrive, WhoKnowsThatNothingIsThereNeedNotSlowDown) {
+  Drive drive = read_drive(std::string(SOURCE_DIR) + "/scenes/street_safe_drive.json");
+  drive.truth.present = 0;
+  const SimulatedSensor street(drive.scene);
+  DriveOptions options;
+  options.keep_pictures = false;
+  options.speed = 12;
+  std::map<std::string, DriveResult> results;
+  for (const char* perception : {"los", "oracle"}) {
+    options.perception = perception;
+    results[perception] = drive_through(drive, street, options);
+    EXPECT_EQ(results[perception].outcome, DriveOutcome::reached) << perception;
+  }
+  const double blind = slowest_at_the_corner(drive, results["los"]);
+  EXPECT_LT(blind + 0.5, slowest_at_the_corner(drive, results["oracle"]));
+  EXPECT_LT(results["oracle"].time, results["los"].time);
+  drive.speed_mode = SpeedMode::wanted;  // what the mode costs is all of it
+  EXPECT_LT(blind + 0.5, slowest_at_the_corner(drive, drive_through(drive, street, options)));
 }
 
 }  // namespace

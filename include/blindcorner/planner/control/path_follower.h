@@ -48,6 +48,9 @@ class PathFollower {
 
   /// Call once a control period, in order: the nearest point is looked for ahead of the last one.
   FollowerOutput follow(const VehicleState& state);
+  /// Plans the speed anew from where the vehicle is, within limits at the path's samples (m/s; of
+  /// safe_speed.h; empty: none). Throws Error unless there is one for each.
+  void limit_speed(const std::vector<double>& limits, const VehicleState& state);
   /// The same steering, and the strongest braking that the friction circle leaves beside it.
   FollowerOutput stop(const VehicleState& state);
 

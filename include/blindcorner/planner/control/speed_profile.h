@@ -19,6 +19,8 @@ struct SpeedProfileOptions {
                            ///< taken at any speed
   double braking = 0.5;    ///< comfortable, below what a safe stop has
   double driving = 0.3;    ///< also at most VehicleLimits::acceleration
+  /// [samples] further limits, m/s (safe_speed.h), maybe infinite; empty: none.
+  std::vector<double> limits = {};
 
   void validate() const;
 };

@@ -105,6 +105,11 @@ class OccupancyGrid {
   double log_odds(const Cell& cell) const;
   /// [cells] probability that a hidden object occupies the cell, after passes of line of sight: h.
   const std::vector<double>& hidden() const { return hidden_; }
+  /// What h is made from: the latest answer moved on to now, or the prior, before passes of line of
+  /// sight; and the likelihood of those passes [cells], were the cell occupied. The first throws
+  /// Error for a grid without hidden objects.
+  PoseMixture hidden_mixture() const;
+  std::vector<double> not_seen() const;
 
  private:
   double odds_at(std::size_t index) const;

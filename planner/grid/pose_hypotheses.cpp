@@ -1,0 +1,211 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "blindcorner/planner/grid/pose_hypotheses.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string>
+
+#include "blindcorner/forward/constants.h"
+#include "blindcorner/forward/error.h"
+#include "blindcorner/planner/grid/pose_spread.h"
+#include "planner/grid/footprint_kernel.h"
+#include "planner/grid/object_marginal.h"
+
+namespace blindcorner {
+namespace {
+
+using Eigen::Vector2d;
+
+/// Poses for an object that is surely present, and for a mode however light.
+constexpr double kPoses = 2048;
+constexpr int kFewestPoses = 64;
+/// A mixture that leaves less than this to the prior leaves nothing (as pose_spread.cpp).
+constexpr double kNegligible = 1e-6;
+/// A search region narrower than this many standard deviations is sampled evenly and weighed: of
+/// normal points more than half would lie outside.
+constexpr double kNarrowRegion = 2;
+
+/// A pose with its unnormalised weight.
+struct SampledPose {
+  Vector2d position = Vector2d::Zero();  ///< m
+  double yaw = 0, size = 1, weight = 0;
+};
+
+/// Point i of the additive recurrence in four dimensions, each in (0, 1).
+std::array<double, 4> spread_point(int i) {
+  constexpr double kRatio = 1.1673039782614187;  // x^5 = x + 1
+  std::array<double, 4> point{};
+  double step = 1;
+  for (double& value : point) {
+    step /= kRatio;
+    const double sum = 0.5 + step * (i + 1);
+    value = sum - std::floor(sum);
+  }
+  return point;
+}
+
+/// The standard normal distribution's point of two even ones (Box and Muller 1958).
+Vector2d normal_point(double a, double b) {
+  const double radius = std::sqrt(-2 * std::log(1 - a));
+  return radius * Vector2d(std::cos(2 * kPi * b), std::sin(2 * kPi * b));
+}
+
+double between(const ShapeRange& range, double share) {
+  return range.lower < range.upper ? range.lower + share * (range.upper - range.lower)
+                                   : std::clamp(range.mean, range.lower, range.upper);
+}
+
+/// Points of a marginal; weights sum to 1.
+std::vector<SampledPose> sample(const ObjectMarginal& marginal, int count) {
+  const double widest = std::sqrt(
+      Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(marginal.covariance).eigenvalues().maxCoeff());
+  const Vector2d region = marginal.upper - marginal.lower;
+  const bool evenly = region.maxCoeff() < kNarrowRegion * widest;
+  const Eigen::LLT<Eigen::Matrix2d> factor(marginal.covariance);
+  std::vector<SampledPose> poses;
+  double total = 0;
+  for (int i = 0; i < count; ++i) {
+    const auto u = spread_point(i);
+    SampledPose pose;
+    pose.yaw = between(marginal.yaw, u[2]);
+    pose.size = between(marginal.size, u[3]);
+    const Vector2d shape(pose.yaw - marginal.yaw.mean, pose.size - marginal.size.mean);
+    pose.weight = std::exp(-0.5 * shape.dot(marginal.shape_precision * shape));
+    const Vector2d mean = marginal.position + marginal.slope * shape;
+    if (evenly) {
+      pose.position = marginal.lower + region.cwiseProduct(Vector2d(u[0], u[1]));
+      const Vector2d off = pose.position - mean;
+      pose.weight *= std::exp(-0.5 * off.dot(factor.solve(off)));
+    } else {
+      pose.position = mean + factor.matrixL() * normal_point(u[0], u[1]);
+      const bool inside = (pose.position.array() >= marginal.lower.array()).all() &&
+                          (pose.position.array() <= marginal.upper.array()).all();
+      if (!inside) pose.weight = 0;
+    }
+    if (!(pose.weight > 0)) continue;
+    total += pose.weight;
+    poses.push_back(pose);
+  }
+  if (poses.empty()) poses.push_back({marginal.position, marginal.yaw.mean, marginal.size.mean, 1});
+  for (SampledPose& pose : poses) pose.weight /= total > 0 ? total : 1;
+  return poses;
+}
+
+bool inside(const Footprint& polygon, const Vector2d& point) {
+  for (std::size_t i = 0; i < polygon.size(); ++i) {
+    const Vector2d edge = polygon[(i + 1) % polygon.size()] - polygon[i];
+    const Vector2d off = point - polygon[i];
+    if (edge.x() * off.y() - edge.y() * off.x() < 0) return false;
+  }
+  return true;
+}
+
+/// The cells that an object at a pose covers and touches.
+PoseHypothesis drawn(const SampledPose& pose, const GroundObject& object,
+                     const GridGeometry& grid) {
+  const Eigen::Matrix2d turn = pose.size * Eigen::Rotation2Dd(pose.yaw).toRotationMatrix();
+  Footprint body;
+  for (const Vector2d& corner : object.outline) body.emplace_back(pose.position + turn * corner);
+  const Footprint reach = widened(body, grid.cell_size);
+  Vector2d lower = reach.front(), upper = reach.front();
+  for (const Vector2d& corner : reach) {
+    lower = lower.cwiseMin(corner);
+    upper = upper.cwiseMax(corner);
+  }
+  const Cell first = grid.cell_at(lower), last = grid.cell_at(upper);
+  PoseHypothesis hypothesis;
+  for (int row = std::max(0, first.row); row <= std::min(last.row, grid.rows - 1); ++row) {
+    for (int column = std::max(0, first.column); column <= std::min(last.column, grid.columns - 1);
+         ++column) {
+      const Vector2d center = grid.center({column, row});
+      if (!inside(reach, center)) continue;
+      const std::size_t cell = grid.index({column, row});
+      hypothesis.touches.push_back(cell);
+      if (inside(body, center)) hypothesis.covers.push_back(cell);
+    }
+  }
+  return hypothesis;
+}
+
+}  // namespace
+
+struct PoseHypotheses::Impl {
+  Impl(const Scene& scene, const GridGeometry& geometry)
+      : grid(geometry), unknowns(scene.unknowns), check(scene, geometry) {
+    for (int i = 0; i < object_count(scene); ++i) objects.emplace_back(scene, i);
+  }
+
+  void add_mode(const PoseMode& mode, const GroundObject& object, std::span<const double> not_seen,
+                std::vector<PoseHypothesis>& hypotheses) const;
+  std::vector<PoseHypothesis> of(const PoseMixture& mixture, const GroundObject& object,
+                                 std::span<const double> not_seen) const;
+
+  GridGeometry grid;
+  std::vector<Unknown> unknowns;
+  std::vector<GroundObject> objects;
+  PoseSpread check;
+};
+
+void PoseHypotheses::Impl::add_mode(const PoseMode& mode, const GroundObject& object,
+                                    std::span<const double> not_seen,
+                                    std::vector<PoseHypothesis>& hypotheses) const {
+  const bool absent = !object.unknowns.empty() && std::ranges::all_of(object.unknowns, [&](int i) {
+    return std::isnan(mode.pose[i]);
+  });
+  if (absent || !(mode.weight > 0)) return;
+  const int count = std::max(kFewestPoses, static_cast<int>(std::ceil(kPoses * mode.weight)));
+  for (const SampledPose& pose : sample(marginal_of(mode, unknowns, object), count)) {
+    PoseHypothesis hypothesis = drawn(pose, object, grid);
+    double unseen = 1;
+    if (!not_seen.empty()) {
+      for (const std::size_t cell : hypothesis.covers) unseen = std::min(unseen, not_seen[cell]);
+    }
+    hypothesis.probability = mode.weight * pose.weight * unseen;
+    hypotheses.push_back(std::move(hypothesis));
+  }
+}
+
+std::vector<PoseHypothesis> PoseHypotheses::Impl::of(const PoseMixture& mixture,
+                                                     const GroundObject& object,
+                                                     std::span<const double> not_seen) const {
+  std::vector<PoseHypothesis> hypotheses;
+  double rest = 1;
+  for (const PoseMode& mode : mixture.modes) {
+    add_mode(mode, object, not_seen, hypotheses);
+    rest -= mode.weight;
+  }
+  if (rest > kNegligible) add_mode(prior_mode(unknowns, rest), object, not_seen, hypotheses);
+  // Bayes: present and unseen, against absent.
+  double unseen = 0;
+  for (const PoseHypothesis& hypothesis : hypotheses) unseen += hypothesis.probability;
+  const double presence = mixture.presence_probability;
+  const double evidence = presence * unseen + (1 - presence);
+  for (PoseHypothesis& hypothesis : hypotheses) {
+    hypothesis.probability *= evidence > 0 ? presence / evidence : 0;
+  }
+  return hypotheses;
+}
+
+PoseHypotheses::PoseHypotheses(const Scene& scene, const GridGeometry& grid)
+    : impl_(std::make_shared<const Impl>(scene, grid)) {}
+
+std::vector<PoseHypothesis> PoseHypotheses::of(const PoseMixture& mixture,
+                                               std::span<const double> not_seen) const {
+  impl_->check.check(mixture);
+  if (!not_seen.empty() && not_seen.size() != impl_->grid.cells()) {
+    throw Error("not_seen", "has " + std::to_string(not_seen.size()) + " values; accepted: " +
+                                std::to_string(impl_->grid.cells()) + ", one for each cell");
+  }
+  std::vector<PoseHypothesis> all;
+  if (mixture.presence_probability == 0) return all;
+  for (const GroundObject& object : impl_->objects) {
+    std::ranges::move(impl_->of(mixture, object, not_seen), std::back_inserter(all));
+  }
+  return all;
+}
+
+}  // namespace blindcorner
