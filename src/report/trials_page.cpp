@@ -166,37 +166,39 @@ std::string difference_section(const Drive& drive, const Results& results) {
   return html + "</tr></table>\n";
 }
 
+/// Differences of a figure between two perceptions, over trials that both drove to the goal and
+/// that have it (a speed through the corner is 0 where there is none).
+std::vector<double> differences(const Results& first, const Results& second,
+                                double TrialResult::*figure) {
+  std::map<std::uint64_t, double> other;
+  for (const TrialResult& result : second) {
+    if (result.reached() && result.*figure > 0) other[result.trial.seed] = result.*figure;
+  }
+  std::vector<double> values;
+  for (const TrialResult& result : first) {
+    const auto match = other.find(result.trial.seed);
+    if (!result.reached() || !(result.*figure > 0) || match == other.end()) continue;
+    values.push_back(result.*figure - match->second);
+  }
+  return values;
+}
+
 /// Mean with the interval that holds it with 95 % (Student's t), from the values alone.
 std::string mean_text(const std::vector<double>& values) {
   if (values.empty()) return "-";
-  if (values.size() < 2) return formatted("%.2f, n = 1", values.front());
+  if (values.size() < 2) return formatted("%.3f, n = 1", values.front());
   const MeanInterval interval = mean_interval(values);
-  return formatted("%.2f (%.2f to %.2f), n = %zu", interval.mean, interval.low, interval.high,
+  return formatted("%.3f (%.3f to %.3f), n = %zu", interval.mean, interval.low, interval.high,
                    values.size());
 }
 
-/// Speeds through the corner of the trials that reach the goal, by seed.
-std::map<std::uint64_t, double> corner_speeds(const Results& results) {
-  std::map<std::uint64_t, double> speeds;
-  for (const TrialResult& result : results) {
-    if (result.reached() && result.corner_speed > 0)
-      speeds[result.trial.seed] = result.corner_speed;
-  }
-  return speeds;
-}
-
 std::string corner_differences(const Results& results) {
-  constexpr std::array<std::pair<const char*, const char*>, 3> kPairs{
-      {{"solver", "los"}, {"oracle", "los"}, {"oracle", "solver"}}};
   std::string rows = "<table><tr><th>paired by seed<th>difference of mean speeds, m/s</tr>\n";
   for (const auto& [first, second] : kPairs) {
-    const auto others = corner_speeds(of(results, second));
-    std::vector<double> differences;
-    for (const auto& [seed, speed] : corner_speeds(of(results, first))) {
-      const auto match = others.find(seed);
-      if (match != others.end()) differences.push_back(speed - match->second);
-    }
-    rows += formatted("<tr><td>%s - %s<td>", first, second) + mean_text(differences) + "</tr>\n";
+    rows += formatted("<tr><td>%s - %s<td>", first, second) +
+            mean_text(
+                differences(of(results, first), of(results, second), &TrialResult::corner_speed)) +
+            "</tr>\n";
   }
   return rows + "</table>\n";
 }
@@ -210,7 +212,9 @@ std::string corner_section(const Drive& drive, const Results& results) {
   for (const std::string& name : perceptions_of(results)) {
     const Results here = of(results, name);
     std::vector<double> speeds;
-    for (const auto& [seed, speed] : corner_speeds(here)) speeds.push_back(speed);
+    for (const TrialResult& result : here) {
+      if (result.reached() && result.corner_speed > 0) speeds.push_back(result.corner_speed);
+    }
     const auto collided = std::ranges::count(here, "collision", &TrialResult::outcome);
     const ShareInterval share =
         wilson_interval(static_cast<int>(collided), static_cast<int>(here.size()));
@@ -303,37 +307,16 @@ std::string clearance_section(const Results& results) {
   return "<h2>Clearance and time</h2>\n" + rows + "</table>\n" + charts_html({clearance, time});
 }
 
-/// Differences of a figure between two perceptions, over trials that both drove to the goal.
-std::vector<double> differences(const Results& first, const Results& second,
-                                double TrialResult::*figure) {
-  std::map<std::uint64_t, double> other;
-  for (const TrialResult& result : second) {
-    if (result.reached()) other[result.trial.seed] = result.*figure;
-  }
-  std::vector<double> values;
-  for (const TrialResult& result : first) {
-    const auto match = other.find(result.trial.seed);
-    if (result.reached() && match != other.end()) values.push_back(result.*figure - match->second);
-  }
-  return values;
-}
-
-std::string mean_cell(const std::vector<double>& values) {
-  if (values.empty()) return "<td>-";
-  const MeanInterval mean = mean_interval(values);
-  return formatted("<td>%+.3f (%+.3f to %+.3f)", mean.value, mean.low, mean.high);
-}
-
 std::string path_section(const Results& results) {
   std::string rows =
       "<h2>Way and time, paired by seed</h2>\n<p>Of trials that both drove to the goal: the first "
       "minus the second, means with 95 % intervals (Student).</p>\n"
-      "<table><tr><th>pair<th>trials<th>way, m<th>time, s</tr>\n";
+      "<table><tr><th>pair<th>way, m<th>time, s</tr>\n";
   for (const auto& [first, second] : kPairs) {
     const Results a = of(results, first), b = of(results, second);
-    const std::vector<double> lengths = differences(a, b, &TrialResult::length);
-    rows += formatted("<tr><td>%s - %s<td>%zu", first, second, lengths.size()) +
-            mean_cell(lengths) + mean_cell(differences(a, b, &TrialResult::time)) + "</tr>\n";
+    rows += formatted("<tr><td>%s - %s<td>", first, second) +
+            mean_text(differences(a, b, &TrialResult::length)) + "<td>" +
+            mean_text(differences(a, b, &TrialResult::time)) + "</tr>\n";
   }
   return rows + "</table>\n";
 }

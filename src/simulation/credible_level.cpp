@@ -2,6 +2,7 @@
 #include "blindcorner/simulation/credible_level.h"
 
 #include <Eigen/Cholesky>
+#include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 #include <random>
 #include <string>
@@ -46,16 +47,6 @@ namespace {
 
 constexpr double kZ = 1.959964;  // of the normal distribution, 95 % within
 
-/// Student's t within which 95 % lie: exact for one and two degrees of freedom, else Cornish and
-/// Fisher's expansion (Abramowitz and Stegun 26.7.5), to 0.3 %.
-double student_t(std::size_t degrees) {
-  if (degrees < 3) return degrees < 2 ? 12.7062 : 4.30265;
-  const double z = kZ, z3 = z * z * z, z5 = z3 * z * z, z7 = z5 * z * z;
-  const auto v = static_cast<double>(degrees);
-  return z + (z3 + z) / (4 * v) + (5 * z5 + 16 * z3 + 3 * z) / (96 * v * v) +
-         (3 * z7 + 19 * z5 + 17 * z3 - 15 * z) / (384 * v * v * v);
-}
-
 }  // namespace
 
 MeanInterval mean_interval(std::span<const double> values) {
@@ -67,7 +58,8 @@ MeanInterval mean_interval(std::span<const double> values) {
   for (const double value : values) sum += value;
   const double mean = sum / n;
   for (const double value : values) squares += (value - mean) * (value - mean);
-  const double half = student_t(values.size() - 1) * std::sqrt(squares / (n - 1) / n);
+  const double quantile = boost::math::quantile(boost::math::students_t(n - 1), 0.975);
+  const double half = quantile * std::sqrt(squares / (n - 1) / n);
   return {mean, mean - half, mean + half};
 }
 

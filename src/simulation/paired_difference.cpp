@@ -2,10 +2,7 @@
 #include "blindcorner/simulation/paired_difference.h"
 
 #include <algorithm>
-#include <boost/math/distributions/students_t.hpp>
 #include <cmath>
-#include <limits>
-#include <numeric>
 
 #include "blindcorner/simulation/credible_level.h"
 
@@ -39,24 +36,6 @@ PairedDifference paired_difference(const PairedCounts& counts) {
   // Rounding must not lead beyond what shares can differ by.
   return {difference, std::max(-1.0, difference - joined(p - of_p.low, of_q.high - q)),
           std::min(1.0, difference + joined(of_p.high - p, q - of_q.low))};
-}
-
-MeanInterval mean_interval(std::span<const double> values) {
-  if (values.empty()) {
-    constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-    return {kNone, kNone, kNone};
-  }
-  const auto n = static_cast<double>(values.size());
-  const double mean = std::accumulate(values.begin(), values.end(), 0.0) / n;
-  if (values.size() == 1) {
-    constexpr double kAnything = std::numeric_limits<double>::infinity();
-    return {mean, -kAnything, kAnything};
-  }
-  double squares = 0;
-  for (const double value : values) squares += (value - mean) * (value - mean);
-  const double quantile = boost::math::quantile(boost::math::students_t(n - 1), 0.975);
-  const double half = quantile * std::sqrt(squares / (n - 1) / n);
-  return {mean, mean - half, mean + half};
 }
 
 }  // namespace blindcorner

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Differences of shares and of means that were found on the same trials.
+/// Differences of shares that were found on the same trials.
 #pragma once
-
-#include <span>
 
 namespace blindcorner {
 
@@ -25,15 +23,5 @@ struct PairedDifference {
 /// Newcombe 1998, Statistics in Medicine 17, 2635, method 10: Wilson's intervals of both shares,
 /// joined by the correlation of the outcomes. Holds for few trials and for shares of 0 and 1.
 PairedDifference paired_difference(const PairedCounts& counts);
-
-/// A mean with an interval that holds it in 95 % of samples.
-struct MeanInterval {
-  double value = 0;
-  double low = 0, high = 0;  ///< infinite of a single value, all NaN of none
-};
-
-/// Student's interval of the mean of independent values; differences of pairs give the interval of
-/// their mean difference.
-MeanInterval mean_interval(std::span<const double> values);
 
 }  // namespace blindcorner

@@ -180,16 +180,6 @@ TEST(PairedDifference, AsPublished) {
   EXPECT_NEAR(d.high, 0.3404, 5e-5);
 }
 
-/// Student's quantile of two degrees of freedom is 4.3027 (tables).
-TEST(MeanInterval, OfThreeNumbersByHand) {
-  const MeanInterval mean = mean_interval(std::vector<double>{1, 2, 3});
-  EXPECT_DOUBLE_EQ(mean.value, 2);
-  EXPECT_NEAR(mean.high - 2, 4.3027 / std::sqrt(3.0), 1e-4);
-  EXPECT_NEAR(mean.low, 2 - (mean.high - 2), 1e-12);
-  EXPECT_TRUE(std::isinf(mean_interval(std::vector<double>{1}).high));
-  EXPECT_TRUE(std::isnan(mean_interval({}).value));
-}
-
 TEST(PairedDifference, HoldsAtTheBorders) {
   const PairedDifference same = paired_difference({20, 0, 0, 0});
   EXPECT_EQ(same.value, 0);
