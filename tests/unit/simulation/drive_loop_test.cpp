@@ -60,8 +60,8 @@ TEST(TrueWorld, MovesAndStopsAtTheRegionsBorder) {
   EXPECT_GT(drawn, 0.5);
   EXPECT_LT(drawn, 0.6);
   EXPECT_NE(drawn, (*TrueWorld(drive, 2).hidden(1))[0]);
-  drive.truth.present = false;
-  EXPECT_FALSE(world.hidden(0));
+  drive.truth.present = 0;
+  EXPECT_FALSE(TrueWorld(drive, 1).hidden(0));
 }
 
 /// From the vehicle everything stands where it stood: only its map is displaced.
