@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <ranges>
 #include <string>
 #include <utility>
 
@@ -95,11 +96,11 @@ const std::vector<std::size_t>& PathOutlook::seen_from(Station& station) {
 std::vector<Encounter> PathOutlook::encounters(std::span<const PoseHypothesis> hypotheses,
                                                double from) {
   std::vector<double> first_seen(grid_.cells(), kNever);
-  for (auto station = stations_.rbegin(); station != stations_.rend(); ++station) {
-    const double s = station->place.arc_length;
+  for (Station& station : std::views::reverse(stations_)) {
+    const double s = station.place.arc_length;
     if (s > from + options_.horizon) continue;
     if (s < from) break;
-    for (const std::size_t cell : seen_from(*station)) first_seen[cell] = s;
+    for (const std::size_t cell : seen_from(station)) first_seen[cell] = s;
   }
   std::vector<Encounter> encounters;
   for (const PoseHypothesis& hypothesis : hypotheses) {
