@@ -2,6 +2,7 @@
 #include "blindcorner/simulation/credible_level.h"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 #include <random>
@@ -70,7 +71,8 @@ ShareInterval wilson_interval(int successes, int trials) {
   const double scale = 1 / (1 + kZ * kZ / n);
   const double center = scale * (share + kZ * kZ / (2 * n));
   const double half = scale * kZ * std::sqrt(share * (1 - share) / n + kZ * kZ / (4 * n * n));
-  return {center - half, center + half};
+  // Rounding must not lead beyond what shares can be.
+  return {std::max(0.0, center - half), std::min(1.0, center + half)};
 }
 
 }  // namespace blindcorner
