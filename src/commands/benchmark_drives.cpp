@@ -5,16 +5,16 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
-#include <map>
 #include <memory>
 
 #include "blindcorner/io/atomic_file.h"
-#include "blindcorner/io/drive_file.h"
 #include "blindcorner/simulation/drive_claims.h"
 #include "blindcorner/simulation/perception.h"
 #include "commands/benchmark.h"
 #include "commands/commands.h"
+#include "commands/lit_drive.h"
 #include "commands/output_directory.h"
+#include "forward/support/quantile.h"
 #include "report/formatted.h"
 
 namespace blindcorner {
@@ -54,9 +54,7 @@ std::optional<double> median_first(const DrivesRow& row, double DriveClaims::Fir
   for (const Run& run : row.runs) {
     if (run.claims.first) values.push_back((*run.claims.first).*what);
   }
-  if (values.empty()) return std::nullopt;
-  std::ranges::sort(values);
-  return (values[(values.size() - 1) / 2] + values[values.size() / 2]) / 2;
+  return values.empty() ? std::nullopt : std::optional(median(values));
 }
 
 DriveClaims sum_of(const DrivesRow& row) {
@@ -146,9 +144,7 @@ int run_drives(const DrivesArguments& arguments) {
   print_head();
   for (const std::string& file : arguments.drives) {
     for (const double light : arguments.light) {
-      Drive drive = read_drive(file);
-      if (light > 0) drive.sensor.light = light;
-      drive.scene = with_light(drive.scene, drive.sensor.light);
+      const Drive drive = read_lit_drive(file, light);
       const SimulatedSensor sensor(drive.scene);
       for (const std::string& perception : arguments.perceptions) {
         rows.push_back({drive.name, perception, drive.sensor.light, {}});

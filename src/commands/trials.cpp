@@ -81,11 +81,7 @@ void write_replays(const fs::path& directory, const Drive& drive, const Simulate
   }
   Progress progress("replays", wanted.size());
   for (const Trial& trial : wanted) {
-    DriveOptions options;
-    options.perception = trial.perception;
-    options.seed = trial.seed;
-    options.speed = trial.speed;
-    options.injected_error = trial.error;
+    const DriveOptions options = options_of(trial);
     const DriveResult driven = drive_through(drive, sensor, options);
     const fs::path page = directory / replay_page(trial);
     make_directory(page.parent_path().string());
@@ -96,18 +92,14 @@ void write_replays(const fs::path& directory, const Drive& drive, const Simulate
 
 void print_summary(const Drive& drive, const std::vector<TrialResult>& results) {
   std::map<std::pair<std::string, int>, std::pair<int, int>> shares;
-  std::vector<std::string> names;
   for (const TrialResult& result : results) {
     if (result.trial.error > 0) continue;
     auto& [reached, trials] = shares[{result.trial.perception, result.trial.zone}];
     reached += result.reached() ? 1 : 0;
     ++trials;
-    if (std::ranges::find(names, result.trial.perception) == names.end()) {
-      names.push_back(result.trial.perception);
-    }
   }
   std::printf("%-8s %14s   %s\n", "", "speed, m/s", "goal reached (95 % interval)");
-  for (const std::string& name : names) {
+  for (const std::string& name : perceptions_of(results)) {
     for (int zone = 0; zone < drive.trials.zones; ++zone) {
       const auto [reached, trials] = shares[{name, zone}];
       if (trials == 0) continue;

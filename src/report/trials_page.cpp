@@ -36,16 +36,6 @@ Results chosen(const Results& results, const std::function<bool(const TrialResul
   return list;
 }
 
-std::vector<std::string> perceptions_of(const Results& results) {
-  std::vector<std::string> names;
-  for (const TrialResult& result : results) {
-    if (std::ranges::find(names, result.trial.perception) == names.end()) {
-      names.push_back(result.trial.perception);
-    }
-  }
-  return names;
-}
-
 Results of(const Results& results, const std::string& perception) {
   return chosen(results, [&](const TrialResult& r) { return r.trial.perception == perception; });
 }

@@ -129,14 +129,19 @@ std::vector<Trial> plan_trials(const Drive& drive, const TrialsOptions& options)
   return plan;
 }
 
-TrialResult run_trial(const Drive& drive, const SimulatedSensor& sensor, const Trial& trial,
-                      const FitOptions& fit) {
-  const auto start = std::chrono::steady_clock::now();
+DriveOptions options_of(const Trial& trial) {
   DriveOptions options;
   options.perception = trial.perception;
   options.seed = trial.seed;
   options.speed = trial.speed;
   options.injected_error = trial.error;
+  return options;
+}
+
+TrialResult run_trial(const Drive& drive, const SimulatedSensor& sensor, const Trial& trial,
+                      const FitOptions& fit) {
+  const auto start = std::chrono::steady_clock::now();
+  DriveOptions options = options_of(trial);
   options.fit = fit;
   options.keep_pictures = false;
   options.keep_last_map = true;
@@ -207,6 +212,16 @@ void run_trials(const std::vector<Trial>& trials, int threads, const TrialRun& r
 
 bool same_trial(const Trial& a, const Trial& b) {
   return a.perception == b.perception && a.seed == b.seed;
+}
+
+std::vector<std::string> perceptions_of(const std::vector<TrialResult>& results) {
+  std::vector<std::string> names;
+  for (const TrialResult& result : results) {
+    if (std::ranges::find(names, result.trial.perception) == names.end()) {
+      names.push_back(result.trial.perception);
+    }
+  }
+  return names;
 }
 
 void sort_trials(std::vector<TrialResult>& results) {

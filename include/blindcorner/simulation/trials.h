@@ -9,12 +9,11 @@
 
 #include "blindcorner/inverse/fit.h"
 #include "blindcorner/io/drive_file.h"
+#include "blindcorner/simulation/drive_loop.h"
 #include "blindcorner/simulation/reliability_diagram.h"
 #include "blindcorner/simulation/simulated_sensor.h"
 
 namespace blindcorner {
-
-struct DriveResult;
 
 /// One drive of a study.
 struct Trial {
@@ -69,6 +68,9 @@ double zone_lower(const DriveTrials& trials, int zone);
 /// does not depend on how many there are: a larger study holds the smaller one.
 std::vector<Trial> plan_trials(const Drive& drive, const TrialsOptions& options);
 
+/// What one trial drives with.
+DriveOptions options_of(const Trial& trial);
+
 /// Drives one trial. The same trial has the same result, run time excepted.
 TrialResult run_trial(const Drive& drive, const SimulatedSensor& sensor, const Trial& trial,
                       const FitOptions& fit = {});
@@ -90,6 +92,9 @@ void run_trials(const std::vector<Trial>& trials, int threads, const TrialRun& r
 
 /// Whether two are the same trial of the same perception.
 bool same_trial(const Trial& a, const Trial& b);
+
+/// The perceptions of some results, in the order of their first ones.
+std::vector<std::string> perceptions_of(const std::vector<TrialResult>& results);
 
 /// Sorted by perception (in their list's order), then by seed and error: the order of files.
 void sort_trials(std::vector<TrialResult>& results);
