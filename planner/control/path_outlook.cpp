@@ -60,24 +60,19 @@ PathOutlook::PathOutlook(std::vector<PathPoint> path, const VehicleRectangle& bo
 void PathOutlook::find_touched(const VehicleRectangle& body, double side_margin) {
   first_touched_.assign(grid_.cells(), kNever);
   const double half_length = body.length / 2, half_width = body.width / 2 + side_margin;
-  const double reach = std::hypot(half_length, half_width);
+  const Vector2d reach = Vector2d::Constant(std::hypot(half_length, half_width));
   const double step = grid_.cell_size / 2;
   double before = path_.front().arc_length;
   for (double s = before;; s = std::min(s + step, path_.back().arc_length)) {
     const PathPoint place = path_at(path_, s);
     const Vector2d along(std::cos(place.heading), std::sin(place.heading));
     const Vector2d center = place.position + body.center_x * along;
-    const Cell first = grid_.cell_at(center - Vector2d::Constant(reach));
-    const Cell last = grid_.cell_at(center + Vector2d::Constant(reach));
-    for (int row = std::max(0, first.row); row <= std::min(last.row, grid_.rows - 1); ++row) {
-      for (int column = std::max(0, first.column);
-           column <= std::min(last.column, grid_.columns - 1); ++column) {
-        const Vector2d off = grid_.center({column, row}) - center;
-        const double across = along.x() * off.y() - along.y() * off.x();
-        if (std::abs(along.dot(off)) > half_length || std::abs(across) > half_width) continue;
-        double& touched = first_touched_[grid_.index({column, row})];
-        touched = std::min(touched, before);
-      }
+    for (const Cell& cell : grid_.cells_in({center - reach, center + reach})) {
+      const Vector2d off = grid_.center(cell) - center;
+      const double across = along.x() * off.y() - along.y() * off.x();
+      if (std::abs(along.dot(off)) > half_length || std::abs(across) > half_width) continue;
+      double& touched = first_touched_[grid_.index(cell)];
+      touched = std::min(touched, before);
     }
     if (s >= path_.back().arc_length) break;
     before = s;

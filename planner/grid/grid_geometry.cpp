@@ -33,6 +33,18 @@ Cell GridGeometry::cell_at(const Eigen::Vector2d& point) const {
   return {whole_below(cells.x()), whole_below(cells.y())};
 }
 
+std::vector<Cell> GridGeometry::cells_in(const Eigen::AlignedBox2d& box) const {
+  const Cell low = cell_at(box.min()), high = cell_at(box.max());
+  std::vector<Cell> cells;
+  for (int row = std::max(0, low.row); row <= std::min(high.row, rows - 1); ++row) {
+    for (int column = std::max(0, low.column); column <= std::min(high.column, columns - 1);
+         ++column) {
+      cells.push_back({column, row});
+    }
+  }
+  return cells;
+}
+
 void GridGeometry::validate() const {
   if (columns < 1) {
     throw Error("GridGeometry.columns = " + std::to_string(columns) + "; accepted: 1 or more");

@@ -6,6 +6,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <string>
+
+#include "blindcorner/forward/error.h"
 
 namespace blindcorner {
 namespace {
@@ -148,6 +151,27 @@ PoseMode prior_mode(const std::vector<Unknown>& unknowns, double weight) {
     mode.undetermined.push_back(static_cast<int>(i));
   }
   return mode;
+}
+
+std::vector<PoseMode> with_prior(const PoseMixture& mixture, const std::vector<Unknown>& unknowns) {
+  /// A mixture that leaves less than this to the prior leaves nothing.
+  constexpr double kNegligible = 1e-6;
+  std::vector<PoseMode> modes = mixture.modes;
+  double rest = 1;
+  for (const PoseMode& mode : modes) rest -= mode.weight;
+  if (rest > kNegligible) modes.push_back(prior_mode(unknowns, rest));
+  return modes;
+}
+
+bool is_absent(const PoseMode& mode, const GroundObject& object) {
+  return !object.unknowns.empty() &&
+         std::ranges::all_of(object.unknowns, [&](int i) { return std::isnan(mode.pose[i]); });
+}
+
+void check_not_seen(std::span<const double> not_seen, const GridGeometry& grid) {
+  if (not_seen.empty() || not_seen.size() == grid.cells()) return;
+  throw Error("not_seen", "has " + std::to_string(not_seen.size()) + " values; accepted: " +
+                              std::to_string(grid.cells()) + ", one for each cell");
 }
 
 ObjectMarginal marginal_of(const PoseMode& mode, const std::vector<Unknown>& unknowns,

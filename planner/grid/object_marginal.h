@@ -4,11 +4,13 @@
 
 #include <Eigen/Core>
 #include <limits>
+#include <span>
 #include <vector>
 
 #include "blindcorner/forward/scene/footprint.h"
 #include "blindcorner/forward/scene/pose_mixture.h"
 #include "blindcorner/forward/scene/scene.h"
+#include "blindcorner/planner/grid/grid_geometry.h"
 
 namespace blindcorner {
 
@@ -49,6 +51,15 @@ NormalPrior moments_of(const Unknown& unknown);
 
 /// A mode that knows no more than the prior.
 PoseMode prior_mode(const std::vector<Unknown>& unknowns, double weight);
+
+/// The modes of a mixture, and the prior's with the weight that they leave to it.
+std::vector<PoseMode> with_prior(const PoseMixture& mixture, const std::vector<Unknown>& unknowns);
+
+/// Whether a mode says that the object is not there: none of its unknowns has a value.
+bool is_absent(const PoseMode& mode, const GroundObject& object);
+
+/// Throws Error for probabilities of not having been seen that are neither none nor one a cell.
+void check_not_seen(std::span<const double> not_seen, const GridGeometry& grid);
 
 /// Marginal of one object under a mode. The prior of unknowns that the mode lists as undetermined
 /// is part of its covariance as a normal distribution of the prior's moments; it is taken out here

@@ -7,10 +7,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <string>
 
 #include "blindcorner/forward/constants.h"
-#include "blindcorner/forward/error.h"
 #include "blindcorner/planner/grid/pose_spread.h"
 #include "planner/grid/footprint_kernel.h"
 #include "planner/grid/object_marginal.h"
@@ -23,8 +21,6 @@ using Eigen::Vector2d;
 /// Poses for an object that is surely present, and for a mode however light.
 constexpr double kPoses = 2048;
 constexpr int kFewestPoses = 64;
-/// A mixture that leaves less than this to the prior leaves nothing (as pose_spread.cpp).
-constexpr double kNegligible = 1e-6;
 /// A search region narrower than this many standard deviations is sampled evenly and weighed: of
 /// normal points more than half would lie outside.
 constexpr double kNarrowRegion = 2;
@@ -111,22 +107,14 @@ PoseHypothesis drawn(const SampledPose& pose, const GroundObject& object,
   Footprint body;
   for (const Vector2d& corner : object.outline) body.emplace_back(pose.position + turn * corner);
   const Footprint reach = widened(body, grid.cell_size);
-  Vector2d lower = reach.front(), upper = reach.front();
-  for (const Vector2d& corner : reach) {
-    lower = lower.cwiseMin(corner);
-    upper = upper.cwiseMax(corner);
-  }
-  const Cell first = grid.cell_at(lower), last = grid.cell_at(upper);
+  Eigen::AlignedBox2d box;
+  for (const Vector2d& corner : reach) box.extend(corner);
   PoseHypothesis hypothesis;
-  for (int row = std::max(0, first.row); row <= std::min(last.row, grid.rows - 1); ++row) {
-    for (int column = std::max(0, first.column); column <= std::min(last.column, grid.columns - 1);
-         ++column) {
-      const Vector2d center = grid.center({column, row});
-      if (!inside(reach, center)) continue;
-      const std::size_t cell = grid.index({column, row});
-      hypothesis.touches.push_back(cell);
-      if (inside(body, center)) hypothesis.covers.push_back(cell);
-    }
+  for (const Cell& cell : grid.cells_in(box)) {
+    const Vector2d center = grid.center(cell);
+    if (!inside(reach, center)) continue;
+    hypothesis.touches.push_back(grid.index(cell));
+    if (inside(body, center)) hypothesis.covers.push_back(grid.index(cell));
   }
   return hypothesis;
 }
@@ -153,10 +141,7 @@ struct PoseHypotheses::Impl {
 void PoseHypotheses::Impl::add_mode(const PoseMode& mode, const GroundObject& object,
                                     std::span<const double> not_seen,
                                     std::vector<PoseHypothesis>& hypotheses) const {
-  const bool absent = !object.unknowns.empty() && std::ranges::all_of(object.unknowns, [&](int i) {
-    return std::isnan(mode.pose[i]);
-  });
-  if (absent || !(mode.weight > 0)) return;
+  if (is_absent(mode, object) || !(mode.weight > 0)) return;
   const int count = std::max(kFewestPoses, static_cast<int>(std::ceil(kPoses * mode.weight)));
   for (const SampledPose& pose : sample(marginal_of(mode, unknowns, object), count)) {
     PoseHypothesis hypothesis = drawn(pose, object, grid);
@@ -173,12 +158,9 @@ std::vector<PoseHypothesis> PoseHypotheses::Impl::of(const PoseMixture& mixture,
                                                      const GroundObject& object,
                                                      std::span<const double> not_seen) const {
   std::vector<PoseHypothesis> hypotheses;
-  double rest = 1;
-  for (const PoseMode& mode : mixture.modes) {
+  for (const PoseMode& mode : with_prior(mixture, unknowns)) {
     add_mode(mode, object, not_seen, hypotheses);
-    rest -= mode.weight;
   }
-  if (rest > kNegligible) add_mode(prior_mode(unknowns, rest), object, not_seen, hypotheses);
   // Bayes: present and unseen, against absent.
   double unseen = 0;
   for (const PoseHypothesis& hypothesis : hypotheses) unseen += hypothesis.probability;
@@ -196,10 +178,7 @@ PoseHypotheses::PoseHypotheses(const Scene& scene, const GridGeometry& grid)
 std::vector<PoseHypothesis> PoseHypotheses::of(const PoseMixture& mixture,
                                                std::span<const double> not_seen) const {
   impl_->check.check(mixture);
-  if (!not_seen.empty() && not_seen.size() != impl_->grid.cells()) {
-    throw Error("not_seen", "has " + std::to_string(not_seen.size()) + " values; accepted: " +
-                                std::to_string(impl_->grid.cells()) + ", one for each cell");
-  }
+  check_not_seen(not_seen, impl_->grid);
   std::vector<PoseHypothesis> all;
   if (mixture.presence_probability == 0) return all;
   for (const GroundObject& object : impl_->objects) {

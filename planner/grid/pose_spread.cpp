@@ -12,9 +12,6 @@
 namespace blindcorner {
 namespace {
 
-/// A mixture that leaves less than this to the prior leaves nothing.
-constexpr double kNegligible = 1e-6;
-
 template <typename Function>
 void for_each_cell(const Window& window, const GridGeometry& grid, Function function) {
   std::size_t from = 0;
@@ -35,7 +32,6 @@ struct PoseSpread::Impl {
     for (int i = 0; i < object_count(scene); ++i) objects.emplace_back(scene, i);
   }
 
-  bool is_absent(const PoseMode& mode, const GroundObject& object) const;
   void check(const PoseMixture& mixture) const;
   void check_mode(const PoseMode& mode, const std::string& name) const;
   double add_mode(const PoseMode& mode, std::span<const double> not_seen,
@@ -46,11 +42,6 @@ struct PoseSpread::Impl {
   std::vector<GroundObject> objects;
   double presence_prior = 0;
 };
-
-bool PoseSpread::Impl::is_absent(const PoseMode& mode, const GroundObject& object) const {
-  return !object.unknowns.empty() &&
-         std::ranges::all_of(object.unknowns, [&](int i) { return std::isnan(mode.pose[i]); });
-}
 
 void PoseSpread::Impl::check_mode(const PoseMode& mode, const std::string& name) const {
   const auto n = static_cast<Eigen::Index>(unknowns.size());
@@ -133,21 +124,13 @@ PoseSpread::PoseSpread(const Scene& scene, const GridGeometry& grid)
 std::vector<double> PoseSpread::occupied(const PoseMixture& mixture,
                                          std::span<const double> not_seen) const {
   check(mixture);
-  if (!not_seen.empty() && not_seen.size() != impl_->grid.cells()) {
-    throw Error("not_seen", "has " + std::to_string(not_seen.size()) + " values; accepted: " +
-                                std::to_string(impl_->grid.cells()) + ", one for each cell");
-  }
+  check_not_seen(not_seen, impl_->grid);
   std::vector<double> cells(impl_->grid.cells(), 0.0);
   const double presence = mixture.presence_probability;
   if (presence == 0) return cells;
-  double rest = 1;
   double unseen = 0;
-  for (const PoseMode& mode : mixture.modes) {
+  for (const PoseMode& mode : with_prior(mixture, impl_->unknowns)) {
     if (mode.weight > 0) unseen += impl_->add_mode(mode, not_seen, cells);
-    rest -= mode.weight;
-  }
-  if (rest > kNegligible) {
-    unseen += impl_->add_mode(prior_mode(impl_->unknowns, rest), not_seen, cells);
   }
   // Bayes: present and unseen, against absent. What was surely seen and was not there is not there.
   const double evidence = presence * unseen + (1 - presence);

@@ -5,32 +5,9 @@
 
 #include "blindcorner/planner/grid/occupancy_grid.h"
 #include "inverse/posterior/posterior.h"
-#include "inverse/posterior/prior_moments.h"
+#include "planner/grid/object_marginal.h"
 
 namespace blindcorner {
-namespace {
-
-using Eigen::Index;
-using Eigen::MatrixXd;
-
-/// A mode that knows no more than the scene's prior.
-PoseMode anywhere(const Scene& scene) {
-  const auto n = static_cast<Index>(scene.unknowns.size());
-  PoseMode mode;
-  mode.weight = 1;
-  mode.pose.resize(n);
-  mode.covariance = MatrixXd::Zero(n, n);
-  for (Index i = 0; i < n; ++i) {
-    const PriorMoments prior = prior_moments(scene, static_cast<std::size_t>(i));
-    mode.pose[i] = prior.mean;
-    mode.covariance(i, i) = prior.variance;
-    mode.undetermined.push_back(static_cast<int>(i));
-  }
-  mode.optimum = mode.pose;
-  return mode;
-}
-
-}  // namespace
 
 Sightings::Sightings(const Scene& scene, const Motion& motion)
     : scene_(scene),
@@ -63,25 +40,26 @@ PerceptionAnswer Sightings::elsewhere(const PerceptionAnswer& perceived, double 
     for (const PoseMode& mode : answer.mixture->modes) total += mode.weight;
     for (PoseMode& mode : answer.mixture->modes) mode.weight /= total;
   } else {
-    answer.mixture->modes.push_back(anywhere(scene_));
+    answer.mixture->modes.push_back(prior_mode(scene_.unknowns, 1));
+    answer.mixture->modes.front().optimum = answer.mixture->modes.front().pose;
   }
   answer.mixture->presence_probability = 1;
   answer.velocities.resize(answer.mixture->modes.size(), motion_.any_velocity());
   return answer;
 }
 
-/// Puts objects that have been seen where they were.
-void Sightings::pin(double time, PoseMode& mode, PoseVelocity& velocity) const {
+/// Puts an object that has been seen where it was.
+void Sightings::pin(std::size_t object, double time, PoseMode& mode, PoseVelocity& velocity) const {
+  const Sighting& sighting = *seen_[object];
   const PoseVelocity any = motion_.any_velocity();
+  const PoseMode now =
+      motion_.predicted(known_pose(scene_, sighting.pose), std::max(0.0, time - sighting.time))
+          .modes.front();
   for (std::size_t i = 0; i < scene_.unknowns.size(); ++i) {
-    const auto& sighting = seen_[static_cast<std::size_t>(scene_.unknowns[i].object)];
-    if (!sighting) continue;
-    const auto row = static_cast<Index>(i);
-    const PoseMixture then = known_pose(scene_, sighting->pose);
-    const PoseMode now =
-        motion_.predicted(then, std::max(0.0, time - sighting->time)).modes.front();
+    if (static_cast<std::size_t>(scene_.unknowns[i].object) != object) continue;
+    const auto row = static_cast<Eigen::Index>(i);
     mode.pose[row] = mode.optimum[row] = now.pose[row];
-    for (MatrixXd* matrix : {&mode.covariance, &velocity.covariance, &velocity.with_pose}) {
+    for (Eigen::MatrixXd* matrix : {&mode.covariance, &velocity.covariance, &velocity.with_pose}) {
       matrix->row(row).setZero();
       matrix->col(row).setZero();
     }
@@ -95,8 +73,11 @@ void Sightings::pin(double time, PoseMode& mode, PoseVelocity& velocity) const {
 PerceptionAnswer Sightings::answer(const PerceptionAnswer& perceived, double age,
                                    double time) const {
   PerceptionAnswer answer = elsewhere(perceived, age);
-  for (std::size_t i = 0; i < answer.mixture->modes.size(); ++i) {
-    pin(time, answer.mixture->modes[i], answer.velocities[i]);
+  for (std::size_t object = 0; object < seen_.size(); ++object) {
+    if (!seen_[object]) continue;
+    for (std::size_t i = 0; i < answer.mixture->modes.size(); ++i) {
+      pin(object, time, answer.mixture->modes[i], answer.velocities[i]);
+    }
   }
   const bool all =
       std::ranges::all_of(seen_, [](const auto& sighting) { return sighting.has_value(); });

@@ -36,7 +36,7 @@ class Sightings {
     double time = 0;  ///< s
   };
   PerceptionAnswer elsewhere(const PerceptionAnswer& perceived, double age) const;
-  void pin(double time, PoseMode& mode, PoseVelocity& velocity) const;
+  void pin(std::size_t object, double time, PoseMode& mode, PoseVelocity& velocity) const;
 
   const Scene& scene_;
   HiddenMotion motion_;

@@ -71,16 +71,11 @@ std::vector<Cell> TrueWorld::wall_cells() const {
   for (const auto& wall : walls_) {
     Eigen::AlignedBox2d box;
     for (const Eigen::Vector2d& corner : wall) box.extend(corner);
-    const Cell low = map.cell_at(box.min().array() - reach);
-    const Cell high = map.cell_at(box.max().array() + reach);
-    for (int row = std::max(low.row, 0); row <= std::min(high.row, map.rows - 1); ++row) {
-      for (int column = std::max(low.column, 0); column <= std::min(high.column, map.columns - 1);
-           ++column) {
-        const Cell cell{column, row};
-        if (found[map.index(cell)] || convex_distance({map.center(cell)}, wall) > reach) continue;
-        found[map.index(cell)] = true;
-        cells.push_back(cell);
-      }
+    const Eigen::Vector2d margin = Eigen::Vector2d::Constant(reach);
+    for (const Cell& cell : map.cells_in({box.min() - margin, box.max() + margin})) {
+      if (found[map.index(cell)] || convex_distance({map.center(cell)}, wall) > reach) continue;
+      found[map.index(cell)] = true;
+      cells.push_back(cell);
     }
   }
   return cells;

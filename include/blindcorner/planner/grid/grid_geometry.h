@@ -3,7 +3,9 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <cstddef>
+#include <vector>
 
 namespace blindcorner {
 
@@ -39,6 +41,8 @@ struct GridGeometry {
   Eigen::Vector2d center(const Cell& cell) const;
   /// The cell that holds a point (its lower and left sides belong to it), maybe beside the grid.
   Cell cell_at(const Eigen::Vector2d& point) const;
+  /// Cells of the grid that a box (m) reaches into, row by row; a box beside the grid has none.
+  std::vector<Cell> cells_in(const Eigen::AlignedBox2d& box) const;
 
   /// Throws Error naming the field when there is no cell, or its size is not a positive number.
   void validate() const;
