@@ -6,7 +6,6 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/scene/footprint.h"
-#include "blindcorner/planner/grid/occupancy_grid.h"
 #include "blindcorner/report/drive_report.h"
 #include "report/birds_eye.h"
 #include "report/formatted.h"
@@ -98,11 +97,10 @@ std::string mode_picture(const Scene& scene, const PoseMode& mode, int object,
 
 /// All modes as of the frame's time, moved on from the capture's.
 std::string modes_picture(const Drive& drive, const DriveFrame& frame, const Canvas& canvas) {
-  if (!frame.mixture) return {};
-  const HiddenMotion motion(drive.scene, drive.motion, OccupancyOptions{}.dwell_time);
-  const PoseMixture now = motion.predicted(*frame.mixture, frame.mixture_age, frame.velocities);
+  const std::optional<PoseMixture> now = known_later(drive, frame);
+  if (!now) return {};
   std::string text;
-  for (const PoseMode& mode : now.modes) {
+  for (const PoseMode& mode : now->modes) {
     if (!mode.pose.allFinite()) continue;
     for (int i = 0; i < object_count(drive.scene); ++i) {
       text += mode_picture(drive.scene, mode, i, canvas);

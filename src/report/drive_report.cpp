@@ -6,7 +6,6 @@
 #include <numeric>
 
 #include "blindcorner/forward/scene/footprint.h"
-#include "blindcorner/planner/grid/occupancy_grid.h"
 #include "blindcorner/report/result_file.h"
 #include "blindcorner/simulation/true_world.h"
 #include "report/birds_eye.h"
@@ -44,10 +43,8 @@ json modes_json(const DriveFrame& frame) {
 
 /// The same moved on by a time, s, as the map does with what is old.
 json modes_later(const Drive& drive, const DriveFrame& frame, double ahead) {
-  if (!frame.mixture) return json::array();
-  const HiddenMotion motion(drive.scene, drive.motion, OccupancyOptions{}.dwell_time);
-  return modes_json(motion.predicted(*frame.mixture, frame.mixture_age + ahead, frame.velocities),
-                    {});
+  const std::optional<PoseMixture> later = known_later(drive, frame, ahead);
+  return later ? modes_json(*later, {}) : json::array();
 }
 
 json points_json(const std::vector<Eigen::Vector2d>& points) {

@@ -7,8 +7,6 @@
 #include <limits>
 #include <vector>
 
-#include "blindcorner/planner/grid/hidden_motion.h"
-#include "blindcorner/planner/grid/occupancy_grid.h"
 #include "blindcorner/simulation/credible_level.h"
 
 namespace blindcorner {
@@ -102,7 +100,6 @@ void PositionErrors::add(const PositionErrors& other) {
 
 DriveClaims drive_claims(const Drive& drive, const DriveResult& result) {
   DriveClaims claims;
-  const HiddenMotion motion(drive.scene, drive.motion, OccupancyOptions{}.dwell_time);
   double last = -std::numeric_limits<double>::infinity();
   for (const DriveFrame& frame : result.frames) {
     const double time = frame.time - frame.mixture_age;
@@ -122,7 +119,7 @@ DriveClaims drive_claims(const Drive& drive, const DriveResult& result) {
     claims.wrong += level > kWrong ? 1 : 0;
     claims.wrong_flagged += level > kWrong && doubted(frame) ? 1 : 0;
     if (!then->truth) continue;
-    const PoseMixture now = motion.predicted(mixture, frame.mixture_age, frame.velocities);
+    const PoseMixture now = *known_later(drive, frame);
     claims.covered_in_map += credible_level(drive.scene, now, *frame.truth) <= kCovered ? 1 : 0;
     if (mixture.modes.front().weight > kDominates) {
       claims.at_capture.add(errors_of(drive.scene, mixture.modes.front(), *then->truth));

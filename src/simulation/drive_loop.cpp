@@ -16,12 +16,11 @@
 #include "blindcorner/planner/grid/occupancy_grid.h"
 #include "blindcorner/planner/grid/pose_hypotheses.h"
 #include "blindcorner/planner/path/replanner.h"
-#include "blindcorner/planner/vehicles/car.h"
-#include "blindcorner/planner/vehicles/differential_drive.h"
 #include "blindcorner/planner/vehicles/vehicle.h"
 #include "blindcorner/simulation/perception.h"
 #include "blindcorner/simulation/true_world.h"
 #include "simulation/convex_distance.h"
+#include "simulation/drive_setup.h"
 #include "simulation/sightings.h"
 
 namespace blindcorner {
@@ -38,26 +37,10 @@ constexpr double kGivesUpAfter = 3.0;
 constexpr double kStands = 0.02;
 /// Log likelihood ratio of a cell in which the known scene has a wall: a thousand to one.
 constexpr double kWallEvidence = 6.9;
-/// A cell this likely to be occupied is an obstacle: an object of one cell's width whose position
-/// is uncertain by as much has no cell above a third, but a path across all of them hits it for
-/// sure.
-constexpr double kAvoidedProbability = 0.2;
-/// What is unknown is no obstacle, or nothing could be driven around a corner, but costs as risk.
-constexpr double kUnknownOccupancy = 0.1;
-/// Room that plans leave on each side for the follower's offset from the path, in widths.
-constexpr double kMargin = 0.1;
-/// A path may be tighter than the turning radius that plans are made with, up to this share of what
-/// the vehicle can turn at full lock: the follower needs the rest to get back onto it.
-constexpr double kSteeringShare = 0.9;
-/// A metre at risk 0.1 costs as much as two.
-constexpr double kRiskWeight = 10;
 /// Frames of one drive draw their photons from seeds this far apart: a prime beyond their number.
 constexpr std::uint64_t kFrameSeeds = 1'000'003;
 /// The perception's own chances (which frames are late) are drawn from another sequence.
 constexpr std::uint64_t kFaultSeed = 0x9e3779b97f4a7c15;
-
-/// Between a command and half of its effect, s (PathFollowerOptions::delay).
-constexpr double kBrakesTake = 0.05;
 
 /// Adds the wall-clock time until it is destroyed to a sum, ms.
 class Stopwatch {
@@ -71,108 +54,6 @@ class Stopwatch {
   double& sum_;
   Clock::time_point start_ = Clock::now();
 };
-
-std::shared_ptr<const VehicleModel> model_of(const DriveVehicle& vehicle) {
-  if (vehicle.kind == VehicleKind::car) {
-    CarParameters parameters;
-    parameters.body.length = vehicle.length;
-    parameters.body.width = vehicle.width;
-    return make_car(parameters);
-  }
-  DifferentialDriveParameters parameters;
-  parameters.length = vehicle.length;
-  parameters.width = vehicle.width;
-  return make_differential_drive(parameters);
-}
-
-/// Tightest turn of a plan, m: v^2 / r is what friction has to hold.
-double turning_radius(const DriveVehicle& vehicle, const VehicleLimits& limits, double speed) {
-  if (!vehicle.cornering_share) return vehicle.turning_radius;
-  return std::max(vehicle.turning_radius,
-                  speed * speed / (*vehicle.cornering_share * limits.friction));
-}
-
-PathPlannerOptions planner_options(const DriveVehicle& vehicle, const VehicleModel& model,
-                                   double radius) {
-  PathPlannerOptions options =
-      vehicle.kind == VehicleKind::car ? PathPlannerOptions::car() : PathPlannerOptions::robot();
-  options.grid.occupied_threshold = kAvoidedProbability;
-  options.grid.unknown_occupancy = kUnknownOccupancy;
-  options.grid.risk_weight = kRiskWeight;
-  const VehicleRectangle body = model.footprint();
-  const double margin = kMargin * body.width;
-  options.smoothing.min_turning_radius = radius;
-  options.smoothing.footprint =
-      VehicleFootprint::rectangle(body.length + 2 * margin, body.width + 2 * margin, body.center_x);
-  return options;
-}
-
-ReplannerOptions replanner_options(const Drive& drive, const VehicleLimits& limits, double radius) {
-  ReplannerOptions options;
-  options.goal_tolerance = drive.goal_tolerance;
-  options.max_offset = std::min(options.max_offset, drive.vehicle.width);
-  const double tightest = kSteeringShare * limits.curvature;
-  if (std::isfinite(tightest) && tightest * radius > 1) options.max_curvature = tightest;
-  options.stop_margin = std::min(options.stop_margin, drive.vehicle.length / 2);
-  return options;
-}
-
-LineOfSightOptions sight_options(const Drive& drive) {
-  LineOfSightOptions options;
-  options.max_range = drive.sight.range;
-  options.field_of_view = drive.sight.field_of_view;
-  options.lowest = std::min(options.lowest, drive.vehicle.height / 4);
-  options.highest = std::max(drive.vehicle.height, options.lowest);
-  return options;
-}
-
-/// A vehicle that counts on what it has seen to stay free must not forget it while it drives by:
-/// what was seen empty fades in the time in which hidden objects cross the vehicle's width.
-OccupancyOptions occupancy_options(const Drive& drive) {
-  OccupancyOptions options;
-  if (drive.speed_mode == SpeedMode::safe && drive.motion.initial_speed > 0) {
-    options.moving_evidence_time = drive.vehicle.width / drive.motion.initial_speed;
-  }
-  return options;
-}
-
-/// Direct sight needs no perception: it acts with the next frame.
-SafeSpeedOptions safe_speed_options(const Drive& drive) {
-  SafeSpeedOptions options;
-  options.risk = drive.risk;
-  options.closing_speed = drive.closing_speed;
-  options.reaction_time = 1 / drive.sensor.rate + kBrakesTake;
-  if (drive.sensor.late_share > 0) options.reaction_time += drive.sensor.late_by;
-  options.margin = std::min(options.margin, drive.vehicle.length / 2);
-  return options;
-}
-
-/// Looks as far as a vehicle at the wanted speed needs to slow down and then to stop.
-PathOutlookOptions outlook_options(const Drive& drive, const VehicleLimits& limits, double speed) {
-  PathOutlookOptions options;
-  const double braking = 0.5 * speed * speed / limits.friction;
-  const SpeedProfileOptions profile;
-  const SafeSpeedOptions safe = safe_speed_options(drive);
-  options.horizon = braking / profile.braking + braking / safe.braking +
-                    speed * safe.reaction_time + drive.vehicle.length;
-  options.station_spacing = drive.vehicle.length / 5;
-  options.side_margin = kMargin * drive.vehicle.width / 2;
-  return options;
-}
-
-/// The scene whose hidden objects the map knows: as they are, or as discs of a radius (m).
-Scene map_scene(const Scene& scene, const std::optional<double>& disc_radius) {
-  Scene known = scene;
-  if (!disc_radius) return known;
-  const auto as_disc = [&](HiddenObject& object) {
-    // As tall as a person: only its outline matters to a map.
-    object.shape = CylinderShape{*disc_radius, 1.8};
-    object.anchor = Anchor::base;
-  };
-  as_disc(known.hidden);
-  std::ranges::for_each(known.further_hidden, as_disc);
-  return known;
-}
 
 /// A sensor frame on its way to the vehicle's computer.
 struct SensedEvent {
@@ -270,10 +151,8 @@ DriveLoop::DriveLoop(const Drive& drive, const SimulatedSensor& sensor, const Dr
       hypotheses_(map_scene(drive.scene, perception_->disc_radius()), drive.map),
       vehicle_(model_of(drive.vehicle)),
       limits_(vehicle_.model().limits()),
-      replanner_(
-          planner_options(drive.vehicle, vehicle_.model(),
-                          turning_radius(drive.vehicle, limits_, speed())),
-          replanner_options(drive, limits_, turning_radius(drive.vehicle, limits_, speed()))),
+      replanner_(planner_options(drive.vehicle, vehicle_.model(), speed()),
+                 replanner_options(drive, limits_, speed())),
       faults_(options.seed ^ kFaultSeed) {
   VehicleState start;
   start.position = drive.vehicle.start;
@@ -564,6 +443,12 @@ constexpr std::array kOutcomeWords{"reached", "collision", "stopped", "timeout"}
 constexpr std::array kFateWords{"used", "in_sight", "seen_before", "busy", "missing"};
 
 }  // namespace
+
+std::optional<PoseMixture> known_later(const Drive& drive, const DriveFrame& frame, double ahead) {
+  if (!frame.mixture) return std::nullopt;
+  const HiddenMotion motion(drive.scene, drive.motion, OccupancyOptions{}.dwell_time);
+  return motion.predicted(*frame.mixture, frame.mixture_age + ahead, frame.velocities);
+}
 
 std::string outcome_word(DriveOutcome outcome) {
   return kOutcomeWords.at(static_cast<std::size_t>(outcome));

@@ -73,6 +73,11 @@ struct DriveFrame {
   std::vector<double> occupancy;  ///< [cells] probabilities; NaN where nothing is known
 };
 
+/// What the vehicle knows of hidden objects `ahead` seconds after a frame: its latest answer, moved
+/// on as the map moves it; empty: it has none.
+std::optional<PoseMixture> known_later(const Drive& drive, const DriveFrame& frame,
+                                       double ahead = 0);
+
 struct DriveResult {
   DriveOutcome outcome = DriveOutcome::timeout;
   double clearance = 0;  ///< m, least distance between vehicle and anything; 0: collision

@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "simulation/drive_setup.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "blindcorner/planner/control/path_follower.h"
+#include "blindcorner/planner/vehicles/car.h"
+#include "blindcorner/planner/vehicles/differential_drive.h"
+
+namespace blindcorner {
+namespace {
+
+/// A cell this likely to be occupied is an obstacle: an object of one cell's width whose position
+/// is uncertain by as much has no cell above a third, but a path across all of them hits it for
+/// sure.
+constexpr double kAvoidedProbability = 0.2;
+/// What is unknown is no obstacle, or nothing could be driven around a corner, but costs as risk.
+constexpr double kUnknownOccupancy = 0.1;
+/// Room that plans leave on each side for the follower's offset from the path, in widths.
+constexpr double kMargin = 0.1;
+/// A path may be tighter than the turning radius that plans are made with, up to this share of what
+/// the vehicle can turn at full lock: the follower needs the rest to get back onto it.
+constexpr double kSteeringShare = 0.9;
+/// A metre at risk 0.1 costs as much as two.
+constexpr double kRiskWeight = 10;
+
+/// Tightest turn of a plan, m: v^2 / r is what friction has to hold.
+double turning_radius(const DriveVehicle& vehicle, const VehicleLimits& limits, double speed) {
+  if (!vehicle.cornering_share) return vehicle.turning_radius;
+  return std::max(vehicle.turning_radius,
+                  speed * speed / (*vehicle.cornering_share * limits.friction));
+}
+
+}  // namespace
+
+std::shared_ptr<const VehicleModel> model_of(const DriveVehicle& vehicle) {
+  if (vehicle.kind == VehicleKind::car) {
+    CarParameters parameters;
+    parameters.body.length = vehicle.length;
+    parameters.body.width = vehicle.width;
+    return make_car(parameters);
+  }
+  DifferentialDriveParameters parameters;
+  parameters.length = vehicle.length;
+  parameters.width = vehicle.width;
+  return make_differential_drive(parameters);
+}
+
+PathPlannerOptions planner_options(const DriveVehicle& vehicle, const VehicleModel& model,
+                                   double speed) {
+  PathPlannerOptions options =
+      vehicle.kind == VehicleKind::car ? PathPlannerOptions::car() : PathPlannerOptions::robot();
+  options.grid.occupied_threshold = kAvoidedProbability;
+  options.grid.unknown_occupancy = kUnknownOccupancy;
+  options.grid.risk_weight = kRiskWeight;
+  const VehicleRectangle body = model.footprint();
+  const double margin = kMargin * body.width;
+  options.smoothing.min_turning_radius = turning_radius(vehicle, model.limits(), speed);
+  options.smoothing.footprint =
+      VehicleFootprint::rectangle(body.length + 2 * margin, body.width + 2 * margin, body.center_x);
+  return options;
+}
+
+ReplannerOptions replanner_options(const Drive& drive, const VehicleLimits& limits, double speed) {
+  ReplannerOptions options;
+  options.goal_tolerance = drive.goal_tolerance;
+  options.max_offset = std::min(options.max_offset, drive.vehicle.width);
+  const double radius = turning_radius(drive.vehicle, limits, speed);
+  const double tightest = kSteeringShare * limits.curvature;
+  if (std::isfinite(tightest) && tightest * radius > 1) options.max_curvature = tightest;
+  options.stop_margin = std::min(options.stop_margin, drive.vehicle.length / 2);
+  return options;
+}
+
+LineOfSightOptions sight_options(const Drive& drive) {
+  LineOfSightOptions options;
+  options.max_range = drive.sight.range;
+  options.field_of_view = drive.sight.field_of_view;
+  options.lowest = std::min(options.lowest, drive.vehicle.height / 4);
+  options.highest = std::max(drive.vehicle.height, options.lowest);
+  return options;
+}
+
+OccupancyOptions occupancy_options(const Drive& drive) {
+  OccupancyOptions options;
+  if (drive.speed_mode == SpeedMode::safe && drive.motion.initial_speed > 0) {
+    options.moving_evidence_time = drive.vehicle.width / drive.motion.initial_speed;
+  }
+  return options;
+}
+
+SafeSpeedOptions safe_speed_options(const Drive& drive) {
+  SafeSpeedOptions options;
+  options.risk = drive.risk;
+  options.closing_speed = drive.closing_speed;
+  options.reaction_time = 1 / drive.sensor.rate + PathFollowerOptions{}.delay;
+  if (drive.sensor.late_share > 0) options.reaction_time += drive.sensor.late_by;
+  options.margin = std::min(options.margin, drive.vehicle.length / 2);
+  return options;
+}
+
+PathOutlookOptions outlook_options(const Drive& drive, const VehicleLimits& limits, double speed) {
+  PathOutlookOptions options;
+  const double braking = 0.5 * speed * speed / limits.friction;
+  const SpeedProfileOptions profile;
+  const SafeSpeedOptions safe = safe_speed_options(drive);
+  options.horizon = braking / profile.braking + braking / safe.braking +
+                    speed * safe.reaction_time + drive.vehicle.length;
+  options.station_spacing = drive.vehicle.length / 5;
+  options.side_margin = kMargin * drive.vehicle.width / 2;
+  return options;
+}
+
+Scene map_scene(const Scene& scene, const std::optional<double>& disc_radius) {
+  Scene known = scene;
+  if (!disc_radius) return known;
+  const auto as_disc = [&](HiddenObject& object) {
+    // As tall as a person: only its outline matters to a map.
+    object.shape = CylinderShape{*disc_radius, 1.8};
+    object.anchor = Anchor::base;
+  };
+  as_disc(known.hidden);
+  std::ranges::for_each(known.further_hidden, as_disc);
+  return known;
+}
+
+}  // namespace blindcorner

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+/// What the parts of a drive are made with, from its file. Speeds are the wanted ones, m/s.
+#pragma once
+
+#include <memory>
+#include <optional>
+
+#include "blindcorner/io/drive_file.h"
+#include "blindcorner/planner/control/path_outlook.h"
+#include "blindcorner/planner/control/safe_speed.h"
+#include "blindcorner/planner/grid/line_of_sight.h"
+#include "blindcorner/planner/grid/occupancy_grid.h"
+#include "blindcorner/planner/path/path_planner.h"
+#include "blindcorner/planner/path/replanner.h"
+#include "blindcorner/planner/vehicles/vehicle.h"
+
+namespace blindcorner {
+
+std::shared_ptr<const VehicleModel> model_of(const DriveVehicle& vehicle);
+
+PathPlannerOptions planner_options(const DriveVehicle& vehicle, const VehicleModel& model,
+                                   double speed);
+ReplannerOptions replanner_options(const Drive& drive, const VehicleLimits& limits, double speed);
+
+LineOfSightOptions sight_options(const Drive& drive);
+
+/// A vehicle that counts on what it has seen to stay free must not forget it while it drives by:
+/// what was seen empty fades in the time in which hidden objects cross the vehicle's width.
+OccupancyOptions occupancy_options(const Drive& drive);
+
+/// Direct sight needs no perception: it acts with the next frame.
+SafeSpeedOptions safe_speed_options(const Drive& drive);
+
+/// Looks as far as a vehicle at the wanted speed needs to slow down and then to stop.
+PathOutlookOptions outlook_options(const Drive& drive, const VehicleLimits& limits, double speed);
+
+/// The scene whose hidden objects the map knows: as they are, or as discs of a radius (m).
+Scene map_scene(const Scene& scene, const std::optional<double>& disc_radius);
+
+}  // namespace blindcorner
