@@ -6,13 +6,11 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <random>
 
 #include "blindcorner/forward/constants.h"
-#include "inverse/posterior/quadratic_trend.h"
 
 namespace blindcorner {
 namespace {
@@ -22,19 +20,15 @@ constexpr double kTailFreedom = 5;
 /// Share of the first samples that are drawn over the scored grid's cells; least share later on.
 constexpr double kGridShare = 0.4;
 constexpr double kLeastGridShare = 0.1;
-/// The grid's scores are flattened by this power before they are sampled.
-constexpr double kGridTemper = 0.7;
+/// The grid's scores are flattened by this power before they are sampled: closed form is some log
+/// units off, and what it scores too low must still be drawn.
+constexpr double kGridTemper = 0.4;
 /// Accuracy of a sample's log posterior.
 constexpr double kAccuracy = 1e-2;
-/// Samples within this many standard deviations of a peak are its own.
-constexpr double kNear = 5;
 /// Samples whose log posterior lies this far below the best optimum's count less than 1e-3 of it.
 constexpr double kFarMatters = 8;
-/// Samples that are weighed with better lights, first and once more, for each coefficient of their
-/// trend.
-constexpr std::array<double, 2> kWeighedAgain = {1, 0.7};
-/// Ripple of the models' log posterior about the change's trend: what ten per cent models have.
-constexpr double kTrendNoise = 0.2;
+/// Times as much as at a peak that a light may be off elsewhere.
+constexpr double kDoubtElsewhere = 2;
 constexpr int kStages = 3;     ///< that make up the samples asked for
 constexpr int kMostTimes = 4;  ///< as many samples as asked for, when few are effective
 
@@ -184,48 +178,6 @@ class Sampler {
     shares_ = std::move(next);
   }
 
-  /// Works out what the better lights change of a few samples, drawn by their weights, and weighs
-  /// all with that change's trend; then once more with samples drawn by the new weights.
-  void weigh_again() {
-    std::vector<double> rough, change(samples_.size(), 0.0);
-    for (const PosteriorSample& sample : samples_) rough.push_back(sample.log_target);
-    std::vector<bool> known(samples_.size(), false);
-    const std::vector<Peak> spreads = spread_about_peaks();
-    const double coefficients = QuadraticTrend::coefficients(peaks_.front().center.size());
-    for (const double share : kWeighedAgain) {
-      std::vector<std::size_t> chosen =
-          draw_by_weight(static_cast<int>(std::ceil(share * coefficients)));
-      std::erase_if(chosen, [&](std::size_t i) { return known[i] || !near_[i]; });
-      tbb::this_task_arena::isolate([&] {
-        tbb::parallel_for(std::size_t{0}, chosen.size(), [&](std::size_t k) {
-          PosteriorSample& sample = samples_[chosen[k]];
-          LinearSolution linear = optima_[sample.peak]->linear;
-          const PoseValue value = objective_.evaluate(lights_.better[sample.peak], sample.pose,
-                                                      linear, true, kAccuracy);
-          sample.log_posterior = value.log_posterior;
-          change[chosen[k]] = tempered(value, inflation_) - rough[chosen[k]];
-        });
-      });
-      for (const std::size_t i : chosen) known[i] = true;
-      for (std::size_t peak = 0; peak < peaks_.size(); ++peak) {
-        std::vector<Eigen::VectorXd> points;
-        std::vector<double> values;
-        for (std::size_t i = 0; i < samples_.size(); ++i) {
-          if (!known[i] || samples_[i].peak != peak) continue;
-          points.push_back(whitened(scene_, spreads[peak], samples_[i].pose));
-          values.push_back(change[i]);
-        }
-        const QuadraticTrend trend(points, values, kTrendNoise);
-        for (std::size_t i = 0; i < samples_.size(); ++i) {
-          if (!near_[i] || samples_[i].peak != peak) continue;
-          samples_[i].log_target =
-              rough[i] + trend(whitened(scene_, spreads[peak], samples_[i].pose));
-        }
-      }
-      weigh();
-    }
-  }
-
   double effective() const { return effective_; }
   int count() const { return static_cast<int>(samples_.size()); }
 
@@ -254,7 +206,7 @@ class Sampler {
         sample.peak = j;
       }
     }
-    near_.push_back(nearest < kNear * kNear);
+    near_.push_back(nearest < lights_.reach * lights_.reach);
     samples_.push_back(std::move(sample));
     densities_.push_back(std::move(densities));
   }
@@ -265,47 +217,13 @@ class Sampler {
     const bool near = near_[static_cast<std::size_t>(&sample - samples_.data())];
     PoseValue value = objective_.evaluate(near ? lights_.near[sample.peak] : lights_.far,
                                           sample.pose, linear, true, kAccuracy);
-    if (!near && lights_.far_is_rough &&
-        value.log_posterior > optima_.front()->value.log_posterior - kFarMatters) {
+    const double matters = kFarMatters + kDoubtElsewhere * lights_.far_doubt;
+    if (!near && lights_.far_doubt > 0 &&
+        value.log_posterior > optima_.front()->value.log_posterior - matters) {
       value = objective_.evaluate(objective_.rough_models(), sample.pose, linear, true, kAccuracy);
     }
     sample.log_posterior = value.log_posterior;
     sample.log_target = tempered(value, inflation_);
-  }
-
-  /// Indices of `count` samples drawn by their weights, each once.
-  std::vector<std::size_t> draw_by_weight(int count) {
-    std::uniform_real_distribution<double> uniform;
-    std::vector<std::size_t> chosen;
-    double at = uniform(random_) / count, sum = 0;
-    for (std::size_t i = 0; i < samples_.size(); ++i) {
-      sum += samples_[i].weight;
-      if (at >= sum) continue;
-      chosen.push_back(i);
-      while (at < sum) at += 1.0 / count;
-    }
-    return chosen;
-  }
-
-  /// The samples' own moments about each peak; the peak itself where there are too few.
-  std::vector<Peak> spread_about_peaks() const {
-    std::vector<Peak> spreads = peaks_;
-    for (std::size_t j = 0; j < peaks_.size(); ++j) {
-      std::vector<const PosteriorSample*> own;
-      double sum = 0, squares = 0;
-      for (std::size_t i = 0; i < samples_.size(); ++i) {
-        if (!near_[i] || samples_[i].peak != j || !(samples_[i].weight > 0)) continue;
-        own.push_back(&samples_[i]);
-        sum += samples_[i].weight;
-        squares += samples_[i].weight * samples_[i].weight;
-      }
-      if (sum * sum < 2.0 * static_cast<double>(peaks_[j].center.size()) * squares || own.empty())
-        continue;
-      moments(scene_, own, peaks_[j].center, spreads[j].center, spreads[j].covariance);
-      spreads[j].covariance += 1e-4 * peaks_[j].covariance;
-      spreads[j].root = spreads[j].covariance.llt().matrixL();
-    }
-    return spreads;
   }
 
   void weigh() {
@@ -426,7 +344,6 @@ PosteriorSamples sample_posterior(const PoseObjective& objective, const SampleLi
     // The model itself is dear: half as many will do.
   } while (sampler.effective() < options.samples / (lights.far.models == nullptr ? 3.0 : 6.0) &&
            sampler.count() < kMostTimes * options.samples);
-  if (!lights.better.empty() && sampler.effective() > 1) sampler.weigh_again();
   return std::move(sampler).result();
 }
 

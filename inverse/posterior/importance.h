@@ -53,13 +53,13 @@ void moments(const Scene& scene, const std::vector<const PosteriorSample*>& samp
 
 /// What samples are evaluated with.
 struct SampleLights {
-  std::vector<LightSource> near;  ///< [peaks] about each peak
-  LightSource far;                ///< elsewhere
-  /// [peaks] lights that some of the samples near peaks are weighed again with; empty: none.
-  std::vector<LightSource> better;
-  std::vector<Correction> corrections;  ///< that the better lights use
-  /// The far light is too rough to be believed of a sample that matters: the model decides then.
-  bool far_is_rough = false;
+  std::vector<LightSource> near;        ///< [peaks] about each peak
+  std::vector<Correction> corrections;  ///< that these use
+  double reach = 0;                     ///< standard deviations from a peak within which they hold
+  LightSource far;                      ///< elsewhere
+  /// Log posterior by which the far light is off at a peak: of a sample that may matter the model
+  /// decides. 0: it is as good as the model.
+  double far_doubt = 0;
 };
 
 struct SamplingOptions {

@@ -6,10 +6,13 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <memory>
+#include <numeric>
 #include <random>
+#include <ranges>
 #include <string>
 #include <vector>
 
@@ -75,7 +78,7 @@ Outcome run(const Study& study) {
   return outcome;
 }
 
-constexpr double k95Of2 = 5.991, k999Of3 = 16.27, k999Of6 = 22.46;
+constexpr double k95Of2 = 5.991, k95Of3 = 7.815, k999Of3 = 16.27, k999Of6 = 22.46;
 
 TEST(ExtremeScenes, ABoxThatTouchesTheWallIsWhereTheFitSays) {
   Study study;
@@ -128,38 +131,38 @@ class RememberedLight final : public ForwardModel {
   HistogramCube three_bounce_, static_return_;
 };
 
-/// Of captures of a pose with 100,000 photons, one a seed, those whose heaviest mode holds it.
-int found_when_bright(const std::string& scene_file, const PoseVector& truth, double region,
-                      const std::vector<std::uint64_t>& seeds) {
+/// Of captures of a pose, one a seed, those whose first `modes` modes hold it.
+int found(const std::string& scene_file, const PoseVector& truth, double photons, double region,
+          const std::vector<std::uint64_t>& seeds, std::size_t modes = 1) {
   const Scene scene = read_scene(SOURCE_DIR "/scenes/" + scene_file);
   const RememberedLight light(scene, truth);
   const Fitter fitter(scene, FitOptions{});
   LightBudget budget;
-  budget.third_bounce_photons = 100'000;
+  budget.third_bounce_photons = photons;
   int found = 0;
   for (const std::uint64_t seed : seeds) {
     const FitResult result = fitter.fit(make_capture(scene, light, truth, budget, seed));
-    const PoseMode& mode = result.posterior.modes.front();
-    const PoseVector d = pose_error(scene, mode.pose, truth);
-    found += d.dot(mode.covariance.ldlt().solve(d)) <= region ? 1 : 0;
+    const bool in = std::ranges::any_of(result.posterior.modes | std::views::take(modes),
+                                        [&](const PoseMode& mode) {
+                                          const PoseVector d = pose_error(scene, mode.pose, truth);
+                                          return d.dot(mode.covariance.ldlt().solve(d)) <= region;
+                                        });
+    found += in ? 1 : 0;
   }
   return found;
 }
 
-// At 100,000 photons closed-form light is more than a thousand log units off: it can neither tell
-// basins apart nor lead down to an optimum. With these seeds both were left to it once, and the box
-// ended turned by 0.7 rad, 100 log units too low.
-TEST(BrightScenes, AreFittedWhereTheModelLeads) {
-  EXPECT_EQ(found_when_bright("reference_street_box.json", Eigen::Vector3d(3.878, 9.050, 1.156),
-                              k999Of3, {100, 107, 109}),
-            3);
-}
-
-// The sphere behind had ended at the border of its region, 15 log units too low.
-TEST(BrightScenes, OfTwoObjectsEachIsInItsPlace) {
-  PoseVector truth(6);
-  truth << 0.007, 0.824, 0.900, -0.143, 1.044, 0.950;
-  EXPECT_EQ(found_when_bright("reference_tilted_spheres.json", truth, k999Of6, {100, 103}), 2);
+// A box of 2 m at 9 m turns its sides to the facade: posteriors run along ridges and around
+// corners, where closed-form light is off by log units and samples must not be weighed with it.
+TEST(DimScenes, TheTruthIsInTheRegion) {
+  std::vector<std::uint64_t> seeds(12);
+  std::iota(seeds.begin(), seeds.end(), 1);
+  int in_region = 0;
+  for (const auto& [x, y, yaw] : {std::array{3.878, 9.050, 1.156}, std::array{2.39, 9.12, 2.19}}) {
+    in_region += found("reference_street_box.json", Eigen::Vector3d(x, y, yaw), 1000, k95Of3, seeds,
+                       /*modes=*/3);
+  }
+  EXPECT_GE(in_region, 18);  // of 24; 15 where closed form decides
 }
 
 class LargeRegion : public testing::TestWithParam<double> {};
