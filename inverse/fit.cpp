@@ -57,12 +57,36 @@ constexpr double kNoNoise = 3;
 /// Times as rough as there that it may be elsewhere.
 constexpr double kRoughElsewhere = 1.5;
 constexpr std::size_t kMorePlaces = 8;
+/// A place this far below the best optimum in log posterior holds less than a per cent of the
+/// posterior, gains of its own descent included.
+constexpr double kWorthDescending = 6;
+/// Optima farther than this from a place, in grid spacings along some unknown, are not its own.
+constexpr double kElsewhere = 0.5;
 /// Of several objects: times that one's place is looked for while the others stay, and places of
 /// each that are followed. Two spheres at 100,000 photons needed one round and two places.
 constexpr int kMaxRounds = 3;
 constexpr std::size_t kPlacesEach = 6;
 /// Finite-difference steps of the sensor's own pose, m and rad.
 constexpr double kSensorStep = 2e-3;
+
+/// Places that are about as good as the best optimum and have none near them: closed-form light,
+/// corrected where a descent stands, has led away over what is a valley to the model.
+std::vector<PoseVector> places_left(const CompiledScene& compiled,
+                                    const std::vector<Refined>& basins,
+                                    const std::vector<Refined>& optima) {
+  std::vector<PoseVector> left;
+  if (compiled.coarse.empty() || optima.empty()) return left;
+  const double least = optima.front().value.log_posterior - kWorthDescending;
+  for (const Refined& basin : basins) {
+    const bool known = std::ranges::any_of(optima, [&](const Refined& optimum) {
+      return (pose_difference(compiled.scene, optimum.pose, basin.pose).array().abs() <
+              kElsewhere * compiled.spacing.array())
+          .all();
+    });
+    if (!known && basin.value.log_posterior >= least) left.push_back(basin.pose);
+  }
+  return left;
+}
 
 class Stopwatch {
  public:
@@ -491,6 +515,9 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
     places.push_back(basin.pose);
   }
   std::vector<Refined> optima = polish_all(objective, places, negligible);
+  if (const auto lost = places_left(compiled, basins, optima); !lost.empty()) {
+    optima = descend_all(objective, lost, negligible, std::move(optima));
+  }
   if (optima.empty())
     throw Error(captures.front().source, "found no finite likelihood at any pose");
   const double roughness = roughness_of_closed_form(objective, optima.front());
@@ -517,14 +544,14 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   result.time_ms.refine = stage.lap();
 
   // How sure: goodness of fit, Fisher information, evidences.
-  result.goodness_of_fit = goodness_of_fit(objective, optima.front());
   PosteriorOptions sampling;
   sampling.negligible = options.negligible_log_posterior;
   sampling.samples = samples_for(options, scene);
-  sampling.inflation = result.goodness_of_fit.inflation;
   sampling.seed = options.seed;
   sampling.model_error = model_error.covariance;
   const auto think = [&] {
+    result.goodness_of_fit = goodness_of_fit(objective, optima.front());
+    sampling.inflation = result.goodness_of_fit.inflation;
     return blindcorner::posterior(objective, optima, &scored, known->moved.get(), sampling);
   };
   Posterior posterior = think();
