@@ -31,13 +31,19 @@ constexpr double kSmallMove = 0.2;
 /// Part of a move that the next one comes to, at least: moves fall less than errors (light of the
 /// oblique floor at a million photons: by 0.3 to 2, half of them by less than 0.6).
 constexpr double kLeft = 0.5;
-/// A larger move than this is no correction: the worse model's posterior is another one. What is
-/// corrected at each optimum leads to where the better model's derivatives lead, give or take a
-/// third of a standard deviation (street corner), in a third of the time.
-constexpr double kLargeMove = 4.0;
-/// The same for changes of the log posterior at the optimum: what it changes there it may change
-/// elsewhere, and more.
-constexpr double kSmallShift = 0.3, kLargeShift = 20.0;
+/// Changes of the log posterior at the optimum that are not worth a better model: what it changes
+/// there it may change elsewhere, and more.
+constexpr double kSmallShift = 0.3;
+/// A larger move, or change of the log posterior, is no correction: the worse model's posterior is
+/// another one.
+struct Correctable {
+  double move, shift;
+};
+constexpr Correctable kMattCorrectable{1, 1};
+/// A better model of a lobe sums over pairs and costs ten times as much, so that optima are
+/// corrected where they stand even then: they end a third of a standard deviation from where its
+/// own derivatives lead (street corner), in a third of the time.
+constexpr Correctable kLobeCorrectable{4, 20};
 
 /// Moves the optima that may matter; `here`: the models' light at the first.
 void sharpen_each(const PoseObjective& objective, std::vector<Refined>& optima,
@@ -71,6 +77,7 @@ ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima,
   const bool lobes =
       std::holds_alternative<RetroreflectiveMaterial>(compiled.scene.hidden.material);
   const Errors& errors = lobes ? kLobeErrors : kMattErrors;
+  const Correctable& correctable = lobes ? kLobeCorrectable : kMattCorrectable;
   for (int level = 1; level < kModelLevels; ++level) {
     const double before = errors[static_cast<std::size_t>(level) - 1];
     const Refined& top = optima.front();
@@ -96,7 +103,7 @@ ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima,
                                   top.value.log_posterior);
     if (size < kSmallMove && shift < kSmallShift) break;
     objective.use(finer);
-    if (size > kLargeMove || shift > kLargeShift) {
+    if (size > correctable.move || shift > correctable.shift) {
       // What worse models say of other optima, and of the posterior's shape, is no longer good.
       objective.use_roughly(finer);
       std::vector<PoseVector> starts = places;
