@@ -17,11 +17,6 @@
 namespace blindcorner {
 namespace {
 
-/// Relative error (L2) of each level's light on the shipped scenes, at most; the first level is
-/// that of the models in use.
-using Errors = std::array<double, kModelLevels>;
-constexpr Errors kMattErrors = {0.06, 0.02, 0.007, 0.002};
-constexpr Errors kLobeErrors = {0.1, 0.02, 0.005, 0.003};
 /// Optima this far below the best in log posterior hold less than a per cent of the posterior each:
 /// the models that found them do for them.
 constexpr double kWorthSharpening = 5;
@@ -34,16 +29,23 @@ constexpr double kLeft = 0.5;
 /// Changes of the log posterior at the optimum that are not worth a better model: what it changes
 /// there it may change elsewhere, and more.
 constexpr double kSmallShift = 0.3;
-/// A larger move, or change of the log posterior, is no correction: the worse model's posterior is
-/// another one.
-struct Correctable {
-  double move, shift;
+/// What the levels of one kind of material are worth.
+struct Levels {
+  /// Relative error (L2) of each level's light on the shipped scenes, at most; the first level is
+  /// that of the models in use.
+  std::array<double, kModelLevels> errors;
+  /// A larger move (standard deviations), or change of the log posterior, is no correction: the
+  /// worse model's posterior is another one.
+  double large_move, large_shift;
+  /// Move that is carried in the covariance rather than looked for with the next level.
+  double carried;
 };
-constexpr Correctable kMattCorrectable{1, 1};
-/// A better model of a lobe sums over pairs and costs ten times as much, so that optima are
-/// corrected where they stand even then: they end a third of a standard deviation from where its
-/// own derivatives lead (street corner), in a third of the time.
-constexpr Correctable kLobeCorrectable{4, 20};
+constexpr Levels kMatt{{0.06, 0.02, 0.007, 0.002}, 1, 1, kSmallMove};
+/// A better model of a lobe sums over pairs: each level costs five to ten times as much as the one
+/// before. Optima are corrected where they stand even if that is far, and end a third of a standard
+/// deviation from where the model's own derivatives lead (street corner), in a third of the time;
+/// what is carried widens the covariance by 8 % at most.
+constexpr Levels kLobes{{0.1, 0.02, 0.005, 0.003}, 4, 20, 0.4};
 
 /// Moves the optima that may matter; `here`: the models' light at the first.
 void sharpen_each(const PoseObjective& objective, std::vector<Refined>& optima,
@@ -76,10 +78,9 @@ ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima,
   if (compiled.knowledge->coarse() == nullptr) return error;  // measured laws are exact
   const bool lobes =
       std::holds_alternative<RetroreflectiveMaterial>(compiled.scene.hidden.material);
-  const Errors& errors = lobes ? kLobeErrors : kMattErrors;
-  const Correctable& correctable = lobes ? kLobeCorrectable : kMattCorrectable;
+  const Levels& levels = lobes ? kLobes : kMatt;
   for (int level = 1; level < kModelLevels; ++level) {
-    const double before = errors[static_cast<std::size_t>(level) - 1];
+    const double before = levels.errors[static_cast<std::size_t>(level) - 1];
     const Refined& top = optima.front();
     // No error of this share of the light moves anything by more than this.
     if (before * std::sqrt(pose_information(objective, top).signal) < kSmallMove) break;
@@ -103,7 +104,7 @@ ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima,
                                   top.value.log_posterior);
     if (size < kSmallMove && shift < kSmallShift) break;
     objective.use(finer);
-    if (size > correctable.move || shift > correctable.shift) {
+    if (size > levels.large_move || shift > levels.large_shift) {
       // What worse models say of other optima, and of the posterior's shape, is no longer good.
       objective.use_roughly(finer);
       std::vector<PoseVector> starts = places;
@@ -113,11 +114,11 @@ ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima,
       sharpen_each(objective, optima, then);
       optima = merge(compiled, std::move(optima), negligible);
     }
-    const double left = std::max(errors[static_cast<std::size_t>(level)] / before, kLeft);
+    const double left = std::max(levels.errors[static_cast<std::size_t>(level)] / before, kLeft);
     error.covariance *= left * left;
     error.level = level;
     // What the next one would move it, errors being alike.
-    if (left * size < kSmallMove) break;
+    if (left * size < levels.carried) break;
   }
   return error;
 }
