@@ -18,8 +18,9 @@ struct ModelError {
 /// Goes to tighter models for as long as the next one moves the best optimum by a noticeable part
 /// of its standard deviation: the objective then uses them, and the optima are moved to where they
 /// have them. Where the next one changes more than a correction can, the optima are searched for
-/// again, from `places` too, and it becomes the rough model as well. The covariance is that of the
-/// last move, of which a part is left to the models after it.
+/// again, from `places` too, and it becomes the rough model as well; of lobes, whose better models
+/// are dear, only where it changes far more. The covariance is that of the last move, of which a
+/// part is left to the models after it.
 ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima,
                    const std::vector<PoseVector>& places, double negligible);
 
