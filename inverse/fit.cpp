@@ -79,9 +79,7 @@ std::vector<PoseVector> places_left(const CompiledScene& compiled,
   const double least = optima.front().value.log_posterior - kWorthDescending;
   for (const Refined& basin : basins) {
     const bool known = std::ranges::any_of(optima, [&](const Refined& optimum) {
-      return (pose_difference(compiled.scene, optimum.pose, basin.pose).array().abs() <
-              kElsewhere * compiled.spacing.array())
-          .all();
+      return within_spacings(compiled, optimum.pose, basin.pose, kElsewhere);
     });
     if (!known && basin.value.log_posterior >= least) left.push_back(basin.pose);
   }

@@ -27,8 +27,7 @@ constexpr std::size_t kMaxGroups = 6;
 }  // namespace
 
 bool same_place(const CompiledScene& compiled, const PoseVector& a, const PoseVector& b) {
-  const PoseVector d = pose_difference(compiled.scene, a, b);
-  return (d.array().abs() < kSamePlace * compiled.spacing.array()).all();
+  return within_spacings(compiled, a, b, kSamePlace);
 }
 
 std::vector<Refined> merge(const CompiledScene& compiled, std::vector<Refined> optima,

@@ -140,11 +140,11 @@ SampleLights sample_lights(const PoseObjective& objective,
     std::erase_if(places, [&](const PoseVector& pose) {
       return !std::isfinite(log_pose_prior(compiled.scene, pose));
     });
-    std::vector<double> differences(places.size());
+    std::vector<double> right(places.size()), differences(places.size());
     tbb::this_task_arena::isolate([&] {
       tbb::parallel_for(std::size_t{0}, places.size(), [&](std::size_t k) {
-        differences[k] =
-            value(light, places[k], top.linear) - value(models[j], places[k], top.linear);
+        right[k] = value(models[j], places[k], top.linear);
+        differences[k] = value(light, places[k], top.linear) - right[k];
       });
     });
     for (const double difference : differences) {
@@ -152,9 +152,8 @@ SampleLights sample_lights(const PoseObjective& objective,
       high = std::max(high, difference);
     }
     if (high - low > kAgreement) return lights;
-    if (!compiled.spline) {
-      doubt = std::max(doubt, std::abs(value(*steering, top.pose, top.linear) -
-                                       value(models[j], top.pose, top.linear)));
+    if (!compiled.spline && !right.empty()) {
+      doubt = std::max(doubt, std::abs(value(*steering, top.pose, top.linear) - right.front()));
     }
   }
   lights.near = std::move(steered);
@@ -220,9 +219,7 @@ std::vector<PoseVector> promising(const PoseObjective& objective, const SampleLi
   std::vector<PoseVector> result;
   for (const PosteriorSample* sample : order) {
     const bool apart = std::none_of(taken.begin(), taken.end(), [&](const PoseVector& other) {
-      return (pose_difference(compiled.scene, other, sample->pose).array().abs() <
-              compiled.spacing.array())
-          .all();
+      return within_spacings(compiled, other, sample->pose, 1);
     });
     if (!apart && sample->log_posterior < known + kBetter) continue;
     result.push_back(sample->pose);

@@ -195,6 +195,12 @@ PoseVector pose_difference(const Scene& scene, const PoseVector& a, const PoseVe
   return d;
 }
 
+bool within_spacings(const CompiledScene& compiled, const PoseVector& a, const PoseVector& b,
+                     double spacings) {
+  const PoseVector difference = pose_difference(compiled.scene, a, b);
+  return (difference.array().abs() < spacings * compiled.spacing.array()).all();
+}
+
 double step_within(const CompiledScene& compiled, const PoseVector& pose, Eigen::Index unknown) {
   const double step = compiled.step[unknown];
   const auto k = static_cast<std::size_t>(unknown);

@@ -148,6 +148,13 @@ double period_of(const Scene& scene, std::size_t unknown);
 /// Smallest difference b - a, circular where the unknown is.
 PoseVector pose_difference(const Scene& scene, const PoseVector& a, const PoseVector& b);
 
+/// Whether two poses differ by less than so many grid spacings along every unknown.
+bool within_spacings(const CompiledScene& compiled, const PoseVector& a, const PoseVector& b,
+                     double spacings);
+
+/// Spacings within which a pose's neighbours on the grid are.
+inline constexpr double kNextOnGrid = 1.1;
+
 /// Finite-difference step of an unknown from a pose, backwards where forwards leads out of the
 /// search region: a spline ends there.
 double step_within(const CompiledScene& compiled, const PoseVector& pose, Eigen::Index unknown);

@@ -103,9 +103,7 @@ ExhaustiveResult ExhaustiveSearch::search(const Capture& capture,
     if (values[static_cast<std::size_t>(i)].log_posterior < best_grid - 15) break;
     const PoseVector& pose = compiled.poses[static_cast<std::size_t>(i)];
     const bool close = std::any_of(chosen.begin(), chosen.end(), [&](const PoseVector& other) {
-      return (pose_difference(compiled.scene, other, pose).array().abs() <
-              1.1 * compiled.spacing.array())
-          .all();
+      return within_spacings(compiled, other, pose, kNextOnGrid);
     });
     if (!close) chosen.push_back(pose);
   }

@@ -75,11 +75,6 @@ BLINDCORNER_MULTIVERSION float weighted_square(const float* t, const float* w, i
   return std::accumulate(lanes, lanes + kLanes, 0.0F);
 }
 
-/// Whether poses that differ by this are neighbours on the grid.
-bool adjoin(const PoseVector& difference, const PoseVector& spacing) {
-  return (difference.array().abs() < 1.1 * spacing.array()).all();
-}
-
 /// The first `most` of a list, best first, that are next to none taken before. `next_to` compares
 /// two of them.
 template <typename Element>
@@ -321,8 +316,9 @@ struct NextTo {
   const CompiledScene::ObjectGrid& grid;
 
   bool operator()(int a, int b) const {
-    return adjoin(grid.poses[static_cast<std::size_t>(a)] - grid.poses[static_cast<std::size_t>(b)],
-                  grid.spacing);
+    const PoseVector difference =
+        grid.poses[static_cast<std::size_t>(a)] - grid.poses[static_cast<std::size_t>(b)];
+    return (difference.array().abs() < kNextOnGrid * grid.spacing.array()).all();
   }
 };
 
@@ -564,10 +560,8 @@ Scored score(const PoseObjective& objective, const LinearSolution& empty, int co
                                               : a.index < b.index;
   });
   const auto near = [&](const Candidate& a, const Candidate& b) {
-    const PoseVector d =
-        pose_difference(compiled.scene, compiled.poses[static_cast<std::size_t>(a.index)],
-                        compiled.poses[static_cast<std::size_t>(b.index)]);
-    return adjoin(d, compiled.spacing);
+    return within_spacings(compiled, compiled.poses[static_cast<std::size_t>(a.index)],
+                           compiled.poses[static_cast<std::size_t>(b.index)], kNextOnGrid);
   };
   // Local maxima of the grid first; then the best of what lies on slopes, in case a ridge runs
   // between the grid points.
@@ -621,7 +615,7 @@ std::vector<PoseVector> best_by_model(const PoseObjective& objective, const Scor
   });
   std::ranges::stable_sort(places, std::greater{}, &Place::log_posterior);
   const auto next_to = [&](const Place& a, const Place& b) {
-    return adjoin(pose_difference(compiled.scene, a.pose, b.pose), compiled.spacing);
+    return within_spacings(compiled, a.pose, b.pose, kNextOnGrid);
   };
   std::vector<PoseVector> chosen;
   for (const Place& place : apart(places, count, next_to)) chosen.push_back(place.pose);

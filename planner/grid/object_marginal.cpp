@@ -154,7 +154,7 @@ PoseMode prior_mode(const std::vector<Unknown>& unknowns, double weight) {
 }
 
 std::vector<PoseMode> with_prior(const PoseMixture& mixture, const std::vector<Unknown>& unknowns) {
-  /// A mixture that leaves less than this to the prior leaves nothing.
+  // A mixture that leaves less than this to the prior leaves nothing.
   constexpr double kNegligible = 1e-6;
   std::vector<PoseMode> modes = mixture.modes;
   double rest = 1;
