@@ -5,6 +5,7 @@
 #include <tbb/task_arena.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <utility>
 
@@ -24,6 +25,17 @@ constexpr double kRelayPointTolerance = 0.5;
 /// of cells a quarter as large.
 constexpr int kRimDivisions = 64;
 constexpr int kRimPoints = 4;
+
+/// Spreads that two, three, ... Gauss nodes stand for as well as two stand for one: a node more
+/// takes half as much work as a cell halved (street: the same error in 0.45 of the time).
+constexpr std::array<double, 4> kDirectReach = {1, 1.7, 2.4, 3};
+
+/// Nodes for a spread.
+int direct_nodes(double spread) {
+  const auto reach = std::ranges::lower_bound(kDirectReach, spread);
+  const auto most = static_cast<int>(kDirectReach.size()) - 1;
+  return 2 + std::min(static_cast<int>(reach - kDirectReach.begin()), most);
+}
 
 /// Whether the field lights all directions of a zone, seen from the same point.
 bool lies_within(const AngularRectangle& zone, const FieldOfIllumination& field) {
@@ -292,8 +304,8 @@ HistogramCube RelaySetup::direct_return(const PulseTable& pulses,
   sampling.divisions = cells.divisions;
   sampling.edge_depth = cells.edge_depth;
   sampling.halves_inherit = true;
-  sampling.nodes = [](const RelayPatch&) { return std::array{2, 2}; };
-  // A cell's paths must lie well within the pulse, or a grazing floor becomes a comb.
+  // Paths between neighbouring nodes must lie well within the pulse, or a grazing floor becomes a
+  // comb.
   const double most = cells.spread * kSpeedOfLight *
                       std::hypot(sensor.response.core_sigma(), sensor.bin_width / std::sqrt(12.0));
   const double bins_per_metre = 1 / (kSpeedOfLight * sensor.bin_width);
@@ -306,13 +318,21 @@ HistogramCube RelaySetup::direct_return(const PulseTable& pulses,
     const auto& footprint = std::get<AngularRectangle>(zone.footprint);
     const bool lights_all = lies_within(footprint, field);
     const double rim = (footprint.right - footprint.left) / kRimDivisions;
+    // Spread of the path along either edge, in units of what two nodes may stand for.
+    const auto spreads = [&](const RelayPatch& patch) {
+      const Vector3d gradient = 2 * (patch.center - detector_) / patch.distance;
+      return std::array{std::abs(gradient.dot(patch.half_u)) / (std::sqrt(3.0) * most),
+                        std::abs(gradient.dot(patch.half_v)) / (std::sqrt(3.0) * most)};
+    };
     RelaySampling own = sampling;
+    own.nodes = [&](const RelayPatch& patch) {
+      const auto [u, v] = spreads(patch);
+      return std::array{direct_nodes(u), direct_nodes(v)};
+    };
     own.node_extents = !lights_all;  // where the field's rim is asked for
     own.split = [&](const RelayPatch& patch) {
-      const Vector3d gradient = 2 * (patch.center - detector_) / patch.distance;
-      const double u = std::abs(gradient.dot(patch.half_u)) / std::sqrt(3.0);
-      const double v = std::abs(gradient.dot(patch.half_v)) / std::sqrt(3.0);
-      if (std::max(u, v) > most) return u >= v ? 1 : 2;
+      const auto [u, v] = spreads(patch);
+      if (std::max(u, v) > kDirectReach.back()) return u >= v ? 1 : 2;
       if (lights_all) return 0;
       // The field's rim is a step.
       const double wide = patch.half_u.norm(), high = patch.half_v.norm();

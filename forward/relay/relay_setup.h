@@ -35,12 +35,12 @@ struct SurfaceRays {
   RayScene all, occluders;
 };
 
-/// Cells of the direct return, each of four Gauss nodes. By default their light is within 1e-4 (L2)
-/// of that of {24, 0.2, 5} on the wall, the corridor, the street and the reference floor; so is
-/// that of {4, 0.3, 2}.
+/// Cells of the direct return, each of two to five Gauss nodes along either side. By default their
+/// light is within 1e-4 (L2) of that of {24, 0.2, 5} on the wall, the corridor, the street and the
+/// reference floor; so is that of {4, 0.3, 2}.
 struct DirectSampling {
   int divisions = 10;   ///< cells along each side of a zone, at least
-  double spread = 0.3;  ///< a cell's path spread against the pulse's standard deviation, at most
+  double spread = 0.3;  ///< path spread of two nodes against the pulse's standard deviation
   int edge_depth = 4;   ///< quarterings of a cell over the border of two surfaces
 };
 

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <utility>
 
 #include "blindcorner/forward/constants.h"
@@ -29,9 +30,11 @@ constexpr double kWorthAStep = 2e-3;
 constexpr int kMostSteps = 12;
 constexpr int kMostHalvings = 5;
 /// Times that the closed-form light is corrected by the model on the way, and the move in standard
-/// deviations over which a correction holds, slopes included.
+/// deviations over which a correction holds.
 constexpr int kCorrections = 4;
 constexpr double kSmallMove = 0.3;
+/// Standard deviations over which the slopes of a correction hold.
+constexpr double kSlopesHold = 1;
 /// Starts that are followed when nothing is known.
 constexpr std::size_t kMostStarts = 6;
 
@@ -128,7 +131,11 @@ class CaptureLikelihood final : public FrameLikelihood {
     LinearSolution linear;
     double log_posterior = -std::numeric_limits<double>::infinity();
     Eigen::MatrixXd covariance;
-    Eigen::VectorXd gradient;  ///< of the log posterior
+  };
+  /// Derivatives of the light, [rows, poses].
+  struct Slopes {
+    PoseVector pose;
+    Eigen::MatrixXd model, cheap;
   };
 
   Eigen::Index poses() const { return compiled_.unknown_count(); }
@@ -158,12 +165,13 @@ class CaptureLikelihood final : public FrameLikelihood {
   }
 
   /// The model corrects the closed-form light, first its values, then its slopes as well, until
-  /// that hardly moves the optimum.
+  /// that hardly moves the optimum. Slopes hold over a standard deviation.
   State optimum_steered(const Gaussian& prior, const Eigen::VectorXd& start,
                         double inflation) const {
     const LightSource steering(compiled_.coarse);
     State best;
     best.at = start;
+    std::optional<Slopes> slopes;
     for (int k = 0; k < kCorrections; ++k) {
       const PoseVector before = best.at.head(poses());
       ShapeBuffer model;
@@ -172,15 +180,26 @@ class CaptureLikelihood final : public FrameLikelihood {
       objective_.shapes(steering, before, cheap);
       Correction correction = objective_.correction(before, model, cheap);
       if (k > 0) {
-        objective_.correct_slope(light_slope(objective_, compiled_.models(), before),
-                                 light_slope(objective_, steering, before), correction);
+        if (!slopes || standard_deviations(best, slopes->pose) > kSlopesHold) {
+          slopes.emplace();
+          slopes->pose = before;
+          light_slope(objective_, compiled_.models(), before, model, Differences::one_sided,
+                      slopes->model);
+          light_slope(objective_, steering, before, cheap, Differences::one_sided, slopes->cheap);
+        }
+        objective_.correct_slope(slopes->model, slopes->cheap, correction);
       }
       best = descend(steering.corrected(correction), prior, best.at, inflation);
-      const PoseVector moved = pose_difference(compiled_.scene, before, best.at.head(poses()));
-      const Eigen::MatrixXd covariance = best.covariance.topLeftCorner(poses(), poses());
-      if (k > 0 && moved.dot(covariance.ldlt().solve(moved)) < kSmallMove * kSmallMove) break;
+      if (k > 0 && standard_deviations(best, before) < kSmallMove) break;
     }
     return best;
+  }
+
+  /// How far a state lies from a pose, in its own standard deviations.
+  double standard_deviations(const State& state, const PoseVector& pose) const {
+    const PoseVector way = pose_difference(compiled_.scene, pose, state.at.head(poses()));
+    const Eigen::MatrixXd covariance = state.covariance.topLeftCorner(poses(), poses());
+    return std::sqrt(way.dot(covariance.ldlt().solve(way)));
   }
 
   Eigen::VectorXd from_mean(const Gaussian& prior, const Eigen::VectorXd& at) const {
