@@ -5,10 +5,12 @@
 #include <tbb/task_arena.h>
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <random>
+#include <utility>
 
 #include "blindcorner/forward/constants.h"
 
@@ -25,10 +27,10 @@ constexpr double kLeastGridShare = 0.1;
 constexpr double kGridTemper = 0.4;
 /// Accuracy of a sample's log posterior.
 constexpr double kAccuracy = 1e-2;
-/// Samples whose log posterior lies this far below the best optimum's count less than 1e-3 of it.
-constexpr double kFarMatters = 8;
-/// Times as much as at a peak that a light may be off elsewhere.
-constexpr double kDoubtElsewhere = 2;
+/// Growth of a standard deviation, and move of the mean in standard deviations, that a stage may
+/// still bring.
+constexpr double kGrowth = 1.2;
+constexpr double kShift = 0.4;
 constexpr int kStages = 3;     ///< that make up the samples asked for
 constexpr int kMostTimes = 4;  ///< as many samples as asked for, when few are effective
 
@@ -150,7 +152,7 @@ class Sampler {
 
   /// New shares: how much of the posterior each component stands for, by the samples so far.
   void adapt() {
-    if (!extended_) extend();
+    extend();
     std::vector<double> next(shares_.size(), 0.0);
     for (std::size_t i = 0; i < samples_.size(); ++i) {
       double density = 0;
@@ -179,6 +181,23 @@ class Sampler {
   }
 
   double effective() const { return effective_; }
+
+  /// Takes the samples' moments; whether the last stage hardly changed these. What still grows has
+  /// an end that no sample has seen: a ridge that bends away from its peak.
+  bool settled() {
+    std::vector<const PosteriorSample*> weighty;
+    for (const PosteriorSample& sample : samples_) {
+      if (sample.weight > 0) weighty.push_back(&sample);
+    }
+    if (weighty.empty()) return false;
+    const Peak before = std::exchange(own_, peak_of(weighty));
+    if (before.center.size() == 0) return false;
+    const Eigen::MatrixXd change = before.root.triangularView<Eigen::Lower>().solve(own_.root);
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> growth(change * change.transpose(),
+                                                                Eigen::EigenvaluesOnly);
+    return growth.eigenvalues().maxCoeff() < kGrowth * kGrowth &&
+           mahalanobis2(scene_, before, own_.center) < kShift * kShift;
+  }
   int count() const { return static_cast<int>(samples_.size()); }
 
   PosteriorSamples result() && { return {std::move(samples_), log_evidence_, effective_}; }
@@ -215,13 +234,8 @@ class Sampler {
     if (!std::isfinite(log_pose_prior(scene_, sample.pose))) return;
     LinearSolution linear = optima_[sample.peak]->linear;  // warm start
     const bool near = near_[static_cast<std::size_t>(&sample - samples_.data())];
-    PoseValue value = objective_.evaluate(near ? lights_.near[sample.peak] : lights_.far,
-                                          sample.pose, linear, true, kAccuracy);
-    const double matters = kFarMatters + kDoubtElsewhere * lights_.far_doubt;
-    if (!near && lights_.far_doubt > 0 &&
-        value.log_posterior > optima_.front()->value.log_posterior - matters) {
-      value = objective_.evaluate(objective_.rough_models(), sample.pose, linear, true, kAccuracy);
-    }
+    const PoseValue value = objective_.evaluate(near ? lights_.near[sample.peak] : lights_.far,
+                                                sample.pose, linear, true, kAccuracy);
     sample.log_posterior = value.log_posterior;
     sample.log_target = tempered(value, inflation_);
   }
@@ -249,32 +263,29 @@ class Sampler {
     for (PosteriorSample& sample : samples_) sample.weight /= sum;
   }
 
-  /// One more component with the samples' own moments, a little wider.
-  void extend() {
-    const auto n = static_cast<Eigen::Index>(scene_.unknowns.size());
-    if (effective_ < 2.0 * static_cast<double>(n + 1)) return;
-    extended_ = true;
+  /// A component with the samples' own moments, a little wider.
+  Peak peak_of(const std::vector<const PosteriorSample*>& weighty) const {
     const PoseVector reference =
-        std::max_element(samples_.begin(), samples_.end(), [](const auto& a, const auto& b) {
-          return a.weight < b.weight;
-        })->pose;
-    std::vector<const PosteriorSample*> weighty;
-    for (const PosteriorSample& sample : samples_) {
-      if (sample.weight > 0) weighty.push_back(&sample);
-    }
+        (*std::ranges::max_element(weighty, {}, &PosteriorSample::weight))->pose;
     Peak peak;
     moments(scene_, weighty, reference, peak.center, peak.covariance);
     peak.covariance *= 1.3;
-    for (Eigen::Index i = 0; i < n; ++i) {
+    for (Eigen::Index i = 0; i < peak.center.size(); ++i) {
       peak.covariance(i, i) += 1e-4 * std::pow(objective_.compiled().spacing[i], 2);
     }
     peak.root = peak.covariance.llt().matrixL();
     peak.log_det = 2 * peak.root.diagonal().array().log().sum();
+    return peak;
+  }
+
+  /// Another component: the samples so far.
+  void extend() {
+    if (effective_ < 2.0 * static_cast<double>(scene_.unknowns.size() + 1)) return;
     for (std::size_t i = 0; i < samples_.size(); ++i) {
       densities_[i].push_back(
-          std::exp(log_student(peak, mahalanobis2(scene_, peak, samples_[i].pose))));
+          std::exp(log_student(own_, mahalanobis2(scene_, own_, samples_[i].pose))));
     }
-    components_.push_back(std::move(peak));
+    components_.push_back(own_);
     for (double& share : shares_) share *= 0.7;
     shares_.push_back(0.3);
     drawn_.push_back(0);
@@ -294,9 +305,9 @@ class Sampler {
   std::vector<PosteriorSample> samples_;
   std::vector<bool> near_;                      // [sample] to a peak
   std::vector<std::vector<double>> densities_;  // [sample][grid, components]
+  Peak own_;  // moments of the samples at the end of the last stage
   double log_evidence_ = 0;
   double effective_ = 0;
-  bool extended_ = false;
 };
 
 }  // namespace
@@ -338,12 +349,13 @@ PosteriorSamples sample_posterior(const PoseObjective& objective, const SampleLi
                                   const SamplingOptions& options) {
   Sampler sampler(objective, lights, peaks, optima, scored, options);
   const int stage = std::max(options.samples / kStages, 1);
-  do {
-    if (sampler.count() > 0) sampler.adapt();
+  // The model itself is dear: half as many will do.
+  const double enough = options.samples / (lights.far.models == nullptr ? 3.0 : 6.0);
+  while (sampler.count() < kMostTimes * options.samples) {
     sampler.stage(stage);
-    // The model itself is dear: half as many will do.
-  } while (sampler.effective() < options.samples / (lights.far.models == nullptr ? 3.0 : 6.0) &&
-           sampler.count() < kMostTimes * options.samples);
+    if (sampler.settled() && sampler.effective() >= enough) break;
+    sampler.adapt();
+  }
   return std::move(sampler).result();
 }
 

@@ -57,9 +57,6 @@ struct SampleLights {
   std::vector<Correction> corrections;  ///< that these use
   double reach = 0;                     ///< standard deviations from a peak within which they hold
   LightSource far;                      ///< elsewhere
-  /// Log posterior by which the far light is off at a peak: of a sample that may matter the model
-  /// decides. 0: it is as good as the model.
-  double far_doubt = 0;
 };
 
 struct SamplingOptions {

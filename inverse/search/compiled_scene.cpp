@@ -492,6 +492,11 @@ ModelSet make_models(const CompiledScene& compiled, FastModelOptions fast) {
   return set;
 }
 
+/// Fidelity at most of a matt object's levels, halved with each. The oblique floor's light of the
+/// last level was 1.2 % off (L2) with that of the first level, moved by 1.4 standard deviations at
+/// 100,000 photons.
+constexpr double kMostRelay = 2.8, kMostObject = 5.6;
+
 /// What a level asks of the fast model. The sampling that suffices for the first level is refined
 /// with the tolerance that it is given in units of; no search is made. Light of lobes comes from
 /// pairs, because one sum has an error of its own.
@@ -499,7 +504,10 @@ FastModelOptions options_of(int level, const Fidelity& first, bool lobes) {
   FastModelOptions fast;
   if (!lobes) {
     fast.tolerance = std::pow(10.0, -1 - level);
+    // What suffices for the first may be too coarse for any tolerance to mend.
     fast.fidelity = first;
+    fast.fidelity->relay = std::min(first.relay, kMostRelay / std::pow(2.0, level));
+    fast.fidelity->object = std::min(first.object, kMostObject / std::pow(2.0, level));
     return fast;
   }
   fast.tolerance = kCheapTolerance;

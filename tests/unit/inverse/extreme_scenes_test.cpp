@@ -168,6 +168,18 @@ TEST(BrightScenes, OfTwoObjectsEachIsInItsPlace) {
   EXPECT_EQ(found("reference_tilted_spheres.json", truth, 100'000, k999Of6, {100, 103}), 2);
 }
 
+// Yaw and place of a plate over an oblique floor trade along a ridge 1 mm wide that bends. With
+// these seeds samples once saw one end of it, or the model's last level was a millimetre off.
+TEST(BrightScenes, RidgesAreSampledToTheirEnds) {
+  const auto in_region = [](const Eigen::Vector3d& truth, double photons,
+                            const std::vector<std::uint64_t>& seeds) {
+    return found("reference_floor_corner_black.json", truth, photons, k95Of3, seeds, /*modes=*/3);
+  };
+  EXPECT_GE(in_region({0.384, 0.872, -1.721}, 100'000, {3, 5}) +
+                in_region({0.455, 0.815, -1.936}, 10'000, {1, 6, 9}),
+            4);  // of 5; none before
+}
+
 // A box of 2 m at 9 m turns its sides to the facade: posteriors run along ridges and around
 // corners, where closed-form light is off by log units and samples must not be weighed with it.
 TEST(DimScenes, TheTruthIsInTheRegion) {
