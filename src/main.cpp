@@ -8,6 +8,7 @@
 #include <string>
 
 #include "blindcorner/forward/error.h"
+#include "commands/cnn.h"
 #include "commands/commands.h"
 
 namespace {
@@ -39,6 +40,7 @@ int main(int argc, char** argv) {
   blindcorner::add_drive_command(app, exit_code);
   blindcorner::add_trials_command(app, exit_code);
   blindcorner::add_plan_command(app, exit_code);
+  blindcorner::add_cnn_command(app, exit_code);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

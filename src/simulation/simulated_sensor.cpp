@@ -143,15 +143,16 @@ SensedLight SimulatedSensor::reference_light(const Transform& T_world_sensor,
 }
 
 SensedFrame SimulatedSensor::sense(const Transform& T_world_sensor,
-                                   const std::optional<PoseVector>& pose,
-                                   std::uint64_t seed) const {
+                                   const std::optional<PoseVector>& pose, std::uint64_t seed,
+                                   int exposures) const {
   const SensedLight expected = light(T_world_sensor, pose);
   const LinearValues linear{scene().linear.fixed_amplitude, scene().linear.fixed_ambient,
                             scene().linear.fixed_direct};
   const HistogramCube counts =
       expected_counts(scene(), expected.three_bounce, expected.static_light, linear);
   SensedFrame frame;
-  frame.capture.counts = draw_counts(scene(), counts, 1.0, seed);
+  frame.capture.counts = draw_counts(scene(), counts, exposures, seed);
+  frame.capture.exposures = exposures;
   frame.capture.T_world_sensor = T_world_sensor;
   frame.object_counts = expected_counts(scene(), expected.three_bounce, dark(scene().sensor),
                                         {linear.amplitude, 0, 0, 0});

@@ -1064,5 +1064,152 @@ TEST_F(Cli, TrialsRefuseWhatTheyCannotDo) {
   EXPECT_THAT(other.err, HasSubstr("another study (seed differ)"));
 }
 
+/// What needs libtorch; the rest of `cnn` is there without it.
+class CliCnn : public Cli {
+ protected:
+  void SetUp() override {
+    Cli::SetUp();
+    if (!fs::exists(fs::path(PROGRAM).replace_filename("libblindcorner_cnn.so"))) {
+      GTEST_SKIP() << "this build has no libtorch";
+    }
+  }
+
+  /// A data set of 3 x 3 places and two sensors.
+  std::string dataset(const std::string& name, const std::string& more = "") const {
+    EXPECT_EQ(
+        run("cnn dataset " + kScene + " --objects 9 --sensors 2 -o " + path(name) + more).exit_code,
+        0);
+    return path(name);
+  }
+
+  std::string train(const std::string& captures, const std::string& name,
+                    const std::string& more = "") const {
+    return "cnn train " + kScene + " " + captures + " --checkpoint-every 1 -o " + path(name) + more;
+  }
+};
+
+TEST_F(Cli, CnnDatasetHoldsTruthAndPoses) {
+  const std::string make = "cnn dataset " + kScene + " --objects 4 --sensors 2 --exposures 3";
+  ASSERT_EQ(run(make + " -o " + path("a")).exit_code, 0);
+  ASSERT_EQ(run(make + " --threads 1 -o " + path("b")).exit_code, 0);
+  EXPECT_EQ(text_of(path("a/captures.exr")), text_of(path("b/captures.exr")));
+  const CaptureFile file = read_captures(path("a/captures.exr"));
+  ASSERT_EQ(file.captures.size(), 8U);
+  // A grid of 2 x 2 over x 0.15 to 0.38 m and y 0.35 to 0.7 m: corners.
+  EXPECT_DOUBLE_EQ(file.captures[0].truth.at("x_m"), 0.15);
+  EXPECT_DOUBLE_EQ(file.captures[2].truth.at("x_m"), 0.38);
+  EXPECT_DOUBLE_EQ(file.captures[4].truth.at("y_m"), 0.7);
+  EXPECT_EQ(file.captures[0].truth.size(), 4U);
+  EXPECT_EQ(file.captures[0].exposures, 3);
+  ASSERT_TRUE(file.captures[1].T_world_sensor);
+  EXPECT_FALSE(file.captures[1].T_world_sensor->isApprox(*file.captures[0].T_world_sensor));
+  const json manifest = json::parse(text_of(path("a/dataset.json")));
+  EXPECT_EQ(manifest["format"], "blindcorner.dataset/1");
+  EXPECT_EQ(manifest["count"], 8);
+  EXPECT_EQ(manifest["grid"]["columns"], 2);
+  EXPECT_EQ(manifest["sensor_poses"].size(), 2U);
+  const Outcome fitted = run("fit " + kScene + " " + path("a") + kQuick + " -o " + path("fit"));
+  EXPECT_EQ(fitted.exit_code, 0) << fitted.err;
+}
+
+TEST_F(Cli, CnnDatasetRefusesWhatIsNoGrid) {
+  const Outcome outcome = run("cnn dataset " + kScene + " --objects 7 -o " + path("a"));
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_THAT(outcome.err, AllOf(HasSubstr("objects: found 7"), HasSubstr("square number")));
+  EXPECT_FALSE(fs::exists(path("a")));
+}
+
+TEST_F(Cli, CnnWithoutLibtorchSaysHowToGetIt) {
+  // The library of the network is looked for beside the program.
+  fs::copy_file(PROGRAM, path("blindcorner"));
+  write_flat("flat.exr", 4);
+  const std::string command = "'" + path("blindcorner") + "' cnn train " + kScene + " " +
+                              path("flat.exr") + " -o " + path("out") + " 2>'" + path("stderr") +
+                              "'";
+  const int status = std::system(command.c_str());
+  EXPECT_EQ(WEXITSTATUS(status), 2);
+  EXPECT_THAT(text_of(path("stderr")),
+              AllOf(HasSubstr("libtorch"), HasSubstr("apt-get install libtorch-dev")));
+  EXPECT_FALSE(fs::exists(path("out")));
+}
+
+TEST_F(CliCnn, TrainsAndEvaluates) {
+  const std::string captures = dataset("data");
+  const Outcome trained = run(train(captures, "net", " --epochs 3"));
+  ASSERT_EQ(trained.exit_code, 0) << trained.err;
+  EXPECT_EQ(trained.err, "");
+  EXPECT_THAT(text_of(path("net/training.csv")), StartsWith("epoch,training_loss,validation_loss"));
+  EXPECT_THAT(text_of(path("net/index.html")), HasSubstr("<svg"));
+  const json training = json::parse(text_of(path("net/training.json")));
+  EXPECT_EQ(training["format"], "blindcorner.training/1");
+  EXPECT_EQ(training["epochs"], 3);
+  EXPECT_EQ(training["validation"]["captures"].size(), 4U);  // a fifth of 18
+  EXPECT_TRUE(training["validation"]["errors"].contains("position_m"));
+  const std::string evaluate = "cnn evaluate " + kScene + " " + path("net/weights.pt") + " ";
+  const Outcome all = run(evaluate + captures + " -o " + path("all"));
+  ASSERT_EQ(all.exit_code, 0) << all.err;
+  EXPECT_THAT(text_of(path("all/estimates.csv")), StartsWith("source,index,x_m,x_m_estimate"));
+  EXPECT_THAT(text_of(path("all/index.html")), HasSubstr("<svg"));
+  const Outcome some = run(evaluate + captures + " --held-back -o " + path("some"));
+  ASSERT_EQ(some.exit_code, 0) << some.err;
+  const json evaluation = json::parse(text_of(path("some/evaluation.json")));
+  EXPECT_EQ(evaluation["captures"], 4);
+  EXPECT_EQ(evaluation["errors"], training["validation"]["errors"]);
+}
+
+TEST_F(CliCnn, TrainingGoesOnToTheSameBytes) {
+  const std::string captures = dataset("data");
+  ASSERT_EQ(run(train(captures, "whole", " --epochs 5")).exit_code, 0);
+  ASSERT_EQ(run(train(captures, "parts", " --epochs 2")).exit_code, 0);
+  EXPECT_NE(text_of(path("whole/weights.pt")), text_of(path("parts/weights.pt")));
+  ASSERT_EQ(run(train(captures, "parts", " --epochs 5 --resume")).exit_code, 0);
+  EXPECT_EQ(text_of(path("whole/weights.pt")), text_of(path("parts/weights.pt")));
+  EXPECT_EQ(text_of(path("whole/training.csv")), text_of(path("parts/training.csv")));
+}
+
+TEST_F(CliCnn, RefusesWhatDoesNotSuitAndWritesNothing) {
+  const std::string captures = dataset("data");
+  ASSERT_EQ(run(train(captures, "net", " --epochs 1")).exit_code, 0);
+  const auto refuses = [&](const std::string& arguments, const auto& matcher) {
+    const Outcome outcome = run(arguments + " -o " + path("out"));
+    EXPECT_EQ(outcome.exit_code, 2) << arguments;
+    EXPECT_THAT(outcome.err, matcher);
+    EXPECT_EQ(std::ranges::count(outcome.err, '\n'), 1) << outcome.err;
+    EXPECT_FALSE(fs::exists(path("out"))) << arguments;
+  };
+  const std::string floor = std::string(SOURCE_DIR) + "/scenes/tmf8828_floor.json ";
+  const std::string street = std::string(SOURCE_DIR) + "/scenes/street_corner.json ";
+  const std::string weights = path("net/weights.pt") + " ";
+  // Without truth.
+  const std::string flat = write_flat("flat.exr", 4);
+  refuses("cnn train " + kScene + " " + flat,
+          AllOf(HasSubstr("flat.exr capture 0"), HasSubstr("truth.x_m is missing")));
+  refuses("cnn evaluate " + kScene + " " + weights + flat, HasSubstr("truth"));
+  // Of another sensor, and for another scene.
+  refuses("cnn train " + street + captures, HasSubstr("captures.exr"));
+  refuses("cnn evaluate " + street + weights + captures,
+          AllOf(HasSubstr("weights.pt"), HasSubstr("9 zones of 128 bins"), HasSubstr("64 zones")));
+  refuses("cnn evaluate " + floor + weights + captures,
+          AllOf(HasSubstr("weights.pt: metadata.unknowns"), HasSubstr("accepted")));
+  // Weights that are none, and truncated ones.
+  refuses("cnn evaluate " + kScene + " " + kScene + " " + captures,
+          HasSubstr("no file of weights"));
+  const std::string bytes = text_of(path("net/weights.pt"));
+  std::ofstream(path("half.pt"), std::ios::binary) << bytes.substr(0, bytes.size() / 2);
+  refuses("cnn evaluate " + kScene + " " + path("half.pt") + " " + captures,
+          AllOf(HasSubstr("half.pt"), HasSubstr("truncated")));
+  // Counts that are none.
+  for (const double count : {std::numeric_limits<double>::quiet_NaN(), -3.0}) {
+    CaptureFile file = read_captures(captures + "/captures.exr");
+    file.captures[5].counts.zone(2)[7] = count;
+    write_captures(path("bad.exr"), file);
+    for (const std::string& command :
+         {"cnn train " + kScene + " ", "cnn evaluate " + kScene + " " + weights}) {
+      refuses(command + path("bad.exr"),
+              AllOf(HasSubstr("bad.exr capture 5"), HasSubstr("counts[zone 2][bin 7]")));
+    }
+  }
+}
+
 }  // namespace
 }  // namespace blindcorner

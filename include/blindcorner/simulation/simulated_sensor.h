@@ -49,10 +49,10 @@ class SimulatedSensor {
   SensedLight reference_light(const Transform& T_world_sensor,
                               const std::optional<PoseVector>& pose) const;
 
-  /// One capture: gains, ambient light and photon noise of the scene. The same seed gives the same
-  /// counts.
+  /// One capture, the average of some exposures: gains, ambient light and photon noise of the
+  /// scene. The same seed gives the same counts.
   SensedFrame sense(const Transform& T_world_sensor, const std::optional<PoseVector>& pose,
-                    std::uint64_t seed) const;
+                    std::uint64_t seed, int exposures = 1) const;
 
   const Scene& scene() const;
 

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "blindcorner/inverse/baseline/cnn.h"
+
+#include <cmath>
+#include <fstream>
+#include <iterator>
+
+#include "blindcorner/forward/error.h"
+#include "inverse/baseline/cnn_description.h"
+
+namespace blindcorner {
+namespace {
+
+/// As captures are compared with scenes: a difference that moves the last of 128 bins by about one.
+constexpr double kBinWidthTolerance = 0.01;
+
+std::string list(const std::vector<std::string>& names) {
+  std::string text;
+  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
+  return text;
+}
+
+}  // namespace
+
+bool CnnBaseline::available() { return find_cnn_backend() != nullptr; }
+
+CnnBaseline CnnBaseline::load(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  const std::string bytes{std::istreambuf_iterator<char>(file), {}};
+  if (!file || bytes.empty()) {
+    throw Error(path, "no such file, or it is empty; accepted: a file of weights of cnn train");
+  }
+  return parse(bytes, path);
+}
+
+CnnBaseline CnnBaseline::parse(const std::string& bytes, const std::string& where) {
+  const CnnBackend& backend = cnn_backend();
+  CnnBaseline cnn;
+  cnn.where_ = where;
+  cnn.description_ = parse_description(backend.metadata(bytes, where), where);
+  cnn.network_ = backend.network(bytes, shape_of(cnn.description_), where);
+  return cnn;
+}
+
+std::string CnnBaseline::bytes() const { return network_->bytes(description_text(description_)); }
+
+PoseVector CnnBaseline::predict(const Capture& capture, const Transform& T_world_sensor) const {
+  CnnData data;
+  add_capture(description_, capture, T_world_sensor, data);
+  return decode_pose(description_, network_->evaluate(data));
+}
+
+void CnnBaseline::check_scene(const Scene& scene) const {
+  const CnnDescription& d = description_;
+  const Sensor& sensor = scene.sensor;
+  if (d.zones != sensor.zone_count() || d.bins != sensor.bins) {
+    throw Error(where_, "found a network for " + std::to_string(d.zones) + " zones of " +
+                            std::to_string(d.bins) + " bins, accepted: the scene's " +
+                            std::to_string(sensor.zone_count()) + " zones of " +
+                            std::to_string(sensor.bins) + " bins");
+  }
+  if (std::abs(d.bin_width / sensor.bin_width - 1) > kBinWidthTolerance) {
+    throw Error(where_ + ": metadata.bin_width_ps",
+                "found " + std::to_string(d.bin_width * 1e12) + ", accepted: the scene's " +
+                    std::to_string(sensor.bin_width * 1e12) + " within 1 %");
+  }
+  std::vector<std::string> names;
+  for (const CnnUnknown& unknown : d.unknowns) names.push_back(unknown.name);
+  if (names != unknown_names(scene)) {
+    throw Error(where_ + ": metadata.unknowns",
+                "found " + list(names) + ", accepted: the scene's " + list(unknown_names(scene)));
+  }
+}
+
+}  // namespace blindcorner

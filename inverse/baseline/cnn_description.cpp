@@ -1,0 +1,250 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "inverse/baseline/cnn_description.h"
+
+#include <array>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <numeric>
+
+#include "blindcorner/forward/constants.h"
+#include "blindcorner/forward/error.h"
+#include "blindcorner/forward/scene/orientation.h"
+
+namespace blindcorner {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr double kPicosecond = 1e-12;
+/// Two convolutions of three bins each need five bins to leave one.
+constexpr int kFewestBins = 5;
+/// Angles whose range is within this share of a whole turn have no ends.
+constexpr double kWholeTurn = 0.999;
+
+/// x (m), y (m) and yaw (rad) of a sensor.
+Eigen::Vector3d planar_pose(const Transform& T_world_sensor) {
+  return {T_world_sensor.translation().x(), T_world_sensor.translation().y(),
+          yaw_pitch_roll_of(T_world_sensor.linear())[0]};
+}
+
+/// The yaw's difference is taken the short way around.
+Eigen::Vector3d planar_difference(const Eigen::Vector3d& pose, const Eigen::Vector3d& center) {
+  Eigen::Vector3d difference = pose - center;
+  difference[2] = std::remainder(difference[2], 2 * kPi);
+  return difference;
+}
+
+std::string place_of(const Capture& capture) {
+  return capture.source + " capture " + std::to_string(capture.index);
+}
+
+/// Mean about the first pose, so that a yaw near half a turn does not tear.
+void describe_sensor_poses(const Scene& scene, std::span<const Capture> captures,
+                           CnnDescription& description) {
+  std::vector<Eigen::Vector3d> poses;
+  for (const Capture& capture : captures) {
+    poses.push_back(planar_pose(capture.T_world_sensor.value_or(scene.T_world_sensor)));
+  }
+  if (poses.empty()) return;
+  const auto count = static_cast<double>(poses.size());
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (const auto& pose : poses) mean += planar_difference(pose, poses.front()) / count;
+  description.sensor_center = poses.front() + mean;
+  Eigen::Vector3d squares = Eigen::Vector3d::Zero();
+  for (const auto& pose : poses) {
+    squares += planar_difference(pose, description.sensor_center).cwiseAbs2() / count;
+  }
+  for (int i = 0; i < 3; ++i) {
+    // What never changes tells nothing, and must not be blown up when it does.
+    constexpr double kConstant = 1e-6;  // m or rad
+    const double deviation = std::sqrt(squares[i]);
+    description.sensor_scale[i] = deviation > kConstant ? deviation : 1.0;
+  }
+}
+
+Json vector_json(const Eigen::Vector3d& v) { return {v[0], v[1], v[2]}; }
+
+Eigen::Vector3d parse_vector(const Json& json) {
+  const auto values = json.get<std::array<double, 3>>();
+  return {values[0], values[1], values[2]};
+}
+
+Json unknown_json(const CnnUnknown& unknown) {
+  Json json{{"name", unknown.name}, {"lower", unknown.lower}, {"upper", unknown.upper}};
+  if (unknown.period > 0) json["period"] = unknown.period;
+  return json;
+}
+
+CnnDescription read_fields(const Json& json) {
+  CnnDescription d;
+  d.scene = json.at("scene").get<std::string>();
+  d.zones = json.at("zones").get<int>();
+  d.bins = json.at("bins").get<int>();
+  d.bin_width = json.at("bin_width_ps").get<double>() * kPicosecond;
+  d.input_scale = json.at("input_scale").get<double>();
+  d.sensor_center = parse_vector(json.at("sensor_pose").at("center"));
+  d.sensor_scale = parse_vector(json.at("sensor_pose").at("scale"));
+  for (const Json& entry : json.at("unknowns")) {
+    d.unknowns.push_back({entry.at("name").get<std::string>(), entry.at("lower").get<double>(),
+                          entry.at("upper").get<double>(), entry.value("period", 0.0)});
+  }
+  const Json& training = json.at("training");
+  d.training.captures = training.at("captures").get<int>();
+  d.training.validation_share = training.at("validation_share").get<double>();
+  d.training.split_seed = training.at("split_seed").get<std::uint64_t>();
+  d.training.seed = training.at("seed").get<std::uint64_t>();
+  d.training.epoch = training.at("epoch").get<int>();
+  return d;
+}
+
+void check_fields(const CnnDescription& d, const std::string& where) {
+  const auto fail = [&](const std::string& field, const std::string& accepted) {
+    throw Error(where + ": metadata." + field, "accepted: " + accepted);
+  };
+  if (d.zones < 1) fail("zones", "a whole number > 0");
+  if (d.bins < kFewestBins) fail("bins", "a whole number >= " + std::to_string(kFewestBins));
+  if (!(d.bin_width >= 0)) fail("bin_width_ps", "a number >= 0");
+  if (!(d.input_scale > 0)) fail("input_scale", "a number > 0");
+  if (!d.sensor_center.allFinite()) fail("sensor_pose.center", "finite numbers");
+  if (!(d.sensor_scale.minCoeff() > 0)) fail("sensor_pose.scale", "numbers > 0");
+  if (d.unknowns.empty()) fail("unknowns", "at least one");
+  for (const CnnUnknown& unknown : d.unknowns) {
+    if (!(unknown.lower < unknown.upper)) fail("unknowns." + unknown.name, "lower < upper");
+    if (!(unknown.period >= 0)) fail("unknowns." + unknown.name + ".period", "a number > 0");
+  }
+}
+
+}  // namespace
+
+int CnnDescription::outputs() const {
+  return std::accumulate(unknowns.begin(), unknowns.end(), 0,
+                         [](int sum, const CnnUnknown& u) { return sum + (u.period > 0 ? 2 : 1); });
+}
+
+CnnDescription describe_cnn(const Scene& scene, std::span<const Capture> captures,
+                            const CnnTrainingOptions& options) {
+  CnnDescription d;
+  d.scene = scene.name;
+  d.zones = scene.sensor.zone_count();
+  d.bins = scene.sensor.bins;
+  if (d.bins < kFewestBins) {
+    throw Error(scene_place(scene) + ": sensor.bins", "found " + std::to_string(d.bins) +
+                                                          ", accepted for the network: at least " +
+                                                          std::to_string(kFewestBins));
+  }
+  d.bin_width = scene.sensor.bin_width;
+  // Values of mean one. Left at a sum of one they are so small that the normalisation's own epsilon
+  // (1e-5) outweighs the variance of the first convolution.
+  d.input_scale = static_cast<double>(d.zones) * d.bins;
+  describe_sensor_poses(scene, captures, d);
+  const std::vector<std::string> names = unknown_names(scene);
+  const std::vector<double> turns = periods(scene);
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const Unknown& unknown = scene.unknowns[i];
+    const bool endless = turns[i] > 0 && unknown.range() >= kWholeTurn * turns[i];
+    d.unknowns.push_back({names[i], unknown.lower, unknown.upper, endless ? turns[i] : 0.0});
+  }
+  d.training = {static_cast<int>(captures.size()), options.validation_share, options.split_seed,
+                options.seed, 0};
+  return d;
+}
+
+std::string description_text(const CnnDescription& d) {
+  Json json;
+  json["format"] = kCnnFormat;
+  json["scene"] = d.scene;
+  json["zones"] = d.zones;
+  json["bins"] = d.bins;
+  json["bin_width_ps"] = d.bin_width / kPicosecond;
+  json["input_scale"] = d.input_scale;
+  json["sensor_pose"] = {{"names", {"x_m", "y_m", "yaw_rad"}},
+                         {"center", vector_json(d.sensor_center)},
+                         {"scale", vector_json(d.sensor_scale)}};
+  json["unknowns"] = Json::array();
+  for (const CnnUnknown& unknown : d.unknowns) json["unknowns"].push_back(unknown_json(unknown));
+  json["training"] = {{"captures", d.training.captures},
+                      {"validation_share", d.training.validation_share},
+                      {"split_seed", d.training.split_seed},
+                      {"seed", d.training.seed},
+                      {"epoch", d.training.epoch}};
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+CnnDescription parse_description(const std::string& text, const std::string& where) {
+  CnnDescription description;
+  try {
+    const Json json = Json::parse(text);
+    const std::string format = json.is_object() ? json.value("format", "") : "";
+    if (format != kCnnFormat) {
+      throw Error(where + ": metadata.format",
+                  "found '" + format + "', accepted: '" + kCnnFormat + "'");
+    }
+    description = read_fields(json);
+  } catch (const nlohmann::json::exception& error) {
+    throw Error(where + ": metadata", error.what());
+  }
+  check_fields(description, where);
+  return description;
+}
+
+CnnShape shape_of(const CnnDescription& description) {
+  return {description.zones, description.bins, description.outputs()};
+}
+
+void add_capture(const CnnDescription& d, const Capture& capture, const Transform& T_world_sensor,
+                 CnnData& data) {
+  const HistogramCube& counts = capture.counts;
+  if (counts.zones() != d.zones || counts.bins != d.bins) {
+    throw Error(place_of(capture), "counts: found " + std::to_string(counts.zones()) +
+                                       " zones of " + std::to_string(counts.bins) +
+                                       " bins, accepted: the network's " + std::to_string(d.zones) +
+                                       " zones of " + std::to_string(d.bins) + " bins");
+  }
+  const double sum = std::accumulate(counts.values.begin(), counts.values.end(), 0.0);
+  if (!(sum > 0) || !std::isfinite(sum)) {
+    throw Error(place_of(capture), "counts: found a sum of " + std::to_string(sum) +
+                                       ", accepted: finite counts whose sum is > 0");
+  }
+  for (const double value : counts.values) {
+    data.histograms.push_back(static_cast<float>(value / sum * d.input_scale));
+  }
+  const Eigen::Vector3d pose = planar_difference(planar_pose(T_world_sensor), d.sensor_center);
+  for (int i = 0; i < 3; ++i) {
+    data.sensors.push_back(static_cast<float>(pose[i] / d.sensor_scale[i]));
+  }
+}
+
+std::vector<float> encode_pose(const CnnDescription& description, const PoseVector& pose) {
+  std::vector<float> outputs;
+  for (std::size_t i = 0; i < description.unknowns.size(); ++i) {
+    const CnnUnknown& u = description.unknowns[i];
+    const double value = pose[static_cast<Eigen::Index>(i)];
+    if (u.period > 0) {
+      const double angle = 2 * kPi * value / u.period;
+      outputs.push_back(static_cast<float>(std::cos(angle)));
+      outputs.push_back(static_cast<float>(std::sin(angle)));
+    } else {
+      outputs.push_back(static_cast<float>(2 * (value - u.lower) / (u.upper - u.lower) - 1));
+    }
+  }
+  return outputs;
+}
+
+PoseVector decode_pose(const CnnDescription& description, std::span<const float> outputs) {
+  PoseVector pose(static_cast<Eigen::Index>(description.unknowns.size()));
+  std::size_t next = 0;
+  for (std::size_t i = 0; i < description.unknowns.size(); ++i) {
+    const CnnUnknown& u = description.unknowns[i];
+    double value = outputs[next++];
+    if (u.period > 0) {
+      const double turns = std::atan2(static_cast<double>(outputs[next++]), value) / (2 * kPi);
+      value = u.period * (turns - std::floor(turns - u.lower / u.period));
+    } else {
+      value = u.lower + (value + 1) / 2 * (u.upper - u.lower);
+    }
+    pose[static_cast<Eigen::Index>(i)] = value;
+  }
+  return pose;
+}
+
+}  // namespace blindcorner

@@ -1,0 +1,380 @@
+// SPDX-License-Identifier: Apache-2.0
+/// The network by libtorch. This file is a shared library of its own (see cnn_backend.h) and the
+/// only one that includes libtorch's headers.
+#include <torch/torch.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <numeric>
+#include <random>
+
+#include "blindcorner/forward/error.h"
+#include "inverse/baseline/cnn_backend.h"
+
+namespace blindcorner {
+namespace {
+
+using torch::Tensor;
+/// What a file holds: tensors and one text by name.
+using Entries = c10::Dict<c10::IValue, c10::IValue>;
+
+constexpr const char* kMetadata = "metadata";
+
+/// Names and shapes are those of the same network in PyTorch:
+///   conv1 = Conv1d(zones, 4, 3); norm1 = BatchNorm1d(4); conv2 = Conv1d(4, 8, 3);
+///   norm2 = BatchNorm1d(8); hidden = Linear(8 * (bins - 4) + 3, 16); output = Linear(16, outputs)
+class PublishedNetwork : public torch::nn::Module {
+ public:
+  explicit PublishedNetwork(const CnnShape& shape)
+      : conv1(register_module("conv1",
+                              torch::nn::Conv1d(torch::nn::Conv1dOptions(shape.zones, 4, 3)))),
+        norm1(register_module("norm1", torch::nn::BatchNorm1d(4))),
+        conv2(register_module("conv2", torch::nn::Conv1d(torch::nn::Conv1dOptions(4, 8, 3)))),
+        norm2(register_module("norm2", torch::nn::BatchNorm1d(8))),
+        hidden(register_module("hidden", torch::nn::Linear(8 * (shape.bins - 4) + 3, 16))),
+        output(register_module("output", torch::nn::Linear(16, shape.outputs))) {}
+
+  /// `histograms` [batch, zones, bins] and `sensors` [batch, 3] to [batch, outputs]. `random` drops
+  /// half of the second convolution's values; null: none are dropped.
+  Tensor forward(const Tensor& histograms, const Tensor& sensors, std::mt19937_64* random) {
+    Tensor x = torch::relu(norm1->forward(conv1->forward(histograms)));
+    x = norm2->forward(conv2->forward(x));
+    if (random != nullptr) x = x * dropout_mask(x.sizes(), *random);
+    x = torch::cat({torch::relu(x).flatten(1), sensors}, 1);
+    // As a convolution of one step, which oneDNN computes faster than BLAS does the product.
+    x = torch::conv1d(x.unsqueeze(2), hidden->weight.unsqueeze(2), hidden->bias).squeeze(2);
+    return output->forward(torch::relu(x));
+  }
+
+ private:
+  /// Zeros and twos, equally likely. One random word makes 64 of them: libtorch's own dropout takes
+  /// a quarter of a training step.
+  static Tensor dropout_mask(at::IntArrayRef sizes, std::mt19937_64& random) {
+    Tensor mask = torch::empty(sizes);
+    auto* values = mask.data_ptr<float>();
+    const std::int64_t count = mask.numel();
+    for (std::int64_t i = 0; i < count; i += 64) {
+      const std::uint64_t word = random();
+      const std::int64_t end = std::min<std::int64_t>(64, count - i);
+      for (std::int64_t bit = 0; bit < end; ++bit) {
+        values[i + bit] = static_cast<float>(2 * ((word >> bit) & 1));
+      }
+    }
+    return mask;
+  }
+
+ public:
+  torch::nn::Conv1d conv1;
+  torch::nn::BatchNorm1d norm1;
+  torch::nn::Conv1d conv2;
+  torch::nn::BatchNorm1d norm2;
+  torch::nn::Linear hidden;
+  torch::nn::Linear output;
+};
+
+/// Weights and running statistics by PyTorch's names.
+std::vector<std::pair<std::string, Tensor>> state_of(const PublishedNetwork& network) {
+  std::vector<std::pair<std::string, Tensor>> state;
+  for (const auto& item : network.named_parameters()) state.emplace_back(item.key(), item.value());
+  for (const auto& item : network.named_buffers()) state.emplace_back(item.key(), item.value());
+  return state;
+}
+
+/// Entries in a fixed order, as values of their own: a view would be stored with all that it views.
+void add_state(const std::vector<std::pair<std::string, Tensor>>& state, const std::string& prefix,
+               Entries& entries) {
+  for (const auto& [name, tensor] : state) {
+    entries.insert(prefix + name, tensor.detach().clone());
+  }
+}
+
+Entries entries_with(const std::string& metadata) {
+  Entries entries(c10::AnyType::get(), c10::AnyType::get());
+  entries.insert(std::string(kMetadata), metadata);
+  return entries;
+}
+
+std::string pickled(const Entries& entries) {
+  const std::vector<char> bytes = torch::pickle_save(c10::IValue(entries));
+  return {bytes.begin(), bytes.end()};
+}
+
+Entries unpickled(const std::string& bytes, const std::string& where) {
+  const char* const kAccepted =
+      "is damaged, truncated or no file of weights; accepted: what cnn train or PyTorch's "
+      "torch.save wrote, a dict of tensors and the text 'metadata'";
+  try {
+    const c10::IValue value = torch::pickle_load({bytes.begin(), bytes.end()});
+    if (value.isGenericDict()) return value.toGenericDict();
+  } catch (const std::exception&) {
+    // libtorch's own message is a page of its call stack.
+  }
+  throw Error(where, kAccepted);
+}
+
+std::string shape_text(at::IntArrayRef sizes) {
+  std::string text;
+  for (const std::int64_t size : sizes) text += (text.empty() ? "" : " x ") + std::to_string(size);
+  return text.empty() ? "a number" : text;
+}
+
+/// The tensor of a name; Error unless it is there in the wanted type and shape, and finite.
+Tensor tensor_of(const Entries& entries, const std::string& name, const Tensor& like,
+                 const std::string& where) {
+  const auto entry = entries.find(name);
+  if (entry == entries.end() || !entry->value().isTensor()) {
+    throw Error(where + ": " + name, "is missing, accepted: a tensor of " +
+                                         shape_text(like.sizes()) +
+                                         " (weights of another network?)");
+  }
+  const Tensor tensor = entry->value().toTensor();
+  if (tensor.sizes() != like.sizes() || tensor.scalar_type() != like.scalar_type()) {
+    throw Error(where + ": " + name, "found " + shape_text(tensor.sizes()) + " of type " +
+                                         c10::toString(tensor.scalar_type()) +
+                                         ", accepted: " + shape_text(like.sizes()) + " of type " +
+                                         c10::toString(like.scalar_type()));
+  }
+  if (tensor.is_floating_point() && !torch::isfinite(tensor).all().item<bool>()) {
+    throw Error(where + ": " + name, "found values that are not finite, accepted: finite weights");
+  }
+  return tensor;
+}
+
+void load_state(const Entries& entries, const std::string& prefix, PublishedNetwork& network,
+                const std::string& where) {
+  const torch::NoGradGuard no_gradient;
+  for (auto& [name, tensor] : state_of(network)) {
+    tensor.copy_(tensor_of(entries, prefix + name, tensor, where));
+  }
+}
+
+Tensor tensor_view(const std::vector<float>& values, std::vector<std::int64_t> sizes) {
+  // libtorch takes no pointer to const; nobody writes through this one.
+  return torch::from_blob(const_cast<float*>(values.data()), sizes);
+}
+
+struct DataTensors {
+  DataTensors(const CnnData& data, const CnnShape& shape) {
+    const auto count = static_cast<std::int64_t>(data.count());
+    histograms = tensor_view(data.histograms, {count, shape.zones, shape.bins});
+    sensors = tensor_view(data.sensors, {count, 3});
+    if (!data.targets.empty()) targets = tensor_view(data.targets, {count, shape.outputs});
+  }
+  Tensor histograms, sensors, targets;
+};
+
+/// One thread computes: steps are too small to share, and sums must not depend on their number.
+void use_one_thread() { at::set_num_threads(1); }
+
+class TorchNetwork : public CnnNetwork {
+ public:
+  TorchNetwork(const CnnShape& shape, const Entries& entries, const std::string& where)
+      : shape_(shape), network_(shape) {
+    load_state(entries, "", network_, where);
+    network_.eval();
+  }
+
+  std::vector<float> evaluate(const CnnData& data) const override {
+    use_one_thread();
+    const torch::InferenceMode inference;
+    const DataTensors tensors(data, shape_);
+    // Evaluation changes nothing in the network; its `forward` also serves training.
+    auto& network = const_cast<PublishedNetwork&>(network_);
+    const Tensor outputs =
+        network.forward(tensors.histograms, tensors.sensors, nullptr).contiguous();
+    const auto* first = outputs.data_ptr<float>();
+    return {first, first + outputs.numel()};
+  }
+
+  std::string bytes(const std::string& metadata) const override {
+    Entries entries = entries_with(metadata);
+    add_state(state_of(network_), "", entries);
+    return pickled(entries);
+  }
+
+ private:
+  CnnShape shape_;
+  PublishedNetwork network_;
+};
+
+/// Adam (Kingma and Ba 2015) with PyTorch's defaults, over all weights in one array: parameter by
+/// parameter its many small operations take a fifth of a training step.
+class FlatAdam {
+ public:
+  FlatAdam(torch::nn::Module& network, double learning_rate) : learning_rate_(learning_rate) {
+    const std::vector<Tensor> parameters = network.parameters();
+    std::int64_t count = 0;
+    for (const Tensor& parameter : parameters) count += parameter.numel();
+    values_ = torch::zeros({count});
+    gradients_ = torch::zeros({count});
+    first_ = torch::zeros({count});
+    second_ = torch::zeros({count});
+    const torch::NoGradGuard no_gradient;
+    std::int64_t start = 0;
+    for (Tensor parameter : parameters) {
+      const Tensor view = values_.narrow(0, start, parameter.numel()).view(parameter.sizes());
+      view.copy_(parameter);
+      parameter.set_data(view);
+      parameter.mutable_grad() =
+          gradients_.narrow(0, start, parameter.numel()).view(parameter.sizes());
+      start += parameter.numel();
+    }
+  }
+
+  void zero_gradients() { gradients_.zero_(); }
+
+  void step() {
+    constexpr double kBeta1 = 0.9, kBeta2 = 0.999, kEpsilon = 1e-8;
+    const torch::NoGradGuard no_gradient;
+    ++steps_;
+    first_.mul_(kBeta1).add_(gradients_, 1 - kBeta1);
+    second_.mul_(kBeta2).addcmul_(gradients_, gradients_, 1 - kBeta2);
+    const double bias1 = 1 - std::pow(kBeta1, steps_);
+    const double bias2 = 1 - std::pow(kBeta2, steps_);
+    const Tensor scale = second_.sqrt().div_(std::sqrt(bias2)).add_(kEpsilon);
+    values_.addcdiv_(first_, scale, -learning_rate_ / bias1);
+  }
+
+  std::vector<std::pair<std::string, Tensor>> state() const {
+    return {
+        {"adam.first", first_}, {"adam.second", second_}, {"adam.steps", torch::tensor(steps_)}};
+  }
+
+  void load(const Entries& entries, const std::string& where) {
+    const torch::NoGradGuard no_gradient;
+    first_.copy_(tensor_of(entries, "adam.first", first_, where));
+    second_.copy_(tensor_of(entries, "adam.second", second_, where));
+    steps_ = tensor_of(entries, "adam.steps", torch::tensor(steps_), where).item<std::int64_t>();
+  }
+
+ private:
+  double learning_rate_;
+  Tensor values_, gradients_, first_, second_;  // [weights]
+  std::int64_t steps_ = 0;
+};
+
+class TorchTrainer : public CnnTrainer {
+ public:
+  TorchTrainer(const CnnShape& shape, const CnnData& data, std::size_t training,
+               const CnnTrainingOptions& options)
+      : data_(data, shape),
+        training_(static_cast<std::int64_t>(training)),
+        options_(options),
+        network_((torch::manual_seed(options.seed), shape)),
+        adam_(network_, options.learning_rate) {}
+
+  void load(const Entries& entries, const std::string& where) {
+    load_state(entries, "", network_, where);
+    adam_.load(entries, where);
+    if (entries.find(std::string("best.conv1.weight")) == entries.end()) return;
+    remember();
+    for (auto& [name, tensor] : best_) tensor = tensor_of(entries, "best." + name, tensor, where);
+  }
+
+  CnnEpoch run_epoch(int number) override {
+    use_one_thread();
+    std::seed_seq seeds{static_cast<std::uint32_t>(options_.seed),
+                        static_cast<std::uint32_t>(options_.seed >> 32),
+                        static_cast<std::uint32_t>(number)};
+    std::mt19937_64 random(seeds);
+    std::vector<std::int64_t> order(static_cast<std::size_t>(training_));
+    std::iota(order.begin(), order.end(), std::int64_t{0});
+    std::shuffle(order.begin(), order.end(), random);
+    const Tensor shuffled = torch::tensor(order);
+    network_.train();
+    double sum = 0;
+    int steps = 0;
+    for (std::int64_t start = 0; start < training_; start += options_.batch, ++steps) {
+      const std::int64_t size = std::min<std::int64_t>(options_.batch, training_ - start);
+      sum += step(shuffled.narrow(0, start, size), random);
+    }
+    return {sum / steps, validation_loss()};
+  }
+
+  void remember() override {
+    best_.clear();
+    for (const auto& [name, tensor] : state_of(network_)) {
+      best_.emplace_back(name, tensor.detach().clone());
+    }
+  }
+
+  std::string weights(const std::string& metadata, bool remembered) const override {
+    Entries entries = entries_with(metadata);
+    add_state(remembered ? best_ : state_of(network_), "", entries);
+    return pickled(entries);
+  }
+
+  std::string checkpoint(const std::string& metadata) const override {
+    Entries entries = entries_with(metadata);
+    add_state(state_of(network_), "", entries);
+    add_state(best_, "best.", entries);
+    add_state(adam_.state(), "", entries);
+    return pickled(entries);
+  }
+
+ private:
+  double step(const Tensor& chosen, std::mt19937_64& random) {
+    adam_.zero_gradients();
+    const Tensor outputs = network_.forward(data_.histograms.index_select(0, chosen),
+                                            data_.sensors.index_select(0, chosen), &random);
+    const Tensor loss = torch::mse_loss(outputs, data_.targets.index_select(0, chosen));
+    loss.backward();
+    adam_.step();
+    return loss.item<double>();
+  }
+
+  double validation_loss() {
+    const std::int64_t count = data_.targets.size(0) - training_;
+    if (count == 0) return std::nan("");
+    const torch::NoGradGuard no_gradient;
+    network_.eval();
+    const auto held_back = [&](const Tensor& all) { return all.narrow(0, training_, count); };
+    const Tensor outputs =
+        network_.forward(held_back(data_.histograms), held_back(data_.sensors), nullptr);
+    return torch::mse_loss(outputs, held_back(data_.targets)).item<double>();
+  }
+
+  DataTensors data_;
+  std::int64_t training_;
+  CnnTrainingOptions options_;
+  PublishedNetwork network_;
+  FlatAdam adam_;
+  std::vector<std::pair<std::string, Tensor>> best_;
+};
+
+class TorchBackend : public CnnBackend {
+ public:
+  std::string metadata(const std::string& bytes, const std::string& where) const override {
+    const Entries entries = unpickled(bytes, where);
+    const auto entry = entries.find(std::string(kMetadata));
+    if (entry == entries.end() || !entry->value().isString()) {
+      throw Error(where + ": metadata", "is missing, accepted: the text that cnn train writes");
+    }
+    return entry->value().toStringRef();
+  }
+
+  std::unique_ptr<CnnNetwork> network(const std::string& bytes, const CnnShape& shape,
+                                      const std::string& where) const override {
+    return std::make_unique<TorchNetwork>(shape, unpickled(bytes, where), where);
+  }
+
+  std::unique_ptr<CnnTrainer> trainer(const CnnShape& shape, const CnnData& data,
+                                      std::size_t training, const CnnTrainingOptions& options,
+                                      const std::string& checkpoint,
+                                      const std::string& where) const override {
+    use_one_thread();
+    auto trainer = std::make_unique<TorchTrainer>(shape, data, training, options);
+    if (!checkpoint.empty()) trainer->load(unpickled(checkpoint, where), where);
+    return trainer;
+  }
+};
+
+}  // namespace
+}  // namespace blindcorner
+
+extern "C" __attribute__((visibility("default"))) const blindcorner::CnnBackend*
+blindcorner_cnn_backend() {
+  static const blindcorner::TorchBackend backend;
+  return &backend;
+}

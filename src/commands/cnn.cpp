@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+/// `blindcorner cnn dataset|train|evaluate`: the learned baseline.
+#include "commands/cnn.h"
+
+#include <CLI/CLI.hpp>
+
+#include "blindcorner/forward/error.h"
+#include "commands/capture_inputs.h"
+#include "commands/commands.h"
+#include "commands/synthetic_trials.h"
+
+namespace blindcorner {
+
+std::vector<Capture> read_all_captures(const std::vector<std::string>& paths, const Scene& scene) {
+  std::vector<CaptureInput> inputs = read_capture_inputs(paths, scene.sensor.bin_width);
+  require_readable(inputs);
+  std::vector<Capture> captures;
+  for (CaptureInput& input : inputs) {
+    if (!input.capture) {
+      throw Error(input.error.starts_with(input.source) ? input.error
+                                                        : input.source + ": " + input.error);
+    }
+    captures.push_back(std::move(*input.capture));
+  }
+  return captures;
+}
+
+PointEstimate cnn_estimate(const Scene& scene, const Capture& capture, const CnnBaseline& cnn) {
+  PointEstimate estimate{capture.source,
+                         capture.index,
+                         true_pose(scene, capture),
+                         {},
+                         capture.T_world_sensor.value_or(scene.T_world_sensor)};
+  if (!estimate.truth.allFinite()) {
+    throw Error(capture.source + " capture " + std::to_string(capture.index),
+                "truth is missing, accepted: the true value of every unknown");
+  }
+  estimate.estimate = cnn.predict(capture, estimate.T_world_sensor);
+  return estimate;
+}
+
+void add_cnn_command(CLI::App& app, int& exit_code) {
+  CLI::App& cnn = *app.add_subcommand(
+      "cnn", "the published network as a baseline: data to learn from, training, errors");
+  cnn.require_subcommand(1);
+  add_cnn_dataset(cnn, exit_code);
+  add_cnn_train(cnn, exit_code);
+  add_cnn_evaluate(cnn, exit_code);
+}
+
+}  // namespace blindcorner

@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: Apache-2.0
+/// `blindcorner cnn dataset SCENE -o DIR`: captures to learn from.
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "blindcorner/forward/constants.h"
+#include "blindcorner/forward/error.h"
+#include "blindcorner/forward/scene/orientation.h"
+#include "blindcorner/io/atomic_file.h"
+#include "blindcorner/io/capture_file.h"
+#include "blindcorner/io/scene_file.h"
+#include "blindcorner/simulation/dataset.h"
+#include "commands/cnn.h"
+#include "commands/commands.h"
+#include "commands/output_directory.h"
+#include "commands/progress.h"
+#include "commands/thread_limit.h"
+
+namespace blindcorner {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+constexpr const char* kCaptures = "captures.exr";
+
+struct DatasetArguments {
+  std::string scene;
+  std::string output;
+  double sensor_spread = -1;
+  double sensor_yaw_spread_deg = 2;
+  int threads = 0;
+  DatasetOptions options;
+};
+
+Json range_json(const Scene& scene, Component component) {
+  for (const Unknown& unknown : scene.unknowns) {
+    if (unknown.component == component) return {unknown.lower, unknown.upper};
+  }
+  return nullptr;
+}
+
+Json sensor_json(const Transform& T_world_sensor) {
+  const Eigen::Vector3d& at = T_world_sensor.translation();
+  const Eigen::Vector3d angles = yaw_pitch_roll_of(T_world_sensor.linear()) / kDegree;
+  return {{"position_m", {at.x(), at.y(), at.z()}},
+          {"yaw_pitch_roll_deg", {angles[0], angles[1], angles[2]}}};
+}
+
+std::string manifest_text(const Scene& scene, const DatasetOptions& options,
+                          const DatasetPlan& plan) {
+  Json json;
+  json["format"] = "blindcorner.dataset/1";
+  json["scene"] = scene.name;
+  json["sensor"] = scene.sensor.name;
+  json["captures"] = kCaptures;
+  json["count"] = plan.objects.size() * plan.sensors.size();
+  json["exposures"] = options.exposures;
+  json["seed"] = options.seed;
+  json["split_seed"] = options.seed;
+  json["grid"] = {{"columns", plan.side},
+                  {"rows", plan.side},
+                  {"x_m", range_json(scene, Component::x)},
+                  {"y_m", range_json(scene, Component::y)}};
+  json["sensor_spread_m"] = plan.sensor_spread;
+  json["sensor_yaw_spread_deg"] = options.sensor_yaw_spread / kDegree;
+  json["sensor_poses"] = Json::array();
+  for (const Transform& pose : plan.sensors) json["sensor_poses"].push_back(sensor_json(pose));
+  return json.dump(1) + "\n";
+}
+
+int run_dataset(DatasetArguments arguments) {
+  const ThreadLimit threads(arguments.threads);
+  DatasetOptions& options = arguments.options;
+  if (arguments.sensor_spread >= 0) options.sensor_spread = arguments.sensor_spread;
+  options.sensor_yaw_spread = arguments.sensor_yaw_spread_deg * kDegree;
+  const Scene scene = read_scene(arguments.scene);
+  const DatasetPlan plan = plan_dataset(scene, options);
+  make_directory(arguments.output);
+  CaptureFile file;
+  file.bin_width = scene.sensor.bin_width;
+  file.sensor = scene.sensor.name;
+  file.description = "data set of scene " + scene.name + " to learn from";
+  Progress progress("captures", plan.objects.size() * plan.sensors.size());
+  file.captures = render_dataset(scene, plan, options, [&progress] { progress.advance(); });
+  progress.finish();
+  const fs::path directory = arguments.output;
+  // The manifest goes first and comes last: beside captures of another run it would be wrong.
+  fs::remove(directory / kDatasetManifest);
+  write_captures((directory / kCaptures).string(), file);
+  write_atomically((directory / kDatasetManifest).string(), manifest_text(scene, options, plan));
+  std::printf("%s\n%s\n", (directory / kCaptures).c_str(), (directory / kDatasetManifest).c_str());
+  return kAllWell;
+}
+
+}  // namespace
+
+void add_cnn_dataset(CLI::App& cnn, int& exit_code) {
+  CLI::App& command = *cnn.add_subcommand(
+      "dataset",
+      "captures of the object on a grid of places from several poses of the sensor, with the noise "
+      "of a drive; writes DIR/captures.exr and DIR/dataset.json");
+  const auto arguments = std::make_shared<DatasetArguments>();
+  command.add_option("SCENE", arguments->scene, "scene file")->required();
+  command
+      .add_option("-o,--output", arguments->output, "directory for the data set; made if missing")
+      ->required()
+      ->type_name("DIR");
+  command
+      .add_option("--objects", arguments->options.objects,
+                  "places of the object, a square number: a grid over the ranges of x and y; other "
+                  "unknowns are drawn from the prior")
+      ->check(CLI::Range(1, 1000000))
+      ->capture_default_str();
+  command
+      .add_option("--sensors", arguments->options.sensors,
+                  "poses of the sensor: the scene's own and others drawn around it")
+      ->check(CLI::Range(1, 100000))
+      ->capture_default_str();
+  command
+      .add_option("--sensor-spread-m", arguments->sensor_spread,
+                  "half the range of the sensor's x and of its y; default: 5 % of the distance to "
+                  "the surface that it looks at")
+      ->check(CLI::NonNegativeNumber);
+  command
+      .add_option("--sensor-yaw-spread-deg", arguments->sensor_yaw_spread_deg,
+                  "half the range of the sensor's yaw")
+      ->check(CLI::Range(0.0, 180.0))
+      ->capture_default_str();
+  command
+      .add_option("--exposures", arguments->options.exposures,
+                  "exposures that are averaged in each capture")
+      ->check(CLI::Range(1, 1000000))
+      ->capture_default_str();
+  command.add_option("--seed", arguments->options.seed, "of poses and photons")
+      ->capture_default_str();
+  command.add_option("--threads", arguments->threads, "0: one per processor")
+      ->check(CLI::Range(0, 1024))
+      ->capture_default_str();
+  command.callback([arguments, &exit_code] { exit_code = run_dataset(*arguments); });
+}
+
+}  // namespace blindcorner

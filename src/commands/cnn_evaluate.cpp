@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: Apache-2.0
+/// `blindcorner cnn evaluate SCENE WEIGHTS CAPTURES... -o DIR`.
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "blindcorner/forward/error.h"
+#include "blindcorner/inverse/baseline/cnn_training.h"
+#include "blindcorner/io/atomic_file.h"
+#include "blindcorner/io/scene_file.h"
+#include "commands/cnn.h"
+#include "commands/commands.h"
+#include "commands/output_directory.h"
+#include "report/cnn_page.h"
+
+namespace blindcorner {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+struct EvaluateCnnArguments {
+  std::string scene;
+  std::string weights;
+  std::vector<std::string> captures;
+  std::string output;
+  bool held_back = false;
+};
+
+/// Of the captures that the network was trained with, those that it never saw.
+std::vector<Capture> only_held_back(const std::vector<Capture>& captures, const CnnBaseline& cnn,
+                                    const std::string& weights) {
+  const CnnTrainingRecord& record = cnn.description().training;
+  if (static_cast<std::size_t>(record.captures) != captures.size()) {
+    throw Error(weights + ": metadata.training.captures",
+                "trained on " + std::to_string(record.captures) + ", found " +
+                    std::to_string(captures.size()) +
+                    " captures, accepted with --held-back: the files that it was trained on");
+  }
+  std::vector<Capture> chosen;
+  for (const std::size_t i :
+       validation_captures(captures.size(), record.validation_share, record.split_seed)) {
+    chosen.push_back(captures[i]);
+  }
+  return chosen;
+}
+
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + std::ssize(values) / 2;
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+int run_evaluate(const EvaluateCnnArguments& arguments) {
+  const Scene scene = read_scene(arguments.scene);
+  const CnnBaseline cnn = CnnBaseline::load(arguments.weights);
+  cnn.check_scene(scene);
+  std::vector<Capture> captures = read_all_captures(arguments.captures, scene);
+  if (arguments.held_back) captures = only_held_back(captures, cnn, arguments.weights);
+  for (const Capture& capture : captures) check_cnn_capture(scene, capture);
+  std::vector<PointEstimate> estimates;
+  std::vector<double> times;  // ms
+  for (const Capture& capture : captures) {
+    const auto start = std::chrono::steady_clock::now();
+    estimates.push_back(cnn_estimate(scene, capture, cnn));
+    const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
+    times.push_back(took.count());
+  }
+  const std::vector<ErrorFigures> figures = point_errors(scene, estimates);
+  const double capture_ms = median(times);
+  Json json;
+  json["format"] = "blindcorner.cnn_evaluation/1";
+  json["scene"] = scene.name;
+  json["weights"] = arguments.weights;
+  json["captures"] = captures.size();
+  json["errors"] = point_errors_json(figures);
+  json["time_ms"] = {{"capture_median", capture_ms}};
+  make_directory(arguments.output);
+  const fs::path directory = arguments.output;
+  write_atomically((directory / "estimates.csv").string(), point_estimates_csv(scene, estimates));
+  write_atomically((directory / "evaluation.json").string(),
+                   json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
+  write_atomically((directory / "index.html").string(),
+                   cnn_evaluation_page(scene, cnn.description(), estimates, capture_ms));
+  std::printf("%zu captures, %.3g ms each (median); errors in m and rad\n%s%s\n%s\n",
+              captures.size(), capture_ms, point_errors_text(figures).c_str(),
+              (directory / "estimates.csv").c_str(), (directory / "index.html").c_str());
+  return kAllWell;
+}
+
+}  // namespace
+
+void add_cnn_evaluate(CLI::App& cnn, int& exit_code) {
+  CLI::App& command = *cnn.add_subcommand(
+      "evaluate",
+      "errors of a trained network on captures with their truth; writes DIR/estimates.csv, "
+      "evaluation.json and index.html");
+  const auto arguments = std::make_shared<EvaluateCnnArguments>();
+  command.add_option("SCENE", arguments->scene, "scene file")->required();
+  command.add_option("WEIGHTS", arguments->weights, "weights.pt of cnn train")->required();
+  command.add_option("CAPTURES", arguments->captures, "capture files or directories of them")
+      ->required();
+  command
+      .add_option("-o,--output", arguments->output, "directory for the results; made if missing")
+      ->required()
+      ->type_name("DIR");
+  command.add_flag("--held-back", arguments->held_back,
+                   "CAPTURES are what the network was trained on: only those held back");
+  command.callback([arguments, &exit_code] { exit_code = run_evaluate(*arguments); });
+}
+
+}  // namespace blindcorner

@@ -1,0 +1,198 @@
+// SPDX-License-Identifier: Apache-2.0
+/// `blindcorner cnn train SCENE CAPTURES... -o DIR`.
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "blindcorner/forward/error.h"
+#include "blindcorner/inverse/baseline/cnn_training.h"
+#include "blindcorner/io/atomic_file.h"
+#include "blindcorner/io/scene_file.h"
+#include "commands/cnn.h"
+#include "commands/commands.h"
+#include "commands/output_directory.h"
+#include "commands/progress.h"
+#include "io/file_bytes.h"
+#include "report/cnn_page.h"
+
+namespace blindcorner {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+struct TrainArguments {
+  std::string scene;
+  std::vector<std::string> captures;
+  std::string output;
+  bool resume = false;
+  int checkpoint_every = 20;
+  std::optional<std::uint64_t> split_seed;
+  CnnTrainingOptions options;
+
+  std::string file(const char* name) const { return (fs::path(output) / name).string(); }
+};
+
+constexpr const char* kCheckpointFile = "checkpoint.pt";
+
+/// What the manifest of a data set says of its split; empty where there is none.
+std::optional<std::uint64_t> split_seed_of(const std::vector<std::string>& captures) {
+  if (captures.size() != 1) return std::nullopt;
+  const std::string path = (fs::path(captures.front()) / kDatasetManifest).string();
+  if (!fs::exists(path)) return std::nullopt;
+  try {
+    return Json::parse(read_bytes(path)).at("split_seed").get<std::uint64_t>();
+  } catch (const nlohmann::json::exception& error) {
+    throw Error(path, one_line(error.what()));
+  }
+}
+
+std::vector<PointEstimate> estimate_held_back(const Scene& scene,
+                                              const std::vector<Capture>& captures,
+                                              const CnnBaseline& cnn) {
+  const CnnTrainingRecord& record = cnn.description().training;
+  std::vector<PointEstimate> estimates;
+  for (const std::size_t i :
+       validation_captures(captures.size(), record.validation_share, record.split_seed)) {
+    estimates.push_back(cnn_estimate(scene, captures[i], cnn));
+  }
+  return estimates;
+}
+
+std::string summary_text(const Scene& scene, const TrainArguments& arguments,
+                         const CnnTrainingResult& result, std::size_t captures, double seconds,
+                         const std::vector<PointEstimate>& held_back) {
+  const CnnTrainingOptions& options = arguments.options;
+  Json json;
+  json["format"] = "blindcorner.training/1";
+  json["scene"] = scene.name;
+  json["captures"] = captures;
+  json["options"] = {{"epochs", options.epochs},
+                     {"batch", options.batch},
+                     {"learning_rate", options.learning_rate},
+                     {"early_stopping", options.early_stopping},
+                     {"validation_share", options.validation_share},
+                     {"seed", options.seed},
+                     {"split_seed", options.split_seed}};
+  json["epochs"] = result.history.size();
+  json["epoch_of_weights"] = result.epoch;
+  json["time_s"] = seconds;
+  json["validation"] = Json::object();
+  if (!held_back.empty()) {
+    json["validation"]["errors"] = point_errors_json(point_errors(scene, held_back));
+  }
+  json["validation"]["captures"] = Json::array();
+  for (const PointEstimate& e : held_back) {
+    json["validation"]["captures"].push_back({{"source", e.source}, {"index", e.index}});
+  }
+  return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+/// Trains, and leaves a checkpoint behind from which an interrupted training goes on.
+CnnTrainingResult train(const TrainArguments& arguments, const Scene& scene,
+                        const std::vector<Capture>& captures) {
+  const std::string checkpoint_path = arguments.file(kCheckpointFile);
+  std::string checkpoint;
+  if (arguments.resume && fs::exists(checkpoint_path)) checkpoint = read_bytes(checkpoint_path);
+  const auto total = static_cast<std::size_t>(arguments.options.epochs);
+  Progress progress("epochs", total);
+  int epochs = 0;
+  CnnTrainingCallbacks callbacks;
+  callbacks.epoch = [&](int epoch, const CnnEpoch&, const std::function<std::string()>& make) {
+    progress.advance(epochs == 0 ? static_cast<std::size_t>(epoch) : 1);
+    ++epochs;
+    if (epoch % arguments.checkpoint_every != 0 && epoch != arguments.options.epochs) return;
+    if (epochs <= arguments.checkpoint_every) make_directory(arguments.output);
+    write_atomically(checkpoint_path, make());
+  };
+  return train_cnn(scene, captures, arguments.options, callbacks, checkpoint);
+}
+
+int run_train(TrainArguments arguments) {
+  const auto start = std::chrono::steady_clock::now();
+  const Scene scene = read_scene(arguments.scene);
+  arguments.options.split_seed =
+      arguments.split_seed ? *arguments.split_seed
+                           : split_seed_of(arguments.captures).value_or(arguments.options.seed);
+  arguments.options.validate();
+  const std::vector<Capture> captures = read_all_captures(arguments.captures, scene);
+  const CnnTrainingResult result = train(arguments, scene, captures);
+  const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
+  const CnnBaseline cnn = CnnBaseline::parse(result.weights, "weights");
+  const std::vector<PointEstimate> held_back = estimate_held_back(scene, captures, cnn);
+  make_directory(arguments.output);
+  write_atomically(arguments.file("weights.pt"), result.weights);
+  write_atomically(arguments.file("training.csv"), training_csv(result.history));
+  write_atomically(
+      arguments.file("training.json"),
+      summary_text(scene, arguments, result, captures.size(), seconds.count(), held_back));
+  write_atomically(arguments.file("index.html"),
+                   training_page(scene, arguments.options, result, held_back));
+  std::printf("%zu captures, %zu epochs, %.1f s; weights of epoch %d\n", captures.size(),
+              result.history.size(), seconds.count(), result.epoch);
+  if (!held_back.empty()) {
+    std::printf("errors on the %zu captures held back, m and rad:\n%s", held_back.size(),
+                point_errors_text(point_errors(scene, held_back)).c_str());
+  }
+  std::printf("%s\n%s\n", arguments.file("weights.pt").c_str(),
+              arguments.file("index.html").c_str());
+  return kAllWell;
+}
+
+}  // namespace
+
+void add_cnn_train(CLI::App& cnn, int& exit_code) {
+  CLI::App& command = *cnn.add_subcommand(
+      "train",
+      "train the published network on captures with their truth; writes DIR/weights.pt, "
+      "training.csv, training.json and index.html");
+  const auto arguments = std::make_shared<TrainArguments>();
+  command.add_option("SCENE", arguments->scene, "scene file")->required();
+  command
+      .add_option("CAPTURES", arguments->captures,
+                  "capture files or directories of them, such as one of cnn dataset")
+      ->required();
+  command
+      .add_option("-o,--output", arguments->output, "directory for the results; made if missing")
+      ->required()
+      ->type_name("DIR");
+  command.add_option("--epochs", arguments->options.epochs, "passes over the captures")
+      ->check(CLI::Range(1, 10000000))
+      ->capture_default_str();
+  command.add_option("--batch", arguments->options.batch, "captures of a step")
+      ->check(CLI::Range(2, 1000000))
+      ->capture_default_str();
+  command.add_option("--learning-rate", arguments->options.learning_rate, "of Adam")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  command
+      .add_option("--early-stopping", arguments->options.early_stopping,
+                  "stop after so many epochs without a smaller loss on the captures held back, and "
+                  "keep the weights of the smallest; 0: run all epochs and keep the last")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  command
+      .add_option("--validation-share", arguments->options.validation_share,
+                  "share of the captures that is held back")
+      ->check(CLI::Range(0.0, 0.99))
+      ->capture_default_str();
+  command.add_option("--seed", arguments->options.seed, "of weights, order and dropout")
+      ->capture_default_str();
+  command.add_option("--split-seed", arguments->split_seed,
+                     "of which captures are held back; default: what the data set says, else "
+                     "--seed");
+  command.add_flag("--resume", arguments->resume,
+                   "go on from DIR/checkpoint.pt, which an interrupted training left behind, to "
+                   "the same weights");
+  command
+      .add_option("--checkpoint-every", arguments->checkpoint_every, "epochs between checkpoints")
+      ->check(CLI::Range(1, 1000000))
+      ->capture_default_str();
+  command.callback([arguments, &exit_code] { exit_code = run_train(*arguments); });
+}
+
+}  // namespace blindcorner

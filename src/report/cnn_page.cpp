@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "report/cnn_page.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "report/chart.h"
+#include "report/formatted.h"
+#include "report/html.h"
+
+namespace blindcorner {
+namespace {
+
+/// Points that a curve is drawn with at most.
+constexpr std::size_t kMostCurvePoints = 400;
+
+constexpr const char* kUnits =
+    "<p>Lengths in m, angles in rad, yaw modulo the shape's symmetry.</p>\n";
+constexpr const char* kPicture =
+    "<p>Seen from above, north up. Green: true places; orange: estimates, joined to them; yellow: "
+    "sensors; dashed: the search region.</p>\n";
+
+Chart loss_chart(const CnnTrainingResult& result) {
+  Chart chart{"loss", "epoch", "mean squared error of the normalised outputs"};
+  chart.logarithmic = true;
+  chart.width = 640;
+  chart.height = 360;
+  ChartSeries training{"training, with dropout"}, validation{"held back"};
+  const std::size_t count = result.history.size();
+  // As many points of each factor of epochs, as the axis shows them.
+  double next = 1;
+  const double factor = std::pow(static_cast<double>(std::max<std::size_t>(count, 2)),
+                                 1.0 / static_cast<double>(kMostCurvePoints));
+  for (std::size_t i = 0; i < count; ++i) {
+    const auto epoch = static_cast<double>(i + 1);
+    if (epoch < next && i + 1 < count) continue;
+    next = std::max(epoch + 1, epoch * factor);
+    training.points.push_back({epoch, result.history[i].training});
+    validation.points.push_back({epoch, result.history[i].validation});
+  }
+  chart.series = {training, validation};
+  if (result.epoch < static_cast<int>(count)) {
+    chart.rules.push_back({"kept", static_cast<double>(result.epoch), true});
+  }
+  return chart;
+}
+
+/// Share of estimates with at most a given distance from the truth.
+Chart distance_chart(const Scene& scene, const std::vector<PointEstimate>& estimates) {
+  Chart chart{"errors of position", "distance from the truth, m", "share of captures"};
+  chart.width = 460;
+  chart.height = 320;
+  std::vector<double> distances;
+  for (const PointEstimate& e : estimates) {
+    distances.push_back(point_errors(scene, {e}).back().mean);
+  }
+  std::ranges::sort(distances);
+  ChartSeries series{"", {{0, 0}}};
+  const std::size_t count = distances.size();
+  const std::size_t step = 1 + count / kMostCurvePoints;
+  for (std::size_t n = step; n <= count; n += step) {
+    series.points.push_back(
+        {distances[n - 1], static_cast<double>(n) / static_cast<double>(count)});
+  }
+  chart.series = {series};
+  return chart;
+}
+
+}  // namespace
+
+std::string training_csv(const std::vector<CnnEpoch>& history) {
+  std::string csv = "epoch,training_loss,validation_loss\n";
+  for (std::size_t i = 0; i < history.size(); ++i) {
+    csv += formatted("%zu,%.9g,%.9g\n", i + 1, history[i].training, history[i].validation);
+  }
+  return csv;
+}
+
+std::string training_page(const Scene& scene, const CnnTrainingOptions& options,
+                          const CnnTrainingResult& result,
+                          const std::vector<PointEstimate>& held_back) {
+  std::string body = formatted(
+      "<p>%zu epochs in batches of %d, Adam at a rate of %g; the weights are those after epoch "
+      "%d.</p>\n",
+      result.history.size(), options.batch, options.learning_rate, result.epoch);
+  body += charts_html({loss_chart(result)});
+  if (held_back.empty()) return plain_page("Training for " + scene.name, body);
+  body += formatted("<p>Errors on the %zu captures held back:</p>\n", held_back.size()) + kUnits +
+          point_errors_html(point_errors(scene, held_back)) + kPicture +
+          point_estimates_svg(scene, held_back);
+  return plain_page("Training for " + scene.name, body);
+}
+
+std::string cnn_evaluation_page(const Scene& scene, const CnnDescription& network,
+                                const std::vector<PointEstimate>& estimates, double capture_ms) {
+  std::string body =
+      formatted("<p>%zu captures, %.3g ms each (median). The network was trained for ",
+                estimates.size(), capture_ms) +
+      html_safe(network.scene) +
+      formatted(" on %d captures, of which %g %% were held back.</p>\n", network.training.captures,
+                100 * network.training.validation_share);
+  body += kUnits + point_errors_html(point_errors(scene, estimates));
+  body += charts_html({distance_chart(scene, estimates)}) + kPicture;
+  return plain_page("Errors of the network on " + scene.name,
+                    body + point_estimates_svg(scene, estimates));
+}
+
+}  // namespace blindcorner

@@ -1,0 +1,300 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "blindcorner/inverse/baseline/cnn.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <random>
+
+#include "blindcorner/forward/constants.h"
+#include "blindcorner/forward/error.h"
+#include "blindcorner/forward/scene/orientation.h"
+#include "blindcorner/inverse/baseline/cnn_training.h"
+#include "inverse/baseline/cnn_description.h"
+#include "unit/test_scenes.h"
+
+namespace blindcorner {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::SizeIs;
+
+/// Two zones of 24 bins; unknown are x, which moves a pulse along the bins, and the yaw of a box,
+/// which shares light between the zones. No physics: a network learns it within seconds.
+Scene toy_scene() {
+  Scene scene = testing_scenes::one_narrow_zone();
+  scene.name = "toy";
+  scene.sensor.columns = 2;
+  scene.sensor.zones.resize(2, scene.sensor.zones.front());
+  scene.sensor.bins = 24;
+  scene.hidden.shape = BoxShape{{2, 1, 1}};
+  scene.unknowns = {{Component::x, 1.0, 3.0, std::nullopt},
+                    {Component::yaw, 0.0, kPi, std::nullopt}};
+  return scene;
+}
+
+Capture toy_capture(const Scene& scene, double x, double yaw, std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  Capture capture;
+  capture.counts = HistogramCube(1, 2, scene.sensor.bins);
+  for (int k = 0; k < scene.sensor.bins; ++k) {
+    const double pulse = 400 * std::exp(-0.5 * std::pow((k - 6 * x) / 1.5, 2));
+    for (int z = 0; z < 2; ++z) {
+      const double share = 1 + 0.8 * (z == 0 ? std::cos(2 * yaw) : std::sin(2 * yaw));
+      std::poisson_distribution<int> photons(20 + share * pulse);
+      capture.counts.zone(z)[k] = photons(random);
+    }
+  }
+  capture.T_world_sensor = testing_scenes::at({0.1 * static_cast<double>(seed % 3), 0, 0});
+  capture.truth = {{"x_m", x}, {"yaw_rad", yaw}};
+  capture.source = "toy.exr";
+  capture.index = static_cast<int>(seed);
+  return capture;
+}
+
+std::vector<Capture> toy_captures(const Scene& scene, int count) {
+  std::mt19937_64 random(5);
+  std::uniform_real_distribution<double> x(1.0, 3.0), yaw(0.0, kPi);
+  std::vector<Capture> captures;
+  for (int i = 0; i < count; ++i) {
+    const double at = x(random);
+    captures.push_back(toy_capture(scene, at, yaw(random), static_cast<std::uint64_t>(i)));
+  }
+  return captures;
+}
+
+CnnTrainingOptions quick(int epochs) {
+  CnnTrainingOptions options;
+  options.epochs = epochs;
+  options.learning_rate = 1e-2;
+  return options;
+}
+
+std::string message_of(const std::function<void()>& action) {
+  try {
+    action();
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "no error";
+}
+
+/// What needs libtorch.
+class Cnn : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    if (!CnnBaseline::available()) GTEST_SKIP() << "this build has no libtorch";
+  }
+  Scene scene_ = toy_scene();
+};
+
+TEST(CnnDescription, PosesComeBackFromOutputs) {
+  const Scene scene = toy_scene();
+  const CnnDescription d = describe_cnn(scene, toy_captures(scene, 3), {});
+  // The box looks the same after half a turn, which is all of the yaw's range: cosine and sine.
+  EXPECT_EQ(d.outputs(), 3);
+  for (const double yaw : {0.0, 0.01, 1.5, kPi - 0.01}) {
+    const PoseVector pose = Eigen::Vector2d(1.7, yaw);
+    const PoseVector back = decode_pose(d, encode_pose(d, pose));
+    EXPECT_NEAR(back[0], 1.7, 1e-6);
+    EXPECT_NEAR(pose_error(scene, back, pose)[1], 0, 1e-6) << yaw;
+    EXPECT_GE(back[1], 0);
+    EXPECT_LE(back[1], kPi);
+  }
+}
+
+TEST(CnnDescription, IsReadAsItWasWritten) {
+  const Scene scene = toy_scene();
+  const CnnDescription d = describe_cnn(scene, toy_captures(scene, 6), {});
+  const std::string text = description_text(d);
+  EXPECT_EQ(description_text(parse_description(text, "w.pt")), text);
+  EXPECT_NEAR(d.sensor_center.x(), 0.1, 1e-12);
+}
+
+TEST(CnnDescription, OtherVersionsAndFieldsAreNamed) {
+  const Scene scene = toy_scene();
+  std::string text = description_text(describe_cnn(scene, toy_captures(scene, 3), {}));
+  text.replace(text.find("cnn/1"), 5, "cnn/9");
+  EXPECT_THAT(message_of([&] { parse_description(text, "w.pt"); }),
+              AllOf(HasSubstr("w.pt: metadata.format"), HasSubstr("cnn/9"), HasSubstr("cnn/1")));
+  EXPECT_THAT(message_of([] { parse_description("no JSON", "w.pt"); }), HasSubstr("w.pt"));
+  EXPECT_THAT(message_of([] { parse_description("[1]", "w.pt"); }), HasSubstr("metadata.format"));
+}
+
+TEST(CnnDescription, CapturesAreOfUnitMeanWhateverTheirExposure) {
+  const Scene scene = toy_scene();
+  Capture capture = toy_capture(scene, 2, 1, 1);
+  const CnnDescription d = describe_cnn(scene, std::span(&capture, 1), {});
+  CnnData data;
+  add_capture(d, capture, *capture.T_world_sensor, data);
+  for (double& count : capture.counts.values) count *= 7;
+  add_capture(d, capture, *capture.T_world_sensor, data);
+  ASSERT_THAT(data.histograms, SizeIs(2 * 48));
+  double sum = 0;
+  for (std::size_t i = 0; i < 48; ++i) {
+    sum += data.histograms[i];
+    EXPECT_NEAR(data.histograms[i], data.histograms[48 + i], 1e-6);
+  }
+  EXPECT_NEAR(sum / 48, 1, 1e-6);
+}
+
+TEST(CnnTraining, HoldsBackTheShareThatIsAskedFor) {
+  const auto held_back = validation_captures(100, 0.2, 3);
+  EXPECT_THAT(held_back, SizeIs(20));
+  EXPECT_TRUE(std::ranges::is_sorted(held_back));
+  EXPECT_EQ(held_back, validation_captures(100, 0.2, 3));
+  EXPECT_NE(held_back, validation_captures(100, 0.2, 4));
+}
+
+TEST(CnnTraining, OptionsOutOfRangeAreNamed) {
+  const auto refuses = [](auto change, const char* field) {
+    CnnTrainingOptions options;
+    change(options);
+    EXPECT_THAT(message_of([&] { options.validate(); }), HasSubstr(field));
+  };
+  refuses([](auto& o) { o.epochs = 0; }, "epochs");
+  refuses([](auto& o) { o.batch = 1; }, "batch");
+  refuses([](auto& o) { o.learning_rate = std::nan(""); }, "learning_rate");
+  refuses([](auto& o) { o.validation_share = 1; }, "validation_share");
+  refuses([](auto& o) { o.early_stopping = -1; }, "early_stopping");
+}
+
+// Captures whose answer is plain: the error falls far below that of guessing the middle, which is
+// 0.5 m in x and a quarter of half a turn in yaw.
+TEST_F(Cnn, LearnsAnEasyCase) {
+  const auto captures = toy_captures(scene_, 400);
+  const CnnTrainingResult result = train_cnn(scene_, captures, quick(60));
+  ASSERT_THAT(result.history, SizeIs(60));
+  EXPECT_LT(result.history.back().training, 0.5 * result.history.front().training);
+  EXPECT_LT(result.history.back().validation, 0.2 * result.history.front().validation);
+  const CnnBaseline cnn = CnnBaseline::parse(result.weights, "w.pt");
+  double error_x = 0, error_yaw = 0;
+  const auto held_back = validation_captures(captures.size(), 0.2, 1);
+  for (const std::size_t i : held_back) {
+    const PoseVector truth =
+        Eigen::Vector2d(captures[i].truth.at("x_m"), captures[i].truth.at("yaw_rad"));
+    const PoseVector error =
+        pose_error(scene_, cnn.predict(captures[i], *captures[i].T_world_sensor), truth);
+    error_x += std::abs(error[0]) / static_cast<double>(held_back.size());
+    error_yaw += std::abs(error[1]) / static_cast<double>(held_back.size());
+  }
+  EXPECT_LT(error_x, 0.15);
+  EXPECT_LT(error_yaw, 0.25);
+}
+
+TEST_F(Cnn, SameSeedSameBytes) {
+  const auto captures = toy_captures(scene_, 60);
+  const std::string weights = train_cnn(scene_, captures, quick(3)).weights;
+  EXPECT_TRUE(weights == train_cnn(scene_, captures, quick(3)).weights);
+  CnnTrainingOptions other = quick(3);
+  other.seed = 2;
+  EXPECT_FALSE(weights == train_cnn(scene_, captures, other).weights);
+  EXPECT_TRUE(CnnBaseline::parse(weights, "w.pt").bytes() == weights);
+}
+
+TEST_F(Cnn, GoesOnFromACheckpointToTheSameBytes) {
+  const auto captures = toy_captures(scene_, 60);
+  for (const int early_stopping : {0, 4}) {
+    CnnTrainingOptions options = quick(8);
+    options.early_stopping = early_stopping;
+    std::string checkpoint;
+    CnnTrainingCallbacks callbacks;
+    callbacks.epoch = [&](int number, const CnnEpoch&, const auto& make_checkpoint) {
+      if (number == 3) checkpoint = make_checkpoint();
+    };
+    const CnnTrainingResult whole = train_cnn(scene_, captures, options, callbacks);
+    const CnnTrainingResult resumed = train_cnn(scene_, captures, options, {}, checkpoint);
+    EXPECT_TRUE(whole.weights == resumed.weights) << early_stopping;
+    EXPECT_EQ(whole.history.size(), resumed.history.size());
+    EXPECT_EQ(whole.epoch, resumed.epoch);
+  }
+}
+
+TEST_F(Cnn, CheckpointsOfOtherTrainingsAreRefused) {
+  const auto captures = toy_captures(scene_, 40);
+  std::string checkpoint;
+  CnnTrainingCallbacks callbacks;
+  callbacks.epoch = [&](int, const CnnEpoch&, const auto& make) { checkpoint = make(); };
+  const std::string weights = train_cnn(scene_, captures, quick(1), callbacks).weights;
+  const auto resume = [&](const std::vector<Capture>& from, const CnnTrainingOptions& options,
+                          const std::string& bytes) {
+    return message_of([&] { train_cnn(scene_, from, options, {}, bytes); });
+  };
+  CnnTrainingOptions other = quick(2);
+  other.seed = 7;
+  EXPECT_THAT(resume(captures, other, checkpoint), HasSubstr("checkpoint: seed: found 1"));
+  EXPECT_THAT(resume(toy_captures(scene_, 41), quick(2), checkpoint),
+              HasSubstr("checkpoint: captures"));
+  EXPECT_THAT(resume(captures, quick(2), weights), HasSubstr("metadata.format"));
+  EXPECT_THAT(resume(captures, quick(2), checkpoint.substr(0, 900)), HasSubstr("truncated"));
+}
+
+TEST_F(Cnn, StopsEarlyAndKeepsTheBestWeights) {
+  CnnTrainingOptions options = quick(400);
+  options.early_stopping = 5;
+  const CnnTrainingResult result = train_cnn(scene_, toy_captures(scene_, 50), options);
+  ASSERT_LT(result.history.size(), 400U);
+  EXPECT_EQ(result.history.size(), static_cast<std::size_t>(result.epoch) + 5);
+  const auto best = std::ranges::min_element(result.history, {}, &CnnEpoch::validation);
+  EXPECT_EQ(best - result.history.begin() + 1, result.epoch);
+  EXPECT_EQ(CnnBaseline::parse(result.weights, "w.pt").description().training.epoch, result.epoch);
+}
+
+TEST_F(Cnn, DamagedWeightsAreRefused) {
+  const std::string weights = train_cnn(scene_, toy_captures(scene_, 40), quick(1)).weights;
+  for (const std::size_t size : {std::size_t{10}, weights.size() / 2, weights.size() - 30}) {
+    EXPECT_THAT(message_of([&] { CnnBaseline::parse(weights.substr(0, size), "w.pt"); }),
+                AllOf(HasSubstr("w.pt: is damaged, truncated"), HasSubstr("accepted")))
+        << size;
+  }
+  EXPECT_THAT(message_of([] { CnnBaseline::load("/nowhere/w.pt"); }), HasSubstr("/nowhere/w.pt"));
+}
+
+TEST_F(Cnn, WeightsOfAnotherSceneAreRefused) {
+  const CnnBaseline cnn =
+      CnnBaseline::parse(train_cnn(scene_, toy_captures(scene_, 40), quick(1)).weights, "w.pt");
+  EXPECT_NO_THROW(cnn.check_scene(scene_));
+  Scene other = scene_;
+  other.sensor.bins = 32;
+  EXPECT_THAT(message_of([&] { cnn.check_scene(other); }),
+              AllOf(HasSubstr("w.pt"), HasSubstr("2 zones of 24 bins"), HasSubstr("of 32 bins")));
+  other = scene_;
+  other.unknowns.pop_back();
+  EXPECT_THAT(message_of([&] { cnn.check_scene(other); }),
+              HasSubstr("found x_m, yaw_rad, accepted: the scene's x_m"));
+  other = scene_;
+  other.sensor.bin_width *= 2;
+  EXPECT_THAT(message_of([&] { cnn.check_scene(other); }), HasSubstr("bin_width_ps"));
+  Capture capture = toy_capture(scene_, 2, 1, 1);
+  capture.counts = HistogramCube(1, 2, 32);
+  EXPECT_THAT(message_of([&] { cnn.predict(capture, Transform::Identity()); }),
+              AllOf(HasSubstr("toy.exr capture 1"), HasSubstr("2 zones of 32 bins")));
+}
+
+TEST_F(Cnn, CapturesThatCannotBeLearntAreRefused) {
+  const auto captures = toy_captures(scene_, 40);
+  const auto message = [&](auto change) {
+    std::vector<Capture> changed = captures;
+    change(changed[17]);
+    return message_of([&] { train_cnn(scene_, changed, quick(1)); });
+  };
+  for (const double value : {std::nan(""), std::numeric_limits<double>::infinity(), -1.0}) {
+    EXPECT_THAT(message([&](Capture& c) { c.counts.zone(1)[3] = value; }),
+                AllOf(HasSubstr("toy.exr capture 17"), HasSubstr("counts[zone 1][bin 3]"),
+                      HasSubstr("accepted")));
+  }
+  EXPECT_THAT(message([](Capture& c) { c.truth.erase("yaw_rad"); }),
+              AllOf(HasSubstr("toy.exr capture 17"), HasSubstr("truth.yaw_rad")));
+  EXPECT_THAT(message([](Capture& c) { c.counts = HistogramCube(3, 3, 24); }),
+              AllOf(HasSubstr("3 x 3 zones"), HasSubstr("1 x 2 zones")));
+  EXPECT_THAT(message([](Capture& c) { std::ranges::fill(c.counts.values, 0.0); }),
+              HasSubstr("sum"));
+}
+
+}  // namespace
+}  // namespace blindcorner
