@@ -1199,16 +1199,16 @@ TEST_F(CliCnn, RefusesWhatDoesNotSuitAndWritesNothing) {
   refuses("cnn evaluate " + kScene + " " + path("half.pt") + " " + captures,
           AllOf(HasSubstr("half.pt"), HasSubstr("truncated")));
   // Counts that are none.
-  for (const double count : {std::numeric_limits<double>::quiet_NaN(), -3.0}) {
+  const auto bad_capture = [&](double count) {
     CaptureFile file = read_captures(captures + "/captures.exr");
     file.captures[5].counts.zone(2)[7] = count;
     write_captures(path("bad.exr"), file);
-    for (const std::string& command :
-         {"cnn train " + kScene + " ", "cnn evaluate " + kScene + " " + weights}) {
-      refuses(command + path("bad.exr"),
-              AllOf(HasSubstr("bad.exr capture 5"), HasSubstr("counts[zone 2][bin 7]")));
-    }
-  }
+  };
+  const auto named = AllOf(HasSubstr("bad.exr capture 5"), HasSubstr("counts[zone 2][bin 7]"));
+  bad_capture(std::numeric_limits<double>::quiet_NaN());
+  refuses("cnn train " + kScene + " " + path("bad.exr"), named);
+  bad_capture(-3);
+  refuses("cnn evaluate " + kScene + " " + weights + path("bad.exr"), named);
 }
 
 }  // namespace
