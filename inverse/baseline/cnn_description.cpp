@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "inverse/baseline/cnn_description.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -82,6 +83,10 @@ CnnDescription read_fields(const Json& json) {
   d.bins = json.at("bins").get<int>();
   d.bin_width = json.at("bin_width_ps").get<double>() * kPicosecond;
   d.input_scale = json.at("input_scale").get<double>();
+  if (json.contains("input_mean")) {
+    d.input_mean = json.at("input_mean").get<std::vector<double>>();
+    d.input_deviation = json.at("input_deviation").get<std::vector<double>>();
+  }
   d.sensor_center = parse_vector(json.at("sensor_pose").at("center"));
   d.sensor_scale = parse_vector(json.at("sensor_pose").at("scale"));
   for (const Json& entry : json.at("unknowns")) {
@@ -105,6 +110,14 @@ void check_fields(const CnnDescription& d, const std::string& where) {
   if (d.bins < kFewestBins) fail("bins", "a whole number >= " + std::to_string(kFewestBins));
   if (!(d.bin_width >= 0)) fail("bin_width_ps", "a number >= 0");
   if (!(d.input_scale > 0)) fail("input_scale", "a number > 0");
+  const std::size_t values = static_cast<std::size_t>(d.zones) * static_cast<std::size_t>(d.bins);
+  if (!d.input_mean.empty() && d.input_mean.size() != values) {
+    fail("input_mean", std::to_string(values) + " numbers");
+  }
+  if (d.input_deviation.size() != d.input_mean.size() ||
+      !std::ranges::all_of(d.input_deviation, [](double v) { return v > 0; })) {
+    fail("input_deviation", "as many numbers as input_mean, > 0");
+  }
   if (!d.sensor_center.allFinite()) fail("sensor_pose.center", "finite numbers");
   if (!(d.sensor_scale.minCoeff() > 0)) fail("sensor_pose.scale", "numbers > 0");
   if (d.unknowns.empty()) fail("unknowns", "at least one");
@@ -157,6 +170,10 @@ std::string description_text(const CnnDescription& d) {
   json["bins"] = d.bins;
   json["bin_width_ps"] = d.bin_width / kPicosecond;
   json["input_scale"] = d.input_scale;
+  if (!d.input_mean.empty()) {
+    json["input_mean"] = d.input_mean;
+    json["input_deviation"] = d.input_deviation;
+  }
   json["sensor_pose"] = {{"names", {"x_m", "y_m", "yaw_rad"}},
                          {"center", vector_json(d.sensor_center)},
                          {"scale", vector_json(d.sensor_scale)}};
@@ -205,13 +222,38 @@ void add_capture(const CnnDescription& d, const Capture& capture, const Transfor
     throw Error(place_of(capture), "counts: found a sum of " + std::to_string(sum) +
                                        ", accepted: finite counts whose sum is > 0");
   }
-  for (const double value : counts.values) {
-    data.histograms.push_back(static_cast<float>(value / sum * d.input_scale));
+  for (std::size_t i = 0; i < counts.values.size(); ++i) {
+    double value = counts.values[i] / sum * d.input_scale;
+    if (!d.input_mean.empty()) value = (value - d.input_mean[i]) / d.input_deviation[i];
+    data.histograms.push_back(static_cast<float>(value));
   }
   const Eigen::Vector3d pose = planar_difference(planar_pose(T_world_sensor), d.sensor_center);
   for (int i = 0; i < 3; ++i) {
     data.sensors.push_back(static_cast<float>(pose[i] / d.sensor_scale[i]));
   }
+}
+
+void standardise_inputs(std::span<const Capture* const> captures, CnnDescription& d) {
+  const std::size_t size = static_cast<std::size_t>(d.zones) * static_cast<std::size_t>(d.bins);
+  std::vector<double> mean(size), square(size);
+  const auto count = static_cast<double>(captures.size());
+  for (const Capture* capture : captures) {
+    const std::vector<double>& counts = capture->counts.values;
+    const double sum = std::accumulate(counts.begin(), counts.end(), 0.0);
+    for (std::size_t i = 0; i < size && i < counts.size(); ++i) {
+      const double value = counts[i] / sum * d.input_scale;
+      // Welford's way would be needed where deviations are below 1e-8 of the mean.
+      mean[i] += value / count;
+      square[i] += value * value / count;
+    }
+  }
+  constexpr double kConstant = 1e-7;  // of the mean: a bin that never changes, as of a dead zone
+  for (std::size_t i = 0; i < size; ++i) {
+    const double deviation = std::sqrt(std::max(0.0, square[i] - mean[i] * mean[i]));
+    square[i] = deviation > kConstant * std::abs(mean[i]) ? deviation : 1.0;
+  }
+  d.input_mean = std::move(mean);
+  d.input_deviation = std::move(square);
 }
 
 std::vector<float> encode_pose(const CnnDescription& description, const PoseVector& pose) {

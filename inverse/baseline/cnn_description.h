@@ -17,6 +17,9 @@ inline constexpr const char* kCnnFormat = "blindcorner.cnn/1";
 CnnDescription describe_cnn(const Scene& scene, std::span<const Capture> captures,
                             const CnnTrainingOptions& options);
 
+/// Sets mean and standard deviation of each bin from the captures that will be learnt.
+void standardise_inputs(std::span<const Capture* const> captures, CnnDescription& description);
+
 /// The metadata of a file of weights, JSON, and back. `where` names the file in messages.
 std::string description_text(const CnnDescription& description);
 CnnDescription parse_description(const std::string& text, const std::string& where);

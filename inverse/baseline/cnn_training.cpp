@@ -57,6 +57,11 @@ PreparedCaptures prepare(const Scene& scene, std::span<const Capture> captures,
     throw Error("captures", "found " + std::to_string(prepared.training) +
                                 " to learn from, accepted: at least 2");
   }
+  if (options.standardise) {
+    std::vector<const Capture*> learnt;
+    for (const std::size_t i : order) learnt.push_back(&captures[i]);
+    standardise_inputs(learnt, prepared.description);
+  }
   order.insert(order.end(), held_back.begin(), held_back.end());
   for (const std::size_t i : order) {
     const Capture& capture = captures[i];

@@ -75,6 +75,7 @@ std::string summary_text(const Scene& scene, const TrainArguments& arguments,
                      {"batch", options.batch},
                      {"learning_rate", options.learning_rate},
                      {"early_stopping", options.early_stopping},
+                     {"standardise", options.standardise},
                      {"validation_share", options.validation_share},
                      {"seed", options.seed},
                      {"split_seed", options.split_seed}};
@@ -180,6 +181,9 @@ void add_cnn_train(CLI::App& cnn, int& exit_code) {
                   "share of the captures that is held back")
       ->check(CLI::Range(0.0, 0.99))
       ->capture_default_str();
+  command.add_flag("--standardise,!--no-standardise", arguments->options.standardise,
+                   "each bin enters as its difference from the mean over the standard deviation "
+                   "(default), or as published");
   command.add_option("--seed", arguments->options.seed, "of weights, order and dropout")
       ->capture_default_str();
   command.add_option("--split-seed", arguments->split_seed,

@@ -67,6 +67,9 @@ def inputs_of(meta, archive):
     counts = data["counts"].astype(np.float64)
     captures = json.loads(str(data["metadata_json"]))["captures"]
     histograms = counts / counts.sum(axis=(1, 2), keepdims=True) * meta["input_scale"]
+    if "input_mean" in meta:
+        mean, deviation = np.array(meta["input_mean"]), np.array(meta["input_deviation"])
+        histograms = (histograms - mean.reshape(counts.shape[1:])) / deviation.reshape(counts.shape[1:])
     poses = np.array([[*c["sensor_pose"]["position_m"][:2], yaw_of(c["sensor_pose"])] for c in captures])
     sensors = (poses - meta["sensor_pose"]["center"]) / meta["sensor_pose"]["scale"]
     return torch.tensor(histograms, dtype=torch.float32), torch.tensor(sensors, dtype=torch.float32)

@@ -40,6 +40,9 @@ struct CnnDescription {
   double bin_width = 0;  ///< s
   /// A capture's counts are divided by their sum and multiplied by this.
   double input_scale = 1;
+  /// [zones * bins] of the captures that were learnt, after that; each bin enters as its difference
+  /// from the mean over the standard deviation. Empty: as it is.
+  std::vector<double> input_mean, input_deviation;
   /// x (m), y (m) and yaw (rad) of the sensor enter as (value - center) / scale.
   Eigen::Vector3d sensor_center = Eigen::Vector3d::Zero();
   Eigen::Vector3d sensor_scale = Eigen::Vector3d::Ones();
