@@ -42,7 +42,8 @@ class Published(torch.nn.Module):
 
 def load(path):
     """Metadata and state of a file of weights."""
-    state = dict(torch.load(path))
+    # libtorch tags the dict with its type, which the default (weights only) of torch 2.6 and later refuses.
+    state = dict(torch.load(path, weights_only=False))
     return json.loads(state.pop("metadata")), state
 
 
