@@ -17,7 +17,7 @@ constexpr std::size_t kMostCurvePoints = 400;
 constexpr const char* kUnits =
     "<p>Lengths in m, angles in rad, yaw modulo the shape's symmetry.</p>\n";
 constexpr const char* kPicture =
-    "<p>Seen from above, north up. Green: true places; orange: estimates, joined to them; yellow: "
+    "<p>Seen from above, y up. Green: true places; orange: estimates, joined to them; yellow: "
     "sensors; dashed: the search region.</p>\n";
 
 Chart loss_chart(const CnnTrainingResult& result) {

@@ -68,7 +68,7 @@ Eigen::AlignedBox2d search_region(const Scene& scene, Eigen::Index x, Eigen::Ind
   return {Vector2d(along.lower, across.lower), Vector2d(along.upper, across.upper)};
 }
 
-/// Surfaces, search region and sensors; `view` limits what is worth drawing.
+/// Surfaces, search region and sensors.
 std::string surroundings_svg(const Scene& scene, const std::vector<PointEstimate>& estimates,
                              const Eigen::AlignedBox2d& region, double radius) {
   std::string svg;
