@@ -104,6 +104,11 @@ Entries unpickled(const std::string& bytes, const std::string& where) {
   const char* const kAccepted =
       "is damaged, truncated or no file of weights; accepted: what cnn train or PyTorch's "
       "torch.save wrote, a dict of tensors and the text 'metadata'";
+  // The archive's reader forgives an end that is cut off; a zip archive ends with this record.
+  constexpr std::size_t kEndRecord = 22;
+  if (bytes.size() < kEndRecord || bytes.compare(bytes.size() - kEndRecord, 4, "PK\x05\x06") != 0) {
+    throw Error(where, kAccepted);
+  }
   try {
     const c10::IValue value = torch::pickle_load({bytes.begin(), bytes.end()});
     if (value.isGenericDict()) return value.toGenericDict();
