@@ -22,10 +22,13 @@ packages=(
   libeigen3-dev libceres-dev libembree-dev libtbb-dev
   libopenexr-dev nlohmann-json3-dev libcli11-dev libzip-dev zlib1g-dev libmatio-dev
   libpng-dev libyaml-cpp-dev libboost-dev
-  libtinyobjloader-dev libtorch-dev
+  libtinyobjloader-dev
   libjs-d3
   libgtest-dev libgmock-dev libbenchmark-dev
 )
+
+# What the program does without: the learned baseline (cnn train, cnn evaluate).
+optional_packages=(libtorch-dev)
 
 die() {
   echo "bootstrap.sh: $*" >&2
@@ -58,6 +61,14 @@ install_packages() {
   "${as_root[@]}" apt-get update -q || echo "bootstrap.sh: apt-get update failed; trying with the package lists at hand" >&2
   "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -q -y --no-install-recommends "${missing[@]}" ||
     die "apt-get could not install: ${missing[*]}"
+}
+
+# Installs those arguments that are missing and can be had.
+install_optional_packages() {
+  local missing
+  mapfile -t missing < <(missing_packages "$@")
+  ((${#missing[@]})) || return 0
+  (install_packages "${missing[@]}") || echo "bootstrap.sh: going on without: ${missing[*]}" >&2
 }
 
 # Memory that compilers may use, MB: what is free, or what a container may have if that is less.
@@ -111,6 +122,7 @@ main() {
     build/release/blindcorner fit scenes/tmf8828_wall.json scenes/captures/tmf8828_wall.exr -o out/fit
     echo "Page with the picture: $PWD/out/fit/index.html"
   else
+    install_optional_packages "${optional_packages[@]}"
     build "$jobs" all
     ctest --preset release --parallel "$jobs"
   fi

@@ -22,8 +22,8 @@ struct CnnTrainingOptions {
   /// Training ends after so many epochs without a smaller loss on the captures held back, and the
   /// weights of the smallest are kept. 0: all epochs are run, and the last weights are kept.
   int early_stopping = 0;
-  /// Whether each bin is standardised over the captures that are learnt. Without, the captures
-  /// enter as published, and the static light, which tells nothing, drowns what the object sends.
+  /// Whether each bin is standardised over the captures that are learnt. Without, they enter
+  /// as published; on tmf8828_wall the loss then stays that of always answering the middle.
   bool standardise = true;
   std::uint64_t seed = 1;        ///< of weights, order of captures and dropout
   std::uint64_t split_seed = 1;  ///< of which captures are held back
