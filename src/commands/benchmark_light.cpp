@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 /// `blindcorner benchmark light`: errors and claims of the fit at every level of light, on captures
 /// whose truth an independent path tracer computed.
-#include <tbb/global_control.h>
 #include <tbb/parallel_for.h>
 #include <tbb/partitioner.h>
 
@@ -30,6 +29,7 @@
 #include "commands/output_directory.h"
 #include "commands/progress.h"
 #include "commands/synthetic_trials.h"
+#include "commands/thread_limit.h"
 #include "forward/support/quantile.h"
 #include "inverse/search/difference_steps.h"
 #include "report/formatted.h"
@@ -437,11 +437,7 @@ Row study(const LightArguments& arguments, const Scene& scene, const TracedCaptu
 }
 
 int run_light(const LightArguments& arguments) {
-  std::optional<tbb::global_control> threads;
-  if (arguments.threads > 0) {
-    threads.emplace(tbb::global_control::max_allowed_parallelism,
-                    static_cast<std::size_t>(arguments.threads));
-  }
+  const ThreadLimit threads(arguments.threads);
   if (!arguments.captures_directory.empty()) make_directory(arguments.captures_directory);
   std::vector<Row> rows;
   int failed = 0;

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 /// `blindcorner benchmark moving`: run time, memory and accuracy with a sensor that stands
 /// elsewhere in every frame.
-#include <tbb/global_control.h>
 #include <tbb/parallel_for.h>
 #include <tbb/partitioner.h>
 
@@ -30,6 +29,7 @@
 #include "commands/process_memory.h"
 #include "commands/progress.h"
 #include "commands/synthetic_trials.h"
+#include "commands/thread_limit.h"
 #include "forward/support/quantile.h"
 #include "report/formatted.h"
 
@@ -405,11 +405,7 @@ const StudyFiles kFiles{
     "its heaviest mode."};
 
 int run_moving(const MovingArguments& arguments) {
-  std::optional<tbb::global_control> threads;
-  if (arguments.threads > 0) {
-    threads.emplace(tbb::global_control::max_allowed_parallelism,
-                    static_cast<std::size_t>(arguments.threads));
-  }
+  const ThreadLimit threads(arguments.threads);
   std::vector<Run> runs;
   int failed = 0;
   print_head();

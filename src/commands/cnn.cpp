@@ -5,6 +5,7 @@
 #include <CLI/CLI.hpp>
 
 #include "blindcorner/forward/error.h"
+#include "blindcorner/inverse/baseline/cnn_training.h"
 #include "commands/capture_inputs.h"
 #include "commands/commands.h"
 #include "commands/synthetic_trials.h"
@@ -37,6 +38,17 @@ PointEstimate cnn_estimate(const Scene& scene, const Capture& capture, const Cnn
   }
   estimate.estimate = cnn.predict(capture, estimate.T_world_sensor);
   return estimate;
+}
+
+std::vector<Capture> held_back_captures(const std::vector<Capture>& captures,
+                                        const CnnBaseline& cnn) {
+  const CnnTrainingRecord& record = cnn.description().training;
+  std::vector<Capture> chosen;
+  for (const std::size_t i :
+       validation_captures(captures.size(), record.validation_share, record.split_seed)) {
+    chosen.push_back(captures[i]);
+  }
+  return chosen;
 }
 
 void add_cnn_command(CLI::App& app, int& exit_code) {

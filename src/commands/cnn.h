@@ -28,6 +28,10 @@ std::vector<Capture> read_all_captures(const std::vector<std::string>& paths, co
 /// CnnBaseline::predict does.
 PointEstimate cnn_estimate(const Scene& scene, const Capture& capture, const CnnBaseline& cnn);
 
+/// Of the captures that a network was trained with, in the same order, those held back.
+std::vector<Capture> held_back_captures(const std::vector<Capture>& captures,
+                                        const CnnBaseline& cnn);
+
 /// In the directory of a data set, beside its captures.
 inline constexpr const char* kDatasetManifest = "dataset.json";
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 /// `blindcorner cnn evaluate SCENE WEIGHTS CAPTURES... -o DIR`.
 #include <CLI/CLI.hpp>
-#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
@@ -15,6 +14,7 @@
 #include "commands/cnn.h"
 #include "commands/commands.h"
 #include "commands/output_directory.h"
+#include "forward/support/quantile.h"
 #include "report/cnn_page.h"
 
 namespace blindcorner {
@@ -41,18 +41,7 @@ std::vector<Capture> only_held_back(const std::vector<Capture>& captures, const 
                     std::to_string(captures.size()) +
                     " captures, accepted with --held-back: the files that it was trained on");
   }
-  std::vector<Capture> chosen;
-  for (const std::size_t i :
-       validation_captures(captures.size(), record.validation_share, record.split_seed)) {
-    chosen.push_back(captures[i]);
-  }
-  return chosen;
-}
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + std::ssize(values) / 2;
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
+  return held_back_captures(captures, cnn);
 }
 
 int run_evaluate(const EvaluateCnnArguments& arguments) {

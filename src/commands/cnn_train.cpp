@@ -54,11 +54,9 @@ std::optional<std::uint64_t> split_seed_of(const std::vector<std::string>& captu
 std::vector<PointEstimate> estimate_held_back(const Scene& scene,
                                               const std::vector<Capture>& captures,
                                               const CnnBaseline& cnn) {
-  const CnnTrainingRecord& record = cnn.description().training;
   std::vector<PointEstimate> estimates;
-  for (const std::size_t i :
-       validation_captures(captures.size(), record.validation_share, record.split_seed)) {
-    estimates.push_back(cnn_estimate(scene, captures[i], cnn));
+  for (const Capture& capture : held_back_captures(captures, cnn)) {
+    estimates.push_back(cnn_estimate(scene, capture, cnn));
   }
   return estimates;
 }

@@ -2,7 +2,6 @@
 /// `blindcorner fit SCENE CAPTURE... -o DIR [--joint | --track]`.
 #include "blindcorner/inverse/fit.h"
 
-#include <tbb/global_control.h>
 #include <tbb/parallel_for.h>
 #include <tbb/partitioner.h>
 
@@ -25,6 +24,7 @@
 #include "commands/fit_table.h"
 #include "commands/output_directory.h"
 #include "commands/progress.h"
+#include "commands/thread_limit.h"
 
 namespace blindcorner {
 
@@ -195,11 +195,7 @@ int captures_per_placement(const std::vector<CaptureInput>& inputs) {
 
 int run_fit(const FitArguments& arguments) {
   arguments.options.validate();
-  std::optional<tbb::global_control> threads;
-  if (arguments.threads > 0) {
-    threads.emplace(tbb::global_control::max_allowed_parallelism,
-                    static_cast<std::size_t>(arguments.threads));
-  }
+  const ThreadLimit threads(arguments.threads);
   Scene scene = read_scene(arguments.scene, arguments.instrument);
   // Captures state the nominal width of a bin, which a calibration may have corrected.
   const double nominal = arguments.instrument.empty()

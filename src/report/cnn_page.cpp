@@ -46,19 +46,16 @@ Chart loss_chart(const CnnTrainingResult& result) {
 }
 
 /// Share of estimates with at most a given distance from the truth.
-Chart distance_chart(const Scene& scene, const std::vector<PointEstimate>& estimates) {
+Chart distance_chart(std::vector<double> distances) {
   Chart chart{"errors of position", "distance from the truth, m", "share of captures"};
   chart.width = 460;
   chart.height = 320;
-  std::vector<double> distances;
-  for (const PointEstimate& e : estimates) {
-    distances.push_back(point_errors(scene, {e}).back().mean);
-  }
   std::ranges::sort(distances);
   ChartSeries series{"", {{0, 0}}};
   const std::size_t count = distances.size();
   const std::size_t step = 1 + count / kMostCurvePoints;
-  for (std::size_t n = step; n <= count; n += step) {
+  for (std::size_t n = 1; n <= count; ++n) {
+    if (n % step != 0 && n != count) continue;  // the largest is always shown
     series.points.push_back(
         {distances[n - 1], static_cast<double>(n) / static_cast<double>(count)});
   }
@@ -100,7 +97,9 @@ std::string cnn_evaluation_page(const Scene& scene, const CnnDescription& networ
       formatted(" on %d captures, of which %g %% were held back.</p>\n", network.training.captures,
                 100 * network.training.validation_share);
   body += kUnits + point_errors_html(point_errors(scene, estimates));
-  body += charts_html({distance_chart(scene, estimates)}) + kPicture;
+  const std::vector<double> distances = position_errors(scene, estimates);
+  if (!distances.empty()) body += charts_html({distance_chart(distances)});
+  body += kPicture;
   return plain_page("Errors of the network on " + scene.name,
                     body + point_estimates_svg(scene, estimates));
 }

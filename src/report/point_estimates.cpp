@@ -8,6 +8,7 @@
 
 #include "blindcorner/forward/error.h"
 #include "blindcorner/forward/scene/footprint.h"
+#include "forward/support/quantile.h"
 #include "report/formatted.h"
 #include "report/html.h"
 
@@ -16,8 +17,7 @@ namespace {
 
 using Eigen::Vector2d;
 
-ErrorFigures figures_of(const std::string& name, std::vector<double> lengths) {
-  std::ranges::sort(lengths);
+ErrorFigures figures_of(const std::string& name, const std::vector<double>& lengths) {
   const std::size_t count = lengths.size();
   ErrorFigures figures{name};
   for (const double length : lengths) {
@@ -25,8 +25,8 @@ ErrorFigures figures_of(const std::string& name, std::vector<double> lengths) {
     figures.rmse += length * length / static_cast<double>(count);
   }
   figures.rmse = std::sqrt(figures.rmse);
-  figures.median = 0.5 * (lengths[(count - 1) / 2] + lengths[count / 2]);
-  figures.p90 = lengths[std::min(count - 1, count * 9 / 10)];
+  figures.median = median(lengths);
+  figures.p90 = quantile(lengths, 0.9);
   return figures;
 }
 
@@ -92,27 +92,38 @@ std::string surroundings_svg(const Scene& scene, const std::vector<PointEstimate
 
 }  // namespace
 
+std::vector<double> position_errors(const Scene& scene,
+                                    const std::vector<PointEstimate>& estimates) {
+  const auto is_position = [](const Unknown& u) { return u.component <= Component::z; };
+  if (std::ranges::none_of(scene.unknowns, is_position)) return {};
+  std::vector<double> distances;
+  for (const PointEstimate& e : estimates) {
+    double squares = 0;
+    for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
+      const auto k = static_cast<Eigen::Index>(i);
+      if (is_position(scene.unknowns[i])) squares += std::pow(e.estimate[k] - e.truth[k], 2);
+    }
+    distances.push_back(std::sqrt(squares));
+  }
+  return distances;
+}
+
 std::vector<ErrorFigures> point_errors(const Scene& scene,
                                        const std::vector<PointEstimate>& estimates) {
   if (estimates.empty()) throw Error("errors", "found no estimates, accepted: at least one");
   const std::vector<std::string> names = unknown_names(scene);
   std::vector<std::vector<double>> lengths(names.size());
-  std::vector<double> distances;
   for (const PointEstimate& e : estimates) {
-    const PoseVector error = pose_error(scene, e.estimate, e.truth);
-    double squares = 0;
+    const PoseVector error = pose_error(scene, e.estimate, e.truth).cwiseAbs();
     for (std::size_t i = 0; i < names.size(); ++i) {
-      const double length = std::abs(error[static_cast<Eigen::Index>(i)]);
-      lengths[i].push_back(length);
-      if (scene.unknowns[i].component <= Component::z) squares += length * length;
+      lengths[i].push_back(error[static_cast<Eigen::Index>(i)]);
     }
-    distances.push_back(std::sqrt(squares));
   }
   std::vector<ErrorFigures> figures;
   for (std::size_t i = 0; i < names.size(); ++i)
     figures.push_back(figures_of(names[i], lengths[i]));
-  const auto is_position = [](const Unknown& u) { return u.component <= Component::z; };
-  if (std::ranges::any_of(scene.unknowns, is_position)) {
+  const std::vector<double> distances = position_errors(scene, estimates);
+  if (!distances.empty()) {
     figures.push_back(figures_of("position_m", distances));
   }
   return figures;

@@ -24,6 +24,10 @@ struct ErrorFigures {
   double mean = 0, rmse = 0, median = 0, p90 = 0;
 };
 
+/// Lengths of errors of position over its unknown coordinates, m; empty where there are none.
+std::vector<double> position_errors(const Scene& scene,
+                                    const std::vector<PointEstimate>& estimates);
+
 /// The unknowns in order, then "position_m": the Euclidean length over all unknown coordinates of
 /// position, where there are any. Yaw is compared modulo the symmetry of the shape. Throws Error
 /// without estimates.

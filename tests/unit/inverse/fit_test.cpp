@@ -6,7 +6,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <functional>
 #include <limits>
 
 #include "blindcorner/forward/error.h"
@@ -14,6 +13,7 @@
 #include "blindcorner/forward/transport/forward_model.h"
 #include "blindcorner/io/scene_file.h"
 #include "inverse/search/exhaustive.h"
+#include "unit/error_message.h"
 #include "unit/test_scenes.h"
 
 namespace blindcorner {
@@ -49,15 +49,6 @@ PoseVector middle(const Scene& scene) {
     pose[static_cast<Eigen::Index>(i)] = scene.unknowns[i].lower + 0.4 * scene.unknowns[i].range();
   }
   return pose;
-}
-
-std::string message_of(const std::function<void()>& action) {
-  try {
-    action();
-  } catch (const Error& error) {
-    return error.what();
-  }
-  return "no error";
 }
 
 TEST(Fit, FindsABrightObjectWithinItsOwnErrorBars) {

@@ -6,15 +6,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <limits>
 #include <random>
 
 #include "blindcorner/forward/constants.h"
-#include "blindcorner/forward/error.h"
 #include "blindcorner/forward/scene/orientation.h"
 #include "blindcorner/inverse/baseline/cnn_training.h"
 #include "inverse/baseline/cnn_description.h"
+#include "unit/error_message.h"
 #include "unit/test_scenes.h"
 
 namespace blindcorner {
@@ -73,15 +72,6 @@ CnnTrainingOptions quick(int epochs) {
   options.epochs = epochs;
   options.learning_rate = 1e-2;
   return options;
-}
-
-std::string message_of(const std::function<void()>& action) {
-  try {
-    action();
-  } catch (const Error& error) {
-    return error.what();
-  }
-  return "no error";
 }
 
 /// What needs libtorch.
