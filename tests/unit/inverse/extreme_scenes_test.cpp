@@ -177,7 +177,7 @@ TEST(BrightScenes, RidgesAreSampledToTheirEnds) {
   };
   EXPECT_GE(in_region({0.384, 0.872, -1.721}, 100'000, {3, 5}) +
                 in_region({0.455, 0.815, -1.936}, 10'000, {1, 6, 9}),
-            4);  // of 5; none before
+            4);  // of 5
 }
 
 // A box of 2 m at 9 m turns its sides to the facade: posteriors run along ridges and around
