@@ -10,6 +10,7 @@
 #include "blindcorner/forward/error.h"
 #include "commands/cnn.h"
 #include "commands/commands.h"
+#include "commands/unknown_command.h"
 
 namespace {
 
@@ -26,6 +27,7 @@ int main(int argc, char** argv) {
   CLI::App app("Locates objects around corners by fitting single-photon LiDAR histograms.",
                "blindcorner");
   app.require_subcommand(1);
+  app.set_version_flag("--version", "blindcorner " BLINDCORNER_VERSION);
   int exit_code = blindcorner::kAllWell;
   blindcorner::add_fit_command(app, exit_code);
   blindcorner::add_render_command(app, exit_code);
@@ -44,12 +46,17 @@ int main(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    if (error.get_exit_code() == 0) return app.exit(error);  // --help
-    return fail(std::string(error.what()) + " (see blindcorner --help)");
+    if (error.get_exit_code() == 0) return app.exit(error);  // --help, --version
+    return fail(blindcorner::unknown_command(app, argc, argv).value_or(error.what()) +
+                " (see blindcorner --help)");
   } catch (const std::bad_alloc&) {
     return fail("out of memory");
   } catch (const std::exception& error) {
     return fail(error.what());
+  }
+  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
+    fail("standard output: could not be written");
+    return std::max(exit_code, blindcorner::kSomeFailed);
   }
   return exit_code;
 }

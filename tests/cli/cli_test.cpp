@@ -117,6 +117,25 @@ class Cli : public ::testing::Test {
   fs::path directory_;
 };
 
+TEST_F(Cli, SaysItsVersion) {
+  const Outcome result = run("--version");
+  EXPECT_EQ(result.exit_code, 0);
+  EXPECT_THAT(result.out, ::testing::MatchesRegex("blindcorner [0-9]+\\.[0-9]+\\.[0-9]+\n"));
+}
+
+TEST_F(Cli, NamesTheCommandThatAMistypedOneResembles) {
+  expect_refused(run("fitt"));
+  EXPECT_THAT(run("fitt").err, HasSubstr("did you mean 'fit'"));
+  EXPECT_THAT(run("benchmark slover").err, HasSubstr("did you mean 'solver'"));
+  EXPECT_THAT(run("see").err, HasSubstr("accepted: fit, render"));
+}
+
+TEST_F(Cli, SaysThatItsOutputCouldNotBeWritten) {
+  const Outcome result = run("info '" + write_flat("flat.exr") + "' > /dev/full");
+  EXPECT_EQ(result.exit_code, 1);
+  EXPECT_THAT(result.err, HasSubstr("standard output: could not be written"));
+}
+
 TEST_F(Cli, RenderTakesPosesOfSeveralObjectsByName) {
   json scene =
       json::parse(text_of(std::string(SOURCE_DIR) + "/scenes/reference_tilted_spheres.json"));

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "commands/unknown_command.h"
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <numeric>
+#include <vector>
+
+namespace blindcorner {
+namespace {
+
+/// Characters to insert, delete or replace (Levenshtein).
+std::size_t edits(const std::string& from, const std::string& to) {
+  std::vector<std::size_t> row(to.size() + 1);
+  std::iota(row.begin(), row.end(), std::size_t{0});
+  for (std::size_t i = 0; i < from.size(); ++i) {
+    std::size_t diagonal = row[0]++;
+    for (std::size_t j = 0; j < to.size(); ++j) {
+      const std::size_t replaced = diagonal + (from[i] == to[j] ? 0 : 1);
+      diagonal = row[j + 1];
+      row[j + 1] = std::min({row[j] + 1, diagonal + 1, replaced});
+    }
+  }
+  return row.back();
+}
+
+std::string describe(const CLI::App& app, const std::string& word) {
+  std::vector<std::string> names;
+  for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) {
+    names.push_back(command->get_name());
+  }
+  const auto resemblance = [&](const std::string& name) {
+    return name.starts_with(word) ? 0 : edits(word, name);
+  };
+  const auto best = std::ranges::min_element(names, {}, resemblance);
+  std::string text = "'" + word + "' is not a command of " + app.get_name();
+  // Half of the letters wrong is another word.
+  if (2 * resemblance(*best) <= best->size()) return text + "; did you mean '" + *best + "'?";
+  text += "; accepted: ";
+  for (const std::string& name : names) text += (name == names.front() ? "" : ", ") + name;
+  return text;
+}
+
+}  // namespace
+
+std::optional<std::string> unknown_command(const CLI::App& app, int argc, const char* const* argv) {
+  const CLI::App* at = &app;
+  for (int i = 1; i < argc; ++i) {
+    const std::string word = argv[i];
+    const auto commands = at->get_subcommands([](const CLI::App*) { return true; });
+    if (commands.empty() || word.starts_with("-")) return std::nullopt;
+    const auto found =
+        std::ranges::find(commands, word, [](const CLI::App* c) { return c->get_name(); });
+    if (found == commands.end()) return describe(*at, word);
+    at = *found;
+  }
+  return std::nullopt;
+}
+
+}  // namespace blindcorner
