@@ -63,6 +63,10 @@ void describe_sensor_poses(const Scene& scene, std::span<const Capture> captures
   }
 }
 
+double bounded(double value, double bound) {
+  return bound > 0 ? std::clamp(value, -bound, bound) : value;
+}
+
 Json vector_json(const Eigen::Vector3d& v) { return {v[0], v[1], v[2]}; }
 
 Eigen::Vector3d parse_vector(const Json& json) {
@@ -87,6 +91,7 @@ CnnDescription read_fields(const Json& json) {
     d.input_mean = json.at("input_mean").get<std::vector<double>>();
     d.input_deviation = json.at("input_deviation").get<std::vector<double>>();
   }
+  d.input_bound = json.at("input_bound").get<double>();
   d.sensor_center = parse_vector(json.at("sensor_pose").at("center"));
   d.sensor_scale = parse_vector(json.at("sensor_pose").at("scale"));
   for (const Json& entry : json.at("unknowns")) {
@@ -118,6 +123,7 @@ void check_fields(const CnnDescription& d, const std::string& where) {
       !std::ranges::all_of(d.input_deviation, [](double v) { return v > 0; })) {
     fail("input_deviation", "as many numbers as input_mean, > 0");
   }
+  if (!(d.input_bound >= 0)) fail("input_bound", "a number > 0, or 0 for none");
   if (!d.sensor_center.allFinite()) fail("sensor_pose.center", "finite numbers");
   if (!(d.sensor_scale.minCoeff() > 0)) fail("sensor_pose.scale", "numbers > 0");
   if (d.unknowns.empty()) fail("unknowns", "at least one");
@@ -149,6 +155,7 @@ CnnDescription describe_cnn(const Scene& scene, std::span<const Capture> capture
   // Values of mean one. Left at a sum of one they are so small that the normalisation's own epsilon
   // (1e-5) outweighs the variance of the first convolution.
   d.input_scale = static_cast<double>(d.zones) * d.bins;
+  d.input_bound = options.input_bound;
   describe_sensor_poses(scene, captures, d);
   const std::vector<std::string> names = unknown_names(scene);
   const std::vector<double> turns = periods(scene);
@@ -174,6 +181,7 @@ std::string description_text(const CnnDescription& d) {
     json["input_mean"] = d.input_mean;
     json["input_deviation"] = d.input_deviation;
   }
+  json["input_bound"] = d.input_bound;
   json["sensor_pose"] = {{"names", {"x_m", "y_m", "yaw_rad"}},
                          {"center", vector_json(d.sensor_center)},
                          {"scale", vector_json(d.sensor_scale)}};
@@ -224,12 +232,14 @@ void add_capture(const CnnDescription& d, const Capture& capture, const Transfor
   }
   for (std::size_t i = 0; i < counts.values.size(); ++i) {
     double value = counts.values[i] / sum * d.input_scale;
-    if (!d.input_mean.empty()) value = (value - d.input_mean[i]) / d.input_deviation[i];
+    if (!d.input_mean.empty()) {
+      value = bounded((value - d.input_mean[i]) / d.input_deviation[i], d.input_bound);
+    }
     data.histograms.push_back(static_cast<float>(value));
   }
   const Eigen::Vector3d pose = planar_difference(planar_pose(T_world_sensor), d.sensor_center);
   for (int i = 0; i < 3; ++i) {
-    data.sensors.push_back(static_cast<float>(pose[i] / d.sensor_scale[i]));
+    data.sensors.push_back(static_cast<float>(bounded(pose[i] / d.sensor_scale[i], d.input_bound)));
   }
 }
 
@@ -282,7 +292,8 @@ PoseVector decode_pose(const CnnDescription& description, std::span<const float>
       const double turns = std::atan2(static_cast<double>(outputs[next++]), value) / (2 * kPi);
       value = u.period * (turns - std::floor(turns - u.lower / u.period));
     } else {
-      value = u.lower + (value + 1) / 2 * (u.upper - u.lower);
+      // An answer outside of the search region is never right.
+      value = std::clamp(u.lower + (value + 1) / 2 * (u.upper - u.lower), u.lower, u.upper);
     }
     pose[static_cast<Eigen::Index>(i)] = value;
   }

@@ -9,8 +9,8 @@
 
 namespace blindcorner {
 
-/// "blindcorner.cnn/1": rises when the network or the meaning of its numbers changes.
-inline constexpr const char* kCnnFormat = "blindcorner.cnn/1";
+/// "blindcorner.cnn/2": rises when the network or the meaning of its numbers changes.
+inline constexpr const char* kCnnFormat = "blindcorner.cnn/2";
 
 /// What a network for these captures takes and puts out. The sensor's poses are normalised by their
 /// mean and standard deviation.
@@ -30,7 +30,7 @@ CnnShape shape_of(const CnnDescription& description);
 void add_capture(const CnnDescription& description, const Capture& capture,
                  const Transform& T_world_sensor, CnnData& data);
 
-/// A pose as the network's outputs [outputs], and back.
+/// A pose as the network's outputs [outputs], and back, into the ranges of the unknowns.
 std::vector<float> encode_pose(const CnnDescription& description, const PoseVector& pose);
 PoseVector decode_pose(const CnnDescription& description, std::span<const float> outputs);
 

@@ -167,6 +167,9 @@ void CnnTrainingOptions::validate() const {
   if (!(validation_share >= 0 && validation_share < 1)) {
     fail("validation_share", validation_share, "0 to less than 1");
   }
+  if (!(input_bound >= 0) || !std::isfinite(input_bound)) {
+    fail("input_bound", input_bound, "> 0, or 0 for none");
+  }
   if (early_stopping < 0) fail("early_stopping", early_stopping, ">= 0");
   if (early_stopping > 0 && validation_share <= 0) {
     fail("validation_share", validation_share, "> 0 where training stops early");

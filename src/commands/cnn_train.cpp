@@ -74,6 +74,7 @@ std::string summary_text(const Scene& scene, const TrainArguments& arguments,
                      {"learning_rate", options.learning_rate},
                      {"early_stopping", options.early_stopping},
                      {"standardise", options.standardise},
+                     {"input_bound", options.input_bound},
                      {"validation_share", options.validation_share},
                      {"seed", options.seed},
                      {"split_seed", options.split_seed}};
@@ -182,6 +183,12 @@ void add_cnn_train(CLI::App& cnn, int& exit_code) {
   command.add_flag("--standardise,!--no-standardise", arguments->options.standardise,
                    "each bin enters as its difference from the mean over the standard deviation "
                    "(default), or as published");
+  command
+      .add_option("--input-bound", arguments->options.input_bound,
+                  "standard deviations at which standardised bins and sensor poses are clipped; 0: "
+                  "they are not")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
   command.add_option("--seed", arguments->options.seed, "of weights, order and dropout")
       ->capture_default_str();
   command.add_option("--split-seed", arguments->split_seed,

@@ -62,6 +62,12 @@ def yaw_of(pose):
     return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
 
+def bounded(meta, values):
+    """Standardised values, clipped as the file says; 0: they are not."""
+    bound = meta["input_bound"]
+    return np.clip(values, -bound, bound) if bound > 0 else values
+
+
 def inputs_of(meta, archive):
     """Histograms [captures, zones, bins] and sensor poses [captures, 3] of an exported data set."""
     data = np.load(archive)
@@ -70,9 +76,10 @@ def inputs_of(meta, archive):
     histograms = counts / counts.sum(axis=(1, 2), keepdims=True) * meta["input_scale"]
     if "input_mean" in meta:
         mean, deviation = np.array(meta["input_mean"]), np.array(meta["input_deviation"])
-        histograms = (histograms - mean.reshape(counts.shape[1:])) / deviation.reshape(counts.shape[1:])
+        histograms = bounded(
+            meta, (histograms - mean.reshape(counts.shape[1:])) / deviation.reshape(counts.shape[1:]))
     poses = np.array([[*c["sensor_pose"]["position_m"][:2], yaw_of(c["sensor_pose"])] for c in captures])
-    sensors = (poses - meta["sensor_pose"]["center"]) / meta["sensor_pose"]["scale"]
+    sensors = bounded(meta, (poses - meta["sensor_pose"]["center"]) / meta["sensor_pose"]["scale"])
     return torch.tensor(histograms, dtype=torch.float32), torch.tensor(sensors, dtype=torch.float32)
 
 
@@ -89,14 +96,14 @@ def encoded(meta, row):
 
 
 def comparable(meta, outputs):
-    """The same of the network's outputs."""
+    """The same of the network's outputs; the program's answers stay within the ranges."""
     columns, at = [], 0
     for unknown in meta["unknowns"]:
         if "period" in unknown:
             columns.append(np.arctan2(outputs[:, at + 1], outputs[:, at]))
             at += 2
         else:
-            columns.append(outputs[:, at])
+            columns.append(np.clip(outputs[:, at], -1, 1))
             at += 1
     return np.stack(columns, axis=1)
 

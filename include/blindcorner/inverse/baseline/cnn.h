@@ -43,6 +43,9 @@ struct CnnDescription {
   /// [zones * bins] of the captures that were learnt, after that; each bin enters as its difference
   /// from the mean over the standard deviation. Empty: as it is.
   std::vector<double> input_mean, input_deviation;
+  /// Standardised values, of bins and of the sensor's pose, are clipped at this many standard
+  /// deviations to either side. 0: they are not.
+  double input_bound = 0;
   /// x (m), y (m) and yaw (rad) of the sensor enter as (value - center) / scale.
   Eigen::Vector3d sensor_center = Eigen::Vector3d::Zero();
   Eigen::Vector3d sensor_scale = Eigen::Vector3d::Ones();
@@ -70,8 +73,8 @@ class CnnBaseline {
   /// Contents of a file of weights, which `load` and PyTorch's torch.load read.
   std::string bytes() const;
 
-  /// Pose of the hidden object from one capture taken at a pose of the sensor; the network states
-  /// no uncertainty. Thread safe. Throws Error for a capture of another sensor, and one whose
+  /// Pose of the hidden object from one capture taken at a pose of the sensor, within the ranges of
+  /// the unknowns. Thread safe. Throws Error for a capture of another sensor, and one whose
   /// counts are not finite or do not sum to more than zero.
   PoseVector predict(const Capture& capture, const Transform& T_world_sensor) const;
 

@@ -25,6 +25,10 @@ struct CnnTrainingOptions {
   /// Whether each bin is standardised over the captures that are learnt. Without, they enter
   /// as published; on tmf8828_wall the loss then stays that of always answering the middle.
   bool standardise = true;
+  /// Standard deviations at which standardised values are clipped, > 0; 0: they are not. A bin that
+  /// hardly changed in training changes by hundreds of its deviations when the sensor moves by a
+  /// few centimetres, and the network's answer with it.
+  double input_bound = 5;
   std::uint64_t seed = 1;        ///< of weights, order of captures and dropout
   std::uint64_t split_seed = 1;  ///< of which captures are held back
 

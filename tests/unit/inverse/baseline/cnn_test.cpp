@@ -109,9 +109,9 @@ TEST(CnnDescription, IsReadAsItWasWritten) {
 TEST(CnnDescription, OtherVersionsAndFieldsAreNamed) {
   const Scene scene = toy_scene();
   std::string text = description_text(describe_cnn(scene, toy_captures(scene, 3), {}));
-  text.replace(text.find("cnn/1"), 5, "cnn/9");
+  text.replace(text.find("cnn/2"), 5, "cnn/1");
   EXPECT_THAT(message_of([&] { parse_description(text, "w.pt"); }),
-              AllOf(HasSubstr("w.pt: metadata.format"), HasSubstr("cnn/9"), HasSubstr("cnn/1")));
+              AllOf(HasSubstr("w.pt: metadata.format"), HasSubstr("cnn/1"), HasSubstr("cnn/2")));
   EXPECT_THAT(message_of([] { parse_description("no JSON", "w.pt"); }), HasSubstr("w.pt"));
   EXPECT_THAT(message_of([] { parse_description("[1]", "w.pt"); }), HasSubstr("metadata.format"));
 }
@@ -133,6 +133,34 @@ TEST(CnnDescription, CapturesAreOfUnitMeanWhateverTheirExposure) {
   EXPECT_NEAR(sum / 48, 1, 1e-6);
 }
 
+// A bin that never changed in training and a pose of the sensor far from those in it.
+TEST(CnnDescription, InputsAreBounded) {
+  const Scene scene = toy_scene();
+  Capture capture = toy_capture(scene, 2, 1, 1);
+  CnnDescription d = describe_cnn(scene, std::span(&capture, 1), {});
+  const Capture* learnt = &capture;
+  standardise_inputs(std::span(&learnt, 1), d);
+  d.input_deviation.assign(48, 1e-4);
+  capture.counts.zone(0)[3] += 500;
+  const Transform elsewhere = testing_scenes::at({-100, 0, 0});
+  CnnData data;
+  add_capture(d, capture, elsewhere, data);
+  EXPECT_EQ(data.histograms[3], 5);
+  EXPECT_EQ(data.histograms[40], -5);
+  EXPECT_EQ(data.sensors[0], -5);
+  d.input_bound = 0;
+  add_capture(d, capture, elsewhere, data);
+  EXPECT_GT(data.histograms[48 + 3], 1000);
+  EXPECT_LT(data.sensors[3], -50);
+}
+
+TEST(CnnDescription, AnswersStayInTheSearchRegion) {
+  const Scene scene = toy_scene();
+  const CnnDescription d = describe_cnn(scene, toy_captures(scene, 3), {});
+  EXPECT_EQ(decode_pose(d, std::vector<float>{7, 1, 0})[0], 3);
+  EXPECT_EQ(decode_pose(d, std::vector<float>{-7, 1, 0})[0], 1);
+}
+
 TEST(CnnTraining, HoldsBackTheShareThatIsAskedFor) {
   const auto held_back = validation_captures(100, 0.2, 3);
   EXPECT_THAT(held_back, SizeIs(20));
@@ -152,6 +180,7 @@ TEST(CnnTraining, OptionsOutOfRangeAreNamed) {
   refuses([](auto& o) { o.learning_rate = std::nan(""); }, "learning_rate");
   refuses([](auto& o) { o.validation_share = 1; }, "validation_share");
   refuses([](auto& o) { o.early_stopping = -1; }, "early_stopping");
+  refuses([](auto& o) { o.input_bound = -1; }, "input_bound");
 }
 
 // Captures whose answer is plain: the error falls far below that of guessing the middle, which is
