@@ -23,6 +23,7 @@ namespace {
 struct DrivesArguments {
   std::vector<std::string> drives;
   std::vector<std::string> perceptions{"solver"};
+  std::vector<std::string> weights;
   std::vector<double> light{0};  ///< 0: the drive file's
   std::string output = "out/drives";
   int seeds = 10;
@@ -146,6 +147,8 @@ int run_drives(const DrivesArguments& arguments) {
     for (const double light : arguments.light) {
       const Drive drive = read_lit_drive(file, light);
       const SimulatedSensor sensor(drive.scene);
+      const PerceptionNetworks networks =
+          load_networks(drive, weight_files(drive, arguments.weights, arguments.perceptions));
       for (const std::string& perception : arguments.perceptions) {
         rows.push_back({drive.name, perception, drive.sensor.light, {}});
         for (int i = 0; i < arguments.seeds; ++i) {
@@ -153,6 +156,7 @@ int run_drives(const DrivesArguments& arguments) {
           options.perception = perception;
           options.seed = arguments.seed + static_cast<std::uint64_t>(i);
           options.keep_pictures = false;
+          options.networks = networks;
           const DriveResult result = drive_through(drive, sensor, options);
           rows.back().runs.push_back(
               {options.seed, result.outcome, result.clearance, drive_claims(drive, result)});
@@ -180,6 +184,8 @@ void add_drives_benchmark(CLI::App& benchmark, int& exit_code) {
       ->delimiter(',')
       ->check(CLI::IsMember(perception_names()))
       ->capture_default_str();
+  command.add_option("--weights", arguments->weights,
+                     "weights.pt of cnn train, for perceptions that are networks");
   command.add_option("-n,--seeds", arguments->seeds, "drives of each")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();

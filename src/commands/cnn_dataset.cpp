@@ -13,8 +13,10 @@
 #include "blindcorner/io/capture_file.h"
 #include "blindcorner/io/scene_file.h"
 #include "blindcorner/simulation/dataset.h"
+#include "blindcorner/simulation/drive_dataset.h"
 #include "commands/cnn.h"
 #include "commands/commands.h"
+#include "commands/lit_drive.h"
 #include "commands/output_directory.h"
 #include "commands/progress.h"
 #include "commands/thread_limit.h"
@@ -33,6 +35,7 @@ struct DatasetArguments {
   double sensor_spread = -1;
   double sensor_yaw_spread_deg = 2;
   int threads = 0;
+  int environments = 0;  ///< > 0: SCENE is a drive file
   DatasetOptions options;
 };
 
@@ -72,27 +75,69 @@ std::string manifest_text(const Scene& scene, const DatasetOptions& options,
   return json.dump(1) + "\n";
 }
 
+/// The manifest goes first and comes last: beside captures of another run it would be wrong.
+void write_dataset(const fs::path& directory, const CaptureFile& file,
+                   const std::string& manifest) {
+  fs::remove(directory / kDatasetManifest);
+  write_captures((directory / kCaptures).string(), file);
+  write_atomically((directory / kDatasetManifest).string(), manifest);
+  std::printf("%s\n%s\n", (directory / kCaptures).c_str(), (directory / kDatasetManifest).c_str());
+}
+
+CaptureFile captures_file(const Scene& scene) {
+  CaptureFile file;
+  file.bin_width = scene.sensor.bin_width;
+  file.sensor = scene.sensor.name;
+  file.description = "data set of scene " + scene.name + " to learn from";
+  return file;
+}
+
+std::string drive_manifest_text(const Drive& drive, const DriveDatasetOptions& options,
+                                std::size_t count) {
+  Json json;
+  json["format"] = "blindcorner.dataset/1";
+  json["scene"] = drive.scene.name;
+  json["drive"] = drive.name;
+  json["light"] = drive.sensor.light;
+  json["sensor"] = drive.scene.sensor.name;
+  json["captures"] = kCaptures;
+  json["count"] = count;
+  json["environments"] = options.environments;
+  json["exposures"] = 1;
+  json["seed"] = options.seed;
+  json["split_seed"] = options.seed;
+  return json.dump(1) + "\n";
+}
+
+/// Frames of drives by the oracle, as published for the street.
+int run_drive_dataset(const DatasetArguments& arguments) {
+  const Drive drive = read_lit_drive(arguments.scene, 0);
+  const DriveDatasetOptions options{arguments.environments, arguments.options.seed};
+  const std::vector<Trial> drives = plan_drive_dataset(drive, options);
+  make_directory(arguments.output);
+  CaptureFile file = captures_file(drive.scene);
+  Progress progress("drives", drives.size());
+  file.captures = record_drives(drive, SimulatedSensor(drive.scene), drives, arguments.threads,
+                                [&progress] { progress.advance(); });
+  progress.finish();
+  write_dataset(arguments.output, file, drive_manifest_text(drive, options, file.captures.size()));
+  return kAllWell;
+}
+
 int run_dataset(DatasetArguments arguments) {
   const ThreadLimit threads(arguments.threads);
+  if (arguments.environments > 0) return run_drive_dataset(arguments);
   DatasetOptions& options = arguments.options;
   if (arguments.sensor_spread >= 0) options.sensor_spread = arguments.sensor_spread;
   options.sensor_yaw_spread = arguments.sensor_yaw_spread_deg * kDegree;
   const Scene scene = read_scene(arguments.scene);
   const DatasetPlan plan = plan_dataset(scene, options);
   make_directory(arguments.output);
-  CaptureFile file;
-  file.bin_width = scene.sensor.bin_width;
-  file.sensor = scene.sensor.name;
-  file.description = "data set of scene " + scene.name + " to learn from";
+  CaptureFile file = captures_file(scene);
   Progress progress("captures", plan.objects.size() * plan.sensors.size());
   file.captures = render_dataset(scene, plan, options, [&progress] { progress.advance(); });
   progress.finish();
-  const fs::path directory = arguments.output;
-  // The manifest goes first and comes last: beside captures of another run it would be wrong.
-  fs::remove(directory / kDatasetManifest);
-  write_captures((directory / kCaptures).string(), file);
-  write_atomically((directory / kDatasetManifest).string(), manifest_text(scene, options, plan));
-  std::printf("%s\n%s\n", (directory / kCaptures).c_str(), (directory / kDatasetManifest).c_str());
+  write_dataset(arguments.output, file, manifest_text(scene, options, plan));
   return kAllWell;
 }
 
@@ -102,9 +147,10 @@ void add_cnn_dataset(CLI::App& cnn, int& exit_code) {
   CLI::App& command = *cnn.add_subcommand(
       "dataset",
       "captures of the object on a grid of places from several poses of the sensor, with the noise "
-      "of a drive; writes DIR/captures.exr and DIR/dataset.json");
+      "of a drive, or the frames of drives; writes DIR/captures.exr and DIR/dataset.json");
   const auto arguments = std::make_shared<DatasetArguments>();
-  command.add_option("SCENE", arguments->scene, "scene file")->required();
+  command.add_option("SCENE", arguments->scene, "scene file; with --environments a drive file")
+      ->required();
   command
       .add_option("-o,--output", arguments->output, "directory for the data set; made if missing")
       ->required()
@@ -135,6 +181,12 @@ void add_cnn_dataset(CLI::App& cnn, int& exit_code) {
                   "exposures that are averaged in each capture")
       ->check(CLI::Range(1, 1000000))
       ->capture_default_str();
+  command
+      .add_option(
+          "--environments", arguments->environments,
+          "drives by the oracle, whose frames are recorded until the object comes in sight; "
+          "instead of the grid (published: 30)")
+      ->check(CLI::Range(1, 100000));
   command.add_option("--seed", arguments->options.seed, "of poses and photons")
       ->capture_default_str();
   command.add_option("--threads", arguments->threads, "0: one per processor")

@@ -6,6 +6,8 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <string>
+#include <vector>
 
 #include "blindcorner/io/atomic_file.h"
 #include "blindcorner/io/drive_file.h"
@@ -24,6 +26,7 @@ struct DriveArguments {
   std::string drive;
   std::string output;
   std::string perception;
+  std::vector<std::string> weights;
   double speed = 0;
   double light = 0;
   int check_sensor = 0;
@@ -103,6 +106,8 @@ int run_drive(const DriveArguments& arguments) {
   const Drive drive = drive_of(arguments);
   DriveOptions options = arguments.options;
   options.perception = arguments.perception.empty() ? drive.perception : arguments.perception;
+  options.networks =
+      load_networks(drive, weight_files(drive, arguments.weights, {options.perception}));
   if (arguments.speed > 0) options.speed = arguments.speed;
   options.keep_pictures = !arguments.no_page || arguments.check_sensor > 0;
   const SimulatedSensor sensor(drive.scene);
@@ -138,7 +143,10 @@ void add_drive_command(CLI::App& app, int& exit_code) {
       ->required()
       ->type_name("DIR");
   command.add_option("--perception", arguments->perception,
-                     "los, solver or oracle; default: the drive file's");
+                     "los, solver, cnn or oracle; default: the drive file's");
+  command.add_option("--weights", arguments->weights,
+                     "weights.pt of cnn train, for perceptions that are networks; default: the "
+                     "drive file's");
   command
       .add_option("--injected-error", arguments->options.injected_error,
                   "m, by which oracle_disc and oracle_covariance miss the truth")

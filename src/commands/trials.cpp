@@ -36,14 +36,15 @@ struct TrialsArguments {
   std::string output;
   double light = 0;
   int replays = 4;
+  std::vector<std::string> weights;
   TrialsOptions options;
 };
 
 void check_perceptions(const std::vector<std::string>& names) {
   // Oracles that are misled are driven by --error-trials.
-  for (const std::string& name : names) {
-    check_perception(name, "--perception", {"los", "solver", "oracle"});
-  }
+  std::vector<std::string> accepted = perception_names();
+  std::erase_if(accepted, [](const std::string& name) { return name.starts_with("oracle_"); });
+  for (const std::string& name : names) check_perception(name, "--perception", accepted);
   if (std::set<std::string>(names.begin(), names.end()).size() != names.size()) {
     throw Error("--perception", "a perception is named twice");
   }
@@ -54,6 +55,23 @@ std::string scene_bytes(const std::string& drive_path) {
   const auto json = nlohmann::json::parse(read_bytes(drive_path));
   return read_bytes(
       (fs::path(drive_path).parent_path() / json.at("scene").get<std::string>()).string());
+}
+
+/// Which weights each network's trials are driven with: one study does not mix two trainings.
+void keep_weights(const fs::path& directory, const std::map<std::string, std::string>& files) {
+  if (files.empty()) return;
+  const std::string path = (directory / "weights.json").string();
+  nlohmann::ordered_json known = nlohmann::ordered_json::object();
+  if (fs::exists(path)) known = nlohmann::ordered_json::parse(read_bytes(path));
+  for (const auto& [name, file] : files) {
+    const std::string hash = content_hash(read_bytes(file));
+    if (known.value(name, hash) != hash) {
+      throw Error(path, "holds trials of other weights of " + name + " than " + file +
+                            ", accepted: the same weights, or another directory");
+    }
+    known[name] = hash;
+  }
+  write_atomically(path, known.dump(1) + "\n");
 }
 
 std::vector<TrialResult> sorted(const TrialJournal& journal) {
@@ -72,16 +90,20 @@ void write_tables(const fs::path& directory, const Drive& drive,
 
 /// Pages of failed trials, the first few of each perception; those that are there stay.
 void write_replays(const fs::path& directory, const Drive& drive, const SimulatedSensor& sensor,
-                   const std::vector<TrialResult>& results, int most) {
+                   const PerceptionNetworks& networks, const std::vector<TrialResult>& results,
+                   int most) {
   std::vector<Trial> wanted;
   std::map<std::string, int> count;
   for (const TrialResult& result : results) {
-    if (result.reached() || count[result.trial.perception]++ >= most) continue;
+    const std::string& name = result.trial.perception;
+    if (result.reached() || (is_network(name) && !networks.contains(name))) continue;
+    if (count[name]++ >= most) continue;
     if (!fs::exists(directory / replay_page(result.trial))) wanted.push_back(result.trial);
   }
   Progress progress("replays", wanted.size());
   for (const Trial& trial : wanted) {
-    const DriveOptions options = options_of(trial);
+    DriveOptions options = options_of(trial);
+    options.networks = networks;
     const DriveResult driven = drive_through(drive, sensor, options);
     const fs::path page = directory / replay_page(trial);
     make_directory(page.parent_path().string());
@@ -113,13 +135,14 @@ void print_summary(const Drive& drive, const std::vector<TrialResult>& results) 
 
 /// Runs what has no result in the journal yet.
 void run_open_trials(const TrialsArguments& arguments, const Drive& drive,
-                     const SimulatedSensor& sensor, TrialJournal& journal) {
+                     const SimulatedSensor& sensor, const PerceptionNetworks& networks,
+                     TrialJournal& journal) {
   const std::vector<Trial> open =
       open_trials(plan_trials(drive, arguments.options), journal.results());
   Progress progress("trials", open.size());
   run_trials(
       open, arguments.options.threads,
-      [&](const Trial& trial) { return run_trial(drive, sensor, trial); },
+      [&](const Trial& trial) { return run_trial(drive, sensor, trial, {}, networks); },
       [&](const TrialResult& result) {
         journal.add(result);
         write_tables(arguments.output, drive, sorted(journal));
@@ -133,14 +156,17 @@ int run(const TrialsArguments& arguments) {
   arguments.options.validate();
   const std::string study =
       trial_study(drive, scene_bytes(arguments.drive), arguments.options.seed);
+  const auto files = weight_files(drive, arguments.weights, arguments.options.perceptions);
+  const PerceptionNetworks networks = load_networks(drive, files);
   const SimulatedSensor sensor(drive.scene);
   make_directory(arguments.output);
   const fs::path directory = arguments.output;
   TrialJournal journal(arguments.output, study);
-  run_open_trials(arguments, drive, sensor, journal);
+  keep_weights(directory, files);
+  run_open_trials(arguments, drive, sensor, networks, journal);
   const std::vector<TrialResult> results = sorted(journal);
   write_tables(directory, drive, results);
-  write_replays(directory, drive, sensor, results, arguments.replays);
+  write_replays(directory, drive, sensor, networks, results, arguments.replays);
   const auto replayed = [&](const Trial& trial) {
     return fs::exists(directory / replay_page(trial));
   };
@@ -170,9 +196,12 @@ void add_trials_command(CLI::App& app, int& exit_code) {
       ->capture_default_str();
   command
       .add_option("--perception", arguments->options.perceptions,
-                  "los, solver, oracle, with commas between them")
+                  "los, solver, cnn, oracle, with commas between them")
       ->delimiter(',')
       ->capture_default_str();
+  command.add_option("--weights", arguments->weights,
+                     "weights.pt of cnn train, for perceptions that are networks; default: the "
+                     "drive file's");
   command.add_option("--seed", arguments->options.seed, "of the first trial; the others count on")
       ->capture_default_str();
   command

@@ -215,10 +215,16 @@ DriveTruth read_truth(const JsonReader& reader, const Scene& scene) {
 
 void read_perception(const JsonReader& reader, Drive& drive) {
   if (!reader.present()) return;
-  reader.allow_only({"use", "delay_s"});
+  reader.allow_only({"use", "delay_s", "weights"});
   drive.perception = reader.at("use").text_or(drive.perception);
   if (const JsonReader delays = reader.at("delay_s"); delays.present()) {
     for (const auto& [name, delay] : delays.fields()) drive.delay[name] = delay.number(kDelay);
+  }
+  if (const JsonReader weights = reader.at("weights"); weights.present()) {
+    const std::filesystem::path directory = std::filesystem::path(drive.path).parent_path();
+    for (const auto& [name, file] : weights.fields()) {
+      drive.weights[name] = (directory / file.text()).string();
+    }
   }
 }
 

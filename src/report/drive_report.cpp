@@ -7,6 +7,7 @@
 
 #include "blindcorner/forward/scene/footprint.h"
 #include "blindcorner/report/result_file.h"
+#include "blindcorner/simulation/perception.h"
 #include "blindcorner/simulation/true_world.h"
 #include "report/birds_eye.h"
 #include "report/html.h"
@@ -206,12 +207,11 @@ json world_json(const Drive& drive, const DriveResult& result) {
 json drive_json(const Drive& drive, const DriveOptions& options, const DriveResult& result) {
   json frames = json::array();
   for (const DriveFrame& frame : result.frames) frames.push_back(frame_json(frame));
-  const auto delay = drive.delay.find(options.perception);
   return {{"format", kDriveFormat},
           {"drive", drive.name},
           {"scene", drive.scene.name},
           {"perception", options.perception},
-          {"perception_delay_s", delay == drive.delay.end() ? 0.0 : delay->second},
+          {"perception_delay_s", declared_delay(drive, options.perception)},
           {"seed", options.seed},
           {"light", drive.sensor.light},
           {"outcome", outcome_word(result.outcome)},

@@ -27,8 +27,13 @@ constexpr std::array kPublishedLos{1.0, 1.0, 0.80, 0.17, 0.0, 0.0};
 constexpr std::array kPublishedErrors{0.89, 0.71, 0.42, 0.29, 0.24, 0.13};
 
 /// Perceptions that are compared with each other.
-constexpr std::array<std::pair<const char*, const char*>, 3> kPairs{
-    {{"solver", "los"}, {"oracle", "los"}, {"solver", "oracle"}}};
+constexpr std::array<std::pair<const char*, const char*>, 7> kPairs{{{"solver", "los"},
+                                                                     {"oracle", "los"},
+                                                                     {"solver", "oracle"},
+                                                                     {"cnn", "los"},
+                                                                     {"solver", "cnn"},
+                                                                     {"cnn_wide", "los"},
+                                                                     {"solver", "cnn_wide"}}};
 
 Results chosen(const Results& results, const std::function<bool(const TrialResult&)>& wanted) {
   Results list;
@@ -53,9 +58,22 @@ std::string share_text(const Results& results) {
                    interval.high, good, all);
 }
 
+/// Those of which both were driven.
+std::vector<std::pair<const char*, const char*>> pairs_of(const Results& results) {
+  const std::vector<std::string> names = perceptions_of(results);
+  const auto driven = [&](const char* name) { return std::ranges::count(names, name) > 0; };
+  std::vector<std::pair<const char*, const char*>> pairs;
+  for (const auto& [first, second] : kPairs) {
+    if (driven(first) && driven(second)) pairs.emplace_back(first, second);
+  }
+  return pairs;
+}
+
 std::string colour_of(const std::string& name) {
   static const std::map<std::string, std::string> kColours{{"los", "#d62728"},
                                                            {"solver", "#1f77b4"},
+                                                           {"cnn", "#ff7f0e"},
+                                                           {"cnn_wide", "#8c564b"},
                                                            {"oracle", "#2ca02c"},
                                                            {"oracle_disc", "#9467bd"},
                                                            {"oracle_covariance", "#17becf"},
@@ -141,15 +159,17 @@ std::string difference_cell(const PairedCounts& counts) {
 }
 
 std::string difference_section(const Drive& drive, const Results& results) {
+  const auto pairs = pairs_of(results);
+  if (pairs.empty()) return "";
   std::string html =
       "<h2>Differences, paired by seed</h2>\n<p>Success of the first minus that of the second on "
       "the same trials, with 95 % intervals (Newcombe's tenth method); then trials that only the "
       "first, and only the second, drove well.</p>\n<table><tr><th>speed, m/s";
-  for (const auto& [first, second] : kPairs) html += formatted("<th>%s - %s", first, second);
+  for (const auto& [first, second] : pairs) html += formatted("<th>%s - %s", first, second);
   for (int zone = -1; zone < drive.trials.zones; ++zone) {
     html += "</tr>\n<tr><td>" + (zone < 0 ? "all" : zone_name(drive.trials, zone));
     const Results here = zone < 0 ? results : in_zone(results, zone);
-    for (const auto& [first, second] : kPairs) {
+    for (const auto& [first, second] : pairs) {
       html += difference_cell(paired(of(here, first), of(here, second)));
     }
   }
@@ -184,7 +204,7 @@ std::string mean_text(const std::vector<double>& values) {
 
 std::string corner_differences(const Results& results) {
   std::string rows = "<table><tr><th>paired by seed<th>difference of mean speeds, m/s</tr>\n";
-  for (const auto& [first, second] : kPairs) {
+  for (const auto& [first, second] : pairs_of(results)) {
     rows += formatted("<tr><td>%s - %s<td>", first, second) +
             mean_text(
                 differences(of(results, first), of(results, second), &TrialResult::corner_speed)) +

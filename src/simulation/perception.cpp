@@ -9,6 +9,7 @@
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
 #include "io/json_reader.h"
+#include "simulation/network_perception.h"
 #include "simulation/solver_perception.h"
 
 namespace blindcorner {
@@ -103,7 +104,11 @@ class MisledOracle final : public Perception {
 struct Entry {
   const char* name;
   std::unique_ptr<Perception> (*make)(const PerceptionSetup&);
+  double delay = 0;  ///< s, where the drive file declares none
 };
+
+/// Median on one core for a frame of 64 zones and 256 bins, rounded up to whole ms.
+constexpr double kCnnDelay = 0.001;
 
 constexpr std::array kPerceptions = {
     Entry{"los",
@@ -111,6 +116,7 @@ constexpr std::array kPerceptions = {
             return std::make_unique<LineOfSightPerception>();
           }},
     Entry{"solver", make_solver_perception},
+    Entry{"cnn", make_cnn_perception, kCnnDelay},
     Entry{"oracle",
           [](const PerceptionSetup& setup) -> std::unique_ptr<Perception> {
             return std::make_unique<OraclePerception>(setup);
@@ -141,6 +147,17 @@ void check_perception(const std::string& name, const std::string& field,
                       const std::vector<std::string>& accepted) {
   if (std::ranges::find(accepted, name) != accepted.end()) return;
   throw Error(field, "found \"" + name + "\", accepted: " + list_words(accepted));
+}
+
+double default_delay(const std::string& name) {
+  const auto entry =
+      std::ranges::find_if(kPerceptions, [&](const Entry& e) { return name == e.name; });
+  return entry == kPerceptions.end() ? 0.0 : entry->delay;
+}
+
+double declared_delay(const Drive& drive, const std::string& name) {
+  const auto declared = drive.delay.find(name);
+  return declared == drive.delay.end() ? default_delay(name) : declared->second;
 }
 
 std::unique_ptr<Perception> make_perception(const std::string& name, const PerceptionSetup& setup) {

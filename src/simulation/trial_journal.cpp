@@ -97,17 +97,6 @@ void write_all(int descriptor, const std::string& bytes, const std::string& path
   }
 }
 
-/// FNV-1a, 64 bits: to notice that a file has changed.
-std::string content_hash(const std::string& bytes) {
-  std::uint64_t hash = 0xcbf29ce484222325;
-  for (const char byte : bytes) {
-    hash = (hash ^ static_cast<unsigned char>(byte)) * 0x100000001b3;
-  }
-  std::array<char, 20> text{};
-  std::snprintf(text.data(), text.size(), "%016llx", static_cast<unsigned long long>(hash));
-  return text.data();
-}
-
 /// Which fields differ between two studies.
 std::string differing(const std::string& there, const std::string& wanted) {
   const auto a = nlohmann::json::parse(there, nullptr, false);
@@ -195,6 +184,16 @@ void TrialJournal::read(const std::string& bytes) {
 void TrialJournal::add(const TrialResult& result) {
   write_all(descriptor_, journal_line(result), path_);
   results_.push_back(result);
+}
+
+std::string content_hash(const std::string& bytes) {
+  std::uint64_t hash = 0xcbf29ce484222325;
+  for (const char byte : bytes) {
+    hash = (hash ^ static_cast<unsigned char>(byte)) * 0x100000001b3;
+  }
+  std::array<char, 20> text{};
+  std::snprintf(text.data(), text.size(), "%016llx", static_cast<unsigned long long>(hash));
+  return text.data();
 }
 
 std::string trial_study(const Drive& drive, const std::string& scene_bytes, std::uint64_t seed) {

@@ -108,8 +108,9 @@ struct Drive {
   GridGeometry map;
   DriveTruth truth;
   std::string perception = "solver";
-  std::map<std::string, double> delay;  ///< s, by perception; 0 where nothing is declared
-  DriveTrials trials;                   ///< in one zone of `speed`, unless stated
+  std::map<std::string, double> delay;         ///< s, by perception
+  std::map<std::string, std::string> weights;  ///< paths of files of weights, by perception
+  DriveTrials trials;                          ///< in one zone of `speed`, unless stated
 };
 
 /// Reads a drive file and the scene that it names. Throws Error with one line: file, field path,

@@ -14,6 +14,7 @@
 #include "blindcorner/io/drive_file.h"
 #include "blindcorner/planner/grid/hidden_motion.h"
 #include "blindcorner/planner/vehicles/vehicle_state.h"
+#include "blindcorner/simulation/perception_networks.h"
 #include "blindcorner/simulation/simulated_sensor.h"
 
 namespace blindcorner {
@@ -26,6 +27,7 @@ struct DriveOptions {
   bool keep_pictures = true;    ///< histograms and grids of the frames, for a page
   bool keep_last_map = false;   ///< the grid of the frame that last_map() finds, for statistics
   double injected_error = 0;    ///< m, of the misled oracles (perception.h)
+  PerceptionNetworks networks;  ///< of perceptions that are networks
 };
 
 enum class DriveOutcome { reached, collision, stopped, timeout };

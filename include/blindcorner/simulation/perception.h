@@ -18,6 +18,7 @@
 #include "blindcorner/forward/sensor/capture.h"
 #include "blindcorner/inverse/fit.h"
 #include "blindcorner/planner/grid/hidden_motion.h"
+#include "blindcorner/simulation/perception_networks.h"
 
 namespace blindcorner {
 
@@ -52,15 +53,24 @@ struct PerceptionSetup {
   FitOptions fit;
   /// The hidden objects' true pose at a time, s; empty: there are none. For the oracle only.
   std::function<std::optional<PoseVector>(double)> truth;
-  double injected_error = 0;  ///< m, by which misled oracles miss the truth
-  std::uint64_t seed = 1;     ///< of the direction in which they do
+  double injected_error = 0;      ///< m, by which misled oracles miss the truth
+  std::uint64_t seed = 1;         ///< of the direction in which they do
+  PerceptionNetworks networks{};  ///< of the perceptions that are networks
 };
 
 /// "los": knows hidden objects only when they are in sight, so it never has anything to say itself.
-/// "solver": the fit and its tracker. "oracle": the truth, within the known pose's deviations.
-/// "oracle_disc" and "oracle_covariance" are misled by an injected error, one direction a drive:
-/// the first is sure of a disc of 1 m there, as published; the second states a covariance to match.
+/// "solver": the fit and its tracker. "cnn": the published network, whose answer is taken for
+/// certain and for a disc of 1 m, as published. "oracle": the truth, within the known pose's
+/// deviations. "oracle_disc" and "oracle_covariance" are misled by an injected error, one direction
+/// a drive: the first is sure of a disc of 1 m there, as published; the second states a covariance
+/// to match.
 std::vector<std::string> perception_names();
+
+/// Time from a frame's arrival to the answer, s, where a drive file declares none: measured, of
+/// perceptions that only compute a network; 0 of the others.
+double default_delay(const std::string& name);
+/// What the drive file declares, else that.
+double declared_delay(const Drive& drive, const std::string& name);
 
 /// Throws Error naming `field` unless the name is among those that are accepted there.
 void check_perception(const std::string& name, const std::string& field,

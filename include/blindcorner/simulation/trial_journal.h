@@ -35,6 +35,9 @@ class TrialJournal {
   std::vector<TrialResult> results_;
 };
 
+/// FNV-1a of a file's bytes, 64 bits: to notice that it has changed.
+std::string content_hash(const std::string& bytes);
+
 /// The study of a drive: contents of drive file and scene file, and what else changes results.
 /// Perceptions and the number of trials do not: they may grow from one run to the next.
 std::string trial_study(const Drive& drive, const std::string& scene_bytes, std::uint64_t seed);

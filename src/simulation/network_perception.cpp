@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "simulation/network_perception.h"
+
+#include <algorithm>
+
+#include "blindcorner/forward/error.h"
+
+namespace blindcorner {
+namespace {
+
+constexpr const char* kPublished = "cnn";
+
+std::shared_ptr<const CnnBaseline> network_of(const PerceptionSetup& setup,
+                                              const std::string& name) {
+  const auto network = setup.networks.find(name);
+  if (network == setup.networks.end()) {
+    throw Error("perception", name + " has no weights, accepted: a file of cnn train");
+  }
+  network->second->check_scene(setup.scene);
+  return network->second;
+}
+
+class CnnPerception final : public Perception {
+ public:
+  explicit CnnPerception(const PerceptionSetup& setup)
+      : scene_(setup.scene), network_(network_of(setup, kPublished)) {}
+
+  PerceptionAnswer perceive(const Capture& capture, const Transform& T_world_sensor,
+                            double /*time*/) override {
+    PerceptionAnswer answer;
+    try {
+      answer.mixture = known_pose(scene_, network_->predict(capture, T_world_sensor));
+    } catch (const std::exception& error) {
+      answer.error = error.what();
+    }
+    return answer;
+  }
+  std::optional<double> disc_radius() const override { return kPublishedDisc; }
+
+ private:
+  const Scene& scene_;
+  std::shared_ptr<const CnnBaseline> network_;
+};
+
+}  // namespace
+
+std::unique_ptr<Perception> make_cnn_perception(const PerceptionSetup& setup) {
+  return std::make_unique<CnnPerception>(setup);
+}
+
+std::vector<std::string> network_names() { return {kPublished}; }
+
+bool is_network(const std::string& perception) {
+  const std::vector<std::string> names = network_names();
+  return std::ranges::find(names, perception) != names.end();
+}
+
+std::string perception_of(const CnnBaseline& /*network*/) { return kPublished; }
+
+}  // namespace blindcorner
