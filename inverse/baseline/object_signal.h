@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+/// What a capture holds beside the known light: where the classical baselines look for the object.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "blindcorner/forward/scene/scene.h"
+#include "blindcorner/forward/sensor/capture.h"
+#include "blindcorner/forward/transport/forward_model.h"
+#include "forward/sensor/pulse_table.h"
+#include "inverse/baseline/relay_paths.h"
+
+namespace blindcorner {
+
+/// One zone's counts less the known light, its time gate and how far the counts scatter.
+struct ZoneSignal {
+  bool used = false;           ///< neither dead nor without exposures or light
+  double earliest = 0;         ///< bins, arrival of the shortest mean path from the region
+  double latest = 0;           ///< bins, of the longest
+  double blur = 0;             ///< s^2, mean variance of the arrival times over the region
+  std::vector<double> counts;  ///< [bins] per exposure; 0 in bins that do not count
+  std::vector<double> weight;  ///< [bins] 1 / variance; 0 in bins that do not count
+};
+
+/// A grid over the free coordinates of the hidden object's position.
+struct PositionGrid {
+  std::vector<std::size_t> unknowns;  ///< [axes] places among the scene's unknowns
+  std::vector<int> counts;            ///< [axes] values along each
+  std::vector<double> first, step;    ///< [axes] m
+
+  std::size_t size() const;
+  /// Coordinates [axes] of a grid point; the first axis changes fastest.
+  std::vector<double> at(std::size_t index) const;
+};
+
+/// Grid of at most `most` points no closer than `spacing` m, both ends of each range included.
+PositionGrid position_grid(const Scene& scene, double spacing, int most);
+
+/// Middles of `count` equal parts of each range.
+PositionGrid cell_centers(const Scene& scene, int count);
+
+/// Point (m, world) that stands for the hidden object at a pose: the centre of its shape.
+Eigen::Vector3d scattering_point(const Scene& scene, const PoseVector& pose);
+
+/// What belongs to a scene and not to a capture: known light, tabulated pulses.
+class SignalScene {
+ public:
+  /// Throws Error for a scene that classical methods cannot answer: several hidden objects, or no
+  /// unknown position.
+  explicit SignalScene(Scene scene);
+
+  const Scene& scene() const { return scene_; }
+  double pulse_path() const { return pulse_path_; }  ///< m, standard deviation of pulse and bin
+
+  /// Signal of one capture [zones], the sensor's paths given. The time gate is what light of the
+  /// search region may reach. Elsewhere the direct return's scale, where it is free, and the
+  /// ambient light are fitted by weighted least squares; both are then taken off. Throws Error for
+  /// a capture that does not suit the scene.
+  std::vector<ZoneSignal> extract(const Capture& capture, const RelayPaths& paths) const;
+
+  /// Adds the correlations of a pulse with a zone's signal: sum p s / var and sum p^2 / var,
+  /// p the pulse of unit light at `position` bins with extra variance `blur`, s^2.
+  void correlate(int zone, const ZoneSignal& signal, double position, double blur,
+                 double& signal_sum, double& pulse_sum) const;
+
+  /// Arrival of a path (m) on a zone's time axis, bins before any wrap.
+  double position(int zone, double path) const;
+
+ private:
+  void find_gates(const RelayPaths& paths, std::vector<ZoneSignal>& signals) const;
+  void take_off_known_light(const Capture& capture, const HistogramCube& known,
+                            const HistogramCube& error, int zone, ZoneSignal& signal) const;
+
+  Scene scene_;
+  std::shared_ptr<const SceneTransport> transport_;
+  PulseTable pulses_;
+  double pulse_path_;
+};
+
+}  // namespace blindcorner
