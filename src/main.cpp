@@ -10,6 +10,7 @@
 #include "blindcorner/forward/error.h"
 #include "commands/cnn.h"
 #include "commands/commands.h"
+#include "commands/compare.h"
 #include "commands/unknown_command.h"
 
 namespace {
@@ -42,6 +43,7 @@ int main(int argc, char** argv) {
   blindcorner::add_drive_command(app, exit_code);
   blindcorner::add_trials_command(app, exit_code);
   blindcorner::add_plan_command(app, exit_code);
+  blindcorner::add_compare_command(app, exit_code);
   blindcorner::add_cnn_command(app, exit_code);
   try {
     app.parse(argc, argv);

@@ -1083,6 +1083,40 @@ TEST_F(Cli, TrialsRefuseWhatTheyCannotDo) {
   EXPECT_THAT(other.err, HasSubstr("another study (seed differ)"));
 }
 
+TEST_F(Cli, ComparesMethodsOnTheSameCaptures) {
+  const std::string command = "compare " + kScene +
+                              " -n 2 --objects 4 --sensors 1 --conditions 'trained positions' -o " +
+                              path("out");
+  const Outcome outcome = run(command);
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, AllOf(HasSubstr("back-projection"), HasSubstr("multilateration")));
+  const json comparison = json::parse(text_of(path("out/comparison.json")));
+  EXPECT_EQ(comparison.at("format"), "blindcorner.comparison/1");
+  const json& conditions = comparison.at("scenes").at(0).at("conditions");
+  ASSERT_EQ(conditions.size(), 1u);
+  const json& methods = conditions[0].at("methods");
+  ASSERT_EQ(methods.size(), 4u);
+  EXPECT_EQ(methods[0].at("method"), "solver");
+  EXPECT_EQ(methods[0].at("coverage_95").at("claims"), 2);
+  EXPECT_TRUE(methods[1].at("coverage_95").is_null());
+  EXPECT_THAT(text_of(path("out/comparison.csv")), HasSubstr("\"middle of the prior\",2,0,"));
+  EXPECT_THAT(text_of(path("out/index.html")), AllOf(HasSubstr("<svg"), Not(HasSubstr("nan"))));
+}
+
+TEST_F(Cli, RefusesAComparisonThatMakesNoSense) {
+  const auto refuses = [&](const std::string& more, const auto& what) {
+    const Outcome outcome = run("compare " + more + " -o " + path("none"));
+    EXPECT_EQ(outcome.exit_code, 2) << more;
+    EXPECT_THAT(outcome.err, what);
+    EXPECT_FALSE(fs::exists(path("none")));
+  };
+  refuses(kScene + " --conditions tilted",
+          AllOf(HasSubstr("found tilted"), HasSubstr("accepted: trained positions")));
+  refuses(std::string(SOURCE_DIR) + "/scenes/street_two.json", HasSubstr("found 2 objects"));
+  refuses(kScene + " -n 1", HasSubstr("--captures"));
+  refuses(kScene + " --network " + path("missing.pt"), HasSubstr("missing.pt"));
+}
+
 /// What needs libtorch; the rest of `cnn` is there without it.
 class CliCnn : public Cli {
  protected:

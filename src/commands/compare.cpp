@@ -1,0 +1,234 @@
+// SPDX-License-Identifier: Apache-2.0
+/// `blindcorner compare SCENE... -o DIR`: the solver beside other methods, on the same captures.
+#include "commands/compare.h"
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+
+#include "blindcorner/forward/error.h"
+#include "blindcorner/inverse/baseline/cnn.h"
+#include "blindcorner/io/atomic_file.h"
+#include "blindcorner/io/scene_file.h"
+#include "blindcorner/simulation/comparison.h"
+#include "commands/commands.h"
+#include "commands/output_directory.h"
+#include "commands/progress.h"
+#include "commands/thread_limit.h"
+#include "report/comparison_page.h"
+#include "report/formatted.h"
+#include "report/point_estimates.h"
+
+namespace blindcorner {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// The condition that is also drawn: places that no method has seen, nothing else changed.
+constexpr const char* kDrawn = "positions between the grid";
+
+struct CompareArguments {
+  std::vector<std::string> scenes;
+  std::vector<std::string> networks;
+  std::string output;
+  int threads = 0;
+  ComparisonOptions options;
+};
+
+struct Network {
+  std::string path;
+  CnnBaseline cnn;
+};
+
+std::string training_text(const CnnTrainingRecord& training) {
+  return formatted(
+      "%d captures, of which %g %% held back; weights after epoch %d; the file does not say how "
+      "long it took",
+      training.captures, 100 * training.validation_share, training.epoch);
+}
+
+/// A scene with the networks that were trained for it. Throws Error where one does not suit it.
+std::vector<ComparedMethod> methods_of(const Scene& scene, const std::vector<Network>& networks,
+                                       std::uint64_t seed) {
+  std::vector<ComparedMethod> methods = untrained_methods(scene, seed);
+  for (const Network& network : networks) {
+    if (network.cnn.description().scene != scene.name) continue;
+    network.cnn.check_scene(scene);
+    methods.push_back({"network " + network.path, training_text(network.cnn.description().training),
+                       [cnn = network.cnn, T = scene.T_world_sensor](const Capture& capture) {
+                         return MethodAnswer{
+                             cnn.predict(capture, capture.T_world_sensor.value_or(T))};
+                       }});
+  }
+  return methods;
+}
+
+/// Networks of no scene are a mistake.
+void check_networks_are_used(const std::vector<Network>& networks,
+                             const std::vector<Scene>& scenes) {
+  for (const Network& network : networks) {
+    const std::string& name = network.cnn.description().scene;
+    const bool used =
+        std::ranges::any_of(scenes, [&](const Scene& scene) { return scene.name == name; });
+    if (used) continue;
+    std::string names;
+    for (const Scene& scene : scenes) names += (names.empty() ? "" : ", ") + scene.name;
+    throw Error(network.path + ": metadata.scene",
+                "found " + name + ", accepted with these scenes: " + names);
+  }
+}
+
+std::vector<ComparisonPicture> pictures(const Scene& scene, const Condition& condition,
+                                        const std::vector<ComparedMethod>& methods,
+                                        const std::vector<std::vector<MethodAnswer>>& answers) {
+  std::vector<ComparisonPicture> all;
+  for (std::size_t m = 0; m < methods.size(); ++m) {
+    std::vector<PointEstimate> estimates;
+    for (std::size_t i = 0; i < condition.captures.size(); ++i) {
+      if (!answers[m][i].error.empty()) continue;
+      const Capture& capture = condition.captures[i];
+      PointEstimate& e = estimates.emplace_back();
+      e.index = static_cast<int>(i);
+      e.estimate = answers[m][i].pose;
+      e.truth.resize(e.estimate.size());
+      Eigen::Index k = 0;
+      for (const std::string& name : unknown_names(scene)) e.truth[k++] = capture.truth.at(name);
+      e.T_world_sensor = capture.T_world_sensor.value_or(scene.T_world_sensor);
+    }
+    all.push_back({methods[m].name + ", " + condition.name, point_estimates_svg(scene, estimates)});
+  }
+  return all;
+}
+
+SceneComparison compare_scene(const Scene& scene, const std::string& file,
+                              const std::vector<Network>& networks,
+                              const ComparisonOptions& options,
+                              std::vector<ComparisonPicture>& drawn) {
+  SceneComparison comparison{scene.name, file, unknown_names(scene), {}, {}};
+  comparison.methods = methods_of(scene, networks, options.seed);
+  const std::size_t wanted =
+      options.conditions.empty() ? condition_names().size() : options.conditions.size();
+  const std::size_t captures = static_cast<std::size_t>(options.captures) * wanted;
+  Progress rendering(scene.name + ": captures", captures);
+  const std::vector<Condition> conditions =
+      render_conditions(scene, options, [&rendering] { rendering.advance(); });
+  rendering.finish();
+  std::size_t count = 0;
+  for (const Condition& c : conditions) count += c.captures.size();
+  Progress answering(scene.name + ": answers", count * comparison.methods.size());
+  for (const Condition& condition : conditions) {
+    const auto answers =
+        answer_all(comparison.methods, condition.captures, [&answering] { answering.advance(); });
+    comparison.conditions.push_back(
+        compare(scene, condition, comparison.methods, answers, options.seed));
+    if (condition.name == kDrawn) drawn = pictures(scene, condition, comparison.methods, answers);
+  }
+  answering.finish();
+  return comparison;
+}
+
+int failures_of(const SceneComparison& comparison) {
+  int failures = 0;
+  for (const ConditionFigures& c : comparison.conditions) {
+    for (const MethodFigures& m : c.methods) {
+      failures += m.failures;
+      if (m.failures == 0) continue;
+      std::fprintf(stderr, "blindcorner: %s, %s, %s: %d captures failed: %s\n",
+                   comparison.scene.c_str(), c.condition.name.c_str(), m.method.c_str(), m.failures,
+                   m.first_error.c_str());
+    }
+  }
+  return failures;
+}
+
+int run_compare(const CompareArguments& arguments) {
+  const ThreadLimit threads(arguments.threads);
+  arguments.options.validate();
+  std::vector<Scene> scenes;
+  for (const std::string& path : arguments.scenes) scenes.push_back(read_scene(path));
+  std::vector<Network> networks;
+  for (const std::string& path : arguments.networks) {
+    networks.push_back({path, CnnBaseline::load(path)});
+  }
+  check_networks_are_used(networks, scenes);
+  // What a scene lacks is said before any of them takes its minutes.
+  for (const Scene& scene : scenes) {
+    methods_of(scene, networks, arguments.options.seed);
+    plan_dataset(scene, arguments.options.dataset);
+  }
+  ComparisonReport report;
+  report.options = arguments.options;
+  int failures = 0;
+  for (std::size_t s = 0; s < scenes.size(); ++s) {
+    report.pictures.emplace_back();
+    report.scenes.push_back(compare_scene(scenes[s], arguments.scenes[s], networks,
+                                          arguments.options, report.pictures.back()));
+    std::printf("%s\n", comparison_text(report.scenes.back()).c_str());
+    std::fflush(stdout);
+    failures += failures_of(report.scenes.back());
+  }
+  make_directory(arguments.output);
+  const fs::path directory = arguments.output;
+  write_atomically((directory / "comparison.csv").string(), comparison_csv(report.scenes));
+  write_atomically((directory / "comparison.json").string(),
+                   comparison_json(report).dump(1, ' ', false,
+                                                nlohmann::ordered_json::error_handler_t::replace) +
+                       "\n");
+  write_atomically((directory / "index.html").string(), comparison_page(report));
+  std::printf("%s\n", (directory / "index.html").c_str());
+  return failures > 0 ? kSomeFailed : kAllWell;
+}
+
+void add_dataset_options(CLI::App& command, DatasetOptions& options) {
+  command
+      .add_option("--objects", options.objects,
+                  "of the data set that networks learnt: places of the object, a square number")
+      ->check(CLI::Range(1, 1000000))
+      ->capture_default_str();
+  command.add_option("--sensors", options.sensors, "of that data set: poses of the sensor")
+      ->check(CLI::Range(1, 100000))
+      ->capture_default_str();
+  command
+      .add_option("--exposures", options.exposures,
+                  "exposures that are averaged in each capture, there and here")
+      ->check(CLI::Range(1, 1000000))
+      ->capture_default_str();
+  command.add_option("--dataset-seed", options.seed, "of that data set")->capture_default_str();
+}
+
+}  // namespace
+
+void add_compare_command(CLI::App& app, int& exit_code) {
+  CLI::App& command = *app.add_subcommand(
+      "compare",
+      "solver, back-projection, multilateration and networks on the same captures, as trained and "
+      "changed; writes DIR/index.html, comparison.csv and comparison.json");
+  const auto arguments = std::make_shared<CompareArguments>();
+  command.add_option("SCENE", arguments->scenes, "scene files")->required();
+  command
+      .add_option("-o,--output", arguments->output, "directory for the results; made if missing")
+      ->required()
+      ->type_name("DIR");
+  command.add_option("--network", arguments->networks,
+                     "weights.pt of cnn train, each for one of the scenes");
+  command.add_option("-n,--captures", arguments->options.captures, "captures of each condition")
+      ->check(CLI::Range(2, 1000000))
+      ->capture_default_str();
+  command
+      .add_option("--conditions", arguments->options.conditions,
+                  "names of conditions, a list with commas; default: all")
+      ->delimiter(',');
+  add_dataset_options(command, arguments->options.dataset);
+  command
+      .add_option("--seed", arguments->options.seed,
+                  "of places, sensor poses and photons of the comparison")
+      ->capture_default_str();
+  command.add_option("--threads", arguments->threads, "0: one per processor")
+      ->check(CLI::Range(0, 1024))
+      ->capture_default_str();
+  command.callback([arguments, &exit_code] { exit_code = run_compare(*arguments); });
+}
+
+}  // namespace blindcorner

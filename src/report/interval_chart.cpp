@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "report/interval_chart.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "report/formatted.h"
+#include "report/html.h"
+
+namespace blindcorner {
+namespace {
+
+const char* const kColours[] = {"#d55e00", "#0072b2", "#009e73", "#8b949d",
+                                "#cc79a7", "#e69f00", "#56b4e9", "#1b1f24"};
+// Pixels.
+constexpr double kLeft = 210, kRight = 20, kWidth = 900, kTop = 44, kBottom = 42;
+constexpr double kMarkStep = 9, kRowGap = 9;
+
+/// The axis from the smallest to the largest end of an interval.
+struct LogAxis {
+  double low = 1e300, high = 0;
+
+  void include(double v) {
+    if (!(v > 0) || !std::isfinite(v)) return;
+    low = std::min(low, v);
+    high = std::max(high, v);
+  }
+  double pixel(double v) const {
+    const double share = std::log(std::max(v, low) / low) / std::log(high / low);
+    return kLeft + share * (kWidth - kLeft - kRight);
+  }
+};
+
+LogAxis axis_of(const std::vector<IntervalRow>& rows) {
+  LogAxis axis;
+  for (const IntervalRow& row : rows) {
+    for (const IntervalMark& mark : row.marks) {
+      for (const double v : {mark.value, mark.low, mark.high}) axis.include(v);
+    }
+  }
+  if (axis.high <= 0) return {0.1, 10};
+  return {axis.low / 1.15, axis.high * 1.15};
+}
+
+std::vector<std::string> names_of(const std::vector<IntervalRow>& rows) {
+  std::vector<std::string> names;
+  for (const IntervalRow& row : rows) {
+    for (const IntervalMark& mark : row.marks) {
+      if (std::ranges::find(names, mark.name) == names.end()) names.push_back(mark.name);
+    }
+  }
+  return names;
+}
+
+const char* colour_of(std::size_t name) { return kColours[name % std::size(kColours)]; }
+
+std::string legend(const std::vector<std::string>& names) {
+  std::string svg;
+  double x = kLeft;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    svg += formatted("<circle cx=\"%.0f\" cy=\"14\" r=\"4\" fill=\"%s\"/>", x, colour_of(i)) +
+           formatted("<text x=\"%.0f\" y=\"18\">", x + 9) + html_safe(names[i]) + "</text>";
+    x += 34 + 6.5 * static_cast<double>(names[i].size());
+  }
+  return svg;
+}
+
+/// Lines at 1, 2 and 5 times powers of ten.
+std::string grid(const LogAxis& axis, double bottom) {
+  std::string svg;
+  for (int d = -9; d <= 9; ++d) {
+    for (const double factor : {1.0, 2.0, 5.0}) {
+      const double v = factor * std::pow(10.0, d);
+      if (v < axis.low || v > axis.high) continue;
+      svg += formatted("<path stroke=\"#e3e6ea\" d=\"M%.1f %.0fV%.1f\"/>", axis.pixel(v), kTop - 10,
+                       bottom) +
+             formatted("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"middle\">%g</text>",
+                       axis.pixel(v), bottom + 14, v);
+    }
+  }
+  return svg;
+}
+
+std::string mark_svg(const IntervalMark& mark, const LogAxis& axis, double y, const char* colour) {
+  if (!(mark.value > 0) || !std::isfinite(mark.value)) return {};
+  std::string svg = formatted("<path stroke=\"%s\" stroke-width=\"1.6\" d=\"M%.1f %.1fH%.1f\"/>",
+                              colour, axis.pixel(mark.low), y, axis.pixel(mark.high));
+  svg += formatted("<circle cx=\"%.1f\" cy=\"%.1f\" r=\"3.6\" fill=\"%s\"><title>",
+                   axis.pixel(mark.value), y, colour);
+  return svg + html_safe(mark.name) +
+         formatted(": %.4g (%.4g to %.4g)</title></circle>\n", mark.value, mark.low, mark.high);
+}
+
+}  // namespace
+
+std::string intervals_svg(const std::string& axis_label, const std::vector<IntervalRow>& rows) {
+  const LogAxis axis = axis_of(rows);
+  const std::vector<std::string> names = names_of(rows);
+  double y = kTop;
+  std::string marks;
+  for (const IntervalRow& row : rows) {
+    const double height = kMarkStep * static_cast<double>(std::max<std::size_t>(names.size(), 1));
+    marks +=
+        formatted("<text x=\"%.0f\" y=\"%.1f\" text-anchor=\"end\">", kLeft - 10, y + height / 2) +
+        html_safe(row.label) + "</text>";
+    for (const IntervalMark& mark : row.marks) {
+      const auto name =
+          static_cast<std::size_t>(std::ranges::find(names, mark.name) - names.begin());
+      marks += mark_svg(mark, axis, y + kMarkStep * static_cast<double>(name), colour_of(name));
+    }
+    y += height + kRowGap;
+    marks += formatted("<path stroke=\"#e3e6ea\" d=\"M0 %.1fH%.0f\"/>", y - 0.5 * kRowGap - 4,
+                       kWidth - kRight);
+  }
+  return formatted(
+             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"%.0f\" height=\"%.0f\" "
+             "font-family=\"sans-serif\" font-size=\"11\">",
+             kWidth, y + kBottom) +
+         legend(names) + grid(axis, y) + marks +
+         formatted("<text x=\"%.0f\" y=\"%.1f\" text-anchor=\"middle\">", 0.5 * (kLeft + kWidth),
+                   y + 32) +
+         html_safe(axis_label) + "</text></svg>\n";
+}
+
+}  // namespace blindcorner

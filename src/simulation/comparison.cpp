@@ -1,0 +1,276 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "blindcorner/simulation/comparison.h"
+
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <memory>
+#include <random>
+
+#include "blindcorner/forward/error.h"
+#include "blindcorner/inverse/baseline/back_projection.h"
+#include "blindcorner/inverse/baseline/multilateration.h"
+#include "blindcorner/inverse/fit.h"
+#include "forward/support/quantile.h"
+
+namespace blindcorner {
+namespace {
+
+constexpr int kDraws = 2000;
+constexpr double kRegion = 0.95;
+
+PoseVector truth_of(const std::vector<std::string>& names, const Capture& capture) {
+  PoseVector truth(static_cast<Eigen::Index>(names.size()));
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    truth[static_cast<Eigen::Index>(i)] = capture.truth.at(names[i]);
+  }
+  return truth;
+}
+
+MethodAnswer solver_answer(const Fitter& fitter, const Capture& capture, std::uint64_t seed) {
+  const FitResult result = fitter.fit(capture);
+  if (!result.posterior.mean.allFinite() || result.posterior.modes.empty()) {
+    throw Error("solver", "the posterior is not finite");
+  }
+  const PoseVector truth = truth_of(unknown_names(fitter.scene()), capture);
+  return {result.posterior.mean,
+          credible_level(fitter.scene(), result.posterior, truth, 2000, seed), result.flags};
+}
+
+MethodAnswer timed_answer(const ComparedMethod& method, const Capture& capture) {
+  MethodAnswer answer;
+  const auto start = std::chrono::steady_clock::now();
+  try {
+    // A thread that waits inside of a method must not take up another capture: its time would
+    // count.
+    tbb::this_task_arena::isolate([&] { answer = method.answer(capture); });
+    if (!answer.pose.allFinite()) throw Error(method.name, "found an answer that is not finite");
+  } catch (const std::exception& error) {
+    answer = {};
+    answer.error = error.what();
+  }
+  answer.time = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return answer;
+}
+
+/// Distance over the unknown coordinates of position, m.
+double distance(const Scene& scene, const PoseVector& error) {
+  double squares = 0;
+  for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
+    if (scene.unknowns[i].component > Component::z) continue;
+    squares += std::pow(error[static_cast<Eigen::Index>(i)], 2);
+  }
+  return std::sqrt(squares);
+}
+
+/// Percentiles of a statistic of captures drawn again; `statistic` takes indices of captures.
+template <class Statistic>
+BootstrapInterval bootstrap(std::size_t count, std::uint64_t seed, const Statistic& statistic) {
+  const double none = std::numeric_limits<double>::quiet_NaN();
+  if (count == 0) return {none, none, none};
+  std::vector<std::size_t> drawn(count);
+  for (std::size_t i = 0; i < count; ++i) drawn[i] = i;
+  const double value = statistic(drawn);
+  std::mt19937_64 random(seed);
+  std::uniform_int_distribution<std::size_t> pick(0, count - 1);
+  std::vector<double> values;
+  for (int d = 0; d < kDraws; ++d) {
+    for (std::size_t& i : drawn) i = pick(random);
+    values.push_back(statistic(drawn));
+  }
+  return {value, quantile(values, 0.025), quantile(values, 0.975)};
+}
+
+double median_at(std::span<const double> values, const std::vector<std::size_t>& indices) {
+  std::vector<double> drawn;
+  drawn.reserve(indices.size());
+  for (const std::size_t i : indices) drawn.push_back(values[i]);
+  return median(std::move(drawn));
+}
+
+double share_with(const std::vector<MethodAnswer>& answers, const char* flag) {
+  double with = 0, count = 0;
+  for (const MethodAnswer& a : answers) {
+    if (!a.error.empty()) continue;
+    with += std::ranges::find(a.flags, flag) != a.flags.end() ? 1 : 0;
+    ++count;
+  }
+  return count > 0 ? with / count : 0;
+}
+
+/// Errors of position [captures] of one method, NaN where it has no answer.
+std::vector<double> distances(const Scene& scene, const std::vector<PoseVector>& truths,
+                              const std::vector<MethodAnswer>& answers) {
+  std::vector<double> all;
+  for (std::size_t i = 0; i < answers.size(); ++i) {
+    all.push_back(answers[i].error.empty()
+                      ? distance(scene, pose_error(scene, answers[i].pose, truths[i]))
+                      : std::numeric_limits<double>::quiet_NaN());
+  }
+  return all;
+}
+
+MethodFigures figures_of(const Scene& scene, const std::vector<PoseVector>& truths,
+                         const std::vector<MethodAnswer>& answers,
+                         const std::vector<double>& lengths, std::uint64_t seed) {
+  MethodFigures figures;
+  figures.mean_absolute.assign(scene.unknowns.size(), 0.0);
+  std::vector<double> known, times;
+  ClaimFigures claim;
+  for (std::size_t i = 0; i < answers.size(); ++i) {
+    const MethodAnswer& answer = answers[i];
+    if (!answer.error.empty()) {
+      if (figures.failures++ == 0) figures.first_error = answer.error;
+      continue;
+    }
+    ++figures.answers;
+    const PoseVector error = pose_error(scene, answer.pose, truths[i]);
+    for (std::size_t k = 0; k < scene.unknowns.size(); ++k) {
+      figures.mean_absolute[k] += std::abs(error[static_cast<Eigen::Index>(k)]);
+    }
+    known.push_back(lengths[i]);
+    times.push_back(answer.time);
+    if (!answer.credible_level) continue;
+    ++claim.claims;
+    claim.held += *answer.credible_level <= kRegion ? 1 : 0;
+  }
+  for (double& sum : figures.mean_absolute) sum /= figures.answers;  // NaN without answers
+  figures.position = bootstrap_median(known, seed);
+  figures.p90 = known.empty() ? std::numeric_limits<double>::quiet_NaN() : quantile(known, 0.9);
+  figures.time = median(times);
+  if (claim.claims > 0) {
+    claim.share = static_cast<double>(claim.held) / claim.claims;
+    claim.interval = wilson_interval(claim.held, claim.claims);
+    figures.claim = claim;
+  }
+  figures.misfit = share_with(answers, "model_misfit");
+  figures.multimodal = share_with(answers, "multimodal");
+  figures.at_bound = share_with(answers, "at_bound");
+  return figures;
+}
+
+std::string text(const char* pattern, double a, double b = 0, double c = 0) {
+  char line[160];
+  std::snprintf(line, sizeof line, pattern, a, b, c);
+  return line;
+}
+
+/// Why the first method may be worse, as far as the figures tell.
+std::string reason(const Condition& condition, const MethodFigures& first) {
+  std::string why = condition.wrong.empty()
+                        ? "What the scene says is right here"
+                        : "What the model assumes is wrong here: " + condition.wrong;
+  why += text(
+      ". The solver found a misfit in %.0f %% of these captures, several explanations in "
+      "%.0f %% and an optimum at the end of a range in %.0f %%",
+      100 * first.misfit, 100 * first.multimodal, 100 * first.at_bound);
+  if (first.claim) {
+    why += text("; its 95 %% regions held the truth in %.0f %%", 100 * first.claim->share);
+    if (condition.wrong.empty() && first.claim->interval.high >= kRegion) {
+      why += ", so that it does not claim more than it knows";
+    }
+  }
+  return why + ".";
+}
+
+std::string finding(const Condition& condition, const MethodFigures& better,
+                    const MethodFigures& first) {
+  return "In \"" + condition.name + "\", " + better.method + " has a smaller median error (" +
+         text("%.4f m) than ", better.position.value) + first.method +
+         text(" (%.4f m); the difference is %.4f m", first.position.value,
+              better.against_first->value) +
+         text(" (95 %% from %.4f to %.4f m). ", better.against_first->low,
+              better.against_first->high) +
+         reason(condition, first);
+}
+
+}  // namespace
+
+std::vector<ComparedMethod> untrained_methods(const Scene& scene, std::uint64_t seed) {
+  const auto fitter = std::make_shared<const Fitter>(scene);
+  const auto paths = std::make_shared<const Multilateration>(scene);
+  const auto voxels = std::make_shared<const BackProjection>(scene);
+  const PoseVector middle = middle_of_prior(scene);
+  const std::string none = "none";
+  return {{"solver", none,
+           [fitter, seed](const Capture& c) { return solver_answer(*fitter, c, seed); }},
+          {"multilateration", none,
+           [paths](const Capture& c) { return MethodAnswer{paths->predict(c)}; }},
+          {"back-projection", none,
+           [voxels](const Capture& c) { return MethodAnswer{voxels->predict(c)}; }},
+          {"middle of the prior", none, [middle](const Capture&) { return MethodAnswer{middle}; }}};
+}
+
+std::vector<std::vector<MethodAnswer>> answer_all(const std::vector<ComparedMethod>& methods,
+                                                  std::span<const Capture> captures,
+                                                  const std::function<void()>& advance) {
+  std::vector<std::vector<MethodAnswer>> answers;
+  for (const ComparedMethod& method : methods) {
+    answers.emplace_back(captures.size());
+    std::vector<MethodAnswer>& own = answers.back();
+    tbb::parallel_for(std::size_t{0}, captures.size(), [&](std::size_t i) {
+      own[i] = timed_answer(method, captures[i]);
+      if (advance) advance();
+    });
+  }
+  return answers;
+}
+
+BootstrapInterval bootstrap_median(std::span<const double> values, std::uint64_t seed) {
+  return bootstrap(values.size(), seed,
+                   [&](const std::vector<std::size_t>& drawn) { return median_at(values, drawn); });
+}
+
+BootstrapInterval bootstrap_median_difference(std::span<const double> first,
+                                              std::span<const double> second, std::uint64_t seed) {
+  if (first.size() != second.size()) {
+    throw Error("bootstrap_median_difference", "found " + std::to_string(first.size()) + " and " +
+                                                   std::to_string(second.size()) +
+                                                   " values, accepted: as many of both");
+  }
+  return bootstrap(first.size(), seed, [&](const std::vector<std::size_t>& drawn) {
+    return median_at(first, drawn) - median_at(second, drawn);
+  });
+}
+
+ConditionFigures compare(const Scene& scene, const Condition& condition,
+                         const std::vector<ComparedMethod>& methods,
+                         const std::vector<std::vector<MethodAnswer>>& answers,
+                         std::uint64_t seed) {
+  ConditionFigures result;
+  result.condition = condition;
+  result.condition.captures.clear();
+  if (condition.captures.empty()) return result;
+  const std::vector<std::string> names = unknown_names(scene);
+  std::vector<PoseVector> truths;
+  for (const Capture& capture : condition.captures) truths.push_back(truth_of(names, capture));
+  std::vector<double> of_first;
+  for (std::size_t m = 0; m < methods.size(); ++m) {
+    const std::vector<double> lengths = distances(scene, truths, answers[m]);
+    MethodFigures figures = figures_of(scene, truths, answers[m], lengths, seed);
+    figures.method = methods[m].name;
+    if (m == 0) {
+      of_first = lengths;
+    } else {
+      std::vector<double> own, other;
+      for (std::size_t i = 0; i < lengths.size(); ++i) {
+        if (!std::isfinite(lengths[i]) || !std::isfinite(of_first[i])) continue;
+        own.push_back(lengths[i]);
+        other.push_back(of_first[i]);
+      }
+      figures.against_first = bootstrap_median_difference(own, other, seed);
+      if (figures.against_first->high < 0) {
+        result.findings.push_back(finding(condition, figures, result.methods.front()));
+      }
+    }
+    result.methods.push_back(std::move(figures));
+  }
+  return result;
+}
+
+}  // namespace blindcorner

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Ways in which the true scene may differ from the one that methods are told.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "blindcorner/forward/scene/scene.h"
+
+namespace blindcorner {
+
+struct SceneChange {
+  std::string name, description;
+  std::string wrong;           ///< what the scene as told says and that is wrong then
+  std::string left_out;        ///< why the scene cannot be changed so; empty: it can
+  std::optional<Scene> scene;  ///< the changed one
+};
+
+/// Another albedo, size and material, ten times the background, a time zero that is off and a
+/// relay that is tilted.
+std::vector<SceneChange> scene_changes(const Scene& scene);
+
+}  // namespace blindcorner
