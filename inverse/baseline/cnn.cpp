@@ -47,7 +47,23 @@ std::string CnnBaseline::bytes() const { return network_->bytes(description_text
 PoseVector CnnBaseline::predict(const Capture& capture, const Transform& T_world_sensor) const {
   CnnData data;
   add_capture(description_, capture, T_world_sensor, data);
-  return decode_pose(description_, network_->evaluate(data));
+  return decode_pose(description_, statement_of(description_, network_->evaluate(data)).mean);
+}
+
+PoseMixture CnnBaseline::posterior(const Capture& capture, const Transform& T_world_sensor) const {
+  CnnData data;
+  add_capture(description_, capture, T_world_sensor, data);
+  const CnnStatement statement = statement_of(description_, network_->evaluate(data));
+  PoseMode mode;
+  mode.weight = 1;
+  mode.pose = mode.optimum = decode_pose(description_, statement.mean);
+  if (statement.covariance.size() > 0) mode.covariance = decode_covariance(description_, statement);
+  PoseMixture mixture;
+  mixture.presence_probability = 1;
+  mixture.mean = mode.pose;
+  mixture.covariance = mode.covariance;
+  mixture.modes.push_back(std::move(mode));
+  return mixture;
 }
 
 void CnnBaseline::check_scene(const Scene& scene) const {

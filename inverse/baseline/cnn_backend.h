@@ -13,8 +13,12 @@
 
 namespace blindcorner {
 
+/// Networks of the ensemble.
+inline constexpr int kWideMembers = 5;
+
 struct CnnShape {
   int zones = 0, bins = 0, outputs = 0;
+  CnnArchitecture network = CnnArchitecture::published;
 };
 
 /// Captures as the network takes them.
@@ -30,7 +34,8 @@ struct CnnData {
 class CnnNetwork {
  public:
   virtual ~CnnNetwork() = default;
-  /// Outputs [captures][outputs].
+  /// Outputs [captures][outputs]; of the ensemble [members][captures][2][outputs], means and
+  /// logarithms of variances.
   virtual std::vector<float> evaluate(const CnnData& data) const = 0;
   /// Contents of a file of these weights.
   virtual std::string bytes(const std::string& metadata) const = 0;

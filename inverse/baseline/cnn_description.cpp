@@ -17,8 +17,9 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr double kPicosecond = 1e-12;
-/// Two convolutions of three bins each need five bins to leave one.
-constexpr int kFewestBins = 5;
+/// Two convolutions of three bins each need five bins to leave one; two of five bins in steps of
+/// two need thirteen.
+int fewest_bins(CnnArchitecture network) { return network == CnnArchitecture::wide ? 13 : 5; }
 /// Angles whose range is within this share of a whole turn have no ends.
 constexpr double kWholeTurn = 0.999;
 
@@ -104,6 +105,7 @@ CnnDescription read_fields(const Json& json) {
   d.training.split_seed = training.at("split_seed").get<std::uint64_t>();
   d.training.seed = training.at("seed").get<std::uint64_t>();
   d.training.epoch = training.at("epoch").get<int>();
+  d.training.split_by_truth = training.value("split_by_truth", false);
   return d;
 }
 
@@ -112,7 +114,8 @@ void check_fields(const CnnDescription& d, const std::string& where) {
     throw Error(where + ": metadata." + field, "accepted: " + accepted);
   };
   if (d.zones < 1) fail("zones", "a whole number > 0");
-  if (d.bins < kFewestBins) fail("bins", "a whole number >= " + std::to_string(kFewestBins));
+  const int fewest = fewest_bins(d.network);
+  if (d.bins < fewest) fail("bins", "a whole number >= " + std::to_string(fewest));
   if (!(d.bin_width >= 0)) fail("bin_width_ps", "a number >= 0");
   if (!(d.input_scale > 0)) fail("input_scale", "a number > 0");
   const std::size_t values = static_cast<std::size_t>(d.zones) * static_cast<std::size_t>(d.bins);
@@ -133,7 +136,24 @@ void check_fields(const CnnDescription& d, const std::string& where) {
   }
 }
 
+constexpr std::array kArchitectures{"published", "wide"};
+
 }  // namespace
+
+std::string cnn_architecture_name(CnnArchitecture architecture) {
+  return kArchitectures.at(static_cast<std::size_t>(architecture));
+}
+
+std::vector<std::string> cnn_architecture_names() {
+  return {kArchitectures.begin(), kArchitectures.end()};
+}
+
+CnnArchitecture parse_cnn_architecture(const std::string& name, const std::string& where) {
+  for (std::size_t i = 0; i < kArchitectures.size(); ++i) {
+    if (name == kArchitectures.at(i)) return static_cast<CnnArchitecture>(i);
+  }
+  throw Error(where, "found '" + name + "', accepted: 'published', 'wide'");
+}
 
 int CnnDescription::outputs() const {
   return std::accumulate(unknowns.begin(), unknowns.end(), 0,
@@ -146,10 +166,12 @@ CnnDescription describe_cnn(const Scene& scene, std::span<const Capture> capture
   d.scene = scene.name;
   d.zones = scene.sensor.zone_count();
   d.bins = scene.sensor.bins;
-  if (d.bins < kFewestBins) {
+  d.network = options.network;
+  const int fewest = fewest_bins(d.network);
+  if (d.bins < fewest) {
     throw Error(scene_place(scene) + ": sensor.bins", "found " + std::to_string(d.bins) +
                                                           ", accepted for the network: at least " +
-                                                          std::to_string(kFewestBins));
+                                                          std::to_string(fewest));
   }
   d.bin_width = scene.sensor.bin_width;
   // Values of mean one. Left at a sum of one they are so small that the normalisation's own epsilon
@@ -164,14 +186,19 @@ CnnDescription describe_cnn(const Scene& scene, std::span<const Capture> capture
     const bool endless = turns[i] > 0 && unknown.range() >= kWholeTurn * turns[i];
     d.unknowns.push_back({names[i], unknown.lower, unknown.upper, endless ? turns[i] : 0.0});
   }
-  d.training = {static_cast<int>(captures.size()), options.validation_share, options.split_seed,
-                options.seed, 0};
+  d.training = {static_cast<int>(captures.size()),
+                options.validation_share,
+                options.split_seed,
+                options.seed,
+                0,
+                options.network == CnnArchitecture::wide};
   return d;
 }
 
 std::string description_text(const CnnDescription& d) {
   Json json;
   json["format"] = kCnnFormat;
+  json["network"] = cnn_architecture_name(d.network);
   json["scene"] = d.scene;
   json["zones"] = d.zones;
   json["bins"] = d.bins;
@@ -187,11 +214,10 @@ std::string description_text(const CnnDescription& d) {
                          {"scale", vector_json(d.sensor_scale)}};
   json["unknowns"] = Json::array();
   for (const CnnUnknown& unknown : d.unknowns) json["unknowns"].push_back(unknown_json(unknown));
-  json["training"] = {{"captures", d.training.captures},
-                      {"validation_share", d.training.validation_share},
-                      {"split_seed", d.training.split_seed},
-                      {"seed", d.training.seed},
-                      {"epoch", d.training.epoch}};
+  json["training"] = {
+      {"captures", d.training.captures},     {"validation_share", d.training.validation_share},
+      {"split_seed", d.training.split_seed}, {"seed", d.training.seed},
+      {"epoch", d.training.epoch},           {"split_by_truth", d.training.split_by_truth}};
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
@@ -204,7 +230,10 @@ CnnDescription parse_description(const std::string& text, const std::string& whe
       throw Error(where + ": metadata.format",
                   "found '" + format + "', accepted: '" + kCnnFormat + "'");
     }
+    const auto network =
+        parse_cnn_architecture(json.value("network", "published"), where + ": metadata.network");
     description = read_fields(json);
+    description.network = network;
   } catch (const nlohmann::json::exception& error) {
     throw Error(where + ": metadata", error.what());
   }
@@ -213,7 +242,7 @@ CnnDescription parse_description(const std::string& text, const std::string& whe
 }
 
 CnnShape shape_of(const CnnDescription& description) {
-  return {description.zones, description.bins, description.outputs()};
+  return {description.zones, description.bins, description.outputs(), description.network};
 }
 
 void add_capture(const CnnDescription& d, const Capture& capture, const Transform& T_world_sensor,
@@ -264,6 +293,54 @@ void standardise_inputs(std::span<const Capture* const> captures, CnnDescription
   }
   d.input_mean = std::move(mean);
   d.input_deviation = std::move(square);
+}
+
+CnnStatement statement_of(const CnnDescription& d, const std::vector<float>& values) {
+  if (d.network == CnnArchitecture::published) return {values, {}};
+  const auto outputs = static_cast<Eigen::Index>(d.outputs());
+  const auto members = static_cast<Eigen::Index>(values.size()) / (2 * outputs);
+  const Eigen::Map<const Eigen::MatrixXf> stated(values.data(), outputs, 2 * members);
+  Eigen::VectorXd mean = Eigen::VectorXd::Zero(outputs);
+  Eigen::MatrixXd square = Eigen::MatrixXd::Zero(outputs, outputs);
+  for (Eigen::Index m = 0; m < members; ++m) {
+    const Eigen::VectorXd at = stated.col(2 * m).cast<double>();
+    const Eigen::VectorXd variance = stated.col(2 * m + 1).cast<double>().array().exp();
+    mean += at / static_cast<double>(members);
+    square += at * at.transpose() / static_cast<double>(members);
+    square.diagonal() += variance / static_cast<double>(members);
+  }
+  const Eigen::VectorXf rounded = mean.cast<float>();
+  return {{rounded.begin(), rounded.end()}, square - mean * mean.transpose()};
+}
+
+Eigen::MatrixXd decode_covariance(const CnnDescription& d, const CnnStatement& statement) {
+  const auto count = static_cast<Eigen::Index>(d.unknowns.size());
+  Eigen::MatrixXd slope = Eigen::MatrixXd::Zero(count, d.outputs());  // d pose / d outputs
+  Eigen::Index next = 0;
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const CnnUnknown& u = d.unknowns[static_cast<std::size_t>(i)];
+    if (u.period > 0) {
+      const double cosine = statement.mean[static_cast<std::size_t>(next)];
+      const double sine = statement.mean[static_cast<std::size_t>(next + 1)];
+      const double turn = u.period / (2 * kPi);
+      const double square = std::max(cosine * cosine + sine * sine, 1e-6);  // none is stated
+      slope(i, next++) = -turn * sine / square;
+      slope(i, next++) = turn * cosine / square;
+    } else {
+      slope(i, next++) = (u.upper - u.lower) / 2;
+    }
+  }
+  Eigen::MatrixXd covariance = slope * statement.covariance * slope.transpose();
+  // No unknown is less certain than anywhere in its range: a short pair of cosine and sine.
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const CnnUnknown& u = d.unknowns[static_cast<std::size_t>(i)];
+    const double most = (u.upper - u.lower) * (u.upper - u.lower) / 12;
+    if (covariance(i, i) <= most) continue;
+    const double factor = std::sqrt(most / covariance(i, i));
+    covariance.row(i) *= factor;
+    covariance.col(i) *= factor;
+  }
+  return covariance;
 }
 
 std::vector<float> encode_pose(const CnnDescription& description, const PoseVector& pose) {

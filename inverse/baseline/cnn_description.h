@@ -30,6 +30,17 @@ CnnShape shape_of(const CnnDescription& description);
 void add_capture(const CnnDescription& description, const Capture& capture,
                  const Transform& T_world_sensor, CnnData& data);
 
+/// What the outputs for one capture say.
+struct CnnStatement {
+  std::vector<float> mean;     ///< [outputs]
+  Eigen::MatrixXd covariance;  ///< [outputs, outputs]; 0 x 0 of the published network
+};
+/// `values` of CnnNetwork::evaluate for one capture: the moments of the members' mixture.
+CnnStatement statement_of(const CnnDescription& description, const std::vector<float>& values);
+
+/// The covariance of the outputs as one of the pose.
+Eigen::MatrixXd decode_covariance(const CnnDescription& description, const CnnStatement& statement);
+
 /// A pose as the network's outputs [outputs], and back, into the ranges of the unknowns.
 std::vector<float> encode_pose(const CnnDescription& description, const PoseVector& pose);
 PoseVector decode_pose(const CnnDescription& description, std::span<const float> outputs);

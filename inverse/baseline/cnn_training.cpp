@@ -5,6 +5,7 @@
 #include <bit>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <numeric>
 #include <random>
@@ -46,8 +47,7 @@ PreparedCaptures prepare(const Scene& scene, std::span<const Capture> captures,
                          const CnnTrainingOptions& options) {
   for (const Capture& capture : captures) check_cnn_capture(scene, capture);
   PreparedCaptures prepared{describe_cnn(scene, captures, options), {}, 0};
-  const auto held_back =
-      validation_captures(captures.size(), options.validation_share, options.split_seed);
+  const auto held_back = validation_captures(captures, prepared.description.training);
   std::vector<std::size_t> order;
   for (std::size_t i = 0; i < captures.size(); ++i) {
     if (!std::ranges::binary_search(held_back, i)) order.push_back(i);
@@ -87,11 +87,14 @@ std::uint64_t hash_of(const CnnData& data) {
 
 /// What must be equal for a training to go on; not the number of epochs, which may grow.
 Json study_of(const PreparedCaptures& prepared, const CnnTrainingOptions& options) {
-  return {
-      {"captures", hash_of(prepared.data)},       {"batch", options.batch},
-      {"learning_rate", options.learning_rate},   {"validation_share", options.validation_share},
-      {"early_stopping", options.early_stopping}, {"seed", options.seed},
-      {"split_seed", options.split_seed}};
+  return {{"network", cnn_architecture_name(options.network)},
+          {"captures", hash_of(prepared.data)},
+          {"batch", options.batch},
+          {"learning_rate", options.learning_rate},
+          {"validation_share", options.validation_share},
+          {"early_stopping", options.early_stopping},
+          {"seed", options.seed},
+          {"split_seed", options.split_seed}};
 }
 
 /// How far a training has come.
@@ -155,6 +158,16 @@ bool stops_early(const TrainingState& state, const CnnTrainingOptions& options) 
 
 }  // namespace
 
+CnnTrainingOptions CnnTrainingOptions::of(CnnArchitecture network) {
+  CnnTrainingOptions options;
+  if (network == CnnArchitecture::published) return options;
+  options.network = network;
+  options.epochs = 60;
+  options.batch = 64;
+  options.early_stopping = 10;
+  return options;
+}
+
 void CnnTrainingOptions::validate() const {
   const auto fail = [](const char* field, double found, const char* accepted) {
     throw Error(field, "found " + std::to_string(found) + ", accepted: " + accepted);
@@ -184,6 +197,25 @@ std::vector<std::size_t> validation_captures(std::size_t count, double share, st
   order.resize(static_cast<std::size_t>(std::llround(share * static_cast<double>(count))));
   std::ranges::sort(order);
   return order;
+}
+
+std::vector<std::size_t> validation_captures(std::span<const Capture> captures,
+                                             const CnnTrainingRecord& record) {
+  if (!record.split_by_truth) {
+    return validation_captures(captures.size(), record.validation_share, record.split_seed);
+  }
+  // Places of the object in the order of their first captures.
+  std::map<std::map<std::string, double>, std::size_t> known;
+  std::vector<std::size_t> place;
+  for (const Capture& capture : captures) {
+    place.push_back(known.emplace(capture.truth, known.size()).first->second);
+  }
+  const auto chosen = validation_captures(known.size(), record.validation_share, record.split_seed);
+  std::vector<std::size_t> held_back;
+  for (std::size_t i = 0; i < captures.size(); ++i) {
+    if (std::ranges::binary_search(chosen, place[i])) held_back.push_back(i);
+  }
+  return held_back;
 }
 
 void check_cnn_capture(const Scene& scene, const Capture& capture) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// `blindcorner cnn dataset|train|evaluate`: the learned baseline.
+/// `blindcorner cnn dataset|train|evaluate|baseline`: the learned baseline.
 #include "commands/cnn.h"
 
 #include <CLI/CLI.hpp>
@@ -44,8 +44,7 @@ std::vector<Capture> held_back_captures(const std::vector<Capture>& captures,
                                         const CnnBaseline& cnn) {
   const CnnTrainingRecord& record = cnn.description().training;
   std::vector<Capture> chosen;
-  for (const std::size_t i :
-       validation_captures(captures.size(), record.validation_share, record.split_seed)) {
+  for (const std::size_t i : validation_captures(captures, record)) {
     chosen.push_back(captures[i]);
   }
   return chosen;
@@ -53,11 +52,13 @@ std::vector<Capture> held_back_captures(const std::vector<Capture>& captures,
 
 void add_cnn_command(CLI::App& app, int& exit_code) {
   CLI::App& cnn = *app.add_subcommand(
-      "cnn", "the published network as a baseline: data to learn from, training, errors");
+      "cnn",
+      "learned baselines, the published network first: data to learn from, training, errors");
   cnn.require_subcommand(1);
   add_cnn_dataset(cnn, exit_code);
   add_cnn_train(cnn, exit_code);
   add_cnn_evaluate(cnn, exit_code);
+  add_cnn_baseline(cnn, exit_code);
 }
 
 }  // namespace blindcorner

@@ -2,12 +2,17 @@
 /// The parts of `blindcorner cnn`.
 #pragma once
 
+#include <cstdint>
+#include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "blindcorner/forward/scene/scene.h"
 #include "blindcorner/forward/sensor/capture.h"
 #include "blindcorner/inverse/baseline/cnn.h"
+#include "blindcorner/inverse/baseline/cnn_training.h"
+#include "blindcorner/simulation/dataset.h"
 #include "report/point_estimates.h"
 
 namespace CLI {
@@ -16,10 +21,50 @@ class App;
 
 namespace blindcorner {
 
+/// What the parts are called with; each writes its files and returns an exit code.
+struct CnnDatasetArguments {
+  std::string scene;
+  std::string output;
+  double sensor_spread = -1;  ///< m; negative: the default
+  double sensor_yaw_spread_deg = 2;
+  int threads = 0;
+  int environments = 0;  ///< > 0: SCENE is a drive file
+  DatasetOptions options;
+};
+int run_cnn_dataset(const CnnDatasetArguments& arguments);
+
+struct CnnTrainArguments {
+  std::string scene;
+  std::vector<std::string> captures;
+  std::string output;
+  std::string network = "published";
+  bool resume = false;
+  int checkpoint_every = 20;
+  std::optional<std::uint64_t> split_seed;
+  std::optional<int> epochs, batch, early_stopping;  ///< empty: the network's own defaults
+  std::optional<double> learning_rate;
+  CnnTrainingOptions options;
+
+  std::string file(const char* name) const {
+    return (std::filesystem::path(output) / name).string();
+  }
+};
+int run_cnn_train(CnnTrainArguments arguments);
+
+struct CnnEvaluateArguments {
+  std::string scene;
+  std::string weights;
+  std::vector<std::string> captures;
+  std::string output;
+  bool held_back = false;
+};
+int run_cnn_evaluate(const CnnEvaluateArguments& arguments);
+
 void add_cnn_command(CLI::App& app, int& exit_code);
 void add_cnn_dataset(CLI::App& cnn, int& exit_code);
 void add_cnn_train(CLI::App& cnn, int& exit_code);
 void add_cnn_evaluate(CLI::App& cnn, int& exit_code);
+void add_cnn_baseline(CLI::App& cnn, int& exit_code);
 
 /// All captures of files and directories, which must all be readable. Throws Error.
 std::vector<Capture> read_all_captures(const std::vector<std::string>& paths, const Scene& scene);

@@ -29,16 +29,6 @@ using Json = nlohmann::ordered_json;
 
 constexpr const char* kCaptures = "captures.exr";
 
-struct DatasetArguments {
-  std::string scene;
-  std::string output;
-  double sensor_spread = -1;
-  double sensor_yaw_spread_deg = 2;
-  int threads = 0;
-  int environments = 0;  ///< > 0: SCENE is a drive file
-  DatasetOptions options;
-};
-
 Json range_json(const Scene& scene, Component component) {
   for (const Unknown& unknown : scene.unknowns) {
     if (unknown.component == component) return {unknown.lower, unknown.upper};
@@ -60,16 +50,21 @@ std::string manifest_text(const Scene& scene, const DatasetOptions& options,
   json["scene"] = scene.name;
   json["sensor"] = scene.sensor.name;
   json["captures"] = kCaptures;
-  json["count"] = plan.objects.size() * plan.sensors.size();
+  json["count"] = plan.captures();
   json["exposures"] = options.exposures;
   json["seed"] = options.seed;
   json["split_seed"] = options.seed;
-  json["grid"] = {{"columns", plan.side},
-                  {"rows", plan.side},
-                  {"x_m", range_json(scene, Component::x)},
-                  {"y_m", range_json(scene, Component::y)}};
+  if (plan.paired) {
+    json["random"] = true;
+  } else {
+    json["grid"] = {{"columns", plan.side},
+                    {"rows", plan.side},
+                    {"x_m", range_json(scene, Component::x)},
+                    {"y_m", range_json(scene, Component::y)}};
+  }
   json["sensor_spread_m"] = plan.sensor_spread;
   json["sensor_yaw_spread_deg"] = options.sensor_yaw_spread / kDegree;
+  if (plan.paired) return json.dump(1) + "\n";
   json["sensor_poses"] = Json::array();
   for (const Transform& pose : plan.sensors) json["sensor_poses"].push_back(sensor_json(pose));
   return json.dump(1) + "\n";
@@ -110,7 +105,7 @@ std::string drive_manifest_text(const Drive& drive, const DriveDatasetOptions& o
 }
 
 /// Frames of drives by the oracle, as published for the street.
-int run_drive_dataset(const DatasetArguments& arguments) {
+int run_drive_dataset(const CnnDatasetArguments& arguments) {
   const Drive drive = read_lit_drive(arguments.scene, 0);
   const DriveDatasetOptions options{arguments.environments, arguments.options.seed};
   const std::vector<Trial> drives = plan_drive_dataset(drive, options);
@@ -124,9 +119,7 @@ int run_drive_dataset(const DatasetArguments& arguments) {
   return kAllWell;
 }
 
-int run_dataset(DatasetArguments arguments) {
-  const ThreadLimit threads(arguments.threads);
-  if (arguments.environments > 0) return run_drive_dataset(arguments);
+int run_grid_dataset(CnnDatasetArguments arguments) {
   DatasetOptions& options = arguments.options;
   if (arguments.sensor_spread >= 0) options.sensor_spread = arguments.sensor_spread;
   options.sensor_yaw_spread = arguments.sensor_yaw_spread_deg * kDegree;
@@ -134,7 +127,7 @@ int run_dataset(DatasetArguments arguments) {
   const DatasetPlan plan = plan_dataset(scene, options);
   make_directory(arguments.output);
   CaptureFile file = captures_file(scene);
-  Progress progress("captures", plan.objects.size() * plan.sensors.size());
+  Progress progress("captures", plan.captures());
   file.captures = render_dataset(scene, plan, options, [&progress] { progress.advance(); });
   progress.finish();
   write_dataset(arguments.output, file, manifest_text(scene, options, plan));
@@ -143,12 +136,17 @@ int run_dataset(DatasetArguments arguments) {
 
 }  // namespace
 
+int run_cnn_dataset(const CnnDatasetArguments& arguments) {
+  const ThreadLimit threads(arguments.threads);
+  return arguments.environments > 0 ? run_drive_dataset(arguments) : run_grid_dataset(arguments);
+}
+
 void add_cnn_dataset(CLI::App& cnn, int& exit_code) {
   CLI::App& command = *cnn.add_subcommand(
       "dataset",
       "captures of the object on a grid of places from several poses of the sensor, with the noise "
       "of a drive, or the frames of drives; writes DIR/captures.exr and DIR/dataset.json");
-  const auto arguments = std::make_shared<DatasetArguments>();
+  const auto arguments = std::make_shared<CnnDatasetArguments>();
   command.add_option("SCENE", arguments->scene, "scene file; with --environments a drive file")
       ->required();
   command
@@ -161,6 +159,12 @@ void add_cnn_dataset(CLI::App& cnn, int& exit_code) {
                   "unknowns are drawn from the prior")
       ->check(CLI::Range(1, 1000000))
       ->capture_default_str();
+  command
+      .add_option(
+          "--random", arguments->options.random,
+          "so many captures instead of the grid, each with a place of the object and a pose "
+          "of the sensor of its own")
+      ->check(CLI::Range(1, 10000000));
   command
       .add_option("--sensors", arguments->options.sensors,
                   "poses of the sensor: the scene's own and others drawn around it")
@@ -192,7 +196,7 @@ void add_cnn_dataset(CLI::App& cnn, int& exit_code) {
   command.add_option("--threads", arguments->threads, "0: one per processor")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
-  command.callback([arguments, &exit_code] { exit_code = run_dataset(*arguments); });
+  command.callback([arguments, &exit_code] { exit_code = run_cnn_dataset(*arguments); });
 }
 
 }  // namespace blindcorner

@@ -23,14 +23,6 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-struct EvaluateCnnArguments {
-  std::string scene;
-  std::string weights;
-  std::vector<std::string> captures;
-  std::string output;
-  bool held_back = false;
-};
-
 /// Of the captures that the network was trained with, those that it never saw.
 std::vector<Capture> only_held_back(const std::vector<Capture>& captures, const CnnBaseline& cnn,
                                     const std::string& weights) {
@@ -44,7 +36,9 @@ std::vector<Capture> only_held_back(const std::vector<Capture>& captures, const 
   return held_back_captures(captures, cnn);
 }
 
-int run_evaluate(const EvaluateCnnArguments& arguments) {
+}  // namespace
+
+int run_cnn_evaluate(const CnnEvaluateArguments& arguments) {
   const Scene scene = read_scene(arguments.scene);
   const CnnBaseline cnn = CnnBaseline::load(arguments.weights);
   cnn.check_scene(scene);
@@ -81,14 +75,12 @@ int run_evaluate(const EvaluateCnnArguments& arguments) {
   return kAllWell;
 }
 
-}  // namespace
-
 void add_cnn_evaluate(CLI::App& cnn, int& exit_code) {
   CLI::App& command = *cnn.add_subcommand(
       "evaluate",
       "errors of a trained network on captures with their truth; writes DIR/estimates.csv, "
       "evaluation.json and index.html");
-  const auto arguments = std::make_shared<EvaluateCnnArguments>();
+  const auto arguments = std::make_shared<CnnEvaluateArguments>();
   command.add_option("SCENE", arguments->scene, "scene file")->required();
   command.add_option("WEIGHTS", arguments->weights, "weights.pt of cnn train")->required();
   command.add_option("CAPTURES", arguments->captures, "capture files or directories of them")
@@ -99,7 +91,7 @@ void add_cnn_evaluate(CLI::App& cnn, int& exit_code) {
       ->type_name("DIR");
   command.add_flag("--held-back", arguments->held_back,
                    "CAPTURES are what the network was trained on: only those held back");
-  command.callback([arguments, &exit_code] { exit_code = run_evaluate(*arguments); });
+  command.callback([arguments, &exit_code] { exit_code = run_cnn_evaluate(*arguments); });
 }
 
 }  // namespace blindcorner

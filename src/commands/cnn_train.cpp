@@ -25,18 +25,6 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-struct TrainArguments {
-  std::string scene;
-  std::vector<std::string> captures;
-  std::string output;
-  bool resume = false;
-  int checkpoint_every = 20;
-  std::optional<std::uint64_t> split_seed;
-  CnnTrainingOptions options;
-
-  std::string file(const char* name) const { return (fs::path(output) / name).string(); }
-};
-
 constexpr const char* kCheckpointFile = "checkpoint.pt";
 
 /// What the manifest of a data set says of its split; empty where there is none.
@@ -61,7 +49,7 @@ std::vector<PointEstimate> estimate_held_back(const Scene& scene,
   return estimates;
 }
 
-std::string summary_text(const Scene& scene, const TrainArguments& arguments,
+std::string summary_text(const Scene& scene, const CnnTrainArguments& arguments,
                          const CnnTrainingResult& result, std::size_t captures, double seconds,
                          const std::vector<PointEstimate>& held_back) {
   const CnnTrainingOptions& options = arguments.options;
@@ -69,6 +57,7 @@ std::string summary_text(const Scene& scene, const TrainArguments& arguments,
   json["format"] = "blindcorner.training/1";
   json["scene"] = scene.name;
   json["captures"] = captures;
+  json["network"] = cnn_architecture_name(options.network);
   json["options"] = {{"epochs", options.epochs},
                      {"batch", options.batch},
                      {"learning_rate", options.learning_rate},
@@ -93,7 +82,7 @@ std::string summary_text(const Scene& scene, const TrainArguments& arguments,
 }
 
 /// Trains, and leaves a checkpoint behind from which an interrupted training goes on.
-CnnTrainingResult train(const TrainArguments& arguments, const Scene& scene,
+CnnTrainingResult train(const CnnTrainArguments& arguments, const Scene& scene,
                         const std::vector<Capture>& captures) {
   const std::string checkpoint_path = arguments.file(kCheckpointFile);
   std::string checkpoint;
@@ -112,9 +101,28 @@ CnnTrainingResult train(const TrainArguments& arguments, const Scene& scene,
   return train_cnn(scene, captures, arguments.options, callbacks, checkpoint);
 }
 
-int run_train(TrainArguments arguments) {
+/// The network's own defaults, and what the command line says instead.
+void apply_stated(CnnTrainArguments& arguments) {
+  const CnnTrainingOptions stated = arguments.options;
+  CnnTrainingOptions& options = arguments.options;
+  options = CnnTrainingOptions::of(parse_cnn_architecture(arguments.network, "--network"));
+  options.validation_share = stated.validation_share;
+  options.standardise = stated.standardise;
+  options.input_bound = stated.input_bound;
+  options.seed = stated.seed;
+  options.epochs = arguments.epochs.value_or(options.epochs);
+  options.batch = arguments.batch.value_or(options.batch);
+  options.learning_rate = arguments.learning_rate.value_or(options.learning_rate);
+  options.early_stopping =
+      arguments.early_stopping.value_or(options.validation_share > 0 ? options.early_stopping : 0);
+}
+
+}  // namespace
+
+int run_cnn_train(CnnTrainArguments arguments) {
   const auto start = std::chrono::steady_clock::now();
   const Scene scene = read_scene(arguments.scene);
+  apply_stated(arguments);
   arguments.options.split_seed =
       arguments.split_seed ? *arguments.split_seed
                            : split_seed_of(arguments.captures).value_or(arguments.options.seed);
@@ -143,14 +151,12 @@ int run_train(TrainArguments arguments) {
   return kAllWell;
 }
 
-}  // namespace
-
 void add_cnn_train(CLI::App& cnn, int& exit_code) {
-  CLI::App& command = *cnn.add_subcommand(
-      "train",
-      "train the published network on captures with their truth; writes DIR/weights.pt, "
-      "training.csv, training.json and index.html");
-  const auto arguments = std::make_shared<TrainArguments>();
+  CLI::App& command =
+      *cnn.add_subcommand("train",
+                          "train a network on captures with their truth; writes DIR/weights.pt, "
+                          "training.csv, training.json and index.html");
+  const auto arguments = std::make_shared<CnnTrainArguments>();
   command.add_option("SCENE", arguments->scene, "scene file")->required();
   command
       .add_option("CAPTURES", arguments->captures,
@@ -160,21 +166,25 @@ void add_cnn_train(CLI::App& cnn, int& exit_code) {
       .add_option("-o,--output", arguments->output, "directory for the results; made if missing")
       ->required()
       ->type_name("DIR");
-  command.add_option("--epochs", arguments->options.epochs, "passes over the captures")
-      ->check(CLI::Range(1, 10000000))
-      ->capture_default_str();
-  command.add_option("--batch", arguments->options.batch, "captures of a step")
-      ->check(CLI::Range(2, 1000000))
-      ->capture_default_str();
-  command.add_option("--learning-rate", arguments->options.learning_rate, "of Adam")
-      ->check(CLI::PositiveNumber)
+  command
+      .add_option("--network", arguments->network,
+                  "published; or wide: an ensemble of five wider ones that states a covariance")
+      ->check(CLI::IsMember(cnn_architecture_names()))
       ->capture_default_str();
   command
-      .add_option("--early-stopping", arguments->options.early_stopping,
+      .add_option("--epochs", arguments->epochs,
+                  "passes over the captures; default: 2000, of wide at most 60")
+      ->check(CLI::Range(1, 10000000));
+  command.add_option("--batch", arguments->batch, "captures of a step; default: 16, of wide 64")
+      ->check(CLI::Range(2, 1000000));
+  command.add_option("--learning-rate", arguments->learning_rate, "of Adam; default: 0.001")
+      ->check(CLI::PositiveNumber);
+  command
+      .add_option("--early-stopping", arguments->early_stopping,
                   "stop after so many epochs without a smaller loss on the captures held back, and "
-                  "keep the weights of the smallest; 0: run all epochs and keep the last")
-      ->check(CLI::NonNegativeNumber)
-      ->capture_default_str();
+                  "keep the weights of the smallest; 0: run all epochs and keep the last; default: "
+                  "0, of wide 10")
+      ->check(CLI::NonNegativeNumber);
   command
       .add_option("--validation-share", arguments->options.validation_share,
                   "share of the captures that is held back")
@@ -201,7 +211,7 @@ void add_cnn_train(CLI::App& cnn, int& exit_code) {
       .add_option("--checkpoint-every", arguments->checkpoint_every, "epochs between checkpoints")
       ->check(CLI::Range(1, 1000000))
       ->capture_default_str();
-  command.callback([arguments, &exit_code] { exit_code = run_train(*arguments); });
+  command.callback([arguments, &exit_code] { exit_code = run_cnn_train(*arguments); });
 }
 
 }  // namespace blindcorner

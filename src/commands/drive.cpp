@@ -143,7 +143,7 @@ void add_drive_command(CLI::App& app, int& exit_code) {
       ->required()
       ->type_name("DIR");
   command.add_option("--perception", arguments->perception,
-                     "los, solver, cnn or oracle; default: the drive file's");
+                     "los, solver, cnn, cnn_wide or oracle; default: the drive file's");
   command.add_option("--weights", arguments->weights,
                      "weights.pt of cnn train, for perceptions that are networks; default: the "
                      "drive file's");

@@ -196,7 +196,7 @@ void add_trials_command(CLI::App& app, int& exit_code) {
       ->capture_default_str();
   command
       .add_option("--perception", arguments->options.perceptions,
-                  "los, solver, cnn, oracle, with commas between them")
+                  "los, solver, cnn, cnn_wide, oracle, with commas between them")
       ->delimiter(',')
       ->capture_default_str();
   command.add_option("--weights", arguments->weights,

@@ -58,11 +58,11 @@ std::vector<PoseVector> grid_poses(const Scene& scene, int side, std::mt19937_64
   return poses;
 }
 
-std::vector<Transform> sensor_poses(const Scene& scene, const DatasetOptions& options,
+std::vector<Transform> sensor_poses(const Scene& scene, const DatasetOptions& options, int count,
                                     double spread, std::mt19937_64& random) {
   std::uniform_real_distribution<double> unit(-1.0, 1.0);
   std::vector<Transform> poses{scene.T_world_sensor};
-  while (static_cast<int>(poses.size()) < options.sensors) {
+  while (static_cast<int>(poses.size()) < count) {
     Transform pose = scene.T_world_sensor;
     pose.translation().x() += spread * unit(random);
     pose.translation().y() += spread * unit(random);
@@ -84,6 +84,7 @@ void DatasetOptions::validate() const {
   if (objects < 1 || side * side != objects) {
     fail("objects", objects, "a square number, such as 400 for a grid of 20 x 20");
   }
+  if (random < 0) fail("random", random, ">= 0");
   if (sensors < 1) fail("sensors", sensors, ">= 1");
   if (exposures < 1) fail("exposures", exposures, ">= 1");
   if (sensor_spread && !(*sensor_spread >= 0 && std::isfinite(*sensor_spread))) {
@@ -100,7 +101,14 @@ DatasetPlan plan_dataset(const Scene& scene, const DatasetOptions& options) {
   DatasetPlan plan;
   plan.side = grid_side(options.objects);
   plan.sensor_spread = options.sensor_spread.value_or(default_spread(scene));
-  plan.sensors = sensor_poses(scene, options, plan.sensor_spread, random);
+  plan.paired = options.random > 0;
+  plan.sensors = sensor_poses(scene, options, plan.paired ? options.random : options.sensors,
+                              plan.sensor_spread, random);
+  if (plan.paired) {
+    plan.side = 0;
+    for (int i = 0; i < options.random; ++i) plan.objects.push_back(draw_pose(scene, random));
+    return plan;
+  }
   plan.objects = grid_poses(scene, plan.side, random);
   return plan;
 }
@@ -109,13 +117,14 @@ std::vector<Capture> render_dataset(const Scene& scene, const DatasetPlan& plan,
                                     const DatasetOptions& options,
                                     const std::function<void()>& advance) {
   const SimulatedSensor sensor(scene);
-  std::vector<Capture> captures(plan.objects.size() * plan.sensors.size());
+  std::vector<Capture> captures(plan.captures());
   tbb::parallel_for(std::size_t{0}, captures.size(), [&](std::size_t i) {
     // Photons of neighbouring captures come from seeds far apart.
     const std::uint64_t seed = options.seed + 1'000'003 * (i + 1);
+    const std::size_t object = plan.paired ? i : i / plan.sensors.size();
     captures[i] = sensor
-                      .sense(plan.sensors[i % plan.sensors.size()],
-                             plan.objects[i / plan.sensors.size()], seed, options.exposures)
+                      .sense(plan.sensors[i % plan.sensors.size()], plan.objects[object], seed,
+                             options.exposures)
                       .capture;
     captures[i].index = static_cast<int>(i);
     if (advance) advance();

@@ -9,6 +9,7 @@ namespace blindcorner {
 namespace {
 
 constexpr const char* kPublished = "cnn";
+constexpr const char* kWide = "cnn_wide";
 
 std::shared_ptr<const CnnBaseline> network_of(const PerceptionSetup& setup,
                                               const std::string& name) {
@@ -42,19 +43,44 @@ class CnnPerception final : public Perception {
   std::shared_ptr<const CnnBaseline> network_;
 };
 
+class WideCnnPerception final : public Perception {
+ public:
+  explicit WideCnnPerception(const PerceptionSetup& setup) : network_(network_of(setup, kWide)) {}
+
+  PerceptionAnswer perceive(const Capture& capture, const Transform& T_world_sensor,
+                            double /*time*/) override {
+    PerceptionAnswer answer;
+    try {
+      answer.mixture = network_->posterior(capture, T_world_sensor);
+    } catch (const std::exception& error) {
+      answer.error = error.what();
+    }
+    return answer;
+  }
+
+ private:
+  std::shared_ptr<const CnnBaseline> network_;
+};
+
 }  // namespace
+
+std::unique_ptr<Perception> make_wide_cnn_perception(const PerceptionSetup& setup) {
+  return std::make_unique<WideCnnPerception>(setup);
+}
 
 std::unique_ptr<Perception> make_cnn_perception(const PerceptionSetup& setup) {
   return std::make_unique<CnnPerception>(setup);
 }
 
-std::vector<std::string> network_names() { return {kPublished}; }
+std::vector<std::string> network_names() { return {kPublished, kWide}; }
 
 bool is_network(const std::string& perception) {
   const std::vector<std::string> names = network_names();
   return std::ranges::find(names, perception) != names.end();
 }
 
-std::string perception_of(const CnnBaseline& /*network*/) { return kPublished; }
+std::string perception_of(const CnnBaseline& network) {
+  return network.description().network == CnnArchitecture::wide ? kWide : kPublished;
+}
 
 }  // namespace blindcorner

@@ -13,4 +13,7 @@ namespace blindcorner {
 /// disc. Throws Error unless the setup has its weights.
 std::unique_ptr<Perception> make_cnn_perception(const PerceptionSetup& setup);
 
+/// "cnn_wide": the ensemble, whose answer goes to the map with its covariance.
+std::unique_ptr<Perception> make_wide_cnn_perception(const PerceptionSetup& setup);
+
 }  // namespace blindcorner

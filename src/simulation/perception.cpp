@@ -109,6 +109,7 @@ struct Entry {
 
 /// Median on one core for a frame of 64 zones and 256 bins, rounded up to whole ms.
 constexpr double kCnnDelay = 0.001;
+constexpr double kWideCnnDelay = 0.004;
 
 constexpr std::array kPerceptions = {
     Entry{"los",
@@ -117,6 +118,7 @@ constexpr std::array kPerceptions = {
           }},
     Entry{"solver", make_solver_perception},
     Entry{"cnn", make_cnn_perception, kCnnDelay},
+    Entry{"cnn_wide", make_wide_cnn_perception, kWideCnnDelay},
     Entry{"oracle",
           [](const PerceptionSetup& setup) -> std::unique_ptr<Perception> {
             return std::make_unique<OraclePerception>(setup);

@@ -1072,8 +1072,9 @@ TEST_F(Cli, TrialsThatWereKilledGoOnToTheSameBytes) {
 TEST_F(Cli, TrialsRefuseWhatTheyCannotDo) {
   const std::string drive =
       "trials '" + std::string(SOURCE_DIR) + "/scenes/robot_drive.json' -o '" + path("out") + "' ";
-  for (const char* options : {"-n 0", "--perception x-ray", "--perception los,los", "--light 0",
-                              "--threads -1", "--error-trials -1"}) {
+  for (const char* options :
+       {"-n 0", "--perception x-ray", "--perception los,los", "--light 0", "--perception cnn",
+        "--perception cnn --weights /nowhere.pt", "--threads -1", "--error-trials -1"}) {
     SCOPED_TRACE(options);
     expect_refused(run(drive + options));
   }
@@ -1208,6 +1209,21 @@ TEST_F(CliCnn, TrainsAndEvaluates) {
   const json evaluation = json::parse(text_of(path("some/evaluation.json")));
   EXPECT_EQ(evaluation["captures"], 4);
   EXPECT_EQ(evaluation["errors"], training["validation"]["errors"]);
+}
+
+TEST_F(CliCnn, BaselineMakesDataTrainsAndEvaluatesOnce) {
+  const std::string command =
+      "cnn baseline " + kScene + " --captures 12 --epochs 1 --network wide -o " + path("base");
+  const Outcome first = run(command);
+  ASSERT_EQ(first.exit_code, 0) << first.err;
+  EXPECT_TRUE(fs::exists(path("base/errors_wide/index.html")));
+  const auto made = fs::last_write_time(path("base/data_wide/captures.exr"));
+  ASSERT_EQ(run(command).exit_code, 0);
+  EXPECT_EQ(fs::last_write_time(path("base/data_wide/captures.exr")), made);
+  const Outcome other = run("cnn baseline " + std::string(SOURCE_DIR) +
+                            "/scenes/tmf8828_floor.json --network wide -o " + path("base"));
+  EXPECT_EQ(other.exit_code, 2);
+  EXPECT_THAT(other.err, AllOf(HasSubstr("dataset.json: scene"), HasSubstr("tmf8828_wall")));
 }
 
 TEST_F(CliCnn, TrainingGoesOnToTheSameBytes) {

@@ -15,8 +15,11 @@ namespace blindcorner {
 
 /// Numbers are those of the published data.
 struct DatasetOptions {
-  int objects = 400;   ///< places of the object, a square number: a grid of 20 x 20
-  int sensors = 5;     ///< poses of the sensor: the scene's own, and others around it
+  int objects = 400;  ///< places of the object, a square number: a grid of 20 x 20
+  int sensors = 5;    ///< poses of the sensor: the scene's own, and others around it
+  /// > 0: so many captures instead, each with an object's place and a pose of the sensor of its
+  /// own, all drawn at random: what a learner of many captures is served best with.
+  int random = 0;
   int exposures = 10;  ///< averaged in each capture
   /// The other poses are within this distance of the scene's own along x and along y, m. Empty: 5 %
   /// of the distance at which the optical axis meets a surface (of 1 m where it meets none).
@@ -34,6 +37,9 @@ struct DatasetPlan {
   double sensor_spread = 0;         ///< m, as used
   std::vector<Transform> sensors;   ///< [sensors] T_world_sensor
   std::vector<PoseVector> objects;  ///< [objects], x changes fastest
+  bool paired = false;              ///< one sensor for each object, not all for each
+
+  std::size_t captures() const { return objects.size() * (paired ? 1 : sensors.size()); }
 };
 
 /// Places of the first object are evenly spread over the range of its x and of its y, both ends
@@ -42,7 +48,7 @@ struct DatasetPlan {
 /// sees no relay.
 DatasetPlan plan_dataset(const Scene& scene, const DatasetOptions& options);
 
-/// Captures [objects * sensors], those of one place of the object side by side, each with its truth
+/// Captures [plan.captures()], those of one place of the object side by side, each with its truth
 /// and the sensor's pose. The same at any number of threads. `advance` is called after each, from
 /// any thread.
 std::vector<Capture> render_dataset(const Scene& scene, const DatasetPlan& plan,

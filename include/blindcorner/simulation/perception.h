@@ -60,7 +60,8 @@ struct PerceptionSetup {
 
 /// "los": knows hidden objects only when they are in sight, so it never has anything to say itself.
 /// "solver": the fit and its tracker. "cnn": the published network, whose answer is taken for
-/// certain and for a disc of 1 m, as published. "oracle": the truth, within the known pose's
+/// certain and for a disc of 1 m, as published. "cnn_wide": the ensemble, with the covariance that
+/// it states. "oracle": the truth, within the known pose's
 /// deviations. "oracle_disc" and "oracle_covariance" are misled by an injected error, one direction
 /// a drive: the first is sure of a disc of 1 m there, as published; the second states a covariance
 /// to match.

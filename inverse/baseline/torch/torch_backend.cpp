@@ -4,10 +4,13 @@
 #include <torch/torch.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <cstdint>
+#include <memory>
 #include <numeric>
 #include <random>
+#include <thread>
 
 #include "blindcorner/forward/error.h"
 #include "inverse/baseline/cnn_backend.h"
@@ -21,10 +24,42 @@ using Entries = c10::Dict<c10::IValue, c10::IValue>;
 
 constexpr const char* kMetadata = "metadata";
 
+/// What is trained: a network and the loss of its outputs.
+class Network : public torch::nn::Module {
+ public:
+  /// `histograms` [batch, zones, bins] and `sensors` [batch, 3] to [batch, outputs]. `random` drops
+  /// half of the second convolution's values; null: none are dropped.
+  virtual Tensor forward(const Tensor& histograms, const Tensor& sensors,
+                         std::mt19937_64* random) = 0;
+  /// Mean over the batch and the `targets` [batch, outputs].
+  virtual Tensor loss(const Tensor& outputs, const Tensor& targets) const = 0;
+};
+
+/// Zeros and twos, equally likely. One random word makes 64 of them: libtorch's own dropout takes
+/// a quarter of a training step.
+Tensor dropout_mask(at::IntArrayRef sizes, std::mt19937_64& random) {
+  Tensor mask = torch::empty(sizes);
+  auto* values = mask.data_ptr<float>();
+  const std::int64_t count = mask.numel();
+  for (std::int64_t i = 0; i < count; i += 64) {
+    const std::uint64_t word = random();
+    const std::int64_t end = std::min<std::int64_t>(64, count - i);
+    for (std::int64_t bit = 0; bit < end; ++bit) {
+      values[i + bit] = static_cast<float>(2 * ((word >> bit) & 1));
+    }
+  }
+  return mask;
+}
+
+/// As a convolution of one step, which oneDNN computes faster than BLAS does the product.
+Tensor dense(torch::nn::Linear& layer, const Tensor& x) {
+  return torch::conv1d(x.unsqueeze(2), layer->weight.unsqueeze(2), layer->bias).squeeze(2);
+}
+
 /// Names and shapes are those of the same network in PyTorch:
 ///   conv1 = Conv1d(zones, 4, 3); norm1 = BatchNorm1d(4); conv2 = Conv1d(4, 8, 3);
 ///   norm2 = BatchNorm1d(8); hidden = Linear(8 * (bins - 4) + 3, 16); output = Linear(16, outputs)
-class PublishedNetwork : public torch::nn::Module {
+class PublishedNetwork : public Network {
  public:
   explicit PublishedNetwork(const CnnShape& shape)
       : conv1(register_module("conv1",
@@ -35,36 +70,20 @@ class PublishedNetwork : public torch::nn::Module {
         hidden(register_module("hidden", torch::nn::Linear(8 * (shape.bins - 4) + 3, 16))),
         output(register_module("output", torch::nn::Linear(16, shape.outputs))) {}
 
-  /// `histograms` [batch, zones, bins] and `sensors` [batch, 3] to [batch, outputs]. `random` drops
-  /// half of the second convolution's values; null: none are dropped.
-  Tensor forward(const Tensor& histograms, const Tensor& sensors, std::mt19937_64* random) {
+  Tensor forward(const Tensor& histograms, const Tensor& sensors,
+                 std::mt19937_64* random) override {
     Tensor x = torch::relu(norm1->forward(conv1->forward(histograms)));
     x = norm2->forward(conv2->forward(x));
     if (random != nullptr) x = x * dropout_mask(x.sizes(), *random);
     x = torch::cat({torch::relu(x).flatten(1), sensors}, 1);
-    // As a convolution of one step, which oneDNN computes faster than BLAS does the product.
-    x = torch::conv1d(x.unsqueeze(2), hidden->weight.unsqueeze(2), hidden->bias).squeeze(2);
-    return output->forward(torch::relu(x));
+    return output->forward(torch::relu(dense(hidden, x)));
+  }
+
+  Tensor loss(const Tensor& outputs, const Tensor& targets) const override {
+    return torch::mse_loss(outputs, targets);
   }
 
  private:
-  /// Zeros and twos, equally likely. One random word makes 64 of them: libtorch's own dropout takes
-  /// a quarter of a training step.
-  static Tensor dropout_mask(at::IntArrayRef sizes, std::mt19937_64& random) {
-    Tensor mask = torch::empty(sizes);
-    auto* values = mask.data_ptr<float>();
-    const std::int64_t count = mask.numel();
-    for (std::int64_t i = 0; i < count; i += 64) {
-      const std::uint64_t word = random();
-      const std::int64_t end = std::min<std::int64_t>(64, count - i);
-      for (std::int64_t bit = 0; bit < end; ++bit) {
-        values[i + bit] = static_cast<float>(2 * ((word >> bit) & 1));
-      }
-    }
-    return mask;
-  }
-
- public:
   torch::nn::Conv1d conv1;
   torch::nn::BatchNorm1d norm1;
   torch::nn::Conv1d conv2;
@@ -73,8 +92,69 @@ class PublishedNetwork : public torch::nn::Module {
   torch::nn::Linear output;
 };
 
+/// One of the ensemble. Its outputs are a mean and the logarithm of a variance for each target.
+class WideNetwork : public Network {
+ public:
+  explicit WideNetwork(const CnnShape& shape)
+      : conv1(register_module(
+            "conv1", torch::nn::Conv1d(torch::nn::Conv1dOptions(shape.zones, 32, 5).stride(2)))),
+        norm1(register_module("norm1", torch::nn::BatchNorm1d(32))),
+        conv2(register_module("conv2",
+                              torch::nn::Conv1d(torch::nn::Conv1dOptions(32, 48, 5).stride(2)))),
+        norm2(register_module("norm2", torch::nn::BatchNorm1d(48))),
+        hidden(register_module("hidden", torch::nn::Linear(48 * steps(shape.bins) + 3, 64))),
+        output(register_module("output", torch::nn::Linear(64, 2 * shape.outputs))) {}
+
+  Tensor forward(const Tensor& histograms, const Tensor& sensors,
+                 std::mt19937_64* random) override {
+    Tensor x = torch::relu(norm1->forward(conv1->forward(histograms)));
+    x = norm2->forward(conv2->forward(x));
+    if (random != nullptr) x = x * dropout_mask(x.sizes(), *random);
+    x = torch::cat({torch::relu(x).flatten(1), sensors}, 1);
+    x = output->forward(torch::relu(dense(hidden, x)));
+    const std::int64_t half = x.size(1) / 2;
+    // Deviations from a thousandth to seven times half of a range.
+    constexpr double kLeastLogVariance = -14, kMostLogVariance = 4;
+    const Tensor spread = x.narrow(1, half, half).clamp(kLeastLogVariance, kMostLogVariance);
+    return torch::cat({x.narrow(1, 0, half), spread}, 1);
+  }
+
+  /// Negative logarithm of the Gaussian likelihood, less its constant.
+  Tensor loss(const Tensor& outputs, const Tensor& targets) const override {
+    const std::int64_t half = targets.size(1);
+    const Tensor log_variance = outputs.narrow(1, half, half);
+    const Tensor squares = (outputs.narrow(1, 0, half) - targets).square();
+    return 0.5 * (log_variance + squares * torch::exp(-log_variance)).mean();
+  }
+
+ private:
+  /// What two convolutions of five bins in steps of two leave.
+  static std::int64_t steps(std::int64_t bins) { return ((bins - 5) / 2 + 1 - 5) / 2 + 1; }
+
+  torch::nn::Conv1d conv1;
+  torch::nn::BatchNorm1d norm1;
+  torch::nn::Conv1d conv2;
+  torch::nn::BatchNorm1d norm2;
+  torch::nn::Linear hidden;
+  torch::nn::Linear output;
+};
+
+int members_of(const CnnShape& shape) {
+  return shape.network == CnnArchitecture::wide ? kWideMembers : 1;
+}
+
+/// Of a member's weights in files: the published network stands alone.
+std::string prefix_of(const CnnShape& shape, int member) {
+  return shape.network == CnnArchitecture::wide ? "member" + std::to_string(member) + "." : "";
+}
+
+std::unique_ptr<Network> make_network(const CnnShape& shape) {
+  if (shape.network == CnnArchitecture::wide) return std::make_unique<WideNetwork>(shape);
+  return std::make_unique<PublishedNetwork>(shape);
+}
+
 /// Weights and running statistics by PyTorch's names.
-std::vector<std::pair<std::string, Tensor>> state_of(const PublishedNetwork& network) {
+std::vector<std::pair<std::string, Tensor>> state_of(const Network& network) {
   std::vector<std::pair<std::string, Tensor>> state;
   for (const auto& item : network.named_parameters()) state.emplace_back(item.key(), item.value());
   for (const auto& item : network.named_buffers()) state.emplace_back(item.key(), item.value());
@@ -146,7 +226,7 @@ Tensor tensor_of(const Entries& entries, const std::string& name, const Tensor& 
   return tensor;
 }
 
-void load_state(const Entries& entries, const std::string& prefix, PublishedNetwork& network,
+void load_state(const Entries& entries, const std::string& prefix, Network& network,
                 const std::string& where) {
   const torch::NoGradGuard no_gradient;
   for (auto& [name, tensor] : state_of(network)) {
@@ -175,32 +255,40 @@ void use_one_thread() { at::set_num_threads(1); }
 class TorchNetwork : public CnnNetwork {
  public:
   TorchNetwork(const CnnShape& shape, const Entries& entries, const std::string& where)
-      : shape_(shape), network_(shape) {
-    load_state(entries, "", network_, where);
-    network_.eval();
+      : shape_(shape) {
+    for (int member = 0; member < members_of(shape); ++member) {
+      members_.push_back(make_network(shape));
+      load_state(entries, prefix_of(shape, member), *members_.back(), where);
+      members_.back()->eval();
+    }
   }
 
   std::vector<float> evaluate(const CnnData& data) const override {
     use_one_thread();
     const torch::InferenceMode inference;
     const DataTensors tensors(data, shape_);
-    // Evaluation changes nothing in the network; its `forward` also serves training.
-    auto& network = const_cast<PublishedNetwork&>(network_);
-    const Tensor outputs =
-        network.forward(tensors.histograms, tensors.sensors, nullptr).contiguous();
-    const auto* first = outputs.data_ptr<float>();
-    return {first, first + outputs.numel()};
+    std::vector<float> values;
+    for (const auto& member : members_) {
+      // Evaluation changes nothing in the network; its `forward` also serves training.
+      const Tensor outputs =
+          member->forward(tensors.histograms, tensors.sensors, nullptr).contiguous();
+      const auto* first = outputs.data_ptr<float>();
+      values.insert(values.end(), first, first + outputs.numel());
+    }
+    return values;
   }
 
   std::string bytes(const std::string& metadata) const override {
     Entries entries = entries_with(metadata);
-    add_state(state_of(network_), "", entries);
+    for (std::size_t i = 0; i < members_.size(); ++i) {
+      add_state(state_of(*members_[i]), prefix_of(shape_, static_cast<int>(i)), entries);
+    }
     return pickled(entries);
   }
 
  private:
   CnnShape shape_;
-  PublishedNetwork network_;
+  std::vector<std::unique_ptr<Network>> members_;
 };
 
 /// Adam (Kingma and Ba 2015) with PyTorch's defaults, over all weights in one array: parameter by
@@ -246,11 +334,12 @@ class FlatAdam {
         {"adam.first", first_}, {"adam.second", second_}, {"adam.steps", torch::tensor(steps_)}};
   }
 
-  void load(const Entries& entries, const std::string& where) {
+  void load(const Entries& entries, const std::string& prefix, const std::string& where) {
     const torch::NoGradGuard no_gradient;
-    first_.copy_(tensor_of(entries, "adam.first", first_, where));
-    second_.copy_(tensor_of(entries, "adam.second", second_, where));
-    steps_ = tensor_of(entries, "adam.steps", torch::tensor(steps_), where).item<std::int64_t>();
+    first_.copy_(tensor_of(entries, prefix + "adam.first", first_, where));
+    second_.copy_(tensor_of(entries, prefix + "adam.second", second_, where));
+    steps_ = tensor_of(entries, prefix + "adam.steps", torch::tensor(steps_), where)
+                 .item<std::int64_t>();
   }
 
  private:
@@ -259,25 +348,31 @@ class FlatAdam {
   std::int64_t steps_ = 0;
 };
 
-class TorchTrainer : public CnnTrainer {
+/// The training of one network: the published one, or a member of the ensemble.
+class MemberTrainer {
  public:
-  TorchTrainer(const CnnShape& shape, const CnnData& data, std::size_t training,
-               const CnnTrainingOptions& options)
-      : data_(data, shape),
-        training_(static_cast<std::int64_t>(training)),
+  /// `prefix` names the member in files. `data` must outlive this.
+  MemberTrainer(const CnnShape& shape, const DataTensors& data, std::int64_t training,
+                const CnnTrainingOptions& options, std::string prefix)
+      : data_(data),
+        training_(training),
         options_(options),
-        network_((torch::manual_seed(options.seed), shape)),
-        adam_(network_, options.learning_rate) {}
+        prefix_(std::move(prefix)),
+        network_((torch::manual_seed(options.seed), make_network(shape))),
+        adam_(*network_, options.learning_rate) {}
 
   void load(const Entries& entries, const std::string& where) {
-    load_state(entries, "", network_, where);
-    adam_.load(entries, where);
-    if (entries.find(std::string("best.conv1.weight")) == entries.end()) return;
+    load_state(entries, prefix_, *network_, where);
+    adam_.load(entries, prefix_, where);
+    if (entries.find("best." + prefix_ + "conv1.weight") == entries.end()) return;
     remember();
-    for (auto& [name, tensor] : best_) tensor = tensor_of(entries, "best." + name, tensor, where);
+    for (auto& [name, tensor] : best_) {
+      tensor = tensor_of(entries, "best." + prefix_ + name, tensor, where);
+    }
   }
 
-  CnnEpoch run_epoch(int number) override {
+  /// Runs epoch `number`, whose random numbers depend on it and the seed only.
+  CnnEpoch run_epoch(int number) {
     use_one_thread();
     std::seed_seq seeds{static_cast<std::uint32_t>(options_.seed),
                         static_cast<std::uint32_t>(options_.seed >> 32),
@@ -287,7 +382,7 @@ class TorchTrainer : public CnnTrainer {
     std::iota(order.begin(), order.end(), std::int64_t{0});
     std::shuffle(order.begin(), order.end(), random);
     const Tensor shuffled = torch::tensor(order);
-    network_.train();
+    network_->train();
     double sum = 0;
     int steps = 0;
     for (std::int64_t start = 0; start < training_; start += options_.batch, ++steps) {
@@ -297,33 +392,30 @@ class TorchTrainer : public CnnTrainer {
     return {sum / steps, validation_loss()};
   }
 
-  void remember() override {
+  /// Keeps the present weights as the best so far.
+  void remember() {
     best_.clear();
-    for (const auto& [name, tensor] : state_of(network_)) {
+    for (const auto& [name, tensor] : state_of(*network_)) {
       best_.emplace_back(name, tensor.detach().clone());
     }
   }
 
-  std::string weights(const std::string& metadata, bool remembered) const override {
-    Entries entries = entries_with(metadata);
-    add_state(remembered ? best_ : state_of(network_), "", entries);
-    return pickled(entries);
+  void add_weights(bool remembered, Entries& entries) const {
+    add_state(remembered ? best_ : state_of(*network_), prefix_, entries);
   }
 
-  std::string checkpoint(const std::string& metadata) const override {
-    Entries entries = entries_with(metadata);
-    add_state(state_of(network_), "", entries);
-    add_state(best_, "best.", entries);
-    add_state(adam_.state(), "", entries);
-    return pickled(entries);
+  void add_checkpoint(Entries& entries) const {
+    add_state(state_of(*network_), prefix_, entries);
+    add_state(best_, "best." + prefix_, entries);
+    add_state(adam_.state(), prefix_, entries);
   }
 
  private:
   double step(const Tensor& chosen, std::mt19937_64& random) {
     adam_.zero_gradients();
-    const Tensor outputs = network_.forward(data_.histograms.index_select(0, chosen),
-                                            data_.sensors.index_select(0, chosen), &random);
-    const Tensor loss = torch::mse_loss(outputs, data_.targets.index_select(0, chosen));
+    const Tensor outputs = network_->forward(data_.histograms.index_select(0, chosen),
+                                             data_.sensors.index_select(0, chosen), &random);
+    const Tensor loss = network_->loss(outputs, data_.targets.index_select(0, chosen));
     loss.backward();
     adam_.step();
     return loss.item<double>();
@@ -333,19 +425,85 @@ class TorchTrainer : public CnnTrainer {
     const std::int64_t count = data_.targets.size(0) - training_;
     if (count == 0) return std::nan("");
     const torch::NoGradGuard no_gradient;
-    network_.eval();
+    network_->eval();
     const auto held_back = [&](const Tensor& all) { return all.narrow(0, training_, count); };
     const Tensor outputs =
-        network_.forward(held_back(data_.histograms), held_back(data_.sensors), nullptr);
-    return torch::mse_loss(outputs, held_back(data_.targets)).item<double>();
+        network_->forward(held_back(data_.histograms), held_back(data_.sensors), nullptr);
+    return network_->loss(outputs, held_back(data_.targets)).item<double>();
   }
 
-  DataTensors data_;
+  const DataTensors& data_;
   std::int64_t training_;
   CnnTrainingOptions options_;
-  PublishedNetwork network_;
+  std::string prefix_;
+  std::unique_ptr<Network> network_;
   FlatAdam adam_;
   std::vector<std::pair<std::string, Tensor>> best_;
+};
+
+class TorchTrainer : public CnnTrainer {
+ public:
+  TorchTrainer(const CnnShape& shape, const CnnData& data, std::size_t training,
+               const CnnTrainingOptions& options)
+      : data_(data, shape) {
+    for (int member = 0; member < members_of(shape); ++member) {
+      CnnTrainingOptions own = options;
+      own.seed += kMemberSeeds * static_cast<std::uint64_t>(member);
+      members_.push_back(std::make_unique<MemberTrainer>(
+          shape, data_, static_cast<std::int64_t>(training), own, prefix_of(shape, member)));
+    }
+  }
+
+  void load(const Entries& entries, const std::string& where) {
+    for (const auto& member : members_) member->load(entries, where);
+  }
+
+  /// Members are trained side by side, each by one thread, so that their number changes nothing.
+  CnnEpoch run_epoch(int number) override {
+    std::vector<CnnEpoch> epochs(members_.size());
+    std::atomic<std::size_t> next{0};
+    const auto work = [&] {
+      for (std::size_t i = next++; i < members_.size(); i = next++) {
+        epochs[i] = members_[i]->run_epoch(number);
+      }
+    };
+    {
+      const std::size_t threads =
+          std::min<std::size_t>(members_.size(), std::max(1U, std::thread::hardware_concurrency()));
+      std::vector<std::jthread> others;
+      for (std::size_t i = 1; i < threads; ++i) others.emplace_back(work);
+      work();
+    }
+    CnnEpoch mean;
+    for (const CnnEpoch& epoch : epochs) {
+      mean.training += epoch.training / static_cast<double>(epochs.size());
+      mean.validation += epoch.validation / static_cast<double>(epochs.size());
+    }
+    return mean;
+  }
+
+  void remember() override {
+    for (const auto& member : members_) member->remember();
+  }
+
+  std::string weights(const std::string& metadata, bool remembered) const override {
+    Entries entries = entries_with(metadata);
+    for (const auto& member : members_) member->add_weights(remembered, entries);
+    return pickled(entries);
+  }
+
+  std::string checkpoint(const std::string& metadata) const override {
+    Entries entries = entries_with(metadata);
+    for (const auto& member : members_) member->add_checkpoint(entries);
+    return pickled(entries);
+  }
+
+ private:
+  /// Seeds of members are this far apart: an odd number without a pattern.
+  static constexpr std::uint64_t kMemberSeeds = 0x9e3779b97f4a7c15;
+
+  DataTensors data_;
+  std::vector<std::unique_ptr<MemberTrainer>> members_;
 };
 
 class TorchBackend : public CnnBackend {

@@ -47,6 +47,25 @@ TEST(Dataset, ObjectsStandOnAGridAndSensorsAroundTheScenes) {
   }
 }
 
+TEST(Dataset, RandomCapturesHavePlacesAndSensorPosesOfTheirOwn) {
+  const Scene scene = wall();
+  DatasetOptions options;
+  options.random = 6;
+  const DatasetPlan plan = plan_dataset(scene, options);
+  ASSERT_EQ(plan.captures(), 6U);
+  const auto captures = render_dataset(scene, plan, options);
+  ASSERT_EQ(captures.size(), 6U);
+  std::set<double> x, sensor_x;
+  for (std::size_t i = 0; i < captures.size(); ++i) {
+    EXPECT_EQ(captures[i].truth.at("x_m"), plan.objects[i][0]);
+    EXPECT_TRUE(captures[i].T_world_sensor->isApprox(plan.sensors[i], 0));
+    x.insert(plan.objects[i][0]);
+    sensor_x.insert(plan.sensors[i].translation().x());
+  }
+  EXPECT_EQ(x.size(), 6U);
+  EXPECT_EQ(sensor_x.size(), 6U);
+}
+
 TEST(Dataset, CapturesAreWhatTheSimulatedSensorSenses) {
   const Scene scene = wall();
   DatasetOptions options;

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-/// The learned baseline: the published 1D convolutional network, from a capture's histograms and
-/// the sensor's pose to the pose of the hidden object. It needs libtorch, which is loaded when it
-/// is asked for: programs that do not ask for it start without it.
+/// The learned baseline: the published 1D convolutional network, or an ensemble of wider ones, from
+/// a capture's histograms and the sensor's pose to the pose of the hidden object. It needs
+/// libtorch, which is loaded when it is asked for: programs that do not ask for it start without
+/// it.
 #pragma once
 
 #include <cstdint>
@@ -9,10 +10,23 @@
 #include <string>
 #include <vector>
 
+#include "blindcorner/forward/scene/pose_mixture.h"
 #include "blindcorner/forward/scene/scene.h"
 #include "blindcorner/forward/sensor/capture.h"
 
 namespace blindcorner {
+
+enum class CnnArchitecture {
+  published,  ///< one network, which states a pose
+  /// A deep ensemble (Lakshminarayanan et al. 2017): wider networks from different starts, each of
+  /// which states a pose and its variance.
+  wide
+};
+/// "published", "wide".
+std::string cnn_architecture_name(CnnArchitecture architecture);
+std::vector<std::string> cnn_architecture_names();
+/// Throws Error naming `where` for another name.
+CnnArchitecture parse_cnn_architecture(const std::string& name, const std::string& where);
 
 /// One unknown as the network learns it.
 struct CnnUnknown {
@@ -31,10 +45,13 @@ struct CnnTrainingRecord {
   std::uint64_t split_seed = 1;
   std::uint64_t seed = 1;
   int epoch = 0;  ///< after which these weights were taken
+  /// Captures with the same truth were held back together, or each by itself.
+  bool split_by_truth = false;
 };
 
 /// All that is known about a network besides its weights: the JSON text of its file.
 struct CnnDescription {
+  CnnArchitecture network = CnnArchitecture::published;
   std::string scene;
   int zones = 0, bins = 0;
   double bin_width = 0;  ///< s
@@ -77,6 +94,11 @@ class CnnBaseline {
   /// the unknowns. Thread safe. Throws Error for a capture of another sensor, and one whose
   /// counts are not finite or do not sum to more than zero.
   PoseVector predict(const Capture& capture, const Transform& T_world_sensor) const;
+
+  /// The same with what the network claims of its error: one mode, present for certain. Of the
+  /// published network, which claims nothing, covariances are empty (0 x 0); of the ensemble they
+  /// hold the variances that its members state and their differences from each other.
+  PoseMixture posterior(const Capture& capture, const Transform& T_world_sensor) const;
 
   /// Throws Error naming the file unless the network suits the scene: zones, bins and their width,
   /// unknowns.

@@ -14,6 +14,7 @@ namespace blindcorner {
 
 /// Defaults are the published ones.
 struct CnnTrainingOptions {
+  CnnArchitecture network = CnnArchitecture::published;
   int epochs = 2000;
   int batch = 16;               ///< captures of a step
   double learning_rate = 1e-3;  ///< of Adam
@@ -32,11 +33,17 @@ struct CnnTrainingOptions {
   std::uint64_t seed = 1;        ///< of weights, order of captures and dropout
   std::uint64_t split_seed = 1;  ///< of which captures are held back
 
+  /// What each network is trained with: the published values, or those of the ensemble, of which
+  /// captures with the same truth are held back together: its variances are learnt until the loss
+  /// on what was held back rises, which must not be of places that it knows.
+  static CnnTrainingOptions of(CnnArchitecture network);
+
   /// Throws Error naming the field that is out of range.
   void validate() const;
 };
 
-/// Losses of one epoch: mean squared error of the normalised outputs.
+/// Losses of one epoch, of the normalised outputs: mean squared error; of the ensemble the negative
+/// logarithm of the Gaussian likelihood, less its constant, mean over its members.
 struct CnnEpoch {
   double training = 0;    ///< mean over the steps, dropout included
   double validation = 0;  ///< over the captures held back; NaN without any
@@ -59,6 +66,10 @@ struct CnnTrainingCallbacks {
 
 /// Places of the captures that are held back, ascending: the same for the same arguments.
 std::vector<std::size_t> validation_captures(std::size_t count, double share, std::uint64_t seed);
+
+/// Those that a network was trained without, or will be: as its record says.
+std::vector<std::size_t> validation_captures(std::span<const Capture> captures,
+                                             const CnnTrainingRecord& record);
 
 /// Throws Error unless the capture is of the scene's sensor and its counts are finite, and not
 /// negative where photons are counted. A bin that is full is data to a network.

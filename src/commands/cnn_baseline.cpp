@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: Apache-2.0
+/// `blindcorner cnn baseline SCENE|DRIVE -o DIR`: data, training and errors by one command.
+#include <CLI/CLI.hpp>
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "blindcorner/forward/error.h"
+#include "blindcorner/io/scene_file.h"
+#include "commands/cnn.h"
+#include "commands/commands.h"
+#include "io/file_bytes.h"
+
+namespace blindcorner {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Published: 400 places by 5 poses of the sensor; 30 drives. The ensemble learns ten times that.
+constexpr int kWideCaptures = 20000;
+constexpr int kEnvironments = 30;
+constexpr int kWideEnvironments = 300;
+
+struct BaselineArguments {
+  std::string source;  ///< scene file or drive file
+  std::string output;
+  std::string network = "published";
+  std::optional<int> epochs;
+  std::optional<int> captures;  ///< of a scene; drawn at random
+  std::optional<int> environments;
+  std::uint64_t seed = 1;
+
+  bool wide() const { return network == "wide"; }
+  std::string directory(const std::string& name) const {
+    return (fs::path(output) / name).string();
+  }
+};
+
+nlohmann::json parsed(const std::string& path) {
+  try {
+    return nlohmann::json::parse(read_bytes(path));
+  } catch (const nlohmann::json::exception& error) {
+    throw Error(path, one_line(error.what()));
+  }
+}
+
+/// The scene that a drive file names; empty for a scene file.
+std::string scene_of_drive(const std::string& path) {
+  const nlohmann::json json = parsed(path);
+  if (!json.is_object() || !json.contains("route_m") || !json.contains("scene")) return {};
+  if (!json["scene"].is_string()) return {};
+  return (fs::path(path).parent_path() / json["scene"].get<std::string>()).string();
+}
+
+/// Makes the data unless they are there. Throws Error where they are of another scene.
+void provide_data(const BaselineArguments& arguments, const std::string& scene, bool drive,
+                  const std::string& directory) {
+  const std::string manifest = (fs::path(directory) / kDatasetManifest).string();
+  if (fs::exists(manifest)) {
+    const std::string name = read_scene(scene).name;
+    const std::string found = parsed(manifest).value("scene", "");
+    if (found == name) return;
+    throw Error(manifest + ": scene",
+                "found \"" + found + "\", accepted: \"" + name + "\", or another directory");
+  }
+  CnnDatasetArguments data;
+  data.scene = arguments.source;
+  data.output = directory;
+  data.options.seed = arguments.seed;
+  if (drive) {
+    data.environments =
+        arguments.environments.value_or(arguments.wide() ? kWideEnvironments : kEnvironments);
+  } else {
+    data.options.random = arguments.captures.value_or(arguments.wide() ? kWideCaptures : 0);
+  }
+  run_cnn_dataset(data);
+}
+
+int run_baseline(const BaselineArguments& arguments) {
+  if (!CnnBaseline::available()) CnnBaseline::load(arguments.source);  // says how to get it
+  const std::string named = scene_of_drive(arguments.source);
+  const std::string scene = named.empty() ? arguments.source : named;
+  const std::string data = arguments.directory(arguments.wide() ? "data_wide" : "data");
+  provide_data(arguments, scene, !named.empty(), data);
+  CnnTrainArguments train;
+  train.scene = scene;
+  train.captures = {data};
+  train.output = arguments.directory(arguments.wide() ? "net_wide" : "net");
+  train.network = arguments.network;
+  train.epochs = arguments.epochs;
+  train.resume = true;
+  train.options.seed = arguments.seed;
+  const int trained = run_cnn_train(train);
+  if (trained != kAllWell) return trained;
+  CnnEvaluateArguments evaluate;
+  evaluate.scene = scene;
+  evaluate.weights = train.file("weights.pt");
+  evaluate.captures = {data};
+  evaluate.output = arguments.directory(arguments.wide() ? "errors_wide" : "errors");
+  evaluate.held_back = true;
+  return run_cnn_evaluate(evaluate);
+}
+
+}  // namespace
+
+void add_cnn_baseline(CLI::App& cnn, int& exit_code) {
+  CLI::App& command = *cnn.add_subcommand(
+      "baseline",
+      "data, training and errors by one command, with the published numbers; goes on where it was "
+      "interrupted; writes DIR/data, DIR/net/weights.pt and DIR/errors (of wide data_wide and so "
+      "on)");
+  const auto arguments = std::make_shared<BaselineArguments>();
+  command.add_option("SCENE", arguments->source, "scene file or drive file")->required();
+  command
+      .add_option("-o,--output", arguments->output, "directory for the results; made if missing")
+      ->required()
+      ->type_name("DIR");
+  command
+      .add_option("--network", arguments->network,
+                  "published; or wide: an ensemble of five wider ones that states a covariance, "
+                  "trained on ten times the data")
+      ->check(CLI::IsMember(cnn_architecture_names()))
+      ->capture_default_str();
+  command.add_option("--epochs", arguments->epochs, "as of cnn train")
+      ->check(CLI::Range(1, 10000000));
+  command
+      .add_option(
+          "--captures", arguments->captures,
+          "of a scene: so many, drawn at random; default: the published grid, of wide 20000")
+      ->check(CLI::Range(3, 10000000));
+  command
+      .add_option("--environments", arguments->environments,
+                  "of a drive file; default: 30, of wide 300")
+      ->check(CLI::Range(1, 100000));
+  command.add_option("--seed", arguments->seed, "of data, weights and split")
+      ->capture_default_str();
+  command.callback([arguments, &exit_code] { exit_code = run_baseline(*arguments); });
+}
+
+}  // namespace blindcorner
