@@ -67,8 +67,8 @@ struct PerceptionSetup {
 /// to match.
 std::vector<std::string> perception_names();
 
-/// Time from a frame's arrival to the answer, s, where a drive file declares none: measured, of
-/// perceptions that only compute a network; 0 of the others.
+/// Time from a frame's arrival to the answer, s, where a drive file declares none: an upper
+/// estimate of perceptions that only compute a network; 0 of the others.
 double default_delay(const std::string& name);
 /// What the drive file declares, else that.
 double declared_delay(const Drive& drive, const std::string& name);
