@@ -68,14 +68,16 @@ std::string claim_text(const MethodFigures& m) {
 }
 
 std::string position_text(const BootstrapInterval& i) {
-  return formatted("%.4f (%.4f to %.4f)", i.value, i.low, i.high);
+  return formatted("%.3f (%.3f to %.3f)", i.value, i.low, i.high);
 }
 
 /// "x_m" as a heading: what is in it is the mean absolute error.
 std::string heading(const std::string& unknown) { return "|" + unknown + "|"; }
 
 std::string table_html(const SceneComparison& scene) {
-  std::string html = "<table><tr><th>condition<th>method<th>position median, m (95 %)<th>90 %, m";
+  std::string html =
+      "<table style=\"white-space:nowrap\"><tr><th>condition<th>method<th>position median, m (95 "
+      "%)<th>90 %, m";
   for (const std::string& unknown : scene.unknowns) html += "<th>" + html_safe(heading(unknown));
   html += "<th>coverage of 95 %<th>less solver, m (95 %)<th>ms<th>failed</tr>\n";
   for (const ConditionFigures& c : scene.conditions) {
@@ -86,8 +88,8 @@ std::string table_html(const SceneComparison& scene) {
     }
     for (const MethodFigures& m : c.methods) {
       html += "<tr><td>" + name + "<td>" + html_safe(m.method) + "<td>" +
-              position_text(m.position) + formatted("<td>%.4f", m.p90);
-      for (const double mean : m.mean_absolute) html += formatted("<td>%.4f", mean);
+              position_text(m.position) + formatted("<td>%.3f", m.p90);
+      for (const double mean : m.mean_absolute) html += formatted("<td>%.3f", mean);
       html += "<td>" + claim_text(m) + "<td>" +
               (m.against_first ? position_text(*m.against_first) : "-") +
               formatted("<td>%.3g<td>%d</tr>\n", 1e3 * m.time, m.failures);

@@ -181,7 +181,7 @@ std::string reason(const Condition& condition, const MethodFigures& first) {
 std::string finding(const Condition& condition, const MethodFigures& better,
                     const MethodFigures& first) {
   return "In \"" + condition.name + "\", " + better.method + " has a smaller median error (" +
-         text("%.4f m) than ", better.position.value) + first.method +
+         text("%.4f m) than the ", better.position.value) + first.method +
          text(" (%.4f m); the difference is %.4f m", first.position.value,
               better.against_first->value) +
          text(" (95 %% from %.4f to %.4f m). ", better.against_first->low,
