@@ -53,14 +53,16 @@ std::string training_text(const CnnTrainingRecord& training) {
 std::vector<ComparedMethod> methods_of(const Scene& scene, const std::vector<Network>& networks,
                                        std::uint64_t seed) {
   std::vector<ComparedMethod> methods = untrained_methods(scene, seed);
-  for (const Network& network : networks) {
+  for (std::size_t i = 0; i < networks.size(); ++i) {
+    const Network& network = networks[i];
     if (network.cnn.description().scene != scene.name) continue;
     network.cnn.check_scene(scene);
-    methods.push_back({"network " + network.path, training_text(network.cnn.description().training),
-                       [cnn = network.cnn, T = scene.T_world_sensor](const Capture& capture) {
-                         return MethodAnswer{
-                             cnn.predict(capture, capture.T_world_sensor.value_or(T))};
-                       }});
+    const std::string name = networks.size() == 1 ? "network" : "network " + std::to_string(i + 1);
+    methods.push_back(
+        {name, network.path + ": " + training_text(network.cnn.description().training),
+         [cnn = network.cnn, T = scene.T_world_sensor](const Capture& capture) {
+           return MethodAnswer{cnn.predict(capture, capture.T_world_sensor.value_or(T))};
+         }});
   }
   return methods;
 }
