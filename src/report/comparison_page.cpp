@@ -76,7 +76,7 @@ std::string heading(const std::string& unknown) { return "|" + unknown + "|"; }
 
 std::string table_html(const SceneComparison& scene) {
   std::string html =
-      "<table style=\"white-space:nowrap\"><tr><th>condition<th>method<th>position median, m (95 "
+      "<table style=\"white-space:nowrap;font-size:11px\"><tr><th>condition<th>method<th>position median, m (95 "
       "%)<th>90 %, m";
   for (const std::string& unknown : scene.unknowns) html += "<th>" + html_safe(heading(unknown));
   html += "<th>coverage of 95 %<th>less solver, m (95 %)<th>ms<th>failed</tr>\n";
