@@ -76,7 +76,8 @@ std::string heading(const std::string& unknown) { return "|" + unknown + "|"; }
 
 std::string table_html(const SceneComparison& scene) {
   std::string html =
-      "<table style=\"white-space:nowrap;font-size:11px\"><tr><th>condition<th>method<th>position median, m (95 "
+      "<table style=\"white-space:nowrap;font-size:11px\"><tr><th>condition<th>method<th>position "
+      "median, m (95 "
       "%)<th>90 %, m";
   for (const std::string& unknown : scene.unknowns) html += "<th>" + html_safe(heading(unknown));
   html += "<th>coverage of 95 %<th>less solver, m (95 %)<th>ms<th>failed</tr>\n";
@@ -158,9 +159,9 @@ std::string pictures_html(const std::vector<ComparisonPicture>& pictures) {
 
 std::vector<std::string> comparison_conventions() {
   return {
-      "Errors per axis and of yaw are mean absolute errors over the captures, the convention of "
-      "the "
-      "published network's robot; yaw is compared modulo the symmetry of the object's shape.",
+      "Errors per axis and of yaw are mean absolute errors over the captures; yaw is compared "
+      "modulo "
+      "the symmetry of the object's shape.",
       "The distance of position is Euclidean over all unknown coordinates; its median stands with "
       "the 95 % interval of 2000 bootstrap draws over captures.",
       "The solver answers the mean of its posterior. Coverage is the share of captures whose true "
