@@ -26,6 +26,7 @@ void throw_on_error(void* /*user*/, RTCError code, const char* message) {
                                  (message != nullptr ? message : "no message"));
 }
 
+/// `origin` about the scene's own.
 void set_ray(RTCRay& ray, const Eigen::Vector3d& origin, const Eigen::Vector3d& direction,
              float near, float far) {
   ray.org_x = static_cast<float>(origin.x());
@@ -48,6 +49,8 @@ struct RayScene::Impl {
   RTCScene scene = nullptr;
   Eigen::Vector3d center = Eigen::Vector3d::Zero();  ///< of a ball around all bodies
   double radius = 0;
+  /// What Embree counts its coordinates from: single precision has 1 cm left of 100 km.
+  Eigen::Vector3d origin = Eigen::Vector3d::Zero();
 
   ~Impl() {
     if (scene != nullptr) rtcReleaseScene(scene);
@@ -65,7 +68,7 @@ struct RayScene::Impl {
       for (std::size_t k = 0; k < 3; ++k) {
         for (int axis = 0; axis < 3; ++axis) {
           vertices[9 * t + 3 * k + static_cast<std::size_t>(axis)] =
-              static_cast<float>(triangles[t][k][axis]);
+              static_cast<float>(triangles[t][k][axis] - origin[axis]);
         }
         indices[3 * t + k] = static_cast<unsigned>(3 * t + k);
       }
@@ -97,18 +100,20 @@ RayScene::RayScene(const std::vector<std::vector<Triangle>>& bodies)
   rtcSetDeviceErrorFunction(impl_->device, throw_on_error, nullptr);
   impl_->scene = rtcNewScene(impl_->device);
   rtcSetSceneFlags(impl_->scene, RTC_SCENE_FLAG_ROBUST);
-  for (std::size_t i = 0; i < bodies.size(); ++i) impl_->add(static_cast<unsigned>(i), bodies[i]);
-  rtcCommitScene(impl_->scene);
-
   Eigen::AlignedBox3d box;
   for (const auto& body : bodies) {
     for (const Triangle& triangle : body) {
       for (const Eigen::Vector3d& corner : triangle) box.extend(corner);
     }
   }
-  if (box.isEmpty()) return;
-  impl_->center = box.center();
-  impl_->radius = box.diagonal().norm() / 2;
+  if (!box.isEmpty()) {
+    impl_->center = box.center();
+    impl_->radius = box.diagonal().norm() / 2;
+    // Bodies about the world's origin are as precise as they can be.
+    if (impl_->center.norm() > impl_->radius) impl_->origin = impl_->center;
+  }
+  for (std::size_t i = 0; i < bodies.size(); ++i) impl_->add(static_cast<unsigned>(i), bodies[i]);
+  rtcCommitScene(impl_->scene);
 }
 
 RayScene::~RayScene() = default;
@@ -117,7 +122,7 @@ std::optional<RayHit> RayScene::first_hit(const Eigen::Vector3d& origin,
                                           const Eigen::Vector3d& direction) const {
   const Eigen::Vector3d unit = direction.normalized();
   RTCRayHit query{};
-  set_ray(query.ray, origin, unit, 0.0F, std::numeric_limits<float>::infinity());
+  set_ray(query.ray, origin - impl_->origin, unit, 0.0F, std::numeric_limits<float>::infinity());
   query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
   query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
 #if RTC_VERSION_MAJOR >= 4
@@ -141,7 +146,7 @@ std::optional<RayHit> RayScene::first_hit(const Eigen::Vector3d& origin,
 
 bool RayScene::blocked(const Eigen::Vector3d& from, const Eigen::Vector3d& to) const {
   RTCRay ray{};
-  set_ray(ray, from, to - from, kEndTolerance, 1.0F - kEndTolerance);
+  set_ray(ray, from - impl_->origin, to - from, kEndTolerance, 1.0F - kEndTolerance);
 #if RTC_VERSION_MAJOR >= 4
   rtcOccluded1(impl_->scene, &ray);
 #else

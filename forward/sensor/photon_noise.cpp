@@ -36,19 +36,67 @@ void saturate(const Sensor& sensor, HistogramCube& counts) {
 
 namespace {
 
+/// Above this variance a Poisson or binomial number is drawn from the normal distribution of its
+/// moments: their distribution functions differ by at most 0.07 / sqrt(variance) (the first term of
+/// Edgeworth's series), 2e-6 here. The exact methods end at what a 64-bit integer holds, and
+/// long before that at the precision of their logarithms.
+constexpr double kNormalVariance = 1e9;
+/// More tries than this are beyond the binomial method's logarithms (1e-16 of ln n! = 2e11). Then
+/// variances above kManyTriesVariance are normal to 7e-5, and below it a binomial number is Poisson
+/// distributed but for the rarer outcome's share of the tries, at most 1e-4.
+constexpr double kMostTries = 1e10;
+constexpr double kManyTriesVariance = 1e6;
+
+double draw_normal_counts(double mean, double variance, std::mt19937_64& random) {
+  std::normal_distribution<double> normal(mean, std::sqrt(variance));
+  return std::max(std::round(normal(random)), 0.0);
+}
+
+double draw_photons(double mean, std::mt19937_64& random) {
+  if (mean > kNormalVariance) return draw_normal_counts(mean, mean, random);
+  std::poisson_distribution<long long> poisson(mean);
+  return static_cast<double>(poisson(random));
+}
+
+/// Of `tries`, a whole number, those that hit.
+double draw_hits(double tries, double hit, std::mt19937_64& random) {
+  const double variance = tries * hit * (1 - hit);
+  if (variance > kNormalVariance || (tries > kMostTries && variance > kManyTriesVariance)) {
+    return std::min(draw_normal_counts(tries * hit, variance, random), tries);
+  }
+  if (tries > kMostTries) {
+    const bool rare = hit < 0.5;
+    const double rarer = std::min(draw_photons(tries * (rare ? hit : 1 - hit), random), tries);
+    return rare ? rarer : tries - rarer;
+  }
+  std::binomial_distribution<long long> binomial(static_cast<long long>(tries), hit);
+  return static_cast<double>(binomial(random));
+}
+
+/// The average of `exposures` by the noise model of a zone, in place of what is expected.
+void draw_zone(const NoiseModel& noise, double exposures, double dispersion, double* counts,
+               int bins, std::mt19937_64& random) {
+  const double scale = exposures / dispersion;
+  const bool bright =
+      noise.counts_photons() && *std::max_element(counts, counts + bins) * scale > kNormalVariance;
+  if (!bright) return noise.draw(counts, bins, exposures, dispersion, random);
+  for (int k = 0; k < bins; ++k) {
+    if (counts[k] > 0) counts[k] = draw_photons(counts[k] * scale, random) / scale;
+  }
+}
+
 /// Coates' model backwards: each cycle that is still free gives a photon in this bin with the
 /// probability that the expected counts have among the free cycles.
 void draw_piled_up(double cycles, double exposures, double* counts, int bins,
                    std::mt19937_64& random) {
   double expected_free = cycles;
-  long long free = std::llround(cycles * exposures);
+  double free = std::round(cycles * exposures);
   for (int k = 0; k < bins; ++k) {
     const double hit = expected_free > 0 ? std::min(counts[k] / expected_free, 1.0) : 0.0;
     expected_free -= counts[k];
-    std::binomial_distribution<long long> binomial(free, std::max(hit, 0.0));
-    const long long drawn = hit > 0 && free > 0 ? binomial(random) : 0;
+    const double drawn = hit > 0 && free > 0 ? draw_hits(free, hit, random) : 0;
     free -= drawn;
-    counts[k] = static_cast<double>(drawn) / exposures;
+    counts[k] = drawn / exposures;
   }
 }
 
@@ -104,7 +152,8 @@ HistogramCube draw_counts(const Scene& scene, const HistogramCube& expected, dou
     if (sensor.pile_up_cycles > 0) {
       draw_piled_up(sensor.pile_up_cycles, exposures, counts.zone(z), counts.bins, random);
     } else {
-      sensor.noise_of(z).draw(counts.zone(z), counts.bins, exposures, sensor.dispersion, random);
+      draw_zone(sensor.noise_of(z), exposures, sensor.dispersion, counts.zone(z), counts.bins,
+                random);
     }
   }
   saturate(sensor, counts);

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "forward/sensor/least_pulse.h"
 #include "forward/support/multiversion.h"
 
 namespace blindcorner {
@@ -17,7 +18,8 @@ PulseTable::PulseTable(const ImpulseResponse& response, double bin_width, double
   levels_ = 2 + static_cast<int>(std::ceil(std::sqrt(std::max(max_blur, 0.0)) / level_step_));
   for (int l = 0; l < levels_; ++l) variances_.push_back(std::pow(l * level_step_, 2));
 
-  const auto [early, late] = response.support(outside, variances_.back());
+  const double least_blur = least_pulse_blur(response, bin_width);
+  const auto [early, late] = response.support(outside, variances_.back() + least_blur);
   first_ = static_cast<int>(std::floor(early / bin_width));
   length_ = static_cast<int>(std::ceil(late / bin_width)) + 1 - first_;
   length_ = (length_ + 7) / 8 * 8;
@@ -25,9 +27,9 @@ PulseTable::PulseTable(const ImpulseResponse& response, double bin_width, double
       static_cast<std::size_t>(levels_) * (kPhases + 1) * 2 * static_cast<std::size_t>(length_),
       0.0);
   const double step = 1.0 / kPhases;
-  const double h = 1e-3 * std::min(1.0, response.core_sigma() / bin_width);
+  const double h = 1e-3 * std::clamp(response.core_sigma() / bin_width, kLeastPulseBins, 1.0);
   for (int l = 0; l < levels_; ++l) {
-    const double blur = variances_[static_cast<std::size_t>(l)];
+    const double blur = variances_[static_cast<std::size_t>(l)] + least_blur;
     const auto integral = [&](double bin_edge, double phase) {
       return response.cumulative((bin_edge - phase) * bin_width, blur);
     };

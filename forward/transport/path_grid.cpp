@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "blindcorner/forward/constants.h"
+#include "forward/sensor/least_pulse.h"
 #include "forward/support/multiversion.h"
 
 namespace blindcorner {
@@ -156,6 +157,10 @@ BLINDCORNER_MULTIVERSION void add_cells(const double* cells, int count, const Ta
   }
 }
 
+double at_least_blurred(const Sensor& sensor, double extra_variance) {
+  return std::max(extra_variance, least_pulse_blur(sensor.response, sensor.bin_width));
+}
+
 }  // namespace
 
 void PathLight::clear() {
@@ -164,10 +169,10 @@ void PathLight::clear() {
   end = 0;
 }
 
-PathGrid::PathGrid(const Sensor& sensor, Paths paths, double extra_variance, int axis_bins,
+PathGrid::PathGrid(const Sensor& sensor, Paths paths, double asked_variance, int axis_bins,
                    double way_back, double tolerance)
-    : PathGrid(sensor, paths, extra_variance, axis_bins, way_back,
-               coarsest_cell(sensor, paths, extra_variance, tolerance)) {}
+    : PathGrid(sensor, paths, at_least_blurred(sensor, asked_variance), axis_bins, way_back,
+               coarsest_cell(sensor, paths, at_least_blurred(sensor, asked_variance), tolerance)) {}
 
 PathGrid::PathGrid(const Sensor& sensor, Paths paths, double extra_variance, int axis_bins,
                    double way_back, CellWidth width)

@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <mutex>
 #include <optional>
+#include <string>
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
@@ -26,6 +28,13 @@ constexpr double kPulseTail = 1e-8;
 constexpr double kLobeCell = 0.8;
 /// Share of the light times fourth power of the path spread (half range over pulse) of a cell.
 constexpr double kPathError = 0.1;
+/// Cells of a large object may be this long against the pulse, and against the distance from the
+/// relay, where that is more than the options' edge: a scene of kilometres needs no more cells than
+/// the same scene of metres.
+constexpr double kEdgePulses = 3.0;
+constexpr double kEdgeDistance = 0.25;
+/// Most cells along an object; more would take minutes and gigabytes.
+constexpr double kMostCells = 2000;
 /// Steps around a curved body that blocks: its inscribed polygon is then 0.07 % too small in area.
 constexpr int kRoundSegments = 96;
 
@@ -116,6 +125,7 @@ class ReferenceRenderer final : public ForwardModel {
   std::vector<WeightedPatch> split_by_path(
       const std::function<std::vector<WeightedPatch>()>& sample, RelaySampling& sampling,
       const Vector3d& object) const;
+  double longest_edge(const PlacedObject& placed) const;
   std::vector<SurfaceCell> cells_of(const PlacedObject& placed) const;
   void add_object(const PlacedObject& placed, const Blockers& blockers, PairSum& sum) const;
 
@@ -224,11 +234,30 @@ ReferenceRenderer::Patches ReferenceRenderer::lit_for(const PlacedObject& object
   return lit;
 }
 
+/// Largest edge of the object's cells before the factor `size`, m.
+double ReferenceRenderer::longest_edge(const PlacedObject& placed) const {
+  const double radius = placed.size * bounding_radius(placed.object->shape, Anchor::center);
+  const double pulse = kSpeedOfLight * std::hypot(scene_.sensor.response.core_sigma(),
+                                                  scene_.sensor.bin_width / std::sqrt(12.0));
+  double distance = std::numeric_limits<double>::infinity();
+  for (const Vector3d& point : setup_.relay_points()) {
+    distance = std::min(distance, (point - placed.T_world_object.translation()).norm() - radius);
+  }
+  const double edge = std::max(options_.object_edge * placed.size,
+                               std::min(kEdgePulses * pulse, kEdgeDistance * distance));
+  if (2 * radius > kMostCells * edge) {
+    throw Error("reference renderer",
+                "found an object of " + std::to_string(2 * radius) + " m, accepted: at most " +
+                    std::to_string(kMostCells * edge) + " m at this pulse and distance");
+  }
+  return edge / placed.size;
+}
+
 std::vector<SurfaceCell> ReferenceRenderer::cells_of(const PlacedObject& placed) const {
   const Shape& shape = placed.object->shape;
   const bool flat = geometry_of(shape)->parallelogram_cells();
   const int nodes = flat ? 1 : 2;  // single nodes are put as densely as Gauss nodes
-  const auto cells = divide(shape, placed.T_world_object, placed.size, options_.object_edge / nodes,
+  const auto cells = divide(shape, placed.T_world_object, placed.size, longest_edge(placed) / nodes,
                             options_.object_divisions * nodes);
   return flat ? gauss_nodes(cells) : cells;
 }

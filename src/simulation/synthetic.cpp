@@ -84,7 +84,10 @@ Capture make_capture(const Scene& scene, const ForwardModel& model, const PoseVe
                   "accepted: a pose that some exposure can show");
     }
     capture.exposures = *budget.third_bounce_photons / counts;
-    linear.ambient = budget.background_ratio * linear.amplitude * equal_ambient(scene, light);
+    // A background that the scene states is what its fit will assume.
+    if (scene.linear.ambient != LinearMode::fixed) {
+      linear.ambient = budget.background_ratio * linear.amplitude * equal_ambient(scene, light);
+    }
   }
   const HistogramCube expected = expected_counts(scene, light, model.static_return(pose), linear);
   capture.counts = draw_counts(scene, expected, capture.exposures, seed);

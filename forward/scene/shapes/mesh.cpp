@@ -59,13 +59,66 @@ bool is_closed(const TriangleMesh& mesh) {
   });
 }
 
+/// Vertices in boxes within boxes: whether one lies beyond a plane costs a walk to where the plane
+/// comes near, not a look at each.
+class VertexTree {
+ public:
+  explicit VertexTree(std::vector<Vector3d> vertices) : vertices_(std::move(vertices)) {
+    divide(0, vertices_.size());
+  }
+
+  bool any_beyond(const Vector3d& normal, double height, std::size_t node = 0) const {
+    const Node& n = nodes_[node];
+    const Vector3d farthest =
+        (normal.array() > 0).select(n.box.max().array(), n.box.min().array()).matrix();
+    if (!(normal.dot(farthest) > height)) return false;
+    if (n.second != 0) {
+      return any_beyond(normal, height, node + 1) || any_beyond(normal, height, n.second);
+    }
+    return std::any_of(vertices_.begin() + static_cast<std::ptrdiff_t>(n.begin),
+                       vertices_.begin() + static_cast<std::ptrdiff_t>(n.end),
+                       [&](const Vector3d& v) { return normal.dot(v) > height; });
+  }
+
+ private:
+  static constexpr std::size_t kLeaf = 16;
+  struct Node {
+    Eigen::AlignedBox3d box;
+    std::size_t begin = 0, end = 0;
+    std::size_t second = 0;  ///< the first part follows its parent; 0: a leaf
+  };
+
+  void divide(std::size_t begin, std::size_t end) {
+    const std::size_t self = nodes_.size();
+    Node node;
+    node.begin = begin;
+    node.end = end;
+    for (std::size_t i = begin; i < end; ++i) node.box.extend(vertices_[i]);
+    nodes_.push_back(node);
+    if (end - begin <= kLeaf) return;
+    Eigen::Index axis = 0;
+    node.box.sizes().maxCoeff(&axis);
+    const std::size_t middle = begin + (end - begin) / 2;
+    const auto at = [&](std::size_t i) {
+      return vertices_.begin() + static_cast<std::ptrdiff_t>(i);
+    };
+    std::nth_element(at(begin), at(middle), at(end),
+                     [axis](const Vector3d& a, const Vector3d& b) { return a[axis] < b[axis]; });
+    divide(begin, middle);
+    nodes_[self].second = nodes_.size();
+    divide(middle, end);
+  }
+
+  std::vector<Vector3d> vertices_;
+  std::vector<Node> nodes_;
+};
+
 bool is_convex_body(const TriangleMesh& mesh) {
-  return std::all_of(mesh.triangles.begin(), mesh.triangles.end(), [&](const auto& triangle) {
+  const VertexTree tree(mesh.vertices);
+  return std::none_of(mesh.triangles.begin(), mesh.triangles.end(), [&](const auto& triangle) {
     const Corners t = corners_of(mesh, triangle);
     const Vector3d normal = t.cross().normalized();
-    return std::all_of(mesh.vertices.begin(), mesh.vertices.end(), [&](const Vector3d& v) {
-      return normal.dot(v - t.a) <= kConvexTolerance * mesh.radius;
-    });
+    return tree.any_beyond(normal, normal.dot(t.a) + kConvexTolerance * mesh.radius);
   });
 }
 
