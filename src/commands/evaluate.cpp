@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 /// `blindcorner evaluate RESULT [TRUTH]`.
 #include <CLI/CLI.hpp>
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -18,6 +18,8 @@
 #include "blindcorner/io/capture_file.h"
 #include "commands/commands.h"
 #include "commands/csv_table.h"
+#include "io/file_bytes.h"
+#include "io/json_depth.h"
 #include "report/evaluation_page.h"
 
 namespace blindcorner {
@@ -35,10 +37,10 @@ struct EvaluateArguments {
 };
 
 json read_json(const std::string& path) {
-  std::ifstream file(path);
-  if (!file) throw Error(path, "no such file, or it cannot be read");
+  const std::string text = read_bytes(path);
+  check_json_depth(text, path);
   try {
-    return json::parse(file);
+    return json::parse(text);
   } catch (const json::exception&) {
     throw Error(path, "is not JSON");
   }
@@ -111,6 +113,28 @@ Eigen::VectorXd numbers(const json& list, Eigen::Index size, const std::string& 
   return v;
 }
 
+/// A field of an object. Throws Error where there is none.
+const json& field(const json& object, const char* name, const std::string& where) {
+  if (!object.is_object() || !object.contains(name)) {
+    throw Error(where + "." + name, "found nothing, accepted: what blindcorner fit writes");
+  }
+  return object[name];
+}
+
+Eigen::MatrixXd covariance_of(const json& rows, Eigen::Index n, const std::string& where) {
+  if (!rows.is_array() || static_cast<Eigen::Index>(rows.size()) != n) {
+    throw Error(where, "accepted: a matrix of the unknowns");
+  }
+  Eigen::MatrixXd covariance(n, n);
+  for (Eigen::Index r = 0; r < n; ++r) {
+    covariance.row(r) = numbers(rows[static_cast<std::size_t>(r)], n, where).transpose();
+  }
+  if (!covariance.allFinite() || Eigen::LLT<Eigen::MatrixXd>(covariance).info() != Eigen::Success) {
+    throw Error(where, "found no positive definite matrix, accepted: a covariance");
+  }
+  return covariance;
+}
+
 /// What one entry of the result says against its truth; nothing when either is missing.
 std::optional<EstimateError> error_of(const json& entry, const Truth* truth,
                                       const Eigen::VectorXd& periods, bool mean, int place,
@@ -118,12 +142,14 @@ std::optional<EstimateError> error_of(const json& entry, const Truth* truth,
   const Eigen::Index n = periods.size();
   const json* pose = nullptr;
   const json* covariance = nullptr;
+  if (!entry.is_object()) throw Error(where, "found no object, accepted: a capture's result");
   if (mean && entry.contains("mean") && entry["mean"].is_array()) {
     pose = &entry["mean"];
-    covariance = &entry["covariance"];
-  } else if (!mean && entry.contains("modes") && !entry["modes"].empty()) {
-    pose = &entry["modes"][0].at("optimum");
-    covariance = &entry["modes"][0].at("covariance");
+    covariance = &field(entry, "covariance", where);
+  } else if (!mean && entry.contains("modes") && entry["modes"].is_array() &&
+             !entry["modes"].empty()) {
+    pose = &field(entry["modes"][0], "optimum", where + ".modes[0]");
+    covariance = &field(entry["modes"][0], "covariance", where + ".modes[0]");
   }
   if (pose == nullptr) return std::nullopt;
   Eigen::VectorXd known;
@@ -137,18 +163,12 @@ std::optional<EstimateError> error_of(const json& entry, const Truth* truth,
   }
   if (!known.allFinite()) return std::nullopt;
   EstimateError e;
-  e.error = numbers(*pose, n, where + ".mean") - known;
+  e.error = numbers(*pose, n, where + (mean ? ".mean" : ".optimum")) - known;
+  if (!e.error.allFinite()) throw Error(where, "found a pose without numbers, accepted: numbers");
   for (Eigen::Index i = 0; i < n; ++i) {
     if (periods[i] > 0) e.error[i] = std::remainder(e.error[i], periods[i]);
   }
-  e.covariance.resize(n, n);
-  if (!covariance->is_array() || static_cast<Eigen::Index>(covariance->size()) != n) {
-    throw Error(where + ".covariance", "accepted: a matrix of the unknowns");
-  }
-  for (Eigen::Index r = 0; r < n; ++r) {
-    e.covariance.row(r) =
-        numbers((*covariance)[static_cast<std::size_t>(r)], n, where + ".covariance").transpose();
-  }
+  e.covariance = covariance_of(*covariance, n, where + ".covariance");
   std::ostringstream group;
   group << known.transpose();
   e.group = group.str();
@@ -158,8 +178,11 @@ std::optional<EstimateError> error_of(const json& entry, const Truth* truth,
 int run_evaluate(const EvaluateArguments& arguments) {
   arguments.options.validate();
   const json result = read_json(arguments.result);
-  if (!result.is_object() || result.value("format", "") != "blindcorner.result/1" ||
-      !result.contains("captures") || !result.contains("unknowns")) {
+  const auto is_text = [](const json& value) { return value.is_string(); };
+  if (!result.is_object() || !result.contains("format") ||
+      result["format"] != "blindcorner.result/1" || !result.contains("captures") ||
+      !result["captures"].is_array() || !result.contains("unknowns") ||
+      !result["unknowns"].is_array() || !std::ranges::all_of(result["unknowns"], is_text)) {
     throw Error(arguments.result, "is no result of blindcorner fit");
   }
   const auto names = result["unknowns"].get<std::vector<std::string>>();

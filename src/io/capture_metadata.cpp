@@ -9,6 +9,7 @@
 
 #include "blindcorner/forward/error.h"
 #include "io/file_bytes.h"
+#include "io/json_depth.h"
 
 namespace blindcorner {
 namespace {
@@ -252,6 +253,7 @@ std::string metadata_text(const CaptureFile& file) {
 }
 
 CaptureFile parse_metadata(const std::string& text, const std::string& where) {
+  check_json_depth(text, where);
   Json json;
   try {
     json = Json::parse(text);

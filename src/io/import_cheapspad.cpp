@@ -9,6 +9,7 @@
 #include <numeric>
 
 #include "blindcorner/forward/error.h"
+#include "io/matlab_check.h"
 #include "io/repeats.h"
 
 #ifdef BLINDCORNER_HAS_MATIO
@@ -112,7 +113,8 @@ Numbers numbers_of(matvar_t* cells, std::size_t index, const std::string& where)
 
 /// Repeats of one position, one series per spot; spots row by row.
 std::array<RepeatSeries, kSpots> series_of(const Numbers& cube, const std::string& where) {
-  if (cube.shape.size() != 4 || cube.shape[0] != 2 || cube.shape[1] != 2 || cube.shape[2] < 2) {
+  if (cube.shape.size() != 4 || cube.shape[0] != 2 || cube.shape[1] != 2 || cube.shape[2] < 2 ||
+      cube.shape[3] < 1) {
     throw Error(where, "has shape " + cube.shape_text() + ", accepted: 2 x 2 x bins x repeats");
   }
   const std::size_t bins = cube.shape[2];
@@ -145,6 +147,7 @@ struct Position {
 };
 
 std::vector<Position> read_positions(const std::string& path) {
+  check_matlab_file(path);
   const MatFile file(Mat_Open(path.c_str(), MAT_ACC_RDONLY));
   if (!file) throw Error(path, "is no MATLAB file that can be read");
   const Variable cubes = read_cells(file.get(), path, "datacubes");

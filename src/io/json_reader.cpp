@@ -9,6 +9,7 @@
 
 #include "blindcorner/forward/error.h"
 #include "io/file_bytes.h"
+#include "io/json_depth.h"
 
 namespace blindcorner {
 namespace {
@@ -91,6 +92,7 @@ JsonReader::JsonReader(const Json& document, std::string file)
     : JsonReader(&document, std::move(file), "") {}
 
 Json JsonReader::parse(const std::string& text, const std::string& file) {
+  check_json_depth(text, file);
   std::vector<std::set<std::string>> keys;  // of the objects that are open
   std::string twice;
   const auto watch = [&](int /*depth*/, Json::parse_event_t event, Json& value) {

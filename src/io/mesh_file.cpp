@@ -8,6 +8,7 @@
 
 #include "blindcorner/forward/error.h"
 #include "io/file_bytes.h"
+#include "io/obj_check.h"
 
 namespace blindcorner {
 
@@ -15,7 +16,9 @@ std::shared_ptr<const TriangleMesh> read_obj(const std::string& path, double sca
   tinyobj::ObjReaderConfig config;
   config.triangulate = true;
   tinyobj::ObjReader reader;
-  if (!reader.ParseFromString(read_bytes(path), "", config)) {
+  const std::string text = read_bytes(path);
+  check_obj(text, path);
+  if (!reader.ParseFromString(text, "", config)) {
     std::string what = reader.Error();
     what = what.substr(0, what.find('\n'));
     throw Error(path, "found no Wavefront OBJ (" + what + "), accepted: an OBJ file with faces");
@@ -32,6 +35,11 @@ std::shared_ptr<const TriangleMesh> read_obj(const std::string& path, double sca
       triangles.push_back(
           {indices[i].vertex_index, indices[i + 1].vertex_index, indices[i + 2].vertex_index});
     }
+  }
+  if (triangles.size() > kMostTriangles) {
+    throw Error(path, "found " + std::to_string(triangles.size()) +
+                          " triangles, accepted: at most " + std::to_string(kMostTriangles) +
+                          " (a simplified mesh)");
   }
   try {
     return make_mesh(std::move(vertices), std::move(triangles));

@@ -501,7 +501,8 @@ void read_amplitude(const JsonReader& reader, LinearUnknowns& linear) {
     if (linear.amplitude == LinearMode::fixed) prior.fail("no prior with mode \"fixed\"");
     prior.allow_only({"median", "sigma_log"});
     AmplitudePrior& p = linear.amplitude_prior;
-    p.median = prior.at("median").number_or(p.median, NumberRange::above(0));
+    // Beyond this a squared brightness times counts leaves double precision.
+    p.median = prior.at("median").number_or(p.median, NumberRange::between(1e-30, 1e30));
     p.sigma_log =
         prior.at("sigma_log")
             .number_or(p.sigma_log, NumberRange{.lower = 0, .upper = 20, .above_lower = true});

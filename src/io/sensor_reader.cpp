@@ -25,6 +25,9 @@ using Json = JsonReader::Json;
 constexpr double kPicosecond = 1e-12;
 /// Limits against slips of the pen, far outside any instrument.
 constexpr int kMostZonesPerSide = 256;
+/// Of a capture: more take minutes a fit. Sums go over zones, relay patches and object points.
+constexpr int kMostZones = 4096;
+constexpr int kMostCounts = 1 << 22;
 constexpr int kMostBins = 65'536;
 const NumberRange kDuration{.lower = 0, .upper = 1e9, .above_lower = true};  // ps
 const NumberRange kAngle = NumberRange::inside(-90, 90);                     // degrees
@@ -490,7 +493,16 @@ Sensor read_explicit(const JsonReader& reader) {
   reader.at("description").text_or("");
   sensor.rows = reader.at("rows").integer(1, kMostZonesPerSide);
   sensor.columns = reader.at("columns").integer(1, kMostZonesPerSide);
+  if (sensor.zone_count() > kMostZones) {
+    reader.at("rows").fail(std::to_string(sensor.zone_count()) + " zones (rows * columns)",
+                           "at most " + std::to_string(kMostZones));
+  }
   read_time_axis(reader, sensor);
+  if (sensor.zone_count() > kMostCounts / sensor.bins) {
+    reader.at("bins").fail(
+        std::to_string(sensor.zone_count()) + " zones of " + std::to_string(sensor.bins) + " bins",
+        "at most " + std::to_string(kMostCounts) + " bins together");
+  }
   read_zones(reader, sensor);
   read_noise(reader.at("noise"), sensor);
   read_background(reader.at("background_counts"), sensor);

@@ -124,7 +124,7 @@ class CheapSpadFile : public ::testing::Test {
 
   /// Two positions, four repeats; spot (row, column) has 1000 row + 100 column more in bin 14.
   /// `y` of the second position.
-  void write(double y, bool positions = true) const {
+  void write(double y, bool positions = true, std::size_t repeats = 4) const {
     mat_t* file = Mat_CreateVer(path_.c_str(), nullptr, MAT_FT_MAT5);
     ASSERT_NE(file, nullptr);
     std::size_t dims[2] = {1, 2};
@@ -144,7 +144,7 @@ class CheapSpadFile : public ::testing::Test {
           }
         }
       }
-      std::size_t cube[4] = {2, 2, 24, 4};
+      std::size_t cube[4] = {2, 2, 24, repeats};
       Mat_VarSetCell(cubes, i,
                      Mat_VarCreate(nullptr, MAT_C_INT32, MAT_T_INT32, 4, cube, values.data(), 0));
       double place[3] = {0.1 * i, i == 0 ? -1.0 : y, 1.2};
@@ -195,6 +195,11 @@ TEST_F(CheapSpadFile, SamplesOfTwoRepeatsAndThePublishedFilter) {
   ASSERT_EQ(file.captures.size(), 2u);
   EXPECT_DOUBLE_EQ(file.captures[1].truth.at("y_m"), -1.0);
   EXPECT_DOUBLE_EQ(file.captures[1].exposures_of(0), 1);
+}
+
+TEST_F(CheapSpadFile, WithoutRepeatsIsRefused) {
+  write(-1, /*positions=*/true, /*repeats=*/0);
+  EXPECT_THROW(import_captures({path_}), Error);
 }
 
 TEST_F(CheapSpadFile, MissingVariablesAndOtherFilesAreNamed) {

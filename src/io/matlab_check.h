@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: Apache-2.0
+/// What the MATLAB reader lets pass.
+#pragma once
+
+#include <string>
+
+namespace blindcorner {
+
+/// Walks through a MATLAB 5 file. Throws Error naming it when an element reaches beyond what holds
+/// it, an array declares more numbers or cells than it holds, cells nest deeper than our files do,
+/// or packed elements are larger than a file of this size can honestly need. Files of MATLAB 7.3
+/// (HDF5) are passed over: their library checks sizes itself.
+void check_matlab_file(const std::string& path);
+
+}  // namespace blindcorner

@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Files that promise more than they hold, or nest without end: each is refused with one line.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <string>
+#include <vector>
+
+#include "blindcorner/io/import_file.h"
+#include "blindcorner/io/scene_file.h"
+#include "io/json_depth.h"
+#include "io/matlab_check.h"
+#include "io/mesh_file.h"
+#include "io/npz.h"
+#include "unit/io/io_test_files.h"
+
+namespace blindcorner {
+namespace {
+
+using test::error_of;
+using testing::AllOf;
+using testing::HasSubstr;
+
+TEST(JsonDepth, CountsWhatIsOpenOutsideOfStrings) {
+  const auto nested = [](int depth) {
+    return std::string(static_cast<std::size_t>(depth), '[') +
+           std::string(static_cast<std::size_t>(depth), ']');
+  };
+  EXPECT_EQ(error_of([&] { check_json_depth(nested(kDeepestJson), "f"); }), "");
+  EXPECT_THAT(error_of([&] { check_json_depth(nested(kDeepestJson + 1), "f"); }),
+              AllOf(HasSubstr("f: "), HasSubstr("nested deeper than 64")));
+  EXPECT_EQ(error_of([&] { check_json_depth(R"({"a\"": ")" + nested(100) + "\"}", "f"); }), "");
+}
+
+TEST(JsonDepth, ScenesNestedDeepAreRefused) {
+  const test::TemporaryFolder folder;
+  const std::string path = folder.file("scene.json");
+  test::write_text(path, R"({"name": )" + std::string(100'000, '['));
+  EXPECT_THAT(error_of([&] { read_scene(path); }),
+              AllOf(HasSubstr("scene.json"), HasSubstr("nested deeper")));
+}
+
+TEST(Obj, IsReadToTheLetter) {
+  const test::TemporaryFolder folder;
+  const std::string path = folder.file("m.obj");
+  const auto message = [&](const std::string& vertex, const std::string& face) {
+    test::write_text(path, "v 0 0 0\nv 1 0 0\nv " + vertex + "\nf " + face + "\n");
+    return error_of([&] { read_obj(path, 1); });
+  };
+  EXPECT_EQ(message("0 1 0", "1 2 3"), "");
+  EXPECT_EQ(message("0 1e0 0 1", "1/1 2//3 -1"), "");
+  for (const char* vertex : {"nan 1 0", "0 inf 0", "0 one 0", "0 1", "0 1x 0"}) {
+    EXPECT_THAT(message(vertex, "1 2 3"), HasSubstr("m.obj: line 3: found")) << vertex;
+  }
+  for (const char* face : {"1 2 4", "1 2 0", "1 2 x", "1 2 99999999999999999999", "-4 1 2"}) {
+    EXPECT_THAT(message("0 1 0", face), HasSubstr("m.obj: line 4: found")) << face;
+  }
+}
+
+TEST(Obj, TooManyTrianglesAreRefused) {
+  const test::TemporaryFolder folder;
+  const std::string path = folder.file("m.obj");
+  std::string text = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+  for (int i = 0; i < 20'001; ++i) text += "f 1 2 3\n";
+  test::write_text(path, text);
+  EXPECT_THAT(error_of([&] { read_obj(path, 1); }), HasSubstr("found 20001 triangles"));
+}
+
+TEST(Npz, ThatGrowsFarBeyondItsSizeIsRefused) {
+  const test::TemporaryFolder folder;
+  const std::string path = folder.file("bomb.npz");
+  // 100 MB of zeros, which pack to 100 kB.
+  test::write_text(path, npz_of({{"counts", std::string(std::size_t{100} << 20, '\0')}}));
+  EXPECT_THAT(error_of([&] { const NpzFile file(path); }),
+              AllOf(HasSubstr("bomb.npz"), HasSubstr("accepted: at most 100 times")));
+}
+
+TEST(Scene, TooManyZonesAndPriorsBeyondReasonAreRefused) {
+  const test::TemporaryFolder folder;
+  const std::string path = folder.file("scene.json");
+  const auto message = [&](const std::string& sensor, const std::string& median) {
+    test::write_text(path, R"({"name": "s", "sensor": {"fov_deg": [30, 30], "bin_width_ps": 100,
+      "impulse_response": {"type": "gaussian", "fwhm_ps": 250},
+      "illumination": {"mode": "flash", "field": {"fov_deg": [30, 30]}}, )" +
+                               sensor + R"(},
+      "sensor_pose": {"position_m": [0, 0, 1], "look": [1, 0, 0]},
+      "surfaces": [{"name": "wall", "shape": "rectangle", "center_m": [0.6, 0, 1],
+        "normal": [-1, 0, 0], "width_m": 3, "height_m": 2, "albedo": 0.7, "relay": true}],
+      "hidden": {"name": "plate", "shape": "rectangle", "width_m": 0.2, "height_m": 0.2,
+        "material": "lambertian", "albedo": 0.8, "position_m": [0.2, 0.5, 1], "yaw_deg": -20},
+      "unknowns": {"x_m": [0.1, 0.3]},
+      "linear": {"amplitude": {"prior": {"median": )" +
+                               median + "}}}}");
+    return error_of([&] { read_scene(path); });
+  };
+  EXPECT_THAT(message(R"("rows": 128, "columns": 128, "bins": 128)", "1"),
+              AllOf(HasSubstr("sensor.rows"), HasSubstr("16384 zones")));
+  EXPECT_THAT(message(R"("rows": 64, "columns": 64, "bins": 65536)", "1"),
+              AllOf(HasSubstr("sensor.bins"), HasSubstr("accepted: at most 4194304")));
+  EXPECT_THAT(message(R"("rows": 1, "columns": 1, "bins": 128)", "1e300"),
+              HasSubstr("linear.amplitude.prior.median"));
+}
+
+/// A MATLAB 5 file of one array of doubles whose sizes and data are as told.
+std::string matlab_file(const std::vector<std::int32_t>& sizes, std::size_t numbers) {
+  const auto word = [](std::uint32_t value) {
+    std::string bytes(4, '\0');
+    std::memcpy(bytes.data(), &value, 4);
+    return bytes;
+  };
+  std::string array = word(6) + word(8) + word(6) + word(0);  // flags: doubles
+  array += word(5) + word(static_cast<std::uint32_t>(4 * sizes.size()));
+  for (const std::int32_t size : sizes) array += word(static_cast<std::uint32_t>(size));
+  if (sizes.size() % 2 == 1) array += word(0);
+  array += word((1U << 16) | 1U) + std::string("a\0\0\0", 4);  // name
+  array += word(9) + word(static_cast<std::uint32_t>(8 * numbers)) + std::string(8 * numbers, '\0');
+  std::string header(128, ' ');
+  header[124] = 0;
+  header[125] = 1;
+  header.replace(126, 2, "IM");
+  return header + word(14) + word(static_cast<std::uint32_t>(array.size())) + array;
+}
+
+TEST(Matlab, SizesBeyondTheDataAreRefused) {
+  const test::TemporaryFolder folder;
+  const std::string path = folder.file("m.mat");
+  const auto message = [&](const std::string& bytes) {
+    test::write_text(path, bytes);
+    return error_of([&] { check_matlab_file(path); });
+  };
+  EXPECT_EQ(message(matlab_file({2, 3}, 6)), "");
+  EXPECT_EQ(message(matlab_file({2, 2, 3}, 12)), "");
+  EXPECT_THAT(message(matlab_file({2, 4}, 6)),
+              HasSubstr("m.mat: found an array of 8 numbers that holds 6"));
+  EXPECT_THAT(message(matlab_file({100'000, 100'000}, 6)), HasSubstr("more than 2^31"));
+  EXPECT_THAT(message(matlab_file({-1, 6}, 6)), HasSubstr("a negative size"));
+  const std::string whole = matlab_file({2, 3}, 6);
+  for (std::size_t size = 1; size < whole.size(); ++size) {
+    EXPECT_NE(message(whole.substr(0, size)), "") << size;
+  }
+}
+
+}  // namespace
+}  // namespace blindcorner
