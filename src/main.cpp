@@ -11,6 +11,7 @@
 #include "commands/cnn.h"
 #include "commands/commands.h"
 #include "commands/compare.h"
+#include "commands/stability.h"
 #include "commands/unknown_command.h"
 
 namespace {
@@ -40,6 +41,7 @@ int main(int argc, char** argv) {
   blindcorner::add_crossvalidate_command(app, exit_code);
   blindcorner::add_info_command(app, exit_code);
   blindcorner::add_explain_command(app, exit_code);
+  blindcorner::add_stability_command(app, exit_code);
   blindcorner::add_drive_command(app, exit_code);
   blindcorner::add_trials_command(app, exit_code);
   blindcorner::add_plan_command(app, exit_code);

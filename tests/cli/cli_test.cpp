@@ -526,6 +526,40 @@ TEST_F(Cli, EvaluatesYawModuloTheShapesSymmetry) {
   EXPECT_THAT(refused.err, HasSubstr("result.json: periods"));
 }
 
+// What is no covariance, or no result at all, is named by file and field.
+TEST_F(Cli, EvaluateRefusesWhatIsNoEstimate) {
+  const std::string file = path("result.json");
+  const auto refused = [&](const json& capture) {
+    std::ofstream(file) << json{{"format", "blindcorner.result/1"},
+                                {"unknowns", {"x_m"}},
+                                {"periods", {0.0}},
+                                {"captures", {capture}}};
+    const Outcome outcome = run("evaluate '" + file + "'");
+    EXPECT_EQ(outcome.exit_code, 2) << outcome.out;
+    EXPECT_THAT(outcome.err, HasSubstr("result.json: captures[0]"));
+  };
+  for (const json& covariance : {json{{nullptr}}, json{{-1.0}}, json{{0.0}}, json(nullptr)}) {
+    refused({{"mean", {0.1}}, {"covariance", covariance}, {"truth", {0.1}}});
+  }
+  refused({{"mean", {nullptr}}, {"covariance", {{1.0}}}, {"truth", {0.1}}});
+  refused({{"mean", {0.1}}, {"truth", {0.1}}});
+  refused(7);
+}
+
+TEST_F(Cli, StabilityPrintsWritesAndNamesRows) {
+  const Outcome table = run("stability --rows pulse_of_0.01,one_bin -o '" + path("s") + "'");
+  ASSERT_EQ(table.exit_code, 0) << table.err;
+  EXPECT_THAT(table.out, AllOf(HasSubstr("one_bin"), HasSubstr("2 of 2 hold")));
+  const json written = json::parse(text_of(path("s") + "/stability.json"));
+  EXPECT_EQ(written.at("format"), "blindcorner.stability/1");
+  EXPECT_EQ(written.at("rows").size(), 2U);
+  EXPECT_EQ(written.at("rows")[0].at("verdict"), "holds");
+  EXPECT_THAT(text_of(path("s") + "/index.html"), HasSubstr("pulse_of_0.01"));
+  const Outcome wrong = run("stability --rows one_bim");
+  EXPECT_EQ(wrong.exit_code, 2);
+  EXPECT_THAT(wrong.err, HasSubstr("did you mean one_bin"));
+}
+
 TEST_F(CliCalibration, CalibratesFitsAndEvaluates) {
   const std::string instrument = path("instrument.json");
   const Outcome calibrated = run("calibrate " + scene_ + files_ +

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Every row of the table of stiff and extreme cases, a test each.
+#include "stability/stability.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <set>
+#include <string>
+
+#include "blindcorner/forward/error.h"
+
+namespace blindcorner {
+namespace {
+
+class StabilityRowOf : public testing::TestWithParam<std::size_t> {};
+
+TEST_P(StabilityRowOf, Holds) {
+  const StabilityRow& row = stability_rows()[GetParam()];
+  const StabilityResult result = run_stability_row(row);
+  if (!row.open.empty()) {
+    EXPECT_FALSE(result.holds) << "it turned: take the reason off";
+    return;
+  }
+  EXPECT_TRUE(result.holds) << row.action << ": " << result.measured.value << " against "
+                            << row.limit << " " << result.measured.detail;
+}
+
+std::string test_name(const testing::TestParamInfo<std::size_t>& info) {
+  std::string name = stability_rows()[info.param].name;
+  for (char& c : name) {
+    if (std::isalnum(static_cast<unsigned char>(c)) == 0) c = '_';
+  }
+  return name;
+}
+
+INSTANTIATE_TEST_SUITE_P(Stability, StabilityRowOf,
+                         testing::Range(std::size_t{0}, stability_rows().size()), test_name);
+
+TEST(StabilityTable, NamesItsRowsOnceAndSaysWhereLimitsComeFrom) {
+  std::set<std::string> names;
+  for (const StabilityRow& row : stability_rows()) {
+    EXPECT_TRUE(names.insert(row.name).second) << row.name;
+    EXPECT_FALSE(row.theme.empty() || row.action.empty() || row.unit.empty() || row.reason.empty())
+        << row.name;
+    EXPECT_GE(row.limit, 0) << row.name;
+  }
+}
+
+StabilityResult result_of(double limit, std::function<StabilityMeasurement()> measure) {
+  static StabilityRow row;
+  row.limit = limit;
+  row.measure = std::move(measure);
+  return run_stability_row(row);
+}
+
+TEST(StabilityRow, HoldsUpToItsLimitAndNeverWithoutANumber) {
+  EXPECT_TRUE(result_of(1, [] { return StabilityMeasurement{1, ""}; }).holds);
+  EXPECT_FALSE(result_of(1, [] { return StabilityMeasurement{1.001, ""}; }).holds);
+  EXPECT_FALSE(result_of(1, [] { return StabilityMeasurement{std::nan(""), ""}; }).holds);
+  const StabilityResult thrown =
+      result_of(1, []() -> StabilityMeasurement { throw Error("here", "why"); });
+  EXPECT_FALSE(thrown.holds);
+  EXPECT_EQ(thrown.measured.detail, "here: why");
+}
+
+}  // namespace
+}  // namespace blindcorner
