@@ -250,8 +250,7 @@ TEST_F(Cnn, LearnsAnEasyCase) {
 }
 
 // Normalised by the covariance that it states, the squared error of two unknowns is 2 on average
-// where claims are honest. Claims may be wider, because variances are learnt with dropout and asked
-// without, but not narrower by a factor, and not without regard to the errors.
+// where claims are honest.
 TEST_F(Cnn, TheEnsembleKnowsItsErrors) {
   CnnTrainingOptions options = CnnTrainingOptions::of(CnnArchitecture::wide);
   options.epochs = 25;
@@ -271,7 +270,7 @@ TEST_F(Cnn, TheEnsembleKnowsItsErrors) {
     squares += error.dot(said.covariance.inverse() * error) / 80;
   }
   EXPECT_LT(error_x, 0.15);
-  EXPECT_GT(squares, 0.1);
+  EXPECT_GT(squares, 0.5);
   EXPECT_LT(squares, 6);
 }
 
