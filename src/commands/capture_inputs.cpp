@@ -87,6 +87,20 @@ void require_readable(const std::vector<CaptureInput>& inputs) {
   throw Error("no capture is readable: " + reason);
 }
 
+std::vector<Capture> read_all_captures(const std::vector<std::string>& paths, const Scene& scene) {
+  std::vector<CaptureInput> inputs = read_capture_inputs(paths, scene.sensor.bin_width);
+  require_readable(inputs);
+  std::vector<Capture> captures;
+  for (CaptureInput& input : inputs) {
+    if (!input.capture) {
+      throw Error(input.error.starts_with(input.source) ? input.error
+                                                        : input.source + ": " + input.error);
+    }
+    captures.push_back(std::move(*input.capture));
+  }
+  return captures;
+}
+
 void leave_out_saturated_bins(Sensor& sensor, const std::vector<CaptureInput>& inputs) {
   std::vector<const Capture*> captures;
   for (const CaptureInput& input : inputs) {

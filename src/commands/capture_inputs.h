@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "blindcorner/forward/scene/scene.h"
 #include "blindcorner/forward/sensor/capture.h"
 #include "blindcorner/forward/sensor/sensor.h"
 
@@ -30,6 +31,9 @@ std::vector<CaptureInput> read_capture_inputs(const std::vector<std::string>& pa
 
 /// Throws Error with the first reason when no input has a capture.
 void require_readable(const std::vector<CaptureInput>& inputs);
+
+/// The captures of all files, in their order. Throws Error with the reason when one is missing.
+std::vector<Capture> read_all_captures(const std::vector<std::string>& paths, const Scene& scene);
 
 /// Leaves out bins that the captures fill up, and says so on the standard error stream.
 void leave_out_saturated_bins(Sensor& sensor, const std::vector<CaptureInput>& inputs);

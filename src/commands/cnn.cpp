@@ -12,20 +12,6 @@
 
 namespace blindcorner {
 
-std::vector<Capture> read_all_captures(const std::vector<std::string>& paths, const Scene& scene) {
-  std::vector<CaptureInput> inputs = read_capture_inputs(paths, scene.sensor.bin_width);
-  require_readable(inputs);
-  std::vector<Capture> captures;
-  for (CaptureInput& input : inputs) {
-    if (!input.capture) {
-      throw Error(input.error.starts_with(input.source) ? input.error
-                                                        : input.source + ": " + input.error);
-    }
-    captures.push_back(std::move(*input.capture));
-  }
-  return captures;
-}
-
 PointEstimate cnn_estimate(const Scene& scene, const Capture& capture, const CnnBaseline& cnn) {
   PointEstimate estimate{capture.source,
                          capture.index,

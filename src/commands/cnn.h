@@ -66,9 +66,6 @@ void add_cnn_train(CLI::App& cnn, int& exit_code);
 void add_cnn_evaluate(CLI::App& cnn, int& exit_code);
 void add_cnn_baseline(CLI::App& cnn, int& exit_code);
 
-/// All captures of files and directories, which must all be readable. Throws Error.
-std::vector<Capture> read_all_captures(const std::vector<std::string>& paths, const Scene& scene);
-
 /// What a network says of a capture, beside its truth. Throws Error where that is missing, and as
 /// CnnBaseline::predict does.
 PointEstimate cnn_estimate(const Scene& scene, const Capture& capture, const CnnBaseline& cnn);

@@ -11,6 +11,7 @@
 #include "blindcorner/inverse/baseline/cnn_training.h"
 #include "blindcorner/io/atomic_file.h"
 #include "blindcorner/io/scene_file.h"
+#include "commands/capture_inputs.h"
 #include "commands/cnn.h"
 #include "commands/commands.h"
 #include "commands/output_directory.h"

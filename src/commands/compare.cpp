@@ -6,7 +6,10 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <limits>
 #include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
 
 #include "blindcorner/forward/error.h"
 #include "blindcorner/inverse/baseline/cnn.h"
@@ -17,6 +20,7 @@
 #include "commands/output_directory.h"
 #include "commands/progress.h"
 #include "commands/thread_limit.h"
+#include "io/file_bytes.h"
 #include "report/comparison_page.h"
 #include "report/formatted.h"
 #include "report/point_estimates.h"
@@ -29,24 +33,31 @@ namespace fs = std::filesystem;
 /// The condition that is also drawn: places that no method has seen, nothing else changed.
 constexpr const char* kDrawn = "positions between the grid";
 
-struct CompareArguments {
-  std::vector<std::string> scenes;
-  std::vector<std::string> networks;
-  std::string output;
-  int threads = 0;
-  ComparisonOptions options;
-};
-
 struct Network {
   std::string path;
   CnnBaseline cnn;
 };
 
-std::string training_text(const CnnTrainingRecord& training) {
-  return formatted(
-      "%d captures, of which %g %% held back; weights after epoch %d; the file does not say how "
-      "long it took",
-      training.captures, 100 * training.validation_share, training.epoch);
+/// How long the training took that left these weights, as the summary beside them says; s.
+std::optional<double> training_time(const std::string& weights, const CnnTrainingRecord& training) {
+  const fs::path summary = fs::path(weights).parent_path() / "training.json";
+  if (!fs::exists(summary)) return std::nullopt;
+  const auto json = nlohmann::json::parse(read_bytes(summary.string()), nullptr, false);
+  if (!json.is_object() || json.value("epoch_of_weights", -1) != training.epoch ||
+      json.value("captures", -1) != training.captures) {
+    return std::nullopt;
+  }
+  return json.value("time_s", std::numeric_limits<double>::quiet_NaN());
+}
+
+std::string training_text(const Network& network) {
+  const CnnTrainingRecord& training = network.cnn.description().training;
+  const std::optional<double> time = training_time(network.path, training);
+  return formatted("%s: %d captures, of which %g %% held back; weights after epoch %d; ",
+                   network.path.c_str(), training.captures, 100 * training.validation_share,
+                   training.epoch) +
+         (time ? formatted("trained in %.0f s", *time)
+               : std::string("no training.json beside it says how long it took"));
 }
 
 /// A scene with the networks that were trained for it. Throws Error where one does not suit it.
@@ -58,11 +69,7 @@ std::vector<ComparedMethod> methods_of(const Scene& scene, const std::vector<Net
     if (network.cnn.description().scene != scene.name) continue;
     network.cnn.check_scene(scene);
     const std::string name = networks.size() == 1 ? "network" : "network " + std::to_string(i + 1);
-    methods.push_back(
-        {name, network.path + ": " + training_text(network.cnn.description().training),
-         [cnn = network.cnn, T = scene.T_world_sensor](const Capture& capture) {
-           return MethodAnswer{cnn.predict(capture, capture.T_world_sensor.value_or(T))};
-         }});
+    methods.push_back(network_method(scene, network.cnn, name, training_text(network), seed));
   }
   return methods;
 }
@@ -131,6 +138,8 @@ SceneComparison compare_scene(const Scene& scene, const std::string& file,
   return comparison;
 }
 
+}  // namespace
+
 int failures_of(const SceneComparison& comparison) {
   int failures = 0;
   for (const ConditionFigures& c : comparison.conditions) {
@@ -145,8 +154,21 @@ int failures_of(const SceneComparison& comparison) {
   return failures;
 }
 
-int run_compare(const CompareArguments& arguments) {
-  const ThreadLimit threads(arguments.threads);
+void write_comparison(const std::string& output, const ComparisonReport& report) {
+  make_directory(output);
+  const fs::path directory = output;
+  write_atomically((directory / "comparison.csv").string(), comparison_csv(report.scenes));
+  write_atomically((directory / "comparison.json").string(),
+                   comparison_json(report).dump(1, ' ', false,
+                                                nlohmann::ordered_json::error_handler_t::replace) +
+                       "\n");
+  write_atomically((directory / "index.html").string(), comparison_page(report));
+  std::printf("%s\n", (directory / "index.html").c_str());
+}
+
+namespace {
+
+int run_simulated(const CompareArguments& arguments) {
   arguments.options.validate();
   std::vector<Scene> scenes;
   for (const std::string& path : arguments.scenes) scenes.push_back(read_scene(path));
@@ -161,7 +183,9 @@ int run_compare(const CompareArguments& arguments) {
     plan_dataset(scene, arguments.options.dataset);
   }
   ComparisonReport report;
-  report.options = arguments.options;
+  report.simulated = arguments.options;
+  report.seed = arguments.options.seed;
+  report.published = arguments.published;
   int failures = 0;
   for (std::size_t s = 0; s < scenes.size(); ++s) {
     report.pictures.emplace_back();
@@ -171,15 +195,7 @@ int run_compare(const CompareArguments& arguments) {
     std::fflush(stdout);
     failures += failures_of(report.scenes.back());
   }
-  make_directory(arguments.output);
-  const fs::path directory = arguments.output;
-  write_atomically((directory / "comparison.csv").string(), comparison_csv(report.scenes));
-  write_atomically((directory / "comparison.json").string(),
-                   comparison_json(report).dump(1, ' ', false,
-                                                nlohmann::ordered_json::error_handler_t::replace) +
-                       "\n");
-  write_atomically((directory / "index.html").string(), comparison_page(report));
-  std::printf("%s\n", (directory / "index.html").c_str());
+  write_comparison(arguments.output, report);
   return failures > 0 ? kSomeFailed : kAllWell;
 }
 
@@ -230,7 +246,11 @@ void add_compare_command(CLI::App& app, int& exit_code) {
   command.add_option("--threads", arguments->threads, "0: one per processor")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
-  command.callback([arguments, &exit_code] { exit_code = run_compare(*arguments); });
+  add_measured_options(command, *arguments);
+  command.callback([arguments, &exit_code] {
+    const ThreadLimit threads(arguments->threads);
+    exit_code = arguments->measured.empty() ? run_simulated(*arguments) : run_measured(*arguments);
+  });
 }
 
 }  // namespace blindcorner

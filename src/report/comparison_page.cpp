@@ -32,6 +32,7 @@ Json method_json(const SceneComparison& scene, const MethodFigures& figures) {
   if (figures.failures > 0) json["first_error"] = figures.first_error;
   json["position_median_m"] = interval_json(figures.position);
   json["position_p90_m"] = number(figures.p90);
+  json["rmse_m"] = interval_json(figures.rmse);
   for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
     json["mean_absolute"][scene.unknowns[i]] = number(figures.mean_absolute[i]);
   }
@@ -78,18 +79,18 @@ std::string table_html(const SceneComparison& scene) {
   std::string html =
       "<table style=\"white-space:nowrap;font-size:11px\"><tr><th>condition<th>method<th>position "
       "median, m (95 "
-      "%)<th>90 %, m";
+      "%)<th>90 %, m<th>RMSE, m (95 %)";
   for (const std::string& unknown : scene.unknowns) html += "<th>" + html_safe(heading(unknown));
   html += "<th>coverage of 95 %<th>less solver, m (95 %)<th>ms<th>failed</tr>\n";
   for (const ConditionFigures& c : scene.conditions) {
     std::string name = html_safe(c.condition.name);
     if (!c.condition.left_out.empty()) {
-      html += "<tr><td>" + name + "<td colspan=\"" + std::to_string(scene.unknowns.size() + 7) +
+      html += "<tr><td>" + name + "<td colspan=\"" + std::to_string(scene.unknowns.size() + 8) +
               "\">left out: " + html_safe(c.condition.left_out) + "</tr>\n";
     }
     for (const MethodFigures& m : c.methods) {
       html += "<tr><td>" + name + "<td>" + html_safe(m.method) + "<td>" +
-              position_text(m.position) + formatted("<td>%.3f", m.p90);
+              position_text(m.position) + formatted("<td>%.3f<td>", m.p90) + position_text(m.rmse);
       for (const double mean : m.mean_absolute) html += formatted("<td>%.3f", mean);
       html += "<td>" + claim_text(m) + "<td>" +
               (m.against_first ? position_text(*m.against_first) : "-") +
@@ -98,6 +99,16 @@ std::string table_html(const SceneComparison& scene) {
     }
   }
   return html + "</table>\n";
+}
+
+std::string published_html(const std::vector<PublishedFigure>& published) {
+  if (published.empty()) return {};
+  std::string html = "<p>Published elsewhere, RMSE in m: ";
+  for (std::size_t i = 0; i < published.size(); ++i) {
+    html +=
+        (i > 0 ? ", " : "") + html_safe(published[i].name) + formatted(" %.3f", published[i].rmse);
+  }
+  return html + ".</p>\n";
 }
 
 std::string chart(const SceneComparison& scene) {
@@ -157,26 +168,34 @@ std::string pictures_html(const std::vector<ComparisonPicture>& pictures) {
 
 }  // namespace
 
-std::vector<std::string> comparison_conventions() {
+std::vector<std::string> comparison_conventions(const ComparisonReport& report) {
+  const std::string told =
+      report.simulated
+          ? "All methods are told the scene as its file has it, and answer the same captures."
+          : "All methods answer the same measured captures. The solver and the classical methods "
+            "are told the scene as it is calibrated with the captures that are learnt; networks "
+            "learn these (and samples of fewer exposures of the same places, where there are).";
   return {
       "Errors per axis and of yaw are mean absolute errors over the captures; yaw is compared "
       "modulo "
       "the symmetry of the object's shape.",
       "The distance of position is Euclidean over all unknown coordinates; its median stands with "
-      "the 95 % interval of 2000 bootstrap draws over captures.",
+      "the 95 % interval of 2000 bootstrap draws over places of the object.",
+      "RMSE is the root of the mean square over all captures and coordinates of position, as "
+      "published for CheapSPAD.",
       "The solver answers the mean of its posterior. Coverage is the share of captures whose true "
-      "pose lies in the 95 % region of highest density, with Wilson's 95 % interval; the other "
-      "methods claim no region.",
+      "pose lies in the 95 % region of highest density, with Wilson's 95 % interval, as is that of "
+      "an ensemble of networks; the other methods claim no region.",
       "Differences from the solver are between medians of the same captures; each draw takes both.",
       "Times are wall clock per capture, medians, captures shared among the threads, preparation "
       "of "
       "a new sensor pose included.",
-      "All methods are told the scene as its file has it, and answer the same captures."};
+      told};
 }
 
 std::string comparison_text(const SceneComparison& scene) {
-  std::string text = formatted("%s\n%-29s %-20s %-27s %8s", scene.scene.c_str(), "condition",
-                               "method", "position median, m (95 %)", "90 %");
+  std::string text = formatted("%s\n%-33s %-20s %-27s %8s %-24s", scene.scene.c_str(), "condition",
+                               "method", "position median, m (95 %)", "90 %", "RMSE, m (95 %)");
   for (const std::string& unknown : scene.unknowns) {
     text += formatted(" %9s", heading(unknown).c_str());
   }
@@ -184,11 +203,11 @@ std::string comparison_text(const SceneComparison& scene) {
   for (const ConditionFigures& c : scene.conditions) {
     const char* name = c.condition.name.c_str();
     if (!c.condition.left_out.empty()) {
-      text += formatted("%-29s left out: %s\n", name, c.condition.left_out.c_str());
+      text += formatted("%-33s left out: %s\n", name, c.condition.left_out.c_str());
     }
     for (const MethodFigures& m : c.methods) {
-      text += formatted("%-29s %-20s %-27s %8.4f", name, m.method.c_str(),
-                        position_text(m.position).c_str(), m.p90);
+      text += formatted("%-33s %-20s %-27s %8.4f %-24s", name, m.method.c_str(),
+                        position_text(m.position).c_str(), m.p90, position_text(m.rmse).c_str());
       for (const double mean : m.mean_absolute) text += formatted(" %9.4f", mean);
       text += formatted(" %-21s %9.3g %7d\n", claim_text(m).c_str(), 1e3 * m.time, m.failures);
       name = "";
@@ -203,7 +222,7 @@ std::string comparison_text(const SceneComparison& scene) {
 std::string comparison_csv(const std::vector<SceneComparison>& scenes) {
   std::string csv =
       "scene,condition,method,answers,failures,position_median_m,position_low_m,position_high_m,"
-      "position_p90_m";
+      "position_p90_m,rmse_m,rmse_low_m,rmse_high_m";
   for (const char* unknown : kUnknowns) csv += std::string(",mean_absolute_") + unknown;
   csv +=
       ",coverage,coverage_low,coverage_high,time_ms,difference_m,difference_low_m,"
@@ -216,7 +235,8 @@ std::string comparison_csv(const std::vector<SceneComparison>& scenes) {
       for (const MethodFigures& m : c.methods) {
         csv += "\"" + scene.scene + "\",\"" + c.condition.name + "\",\"" + m.method + "\"" +
                formatted(",%d,%d", m.answers, m.failures);
-        for (const double v : {m.position.value, m.position.low, m.position.high, m.p90}) {
+        for (const double v : {m.position.value, m.position.low, m.position.high, m.p90,
+                               m.rmse.value, m.rmse.low, m.rmse.high}) {
           csv += cell(v);
         }
         for (const char* unknown : kUnknowns) {
@@ -239,13 +259,18 @@ std::string comparison_csv(const std::vector<SceneComparison>& scenes) {
 nlohmann::ordered_json comparison_json(const ComparisonReport& report) {
   Json json;
   json["format"] = "blindcorner.comparison/1";
-  json["captures"] = report.options.captures;
-  json["seed"] = report.options.seed;
-  json["dataset"] = {{"objects", report.options.dataset.objects},
-                     {"sensors", report.options.dataset.sensors},
-                     {"exposures", report.options.dataset.exposures},
-                     {"seed", report.options.dataset.seed}};
-  json["conventions"] = comparison_conventions();
+  json["seed"] = report.seed;
+  if (report.simulated) {
+    const DatasetOptions& dataset = report.simulated->dataset;
+    json["captures"] = report.simulated->captures;
+    json["dataset"] = {{"objects", dataset.objects},
+                       {"sensors", dataset.sensors},
+                       {"exposures", dataset.exposures},
+                       {"seed", dataset.seed}};
+  }
+  json["published_rmse_m"] = Json::object();
+  for (const PublishedFigure& p : report.published) json["published_rmse_m"][p.name] = p.rmse;
+  json["conventions"] = comparison_conventions(report);
   json["scenes"] = Json::array();
   for (const SceneComparison& scene : report.scenes) {
     Json entry;
@@ -266,18 +291,22 @@ nlohmann::ordered_json comparison_json(const ComparisonReport& report) {
 }
 
 std::string comparison_page(const ComparisonReport& report) {
-  std::string body =
-      formatted("<p>%d captures of each condition, seed %llu.</p>\n<ul>", report.options.captures,
-                static_cast<unsigned long long>(report.options.seed));
-  for (const std::string& sentence : comparison_conventions()) {
+  std::string body = "<p>";
+  if (report.simulated) {
+    body += formatted("%d simulated captures of each condition", report.simulated->captures);
+  } else {
+    body += "Measured captures";
+  }
+  body += formatted(", seed %llu.</p>\n<ul>", static_cast<unsigned long long>(report.seed));
+  for (const std::string& sentence : comparison_conventions(report)) {
     body += "<li>" + html_safe(sentence) + "\n";
   }
   body += "</ul>\n";
   for (std::size_t s = 0; s < report.scenes.size(); ++s) {
     const SceneComparison& scene = report.scenes[s];
     body += "<h2>" + html_safe(scene.scene) + "</h2>\n" + findings_html(scene) + chart(scene) +
-            table_html(scene) + "<p>What was trained:</p>\n" + methods_html(scene) +
-            "<p>The conditions:</p>\n" + conditions_html(scene);
+            table_html(scene) + published_html(report.published) + "<p>What was trained:</p>\n" +
+            methods_html(scene) + "<p>The conditions:</p>\n" + conditions_html(scene);
     if (s < report.pictures.size()) body += pictures_html(report.pictures[s]);
   }
   return plain_page("Methods compared", body);

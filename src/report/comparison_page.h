@@ -2,7 +2,9 @@
 /// A comparison of methods: page, table for a terminal, CSV and JSON.
 #pragma once
 
+#include <cstdint>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -15,14 +17,23 @@ struct ComparisonPicture {
   std::string title, svg;
 };
 
+/// A figure from elsewhere that stands beside the measured ones.
+struct PublishedFigure {
+  std::string name;
+  double rmse = 0;  ///< m, over all coordinates of position
+};
+
 struct ComparisonReport {
   std::vector<SceneComparison> scenes;
   std::vector<std::vector<ComparisonPicture>> pictures;  ///< [scenes]
-  ComparisonOptions options;
+  /// How captures were simulated; empty: they were measured, and learnt or evaluated by turns.
+  std::optional<ComparisonOptions> simulated;
+  std::uint64_t seed = 1;
+  std::vector<PublishedFigure> published;
 };
 
 /// What all figures mean, a sentence each: which errors, whose convention.
-std::vector<std::string> comparison_conventions();
+std::vector<std::string> comparison_conventions(const ComparisonReport& report);
 
 /// A row for each condition and method of one scene.
 std::string comparison_text(const SceneComparison& comparison);

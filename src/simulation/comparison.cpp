@@ -9,7 +9,9 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <map>
 #include <memory>
+#include <numeric>
 #include <random>
 
 #include "blindcorner/forward/error.h"
@@ -37,9 +39,8 @@ MethodAnswer solver_answer(const Fitter& fitter, const Capture& capture, std::ui
   if (!result.posterior.mean.allFinite() || result.posterior.modes.empty()) {
     throw Error("solver", "the posterior is not finite");
   }
-  const PoseVector truth = truth_of(unknown_names(fitter.scene()), capture);
-  return {result.posterior.mean,
-          credible_level(fitter.scene(), result.posterior, truth, 2000, seed), result.flags};
+  return {result.posterior.mean, credible_level_of(fitter.scene(), result.posterior, capture, seed),
+          result.flags};
 }
 
 MethodAnswer timed_answer(const ComparedMethod& method, const Capture& capture) {
@@ -68,29 +69,74 @@ double distance(const Scene& scene, const PoseVector& error) {
   return std::sqrt(squares);
 }
 
+/// Indices of the captures of each place.
+std::vector<std::vector<std::size_t>> places_of(std::size_t count,
+                                                const CaptureClusters& clusters) {
+  std::map<std::size_t, std::vector<std::size_t>> by_number;
+  for (std::size_t i = 0; i < count; ++i)
+    by_number[clusters.empty() ? i : clusters[i]].push_back(i);
+  std::vector<std::vector<std::size_t>> places;
+  for (auto& [number, indices] : by_number) places.push_back(std::move(indices));
+  return places;
+}
+
 /// Percentiles of a statistic of captures drawn again; `statistic` takes indices of captures.
 template <class Statistic>
-BootstrapInterval bootstrap(std::size_t count, std::uint64_t seed, const Statistic& statistic) {
+BootstrapInterval bootstrap(std::size_t count, std::uint64_t seed, const CaptureClusters& clusters,
+                            const Statistic& statistic) {
   const double none = std::numeric_limits<double>::quiet_NaN();
   if (count == 0) return {none, none, none};
+  const std::vector<std::vector<std::size_t>> places = places_of(count, clusters);
   std::vector<std::size_t> drawn(count);
-  for (std::size_t i = 0; i < count; ++i) drawn[i] = i;
+  std::iota(drawn.begin(), drawn.end(), std::size_t{0});
   const double value = statistic(drawn);
+  if (!std::isfinite(value)) return {none, none, none};
   std::mt19937_64 random(seed);
-  std::uniform_int_distribution<std::size_t> pick(0, count - 1);
+  std::uniform_int_distribution<std::size_t> pick(0, places.size() - 1);
   std::vector<double> values;
   for (int d = 0; d < kDraws; ++d) {
-    for (std::size_t& i : drawn) i = pick(random);
-    values.push_back(statistic(drawn));
+    drawn.clear();
+    for (std::size_t i = 0; i < places.size(); ++i) {
+      const std::vector<std::size_t>& place = places[pick(random)];
+      drawn.insert(drawn.end(), place.begin(), place.end());
+    }
+    const double again = statistic(drawn);
+    if (std::isfinite(again)) values.push_back(again);
   }
   return {value, quantile(values, 0.025), quantile(values, 0.975)};
 }
 
+/// Those of the values that are finite.
+std::vector<double> finite_at(std::span<const double> values,
+                              const std::vector<std::size_t>& indices) {
+  std::vector<double> finite;
+  finite.reserve(indices.size());
+  for (const std::size_t i : indices) {
+    if (std::isfinite(values[i])) finite.push_back(values[i]);
+  }
+  return finite;
+}
+
 double median_at(std::span<const double> values, const std::vector<std::size_t>& indices) {
-  std::vector<double> drawn;
-  drawn.reserve(indices.size());
-  for (const std::size_t i : indices) drawn.push_back(values[i]);
-  return median(std::move(drawn));
+  std::vector<double> finite = finite_at(values, indices);
+  return finite.empty() ? std::numeric_limits<double>::quiet_NaN() : median(std::move(finite));
+}
+
+/// Captures of the same true values are of the same place.
+CaptureClusters clusters_of(const std::vector<PoseVector>& truths) {
+  CaptureClusters clusters;
+  std::map<std::vector<double>, std::size_t> numbers;
+  for (const PoseVector& truth : truths) {
+    const std::vector<double> key(truth.begin(), truth.end());
+    clusters.push_back(numbers.try_emplace(key, numbers.size()).first->second);
+  }
+  return clusters;
+}
+
+/// Unknown coordinates of position.
+int coordinates(const Scene& scene) {
+  return static_cast<int>(std::ranges::count_if(
+      scene.unknowns, [](const Unknown& u) { return u.component <= Component::z; }));
 }
 
 double share_with(const std::vector<MethodAnswer>& answers, const char* flag) {
@@ -117,10 +163,13 @@ std::vector<double> distances(const Scene& scene, const std::vector<PoseVector>&
 
 MethodFigures figures_of(const Scene& scene, const std::vector<PoseVector>& truths,
                          const std::vector<MethodAnswer>& answers,
-                         const std::vector<double>& lengths, std::uint64_t seed) {
+                         const std::vector<double>& lengths, const CaptureClusters& clusters,
+                         std::uint64_t seed) {
   MethodFigures figures;
   figures.mean_absolute.assign(scene.unknowns.size(), 0.0);
   std::vector<double> known, times;
+  std::vector<double> squares;  // a coordinate's mean, NaN where there is no answer
+  for (const double length : lengths) squares.push_back(length * length / coordinates(scene));
   ClaimFigures claim;
   for (std::size_t i = 0; i < answers.size(); ++i) {
     const MethodAnswer& answer = answers[i];
@@ -140,7 +189,8 @@ MethodFigures figures_of(const Scene& scene, const std::vector<PoseVector>& trut
     claim.held += *answer.credible_level <= kRegion ? 1 : 0;
   }
   for (double& sum : figures.mean_absolute) sum /= figures.answers;  // NaN without answers
-  figures.position = bootstrap_median(known, seed);
+  figures.position = bootstrap_median(lengths, seed, clusters);
+  figures.rmse = bootstrap_root_mean(squares, seed, clusters);
   figures.p90 = known.empty() ? std::numeric_limits<double>::quiet_NaN() : quantile(known, 0.9);
   figures.time = median(times);
   if (claim.claims > 0) {
@@ -191,8 +241,26 @@ std::string finding(const Condition& condition, const MethodFigures& better,
 
 }  // namespace
 
-std::vector<ComparedMethod> untrained_methods(const Scene& scene, std::uint64_t seed) {
-  const auto fitter = std::make_shared<const Fitter>(scene);
+double credible_level_of(const Scene& scene, const PoseMixture& posterior, const Capture& capture,
+                         std::uint64_t seed) {
+  return credible_level(scene, posterior, truth_of(unknown_names(scene), capture), 2000, seed);
+}
+
+ComparedMethod network_method(const Scene& scene, const CnnBaseline& cnn, std::string name,
+                              std::string training, std::uint64_t seed) {
+  const bool claims = cnn.description().network == CnnArchitecture::wide;
+  const auto shared = std::make_shared<const Scene>(scene);
+  return {std::move(name), std::move(training), [cnn, shared, claims, seed](const Capture& c) {
+            const Transform T = c.T_world_sensor.value_or(shared->T_world_sensor);
+            if (!claims) return MethodAnswer{cnn.predict(c, T)};
+            const PoseMixture posterior = cnn.posterior(c, T);
+            return MethodAnswer{posterior.mean, credible_level_of(*shared, posterior, c, seed)};
+          }};
+}
+
+std::vector<ComparedMethod> untrained_methods(const Scene& scene, std::uint64_t seed,
+                                              const FitOptions& fit) {
+  const auto fitter = std::make_shared<const Fitter>(scene, fit);
   const auto paths = std::make_shared<const Multilateration>(scene);
   const auto voxels = std::make_shared<const BackProjection>(scene);
   const PoseVector middle = middle_of_prior(scene);
@@ -221,20 +289,37 @@ std::vector<std::vector<MethodAnswer>> answer_all(const std::vector<ComparedMeth
   return answers;
 }
 
-BootstrapInterval bootstrap_median(std::span<const double> values, std::uint64_t seed) {
-  return bootstrap(values.size(), seed,
+BootstrapInterval bootstrap_median(std::span<const double> values, std::uint64_t seed,
+                                   const CaptureClusters& clusters) {
+  return bootstrap(values.size(), seed, clusters,
                    [&](const std::vector<std::size_t>& drawn) { return median_at(values, drawn); });
 }
 
 BootstrapInterval bootstrap_median_difference(std::span<const double> first,
-                                              std::span<const double> second, std::uint64_t seed) {
+                                              std::span<const double> second, std::uint64_t seed,
+                                              const CaptureClusters& clusters) {
   if (first.size() != second.size()) {
     throw Error("bootstrap_median_difference", "found " + std::to_string(first.size()) + " and " +
                                                    std::to_string(second.size()) +
                                                    " values, accepted: as many of both");
   }
-  return bootstrap(first.size(), seed, [&](const std::vector<std::size_t>& drawn) {
-    return median_at(first, drawn) - median_at(second, drawn);
+  std::vector<double> a(first.begin(), first.end()), b(second.begin(), second.end());
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    if (!std::isfinite(a[i]) || !std::isfinite(b[i])) {
+      a[i] = b[i] = std::numeric_limits<double>::quiet_NaN();
+    }
+  }
+  return bootstrap(a.size(), seed, clusters, [&](const std::vector<std::size_t>& drawn) {
+    return median_at(a, drawn) - median_at(b, drawn);
+  });
+}
+
+BootstrapInterval bootstrap_root_mean(std::span<const double> values, std::uint64_t seed,
+                                      const CaptureClusters& clusters) {
+  return bootstrap(values.size(), seed, clusters, [&](const std::vector<std::size_t>& drawn) {
+    const std::vector<double> finite = finite_at(values, drawn);
+    return std::sqrt(std::reduce(finite.begin(), finite.end()) /
+                     static_cast<double>(finite.size()));
   });
 }
 
@@ -249,21 +334,16 @@ ConditionFigures compare(const Scene& scene, const Condition& condition,
   const std::vector<std::string> names = unknown_names(scene);
   std::vector<PoseVector> truths;
   for (const Capture& capture : condition.captures) truths.push_back(truth_of(names, capture));
+  const CaptureClusters clusters = clusters_of(truths);
   std::vector<double> of_first;
   for (std::size_t m = 0; m < methods.size(); ++m) {
     const std::vector<double> lengths = distances(scene, truths, answers[m]);
-    MethodFigures figures = figures_of(scene, truths, answers[m], lengths, seed);
+    MethodFigures figures = figures_of(scene, truths, answers[m], lengths, clusters, seed);
     figures.method = methods[m].name;
     if (m == 0) {
       of_first = lengths;
     } else {
-      std::vector<double> own, other;
-      for (std::size_t i = 0; i < lengths.size(); ++i) {
-        if (!std::isfinite(lengths[i]) || !std::isfinite(of_first[i])) continue;
-        own.push_back(lengths[i]);
-        other.push_back(of_first[i]);
-      }
-      figures.against_first = bootstrap_median_difference(own, other, seed);
+      figures.against_first = bootstrap_median_difference(lengths, of_first, seed, clusters);
       if (figures.against_first->high < 0) {
         result.findings.push_back(finding(condition, figures, result.methods.front()));
       }

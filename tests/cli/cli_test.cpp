@@ -1150,6 +1150,30 @@ TEST_F(Cli, RefusesAComparisonThatMakesNoSense) {
   refuses(std::string(SOURCE_DIR) + "/scenes/street_two.json", HasSubstr("found 2 objects"));
   refuses(kScene + " -n 1", HasSubstr("--captures"));
   refuses(kScene + " --network " + path("missing.pt"), HasSubstr("missing.pt"));
+  refuses(kScene + " " + kScene + " --measured " + path("none.exr"), HasSubstr("found 2 scenes"));
+  refuses(kScene + " --measured " + path("none.exr") + " --published 0.3",
+          HasSubstr("accepted: NAME=RMSE in metres"));
+  refuses(kScene + " --folds 3", HasSubstr("--measured"));
+}
+
+TEST_F(Cli, ComparesMethodsOnMeasuredCaptures) {
+  const std::string scene = std::string(SOURCE_DIR) + "/scenes/cheapspad_mirrors.json";
+  ASSERT_EQ(run("render " + scene + " --random 24 --model fast -o " + path("some.exr")).exit_code, 0);
+  const std::string command =
+      "compare " + scene + " --measured " + path("some.exr") +
+      " --schemes folds --folds 2 --train published --epochs 3 --published other=0.25 -o " +
+      path("out");
+  const Outcome outcome = run(command);
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const json comparison = json::parse(text_of(path("out/comparison.json")));
+  EXPECT_EQ(comparison.at("published_rmse_m").at("other"), 0.25);
+  const json& folds = comparison.at("scenes").at(0).at("conditions").at(0);
+  EXPECT_EQ(folds.at("condition"), "2 folds");
+  for (const json& method : folds.at("methods")) EXPECT_EQ(method.at("answers"), 24);
+  const double solver = folds.at("methods").at(0).at("rmse_m").at("value");
+  const double middle = folds.at("methods").at(3).at("rmse_m").at("value");
+  EXPECT_LT(solver, 0.6 * middle);
+  EXPECT_THAT(text_of(path("out/index.html")), HasSubstr("Published elsewhere"));
 }
 
 /// What needs libtorch; the rest of `cnn` is there without it.

@@ -9,6 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "blindcorner/inverse/baseline/cnn.h"
+#include "blindcorner/inverse/fit.h"
 #include "blindcorner/simulation/comparison_conditions.h"
 #include "blindcorner/simulation/credible_level.h"
 
@@ -31,9 +33,18 @@ struct ComparedMethod {
   std::function<MethodAnswer(const Capture&)> answer;
 };
 
+/// How likely the method's own posterior finds what is true, by 2000 samples.
+double credible_level_of(const Scene& scene, const PoseMixture& posterior, const Capture& capture,
+                         std::uint64_t seed);
+
+/// A network as a method, under a name. What states a covariance claims a region.
+ComparedMethod network_method(const Scene& scene, const CnnBaseline& cnn, std::string name,
+                              std::string training, std::uint64_t seed);
+
 /// The solver (posterior mean and 95 % region), multilateration, back-projection and the middle of
 /// the prior: what needs no training. The solver comes first. All are told this scene.
-std::vector<ComparedMethod> untrained_methods(const Scene& scene, std::uint64_t seed);
+std::vector<ComparedMethod> untrained_methods(const Scene& scene, std::uint64_t seed,
+                                              const FitOptions& fit = {});
 
 /// Answers [methods][captures]. `advance` is called after each, from any thread. Times excepted,
 /// the same at any number of threads.
@@ -46,12 +57,24 @@ struct BootstrapInterval {
   double value = 0, low = 0, high = 0;
 };
 
-/// Median of values, captures drawn again 2000 times. NaN without values.
-BootstrapInterval bootstrap_median(std::span<const double> values, std::uint64_t seed);
+/// Captures that are drawn together, because they show the same place: [captures] numbers of their
+/// places. Empty: each by itself.
+using CaptureClusters = std::vector<std::size_t>;
 
-/// Median of the first less that of the second, of the same captures: each draw takes both.
+/// Median of values, captures drawn again 2000 times. Values that are not finite are left out; NaN
+/// without others.
+BootstrapInterval bootstrap_median(std::span<const double> values, std::uint64_t seed,
+                                   const CaptureClusters& clusters = {});
+
+/// Median of the first less that of the second, of the same captures: each draw takes both, and
+/// only captures of which both are finite.
 BootstrapInterval bootstrap_median_difference(std::span<const double> first,
-                                              std::span<const double> second, std::uint64_t seed);
+                                              std::span<const double> second, std::uint64_t seed,
+                                              const CaptureClusters& clusters = {});
+
+/// Root of the mean of values, likewise.
+BootstrapInterval bootstrap_root_mean(std::span<const double> values, std::uint64_t seed,
+                                      const CaptureClusters& clusters = {});
 
 /// Share of captures whose truth lies in the claimed 95 % region.
 struct ClaimFigures {
@@ -67,6 +90,7 @@ struct MethodFigures {
   std::vector<double> mean_absolute;  ///< [unknowns] m, rad or 1; yaw modulo the symmetry
   BootstrapInterval position;         ///< m, median Euclidean distance
   double p90 = 0;                     ///< m
+  BootstrapInterval rmse;             ///< m, over the unknown coordinates of position
   std::optional<ClaimFigures> claim;
   double time = 0;  ///< s, median
   /// Median less the first method's, over captures that both answered; empty for the first.

@@ -108,6 +108,30 @@ TEST(Comparison, IntervalOfAMedianHoldsItAsOftenAsItSays) {
   EXPECT_DOUBLE_EQ(difference.high, 0.5);
 }
 
+TEST(Comparison, CapturesOfOnePlaceAreDrawnTogether) {
+  // Nine captures each of eleven places, all with the same error: as good as eleven captures.
+  std::vector<double> once, often;
+  CaptureClusters places;
+  for (int place = 0; place < 11; ++place) {
+    once.push_back(place);
+    for (int i = 0; i < 9; ++i) {
+      often.push_back(place);
+      places.push_back(static_cast<std::size_t>(place));
+    }
+  }
+  const BootstrapInterval one = bootstrap_root_mean(once, 1);
+  const BootstrapInterval together = bootstrap_root_mean(often, 1, places);
+  const BootstrapInterval apart = bootstrap_root_mean(often, 1);
+  EXPECT_DOUBLE_EQ(one.value, std::sqrt(5));
+  EXPECT_NEAR(together.low, one.low, 1e-9);
+  EXPECT_NEAR(together.high, one.high, 1e-9);
+  EXPECT_LT(apart.high - apart.low, 0.5 * (one.high - one.low));
+  // What has no answer is left out.
+  once[3] = std::nan("");
+  EXPECT_NEAR(bootstrap_median(once, 1).value, 5.5, 1e-12);
+  EXPECT_TRUE(std::isnan(bootstrap_median(std::vector<double>{std::nan("")}, 1).value));
+}
+
 /// A method that is off by so much along x.
 ComparedMethod off_by(const std::string& name, double metres) {
   return {name, "none", [metres](const Capture& capture) {
