@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <iterator>
 #include <limits>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -16,6 +17,7 @@
 #include "blindcorner/io/atomic_file.h"
 #include "blindcorner/io/scene_file.h"
 #include "blindcorner/simulation/comparison.h"
+#include "blindcorner/simulation/hybrid_methods.h"
 #include "commands/commands.h"
 #include "commands/output_directory.h"
 #include "commands/progress.h"
@@ -62,7 +64,8 @@ std::string training_text(const Network& network) {
 
 /// A scene with the networks that were trained for it. Throws Error where one does not suit it.
 std::vector<ComparedMethod> methods_of(const Scene& scene, const std::vector<Network>& networks,
-                                       std::uint64_t seed) {
+                                       const CompareArguments& arguments) {
+  const std::uint64_t seed = arguments.options.seed;
   std::vector<ComparedMethod> methods = untrained_methods(scene, seed);
   for (std::size_t i = 0; i < networks.size(); ++i) {
     const Network& network = networks[i];
@@ -70,6 +73,8 @@ std::vector<ComparedMethod> methods_of(const Scene& scene, const std::vector<Net
     network.cnn.check_scene(scene);
     const std::string name = networks.size() == 1 ? "network" : "network " + std::to_string(i + 1);
     methods.push_back(network_method(scene, network.cnn, name, training_text(network), seed));
+    if (!arguments.hybrid) continue;
+    std::ranges::move(hybrid_methods(scene, network.cnn, name, seed), std::back_inserter(methods));
   }
   return methods;
 }
@@ -113,10 +118,11 @@ std::vector<ComparisonPicture> pictures(const Scene& scene, const Condition& con
 
 SceneComparison compare_scene(const Scene& scene, const std::string& file,
                               const std::vector<Network>& networks,
-                              const ComparisonOptions& options,
+                              const CompareArguments& arguments,
                               std::vector<ComparisonPicture>& drawn) {
+  const ComparisonOptions& options = arguments.options;
   SceneComparison comparison{scene.name, file, unknown_names(scene), {}, {}};
-  comparison.methods = methods_of(scene, networks, options.seed);
+  comparison.methods = methods_of(scene, networks, arguments);
   const std::size_t wanted =
       options.conditions.empty() ? condition_names().size() : options.conditions.size();
   const std::size_t captures = static_cast<std::size_t>(options.captures) * wanted;
@@ -179,7 +185,7 @@ int run_simulated(const CompareArguments& arguments) {
   check_networks_are_used(networks, scenes);
   // What a scene lacks is said before any of them takes its minutes.
   for (const Scene& scene : scenes) {
-    methods_of(scene, networks, arguments.options.seed);
+    methods_of(scene, networks, arguments);
     plan_dataset(scene, arguments.options.dataset);
   }
   ComparisonReport report;
@@ -189,8 +195,8 @@ int run_simulated(const CompareArguments& arguments) {
   int failures = 0;
   for (std::size_t s = 0; s < scenes.size(); ++s) {
     report.pictures.emplace_back();
-    report.scenes.push_back(compare_scene(scenes[s], arguments.scenes[s], networks,
-                                          arguments.options, report.pictures.back()));
+    report.scenes.push_back(
+        compare_scene(scenes[s], arguments.scenes[s], networks, arguments, report.pictures.back()));
     std::printf("%s\n", comparison_text(report.scenes.back()).c_str());
     std::fflush(stdout);
     failures += failures_of(report.scenes.back());
@@ -231,6 +237,9 @@ void add_compare_command(CLI::App& app, int& exit_code) {
       ->type_name("DIR");
   command.add_option("--network", arguments->networks,
                      "weights.pt of cnn train, each for one of the scenes");
+  command.add_flag("--hybrid", arguments->hybrid,
+                   "also the solver's descent from each network's answer alone, and the solver "
+                   "with that as one more start");
   command.add_option("-n,--captures", arguments->options.captures, "captures of each condition")
       ->check(CLI::Range(2, 1000000))
       ->capture_default_str();

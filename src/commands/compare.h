@@ -18,6 +18,7 @@ namespace blindcorner {
 struct CompareArguments {
   std::vector<std::string> scenes;
   std::vector<std::string> networks;  ///< weights
+  bool hybrid = false;                ///< solver and network together
   std::string output;
   int threads = 0;
   ComparisonOptions options;
