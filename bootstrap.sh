@@ -96,11 +96,13 @@ job_count() {
   echo $((jobs < memory_jobs ? jobs : memory_jobs))
 }
 
-# Configures and builds a target of the preset `release`.
+# Configures and builds a target of the preset `release`. In an empty build folder sources are compiled
+# several at a time, which halves the time of a first build and lengthens those of later changes.
 build() {
-  local log=build/configure.log
+  local log=build/configure.log options=()
   mkdir -p build
-  cmake --preset release >"$log" 2>&1 || {
+  [[ -e build/release/CMakeCache.txt ]] || options=(-DCMAKE_UNITY_BUILD=ON)
+  cmake --preset release "${options[@]}" >"$log" 2>&1 || {
     cat "$log" >&2
     die "CMake failed"
   }

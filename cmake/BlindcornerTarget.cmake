@@ -6,6 +6,9 @@ function(blindcorner_flags target)
   if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_LESS 13)
     target_compile_options(${target} PRIVATE -Wno-restrict)  # false alarms on std::string, GCC PR 105329
   endif()
+  if(CMAKE_UNITY_BUILD)
+    target_compile_options(${target} PRIVATE -Wno-subobject-linkage)  # of types that stay in one source
+  endif()
   if(BLINDCORNER_WARNINGS_AS_ERRORS)
     target_compile_options(${target} PRIVATE -Werror)
   endif()
@@ -30,4 +33,10 @@ function(blindcorner_library name)
   blindcorner_flags(blindcorner_${name})
   install(TARGETS blindcorner_${name} EXPORT blindcornerTargets
           ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
+endfunction()
+
+# Sources of this folder whose names without linkage are those of others: a build that joins sources
+# (CMAKE_UNITY_BUILD, as `bootstrap.sh` does in an empty build folder) compiles them by themselves.
+function(blindcorner_apart)
+  set_source_files_properties(${ARGN} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
 endfunction()
