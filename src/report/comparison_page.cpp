@@ -77,7 +77,8 @@ std::string heading(const std::string& unknown) { return "|" + unknown + "|"; }
 
 std::string table_html(const SceneComparison& scene) {
   std::string html =
-      "<table style=\"white-space:nowrap;font-size:11px\"><tr><th>condition<th>method<th>position "
+      "<div style=\"overflow-x:auto\"><table "
+      "style=\"white-space:nowrap;font-size:11px\"><tr><th>condition<th>method<th>position "
       "median, m (95 "
       "%)<th>90 %, m<th>RMSE, m (95 %)";
   for (const std::string& unknown : scene.unknowns) html += "<th>" + html_safe(heading(unknown));
@@ -98,7 +99,7 @@ std::string table_html(const SceneComparison& scene) {
       name.clear();
     }
   }
-  return html + "</table>\n";
+  return html + "</table></div>\n";
 }
 
 std::string published_html(const std::vector<PublishedFigure>& published) {
@@ -305,7 +306,9 @@ std::string comparison_page(const ComparisonReport& report) {
   for (std::size_t s = 0; s < report.scenes.size(); ++s) {
     const SceneComparison& scene = report.scenes[s];
     body += "<h2>" + html_safe(scene.scene) + "</h2>\n" + findings_html(scene) + chart(scene) +
-            table_html(scene) + published_html(report.published) + "<p>What was trained:</p>\n" +
+            table_html(scene) + published_html(report.published) +
+            (report.simulated ? "<p>What was trained:</p>\n"
+                              : "<p>What was trained, for the first of the splits:</p>\n") +
             methods_html(scene) + "<p>The conditions:</p>\n" + conditions_html(scene);
     if (s < report.pictures.size()) body += pictures_html(report.pictures[s]);
   }

@@ -10,10 +10,11 @@
 namespace blindcorner {
 namespace {
 
-const char* const kColours[] = {"#d55e00", "#0072b2", "#009e73", "#8b949d",
-                                "#cc79a7", "#e69f00", "#56b4e9", "#1b1f24"};
+const char* const kColours[] = {"#d55e00", "#0072b2", "#009e73", "#8b949d", "#cc79a7",
+                                "#e69f00", "#56b4e9", "#1b1f24", "#8f6b2e", "#7a5ccf"};
 // Pixels.
-constexpr double kLeft = 210, kRight = 20, kWidth = 900, kTop = 44, kBottom = 42;
+constexpr double kLeft = 210, kRight = 20, kWidth = 900, kBottom = 42;
+constexpr double kLegendLine = 16, kUnderLegend = 28;
 constexpr double kMarkStep = 9, kRowGap = 9;
 
 /// The axis from the smallest to the largest end of an interval.
@@ -54,25 +55,38 @@ std::vector<std::string> names_of(const std::vector<IntervalRow>& rows) {
 
 const char* colour_of(std::size_t name) { return kColours[name % std::size(kColours)]; }
 
-std::string legend(const std::vector<std::string>& names) {
+struct Legend {
   std::string svg;
+  double height = kLegendLine;
+};
+
+/// Names in as many lines as they need.
+Legend legend(const std::vector<std::string>& names) {
+  Legend legend;
   double x = kLeft;
   for (std::size_t i = 0; i < names.size(); ++i) {
-    svg += formatted("<circle cx=\"%.0f\" cy=\"14\" r=\"4\" fill=\"%s\"/>", x, colour_of(i)) +
-           formatted("<text x=\"%.0f\" y=\"18\">", x + 9) + html_safe(names[i]) + "</text>";
-    x += 34 + 6.5 * static_cast<double>(names[i].size());
+    const double width = 34 + 6.5 * static_cast<double>(names[i].size());
+    if (x > kLeft && x + width > kWidth) {
+      x = kLeft;
+      legend.height += kLegendLine;
+    }
+    const double y = legend.height - 2;
+    legend.svg +=
+        formatted("<circle cx=\"%.0f\" cy=\"%.0f\" r=\"4\" fill=\"%s\"/>", x, y, colour_of(i)) +
+        formatted("<text x=\"%.0f\" y=\"%.0f\">", x + 9, y + 4) + html_safe(names[i]) + "</text>";
+    x += width;
   }
-  return svg;
+  return legend;
 }
 
 /// Lines at 1, 2 and 5 times powers of ten.
-std::string grid(const LogAxis& axis, double bottom) {
+std::string grid(const LogAxis& axis, double top, double bottom) {
   std::string svg;
   for (int d = -9; d <= 9; ++d) {
     for (const double factor : {1.0, 2.0, 5.0}) {
       const double v = factor * std::pow(10.0, d);
       if (v < axis.low || v > axis.high) continue;
-      svg += formatted("<path stroke=\"#e3e6ea\" d=\"M%.1f %.0fV%.1f\"/>", axis.pixel(v), kTop - 10,
+      svg += formatted("<path stroke=\"#e3e6ea\" d=\"M%.1f %.0fV%.1f\"/>", axis.pixel(v), top,
                        bottom) +
              formatted("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"middle\">%g</text>",
                        axis.pixel(v), bottom + 14, v);
@@ -96,7 +110,9 @@ std::string mark_svg(const IntervalMark& mark, const LogAxis& axis, double y, co
 std::string intervals_svg(const std::string& axis_label, const std::vector<IntervalRow>& rows) {
   const LogAxis axis = axis_of(rows);
   const std::vector<std::string> names = names_of(rows);
-  double y = kTop;
+  const Legend head = legend(names);
+  const double top = head.height + kUnderLegend;
+  double y = top;
   std::string marks;
   for (const IntervalRow& row : rows) {
     const double height = kMarkStep * static_cast<double>(std::max<std::size_t>(names.size(), 1));
@@ -113,10 +129,10 @@ std::string intervals_svg(const std::string& axis_label, const std::vector<Inter
                        kWidth - kRight);
   }
   return formatted(
-             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"%.0f\" height=\"%.0f\" "
-             "font-family=\"sans-serif\" font-size=\"11\">",
-             kWidth, y + kBottom) +
-         legend(names) + grid(axis, y) + marks +
+             "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %.0f %.0f\" width=\"%.0f\" "
+             "style=\"max-width:100%%\" font-family=\"sans-serif\" font-size=\"11\">",
+             kWidth, y + kBottom, kWidth) +
+         head.svg + grid(axis, top - 10, y) + marks +
          formatted("<text x=\"%.0f\" y=\"%.1f\" text-anchor=\"middle\">", 0.5 * (kLeft + kWidth),
                    y + 32) +
          html_safe(axis_label) + "</text></svg>\n";

@@ -14,9 +14,11 @@ namespace {
 const char* const kStyle =
     "<style>.wide{overflow-x:auto}.wide td,.wide th{text-align:left;vertical-align:top}"
     ".wide td.number{text-align:right;white-space:nowrap}.wide td:first-child{white-space:nowrap}"
+    ".wide td:nth-child(2),.wide td:nth-child(5){min-width:220px}"
     ".fails{background:#fde7e2;font-weight:600}.why{color:#57606a;font-size:13px}</style>\n";
 
-std::string number(double value) { return formatted("%.3g", value); }
+/// Without the sign of a negative zero.
+std::string number(double value) { return formatted("%.3g", value + 0.0); }
 
 std::string with_unit(double value, const std::string& unit) {
   return number(value) + (unit == "1" ? "" : " " + html_safe(unit));
