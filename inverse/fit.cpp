@@ -16,6 +16,7 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
+#include "blindcorner/forward/scene/validate.h"
 #include "blindcorner/forward/transport/transport_plan.h"
 #include "inverse/likelihood/direct_error.h"
 #include "inverse/posterior/detection.h"
@@ -281,13 +282,10 @@ std::vector<Refined> rearrange(const PoseObjective& objective, const Observation
 }
 
 void validate_scene(const Scene& scene) {
-  const std::string where = scene_place(scene);
+  validate(scene);
   if (scene.unknowns.empty()) {
-    throw Error(where, "unknowns: found none, accepted: at least one component to fit");
-  }
-  if (scene.sensor.zones.size() != static_cast<std::size_t>(scene.sensor.zone_count())) {
-    throw Error(where, "sensor.zones: found " + std::to_string(scene.sensor.zones.size()) +
-                           ", accepted: rows * columns");
+    throw Error(scene_place(scene),
+                "unknowns: found none, accepted: at least one component to fit");
   }
   check_relay_visible(scene);
 }

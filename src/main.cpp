@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <exception>
 #include <new>
+#include <sstream>
 #include <string>
 
 #include "blindcorner/forward/error.h"
@@ -16,10 +17,12 @@
 
 namespace {
 
-/// One line on standard error, whatever the message holds.
-int fail(std::string message) {
-  std::ranges::replace(message, '\n', ' ');
-  std::fprintf(stderr, "blindcorner: %s\n", message.c_str());
+/// A line on standard error for each of the message's lines: a scene may have several problems.
+int fail(const std::string& message) {
+  std::istringstream lines(message);
+  for (std::string line; std::getline(lines, line);) {
+    std::fprintf(stderr, "blindcorner: %s\n", line.c_str());
+  }
   return blindcorner::kUnusable;
 }
 

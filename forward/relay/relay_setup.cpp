@@ -11,6 +11,7 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
+#include "blindcorner/forward/scene/validate.h"
 
 namespace blindcorner {
 namespace {
@@ -67,6 +68,7 @@ const AngularRectangle& footprint(const Sensor& sensor, int zone) {
 }  // namespace
 
 SensorPlacement sensor_placement(const Scene& scene, const Capture* capture) {
+  validate(scene);
   SensorPlacement placement;
   placement.T_world_sensor = scene.T_world_sensor;
   if (capture != nullptr && capture->T_world_sensor) {

@@ -10,6 +10,7 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
+#include "blindcorner/forward/scene/validate.h"
 #include "blindcorner/forward/sensor/photon_noise.h"
 #include "forward/relay/relay_setup.h"
 
@@ -116,6 +117,7 @@ void apply_link(Scene& scene, bool ambient_stated) {
 
 std::vector<ZoneBudget> link_budget(const Scene& scene, const ForwardModel& model,
                                     const PoseVector& pose) {
+  validate(scene);
   const HistogramCube light = model.three_bounce(pose);
   const HistogramCube& direct = model.direct_return();
   const Sensor& sensor = scene.sensor;
@@ -183,6 +185,7 @@ void decide_pile_up(TransportPlan& plan, const Scene& scene,
 
 DistanceExponents distance_exponents(const Scene& scene, const SensorPlacement& sensor,
                                      const Placement& object) {
+  validate(scene);
   const Vector3d middle = lit_middle(scene, sensor);
   DistanceExponents exponents;
   const auto farther_sensor = [&](double factor) {

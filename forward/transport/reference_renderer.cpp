@@ -10,6 +10,7 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
+#include "blindcorner/forward/scene/validate.h"
 #include "blindcorner/forward/transport/forward_model.h"
 #include "forward/relay/relay_setup.h"
 #include "forward/scene/shapes/shape_geometry.h"
@@ -338,6 +339,7 @@ std::unique_ptr<ForwardModel> make_reference_renderer(const Scene& scene,
                                                       const SensorPlacement& placement,
                                                       const ReferenceOptions& options) {
   options.validate();
+  validate(scene);
   if (std::holds_alternative<MeasuredLawMaterial>(scene.hidden.material)) {
     return make_measured_law_model(scene, placement, 0.0);
   }

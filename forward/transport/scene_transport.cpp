@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "blindcorner/forward/constants.h"
+#include "blindcorner/forward/scene/validate.h"
 #include "forward/relay/visibility.h"
 
 namespace blindcorner {
@@ -110,6 +111,7 @@ std::shared_ptr<const PathGrid> SceneTransport::grid(PathGrid::Paths paths, doub
 }
 
 std::shared_ptr<const SceneTransport> make_scene_transport(const Scene& scene) {
+  validate(scene);
   return std::make_shared<SceneTransport>(scene);
 }
 

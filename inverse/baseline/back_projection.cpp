@@ -8,6 +8,7 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
+#include "blindcorner/forward/scene/validate.h"
 #include "inverse/baseline/object_signal.h"
 
 namespace blindcorner {
@@ -170,6 +171,7 @@ struct BackProjection::Impl {
 
 BackProjection::BackProjection(const Scene& scene, const BackProjectionOptions& options) {
   options.validate();
+  validate(scene);
   impl_ = std::make_unique<Impl>(Impl{SignalScene(scene), {}, 0});
   impl_->spacing = options.spacing * impl_->shared.pulse_path();
   impl_->grid = position_grid(scene, impl_->spacing, options.max_voxels);

@@ -11,6 +11,7 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
+#include "blindcorner/forward/scene/validate.h"
 #include "blindcorner/inverse/baseline/back_projection.h"
 #include "inverse/baseline/object_signal.h"
 #include "inverse/posterior/prior_moments.h"
@@ -156,6 +157,7 @@ struct Multilateration::Impl {
 
 Multilateration::Multilateration(const Scene& scene, const MultilaterationOptions& options) {
   options.validate();
+  validate(scene);
   impl_ = std::make_unique<Impl>(Impl{SignalScene(scene), options});
 }
 Multilateration::~Multilateration() = default;

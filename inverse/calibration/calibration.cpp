@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "blindcorner/forward/error.h"
+#include "blindcorner/forward/scene/validate.h"
 #include "inverse/calibration/calibration_problem.h"
 #include "inverse/calibration/calibration_report.h"
 #include "inverse/calibration/capture_statistics.h"
@@ -287,6 +288,7 @@ Calibration calibrate(const Scene& stated, std::span<const Capture> captures,
                       const CalibrationOptions& options, bool no_object,
                       const std::function<void(double)>& advance) {
   options.validate();
+  validate(stated);
   CalibrationState state(stated, options, no_object);
   state.captures.assign(captures.begin(), captures.end());
   if (advance) state.advance = advance;

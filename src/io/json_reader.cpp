@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
-#include <cstdio>
 #include <set>
 
 #include "blindcorner/forward/error.h"
@@ -16,14 +15,10 @@ namespace {
 
 using Json = JsonReader::Json;
 
+/// More say nothing new: a list of numbers in a wrong unit.
+constexpr std::size_t kMostErrors = 100;
 /// Longest value that is quoted in a message, characters.
 constexpr std::size_t kLongestQuote = 60;
-
-std::string format(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.10g", value);
-  return text;
-}
 
 /// Key as part of a path: quoted and escaped when it is not a plain name.
 std::string path_part(const std::string& key) {
@@ -70,24 +65,6 @@ std::vector<std::string> to_strings(const std::vector<std::string_view>& words) 
 
 }  // namespace
 
-bool NumberRange::contains(double value) const {
-  return std::isfinite(value) && (above_lower ? value > lower : value >= lower) &&
-         (below_upper ? value < upper : value <= upper);
-}
-
-std::string NumberRange::text(const char* noun) const {
-  const bool low = std::isfinite(lower);
-  const bool high = std::isfinite(upper);
-  if (low && high && !above_lower && !below_upper) {
-    return std::string(noun) + " from " + format(lower) + " to " + format(upper);
-  }
-  std::string text = noun;
-  if (low) text += (above_lower ? " > " : " >= ") + format(lower);
-  if (low && high) text += " and";
-  if (high) text += (below_upper ? " < " : " <= ") + format(upper);
-  return text;
-}
-
 JsonReader::JsonReader(const Json& document, std::string file)
     : JsonReader(&document, std::move(file), "") {}
 
@@ -122,6 +99,23 @@ void JsonReader::fail(const std::string& found, const std::string& accepted) con
   refuse("found " + found + ", accepted: " + accepted);
 }
 
+JsonReader JsonReader::noting(std::vector<std::string>& errors) const {
+  return {json_, file_, path_, &errors};
+}
+
+void JsonReader::attempt(const std::function<void()>& part) const {
+  if (errors_ == nullptr) return part();
+  try {
+    part();
+  } catch (const Error& error) {
+    if (errors_->size() < kMostErrors) errors_->emplace_back(error.what());
+  }
+}
+
+void JsonReader::note(const std::string& found, const std::string& accepted) const {
+  attempt([&] { fail(found, accepted); });
+}
+
 void JsonReader::refuse(const std::string& problem) const {
   throw Error(path_.empty() ? file_ : file_ + ": " + path_, problem);
 }
@@ -137,11 +131,11 @@ std::string JsonReader::found() const {
 }
 
 JsonReader JsonReader::field(const std::string& key, const Json* value) const {
-  return {value, file_, path_.empty() ? path_part(key) : path_ + "." + path_part(key)};
+  return {value, file_, path_.empty() ? path_part(key) : path_ + "." + path_part(key), errors_};
 }
 
 JsonReader JsonReader::element(std::size_t index) const {
-  return {&(*json_)[index], file_, path_ + "[" + std::to_string(index) + "]"};
+  return {&(*json_)[index], file_, path_ + "[" + std::to_string(index) + "]", errors_};
 }
 
 JsonReader JsonReader::at(std::string_view key) const {
@@ -165,7 +159,7 @@ void JsonReader::allow_only(const std::vector<std::string_view>& known) const {
     const std::vector<std::string> names = to_strings(known);
     const std::string near = nearest_word(key, names);
     const std::string hint = near.empty() ? "" : " (did you mean \"" + near + "\"?)";
-    value.fail("an unknown field" + hint, list_words(names));
+    value.note("an unknown field" + hint, list_words(names));
   }
 }
 
@@ -207,7 +201,8 @@ std::vector<JsonReader> JsonReader::elements_exactly(std::size_t size,
 
 double JsonReader::number(const NumberRange& range) const {
   if (!present() || !json_->is_number() || !range.contains(json_->get<double>())) {
-    fail(range.text());
+    note(found(), range.text());
+    return std::nan("");
   }
   return json_->get<double>();
 }
@@ -222,7 +217,10 @@ int JsonReader::integer(int lower, int upper) const {
 }
 
 bool JsonReader::boolean() const {
-  if (!present() || !json_->is_boolean()) fail("true or false");
+  if (!present() || !json_->is_boolean()) {
+    note(found(), "true or false");
+    return false;
+  }
   return json_->get<bool>();
 }
 
@@ -247,7 +245,7 @@ Eigen::Vector3d JsonReader::vector(const NumberRange& range) const {
 std::pair<double, double> JsonReader::interval(const NumberRange& range) const {
   const auto parts = elements_exactly(2, "numbers");
   const std::pair<double, double> ends{parts[0].number(range), parts[1].number(range)};
-  if (!(ends.first < ends.second)) fail("[lower, upper] with lower < upper");
+  if (ends.first >= ends.second) note(found(), "[lower, upper] with lower < upper");
   return ends;
 }
 

@@ -4,37 +4,17 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <functional>
 #include <initializer_list>
-#include <limits>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
 
+#include "forward/support/number_range.h"
+
 namespace blindcorner {
-
-/// Numbers that a field accepts; `lower` and `upper` themselves belong to it unless said otherwise.
-struct NumberRange {
-  double lower = -std::numeric_limits<double>::infinity();
-  double upper = std::numeric_limits<double>::infinity();
-  bool above_lower = false;  ///< `lower` itself is not accepted
-  bool below_upper = false;  ///< `upper` itself is not accepted
-
-  static NumberRange above(double lower) { return {.lower = lower, .above_lower = true}; }
-  static NumberRange at_least(double lower) { return {.lower = lower}; }
-  static NumberRange between(double lower, double upper) {
-    return {.lower = lower, .upper = upper};
-  }
-  /// Neither end is accepted.
-  static NumberRange inside(double lower, double upper) {
-    return {.lower = lower, .upper = upper, .above_lower = true, .below_upper = true};
-  }
-
-  bool contains(double value) const;
-  /// "a number > 0", "a number from 0 to 1", ...
-  std::string text(const char* noun = "a number") const;
-};
 
 /// A place in a JSON document, possibly empty. Cheap to copy; the document must outlive it.
 class JsonReader {
@@ -43,6 +23,14 @@ class JsonReader {
 
   /// The document itself; `file` names it in messages.
   JsonReader(const Json& document, std::string file);
+
+  /// The same place, where what is refused is noted down in `errors` as far as reading can go on:
+  /// numbers, truth values and unknown fields at once, all else where `attempt` stands.
+  JsonReader noting(std::vector<std::string>& errors) const;
+  /// Runs a part of the reading. What it refuses ends this part only, if errors are noted.
+  void attempt(const std::function<void()>& part) const;
+  /// How many errors were noted so far: where none came, what was read may be computed with.
+  std::size_t noted() const { return errors_ == nullptr ? 0 : errors_->size(); }
 
   /// Parses a text. Throws Error with line and column for what is not JSON, and for a key that
   /// appears twice in one object.
@@ -64,7 +52,7 @@ class JsonReader {
   const std::string& file() const { return file_; }
 
   /// The same place with another value, for values that were completed from elsewhere.
-  JsonReader with_value(const Json& value) const { return {&value, file_, path_}; }
+  JsonReader with_value(const Json& value) const { return {&value, file_, path_, errors_}; }
 
   /// Field of an object; absent when the object has no such field. This must be an object.
   JsonReader at(std::string_view key) const;
@@ -81,6 +69,7 @@ class JsonReader {
   /// Elements of an array of exactly `size`; `what` completes "an array of 3 ...".
   std::vector<JsonReader> elements_exactly(std::size_t size, const std::string& what) const;
 
+  /// Not a number where the value is refused and errors are noted; so are all that follow.
   double number(const NumberRange& range = {}) const;
   int integer(int lower, int upper) const;
   bool boolean() const;
@@ -102,8 +91,12 @@ class JsonReader {
   }
 
  private:
-  JsonReader(const Json* json, std::string file, std::string path)
-      : json_(json), file_(std::move(file)), path_(std::move(path)) {}
+  JsonReader(const Json* json, std::string file, std::string path,
+             std::vector<std::string>* errors = nullptr)
+      : json_(json), file_(std::move(file)), path_(std::move(path)), errors_(errors) {}
+
+  /// Refuses the value, or notes that down where errors are noted.
+  void note(const std::string& found, const std::string& accepted) const;
 
   JsonReader element(std::size_t index) const;
   JsonReader field(const std::string& key, const Json* value) const;
@@ -112,6 +105,7 @@ class JsonReader {
   const Json* json_;  ///< null: the field is absent
   std::string file_;
   std::string path_;
+  std::vector<std::string>* errors_ = nullptr;
 };
 
 /// `"a", "b" or "c"`.

@@ -11,7 +11,9 @@
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
 #include "blindcorner/forward/scene/orientation.h"
+#include "blindcorner/forward/scene/validate.h"
 #include "blindcorner/forward/sensor/link_budget.h"
+#include "forward/scene/limits.h"
 #include "io/file_bytes.h"
 #include "io/json_reader.h"
 #include "io/mesh_file.h"
@@ -23,11 +25,8 @@ namespace {
 using Eigen::Vector3d;
 using Json = JsonReader::Json;
 
-/// Limits against slips of the pen: no scene is larger than 100 km or finer than a micrometre.
-const NumberRange kPosition = NumberRange::between(-1e5, 1e5);
-const NumberRange kLength = NumberRange::between(1e-6, 1e5);
-const NumberRange kAlbedo = NumberRange::between(0, 1);
-const NumberRange kAnyAngle = NumberRange::between(-3600, 3600);
+using namespace limits;
+
 /// Sine of the smallest angle between two directions that span a plane.
 constexpr double kParallel = 1e-6;
 
@@ -122,7 +121,7 @@ MeshShape read_mesh(const JsonReader& reader) {
   const double scale = reader.at("scale").number_or(1, NumberRange::between(1e-6, 1e6));
   MeshShape shape;
   try {
-    shape.mesh = read_obj((beside / file.text()).string(), scale);
+    shape.mesh = read_obj((beside / file.text()).string(), std::isfinite(scale) ? scale : 1.0);
   } catch (const Error& error) {
     file.refuse(error.what());
   }
@@ -230,10 +229,13 @@ Surface read_surface(const JsonReader& reader, const std::string& default_name) 
   add_fields(fields, {"albedo", "relay", "occluder"});
   reader.allow_only(fields);
   Surface surface;
-  surface.shape = entry.read(reader);
-  surface.T_world_surface = entry.place(reader, surface.shape);
-  surface.name = reader.at("name").text_or(default_name);
-  surface.albedo = reader.at("albedo").number_or(0.5, kAlbedo);
+  reader.attempt([&] {
+    surface.shape = entry.read(reader);
+    surface.T_world_surface = entry.place(reader, surface.shape);
+  });
+  surface.name = default_name;
+  reader.attempt([&] { surface.name = reader.at("name").text_or(default_name); });
+  surface.albedo = reader.at("albedo").number_or(0.5, kShare);
   surface.relay = reader.at("relay").boolean_or(false);
   surface.occluder = reader.at("occluder").boolean_or(false);
   if (surface.relay && surface.albedo <= 0) {
@@ -244,10 +246,15 @@ Surface read_surface(const JsonReader& reader, const std::string& default_name) 
 
 std::vector<Surface> read_surfaces(const JsonReader& reader) {
   std::vector<Surface> surfaces;
+  const std::size_t before = reader.noted();
   for (const JsonReader& surface : reader.elements(1)) {
-    surfaces.push_back(read_surface(surface, "surface " + std::to_string(surfaces.size())));
+    surfaces.emplace_back();
+    surface.attempt([&] {
+      surfaces.back() = read_surface(surface, "surface " + std::to_string(surfaces.size() - 1));
+    });
   }
-  if (std::none_of(surfaces.begin(), surfaces.end(), [](const Surface& s) { return s.relay; })) {
+  const bool relay = std::ranges::any_of(surfaces, &Surface::relay);
+  if (!relay && reader.noted() == before) {
     reader.fail("no surface with \"relay\": true", "at least one relay surface");
   }
   return surfaces;
@@ -282,18 +289,15 @@ Material read_material(const JsonReader& reader) {
   if (reader.exactly_one_of({"retroreflective", "measured_law"}) == "measured_law") {
     const JsonReader law = reader.at("measured_law");
     law.allow_only({"cosine_exponent", "distance_exponent", "axis_across", "axis_up"});
-    const NumberRange exponent = NumberRange::between(0, 50);
-    const NumberRange tangent = NumberRange::between(-1, 1);
-    return MeasuredLawMaterial{.cosine_exponent = law.at("cosine_exponent").number(exponent),
-                               .distance_exponent = law.at("distance_exponent").number(exponent),
-                               .axis_across = law.at("axis_across").number_or(0, tangent),
-                               .axis_up = law.at("axis_up").number_or(0, tangent)};
+    return MeasuredLawMaterial{.cosine_exponent = law.at("cosine_exponent").number(kExponent),
+                               .distance_exponent = law.at("distance_exponent").number(kExponent),
+                               .axis_across = law.at("axis_across").number_or(0, kTangent),
+                               .axis_up = law.at("axis_up").number_or(0, kTangent)};
   }
   reader.allow_only({"retroreflective"});
   const JsonReader lobe = reader.at("retroreflective");
   lobe.allow_only({"lobe_sigma_deg"});
-  const NumberRange range{.lower = 0, .upper = 45, .above_lower = true};
-  return RetroreflectiveMaterial{lobe.at("lobe_sigma_deg").number_or(1, range) * kDegree};
+  return RetroreflectiveMaterial{lobe.at("lobe_sigma_deg").number_or(1, kLobe) * kDegree};
 }
 
 bool has_yaw(const Shape& shape) { return yaw_period(shape) > 0; }
@@ -312,18 +316,15 @@ Unknown read_unknown(const JsonReader& reader, const UnknownName& name) {
     range = reader.at("range");
     if (const JsonReader prior = reader.at("prior"); prior.present()) {
       prior.allow_only({"mean", "sigma"});
-      unknown.prior =
-          NormalPrior{.mean = prior.at("mean").number(kPosition) * name.unit,
-                      .sigma = prior.at("sigma").number(NumberRange::above(0)) * name.unit};
+      unknown.prior = NormalPrior{.mean = prior.at("mean").number(kPosition) * name.unit,
+                                  .sigma = prior.at("sigma").number(kPositive) * name.unit};
     }
   } else if (!reader.is_array()) {
     reader.fail(R"([lower, upper] or {"range": [lower, upper], "prior": {...}})");
   }
   const bool size = name.component == Component::size;
   const bool yaw = name.component == Component::yaw;
-  const auto [lower, upper] = range.interval(size  ? NumberRange::between(0.01, 100)
-                                             : yaw ? kAnyAngle
-                                                   : kPosition);
+  const auto [lower, upper] = range.interval(size ? kSize : yaw ? kAnyAngle : kPosition);
   if (yaw && upper - lower > 360) range.fail("a range of at most 360 degrees");
   unknown.lower = lower * name.unit;
   unknown.upper = upper * name.unit;
@@ -344,26 +345,33 @@ std::pair<const UnknownName*, int> find_unknown_name(const std::string& key,
   return {nullptr, 0};
 }
 
+Unknown read_named_unknown(const std::string& key, const JsonReader& field,
+                           const std::vector<HiddenObject>& objects) {
+  const auto [name, object] = find_unknown_name(key, objects);
+  if (name == nullptr) {
+    const std::string prefix = objects.size() > 1 ? objects.front().name + "." : "";
+    std::vector<std::string> words;
+    for (const UnknownName& known : kUnknownNames) words.push_back(prefix + known.key);
+    field.fail("an unknown of no known name",
+               list_words(words) + (objects.size() > 1 ? ", or with another object's name" : ""));
+  }
+  const Shape& shape = objects[static_cast<std::size_t>(object)].shape;
+  if (name->component == Component::yaw && !has_yaw(shape)) {
+    field.fail("an angle", "no yaw, because a turned " + shape_name(shape) + " looks the same");
+  }
+  Unknown unknown = read_unknown(field, *name);
+  unknown.object = object;
+  return unknown;
+}
+
 std::vector<Unknown> read_unknowns(const JsonReader& reader,
                                    const std::vector<HiddenObject>& objects) {
   std::vector<Unknown> unknowns;
-  for (const auto& [key, field] : reader.fields()) {
-    const auto [name, object] = find_unknown_name(key, objects);
-    if (name == nullptr) {
-      const std::string prefix = objects.size() > 1 ? objects.front().name + "." : "";
-      std::vector<std::string> words;
-      for (const UnknownName& known : kUnknownNames) words.push_back(prefix + known.key);
-      field.fail("an unknown of no known name",
-                 list_words(words) + (objects.size() > 1 ? ", or with another object's name" : ""));
-    }
-    const Shape& shape = objects[static_cast<std::size_t>(object)].shape;
-    if (name->component == Component::yaw && !has_yaw(shape)) {
-      field.fail("an angle", "no yaw, because a turned " + shape_name(shape) + " looks the same");
-    }
-    unknowns.push_back(read_unknown(field, *name));
-    unknowns.back().object = object;
+  for (const auto& item : reader.fields()) {
+    const auto& [key, field] = item;
+    field.attempt([&] { unknowns.push_back(read_named_unknown(key, field, objects)); });
   }
-  if (unknowns.empty()) reader.fail("at least one unknown");
+  if (unknowns.empty() && reader.fields().empty()) reader.fail("at least one unknown");
   return unknowns;
 }
 
@@ -416,28 +424,27 @@ Placement read_placement(const JsonReader& reader, const Shape& shape,
     yaw.fail("no yaw, because a turned " + shape_name(shape) + " looks the same");
   }
   read_component(yaw, kUnknownNames[3], kAnyAngle, 0.0, unknown(3), placement);
-  read_component(reader.at("size"), kUnknownNames[4], NumberRange::between(0.01, 100), 1.0,
-                 unknown(4), placement);
+  read_component(reader.at("size"), kUnknownNames[4], kSize, 1.0, unknown(4), placement);
   return placement;
 }
 
 /// A hidden object without its placement.
 HiddenObject read_object(const JsonReader& reader, const std::string& default_name) {
+  HiddenObject hidden;
+  hidden.name = default_name;
   if (!reader.is_object()) reader.fail("an object with \"shape\"");
   std::vector<std::string_view> fields = {"name", "shape"};
   for (const ShapeEntry& entry : kShapes) add_fields(fields, entry.dimensions);
   add_fields(fields, {"anchor", "material", "albedo", "position_m", "yaw_deg", "size"});
   reader.allow_only(fields);
-  HiddenObject hidden;
-  hidden.name = reader.at("name").text_or(default_name);
-  hidden.shape = read_hidden_shape(reader);
+  reader.attempt([&] { hidden.name = reader.at("name").text_or(default_name); });
+  reader.attempt([&] { hidden.shape = read_hidden_shape(reader); });
   hidden.anchor = default_anchor(hidden.shape);
+  reader.attempt([&] { hidden.material = read_material(reader.at("material")); });
+  hidden.albedo = reader.at("albedo").number_or(0.5, kPositiveShare);
   if (const JsonReader anchor = reader.at("anchor"); anchor.present()) {
     hidden.anchor = anchor.word({"base", "center"}) == "base" ? Anchor::base : Anchor::center;
   }
-  hidden.material = read_material(reader.at("material"));
-  hidden.albedo =
-      reader.at("albedo").number_or(0.5, NumberRange{.lower = 0, .upper = 1, .above_lower = true});
   return hidden;
 }
 
@@ -460,7 +467,7 @@ void read_hidden(const JsonReader& reader, const JsonReader& unknowns, Scene& sc
     for (const JsonReader& object : reader.elements(1)) {
       const auto number = objects.size() + 1;
       HiddenObject hidden = read_object(object, "object" + std::to_string(number));
-      check_name(object, objects, hidden.name);
+      object.attempt([&] { check_name(object, objects, hidden.name); });
       objects.push_back(std::move(hidden));
       places.push_back(object);
     }
@@ -474,10 +481,14 @@ void read_hidden(const JsonReader& reader, const JsonReader& unknowns, Scene& sc
         .at("material")
         .fail("a measured law beside other objects", "a measured law for the only object");
   }
-  scene.unknowns = read_unknowns(unknowns, objects);
-  for (std::size_t i = 0; i < objects.size(); ++i) {
-    objects[i].placement =
-        read_placement(places[i], objects[i].shape, scene.unknowns, static_cast<int>(i));
+  const std::size_t before = unknowns.noted();
+  unknowns.attempt([&] { scene.unknowns = read_unknowns(unknowns, objects); });
+  const bool known = unknowns.noted() == before;
+  for (std::size_t i = 0; i < objects.size() && known; ++i) {
+    places[i].attempt([&] {
+      objects[i].placement =
+          read_placement(places[i], objects[i].shape, scene.unknowns, static_cast<int>(i));
+    });
   }
   scene.hidden = objects.front();
   scene.further_hidden.assign(objects.begin() + 1, objects.end());
@@ -495,17 +506,14 @@ void read_amplitude(const JsonReader& reader, LinearUnknowns& linear) {
   reader.allow_only({"mode", "value", "prior"});
   linear.amplitude =
       linear_mode(reader.at("mode").word_or("shared", {"shared", "per_zone", "fixed"}));
-  linear.fixed_amplitude = reader.at("value").number_or(1, NumberRange::above(0));
+  linear.fixed_amplitude = reader.at("value").number_or(1, kPositive);
   linear.amplitude_prior.median = linear.fixed_amplitude;
   if (const JsonReader prior = reader.at("prior"); prior.present()) {
     if (linear.amplitude == LinearMode::fixed) prior.fail("no prior with mode \"fixed\"");
     prior.allow_only({"median", "sigma_log"});
     AmplitudePrior& p = linear.amplitude_prior;
-    // Beyond this a squared brightness times counts leaves double precision.
-    p.median = prior.at("median").number_or(p.median, NumberRange::between(1e-30, 1e30));
-    p.sigma_log =
-        prior.at("sigma_log")
-            .number_or(p.sigma_log, NumberRange{.lower = 0, .upper = 20, .above_lower = true});
+    p.median = prior.at("median").number_or(p.median, kMedian);
+    p.sigma_log = prior.at("sigma_log").number_or(p.sigma_log, kSigmaLog);
   }
 }
 
@@ -513,7 +521,7 @@ void read_direct(const JsonReader& reader, LinearUnknowns& linear) {
   reader.allow_only({"mode", "scale"});
   const std::string mode = reader.at("mode").word_or("fixed", {"fixed", "per_zone", "absent"});
   linear.direct = linear_mode(mode);
-  linear.fixed_direct = reader.at("scale").number_or(1, NumberRange::at_least(0));
+  linear.fixed_direct = reader.at("scale").number_or(1, kNotNegative);
   if (mode != "absent") return;
   if (reader.has("scale")) reader.at("scale").fail("no scale with mode \"absent\"");
   linear.fixed_direct = 0;
@@ -534,21 +542,25 @@ void read_ambient_prior(const JsonReader& reader, std::size_t zones, LinearUnkno
     return list;
   };
   const std::vector<double> means = values("mean", NumberRange{});
-  const std::vector<double> sigmas = values("sigma", NumberRange::above(0));
+  const std::vector<double> sigmas = values("sigma", kPositive);
   for (std::size_t z = 0; z < zones; ++z) linear.ambient_prior.push_back({means[z], sigmas[z]});
 }
 
 void read_linear(const JsonReader& reader, std::size_t zones, LinearUnknowns& linear) {
   if (!reader.present()) return;
   reader.allow_only({"amplitude", "ambient", "direct"});
-  if (reader.has("amplitude")) read_amplitude(reader.at("amplitude"), linear);
+  reader.attempt([&] {
+    if (reader.has("amplitude")) read_amplitude(reader.at("amplitude"), linear);
+  });
+  reader.attempt([&] {
+    if (reader.has("direct")) read_direct(reader.at("direct"), linear);
+  });
   if (const JsonReader ambient = reader.at("ambient"); ambient.present()) {
     ambient.allow_only({"mode", "counts_per_bin", "prior"});
     linear.ambient = linear_mode(ambient.at("mode").word_or("per_zone", {"per_zone", "fixed"}));
-    linear.fixed_ambient = ambient.at("counts_per_bin").number_or(0, NumberRange::at_least(0));
-    read_ambient_prior(ambient.at("prior"), zones, linear);
+    linear.fixed_ambient = ambient.at("counts_per_bin").number_or(0, kNotNegative);
+    if (zones > 0) read_ambient_prior(ambient.at("prior"), zones, linear);
   }
-  if (reader.has("direct")) read_direct(reader.at("direct"), linear);
 }
 
 // --- Motion --------------------------------------------------------------------------------------
@@ -577,28 +589,42 @@ Motion read_motion_object(const JsonReader& reader) {
   return motion;
 }
 
+/// Throws what was noted down, a line each.
+void raise(const std::vector<std::string>& errors) {
+  if (errors.empty()) return;
+  std::string lines = errors.front();
+  for (std::size_t i = 1; i < errors.size(); ++i) lines += '\n' + errors[i];
+  throw Error(lines);
+}
+
 Scene read_document(const Json& json, const std::string& path) {
-  const JsonReader reader(json, path.empty() ? "scene" : path);
+  std::vector<std::string> errors;
+  const JsonReader reader = JsonReader(json, path.empty() ? "scene" : path).noting(errors);
   if (!reader.is_object()) reader.fail("an object");
   reader.allow_only({"name", "description", "sensor", "sensor_pose", "surfaces", "hidden",
                      "unknowns", "linear", "presence_prior", "outlier_probability", "motion"});
   Scene scene;
   scene.path = path;
-  scene.name = reader.at("name").text_or(std::filesystem::path(path).stem().string());
-  reader.at("description").text_or("");
-  scene.sensor = read_sensor(reader.at("sensor"));
-  read_sensor_pose(reader.at("sensor_pose"), scene);
-  scene.surfaces = read_surfaces(reader.at("surfaces"));
-  read_hidden(reader.at("hidden"), reader.at("unknowns"), scene);
-  read_linear(reader.at("linear"), scene.sensor.zones.size(), scene.linear);
-  scene.presence_prior = reader.at("presence_prior").number_or(0.5, NumberRange::inside(0, 1));
-  scene.outlier_probability =
-      reader.at("outlier_probability")
-          .number_or(0, NumberRange{.lower = 0, .upper = 1, .below_upper = true});
-  read_motion_object(reader.at("motion"));  // a mistake there shows in every command
+  scene.name = std::filesystem::path(path).stem().string();
+  const auto part = [&](const char* key, const auto& read) {
+    reader.attempt([&] { read(reader.at(key)); });
+  };
+  part("name", [&](const JsonReader& r) { scene.name = r.text_or(scene.name); });
+  part("description", [](const JsonReader& r) { r.text_or(""); });
+  part("sensor", [&](const JsonReader& r) { scene.sensor = read_sensor(r); });
+  part("sensor_pose", [&](const JsonReader& r) { read_sensor_pose(r, scene); });
+  part("surfaces", [&](const JsonReader& r) { scene.surfaces = read_surfaces(r); });
+  part("hidden", [&](const JsonReader& r) { read_hidden(r, reader.at("unknowns"), scene); });
+  part("linear",
+       [&](const JsonReader& r) { read_linear(r, scene.sensor.zones.size(), scene.linear); });
+  scene.presence_prior = reader.at("presence_prior").number_or(0.5, kInside01);
+  scene.outlier_probability = reader.at("outlier_probability").number_or(0, kProperShare);
+  part("motion", [](const JsonReader& r) { read_motion_object(r); });  // wrong in every command
+  raise(errors);
   const JsonReader linear = reader.at("linear");
   const JsonReader ambient = linear.present() ? linear.at("ambient") : linear;
   apply_link(scene, ambient.present() && ambient.has("counts_per_bin"));
+  validate(scene);
   return scene;
 }
 

@@ -7,6 +7,7 @@
 #include <string_view>
 
 #include "blindcorner/forward/constants.h"
+#include "forward/scene/limits.h"
 #include "forward/support/overloaded.h"
 
 namespace blindcorner::embedded {
@@ -22,17 +23,9 @@ namespace {
 
 using Json = JsonReader::Json;
 
+using namespace limits;
+
 constexpr double kPicosecond = 1e-12;
-/// Limits against slips of the pen, far outside any instrument.
-constexpr int kMostZonesPerSide = 256;
-/// Of a capture: more take minutes a fit. Sums go over zones, relay patches and object points.
-constexpr int kMostZones = 4096;
-constexpr int kMostCounts = 1 << 22;
-constexpr int kMostBins = 65'536;
-const NumberRange kDuration{.lower = 0, .upper = 1e9, .above_lower = true};  // ps
-const NumberRange kAngle = NumberRange::inside(-90, 90);                     // degrees
-const NumberRange kFullAngle = NumberRange::inside(0, 180);                  // degrees
-const NumberRange kPosition = NumberRange::between(-1e5, 1e5);               // m
 
 /// Ways to say where zones look; one replaces another that a preset has.
 const std::initializer_list<std::string_view> kZoneFields = {"fov_deg", "zones", "zone_columns_deg",
@@ -81,8 +74,8 @@ AngularRectangle read_rectangle(const JsonReader& reader, const char* left, cons
                            .right = reader.at(right).number(kAngle) * kDegree,
                            .top = reader.at(top).number(kAngle) * kDegree,
                            .bottom = reader.at(bottom).number(kAngle) * kDegree};
-  if (!(r.left < r.right)) reader.at(left).fail(std::string("a number < ") + right);
-  if (!(r.top < r.bottom)) reader.at(top).fail(std::string("a number < ") + bottom);
+  if (r.left >= r.right) reader.at(left).fail(std::string("a number < ") + right);
+  if (r.top >= r.bottom) reader.at(top).fail(std::string("a number < ") + bottom);
   return r;
 }
 
@@ -201,17 +194,20 @@ void read_valid_bins(const JsonReader& reader, Sensor& sensor) {
 
 void read_zones(const JsonReader& reader, Sensor& sensor) {
   const auto count = static_cast<std::size_t>(sensor.zone_count());
-  const auto footprints = read_footprints(reader, sensor.rows, sensor.columns);
-  const auto time_zero =
-      read_per_zone(reader.at("time_zero_ps"), count, 0, NumberRange::between(-1e9, 1e9));
-  const auto gain = read_per_zone(reader.at("gain"), count, 1, NumberRange::above(0));
   sensor.zones.resize(count);
-  for (std::size_t z = 0; z < count; ++z) {
-    sensor.zones[z].footprint = footprints[z];
-    sensor.zones[z].time_zero = time_zero[z] * kPicosecond;
-    sensor.zones[z].gain = gain[z];
-  }
-  read_valid_bins(reader.at("valid_bins"), sensor);
+  reader.attempt([&] {
+    const auto footprints = read_footprints(reader, sensor.rows, sensor.columns);
+    for (std::size_t z = 0; z < count; ++z) sensor.zones[z].footprint = footprints[z];
+  });
+  reader.attempt([&] {
+    const auto time_zero = read_per_zone(reader.at("time_zero_ps"), count, 0, kTime);
+    for (std::size_t z = 0; z < count; ++z) sensor.zones[z].time_zero = time_zero[z] * kPicosecond;
+  });
+  reader.attempt([&] {
+    const auto gain = read_per_zone(reader.at("gain"), count, 1, kPositive);
+    for (std::size_t z = 0; z < count; ++z) sensor.zones[z].gain = gain[z];
+  });
+  reader.attempt([&] { read_valid_bins(reader.at("valid_bins"), sensor); });
   if (const JsonReader wrap = reader.at("wrap_bins"); wrap.is_array()) {
     const auto bins = wrap.elements_exactly(count, "bins, one number per zone");
     for (std::size_t z = 0; z < count; ++z) {
@@ -234,8 +230,7 @@ void read_background(const JsonReader& reader, Sensor& sensor) {
   for (std::size_t z = 0; z < count; ++z) {
     if (rows[z].elements(0).empty()) continue;
     for (const JsonReader& value : rows[z].elements_exactly(bins, "counts, one per bin")) {
-      sensor.zones[z].background.push_back(
-          value.number(NumberRange::between(photons ? 0 : -1e30, 1e30)));
+      sensor.zones[z].background.push_back(value.number(photons ? kPhotonBackground : kBackground));
     }
   }
 }
@@ -257,8 +252,8 @@ ResponseShape read_tails(const JsonReader& reader) {
 ResponseShape read_table(const JsonReader& reader) {
   TableResponse response;
   for (const JsonReader& time : reader.at("times_ps").elements(2)) {
-    const double t = time.number(NumberRange::between(-1e9, 1e9)) * kPicosecond;
-    if (!response.times.empty() && !(t > response.times.back())) {
+    const double t = time.number(kTime) * kPicosecond;
+    if (!response.times.empty() && t <= response.times.back()) {
       time.fail("a number > the one before it");
     }
     response.times.push_back(t);
@@ -275,7 +270,7 @@ ResponseShape read_table(const JsonReader& reader) {
   return response;
 }
 
-ImpulseResponse read_response(const JsonReader& reader) {
+ResponseShape read_response(const JsonReader& reader) {
   if (!reader.is_object()) reader.fail("an object with \"type\"");
   const std::string type =
       reader.at("type").word({"gaussian", "box_gaussian", "exponential_tail", "table"});
@@ -284,18 +279,18 @@ ImpulseResponse read_response(const JsonReader& reader) {
   };
   if (type == "gaussian") {
     reader.allow_only({"type", "fwhm_ps"});
-    return ImpulseResponse(GaussianResponse{duration("fwhm_ps") / kGaussianFwhm});
+    return GaussianResponse{duration("fwhm_ps") / kGaussianFwhm};
   }
   if (type == "box_gaussian") {
     reader.allow_only({"type", "box_ps", "sigma_ps"});
-    return ImpulseResponse(BoxGaussianResponse{duration("box_ps"), duration("sigma_ps")});
+    return BoxGaussianResponse{duration("box_ps"), duration("sigma_ps")};
   }
   if (type == "exponential_tail") {
     reader.allow_only({"type", "fwhm_ps", "tails"});
-    return ImpulseResponse(read_tails(reader));
+    return read_tails(reader);
   }
   reader.allow_only({"type", "times_ps", "values"});
-  return ImpulseResponse(read_table(reader));
+  return read_table(reader);
 }
 
 void read_noise(const JsonReader& reader, Sensor& sensor) {
@@ -304,7 +299,7 @@ void read_noise(const JsonReader& reader, Sensor& sensor) {
   if (reader.at("law").word_or("poisson", {"poisson", "gaussian"}) == "poisson") {
     reader.allow_only({"law", "dispersion"});
     sensor.noise = PoissonNoise{};
-    sensor.dispersion = reader.at("dispersion").number_or(1, NumberRange::above(0));
+    sensor.dispersion = reader.at("dispersion").number_or(1, kPositive);
     return;
   }
   reader.allow_only({"law", "variance_floor", "variance_per_count", "censored_at_zero"});
@@ -312,14 +307,14 @@ void read_noise(const JsonReader& reader, Sensor& sensor) {
   const JsonReader floor = reader.at("variance_floor");
   if (floor.is_array()) {
     const auto zones = static_cast<std::size_t>(sensor.zone_count());
-    const auto floors = read_per_zone(floor, zones, 0, NumberRange::above(0));
+    const auto floors = read_per_zone(floor, zones, 0, kPositive);
     for (std::size_t z = 0; z < zones; ++z) sensor.zones[z].variance_floor = floors[z];
     noise.variance_floor =
         std::accumulate(floors.begin(), floors.end(), 0.0) / static_cast<double>(zones);
   } else {
-    noise.variance_floor = floor.number(NumberRange::above(0));
+    noise.variance_floor = floor.number(kPositive);
   }
-  noise.variance_per_count = reader.at("variance_per_count").number_or(0, NumberRange::at_least(0));
+  noise.variance_per_count = reader.at("variance_per_count").number_or(0, kNotNegative);
   noise.censored_at_zero = reader.at("censored_at_zero").boolean_or(false);
   sensor.noise = noise;
 }
@@ -335,7 +330,7 @@ void read_crosstalk(const JsonReader& reader, Sensor& sensor) {
     for (std::size_t z = 0; z < zones; ++z) {
       const auto shares = rows[z].elements_exactly(zones, "numbers, one per zone that gives light");
       for (std::size_t from = 0; from < zones; ++from) {
-        sensor.crosstalk[z * zones + from] = shares[from].number(NumberRange::between(0, 1));
+        sensor.crosstalk[z * zones + from] = shares[from].number(kShare);
       }
     }
     return;
@@ -383,7 +378,7 @@ FieldOfIllumination read_field(const JsonReader& reader) {
     if (reader.has(edge)) reader.at(edge).fail("no edge beside \"" + std::string(way) + "\"");
   }
   if (way == "fov_deg") return read_field_of_view(reader.at("fov_deg"));
-  return AngularCone{reader.at("cone_half_angle_deg").number(NumberRange::inside(0, 90)) * kDegree};
+  return AngularCone{reader.at("cone_half_angle_deg").number(kHalfAngle) * kDegree};
 }
 
 void read_illumination(const JsonReader& reader, Sensor& sensor) {
@@ -393,10 +388,9 @@ void read_illumination(const JsonReader& reader, Sensor& sensor) {
   const bool flash = reader.at("mode").word_or("flash", {"flash", "confocal"}) == "flash";
   sensor.illumination = flash ? Illumination::flash : Illumination::confocal;
   if (reader.has("field")) sensor.field = read_field(reader.at("field"));
-  sensor.radiant_intensity =
-      reader.at("radiant_intensity_w_per_sr").number_or(1, NumberRange::above(0));
+  sensor.radiant_intensity = reader.at("radiant_intensity_w_per_sr").number_or(1, kPositive);
   if (reader.has("offset_m")) {
-    sensor.light_offset = reader.at("offset_m").vector(NumberRange::between(-100, 100));
+    sensor.light_offset = reader.at("offset_m").vector(kLightOffset);
   }
 }
 
@@ -448,17 +442,21 @@ void read_time_axis(const JsonReader& reader, Sensor& sensor) {
   if (const JsonReader wrap = reader.at("wrap_bins"); wrap.present() && !wrap.is_array()) {
     sensor.wrap_bins = wrap.integer(0, sensor.bins);
   }
-  sensor.response = read_response(reader.at("impulse_response"));
+  reader.attempt([&] {
+    const std::size_t before = reader.noted();
+    ResponseShape shape = read_response(reader.at("impulse_response"));
+    if (reader.noted() == before) sensor.response = ImpulseResponse(std::move(shape));
+  });
 }
 
 void read_detector(const JsonReader& reader, Sensor& sensor) {
   const JsonReader cycles = reader.at("pile_up_cycles");
-  sensor.pile_up_cycles = cycles.number_or(0, NumberRange::at_least(1));
+  sensor.pile_up_cycles = cycles.number_or(0, kPileUpCycles);
   if (sensor.pile_up_cycles > 0 && !sensor.noise.counts_photons()) {
     cycles.fail(std::string("pile-up beside ") + sensor.noise.name() + " noise",
                 "pile-up of counted photons (\"poisson\")");
   }
-  sensor.saturation = reader.at("saturation").number_or(0, NumberRange::above(0));
+  sensor.saturation = reader.at("saturation").number_or(0, kPositive);
   read_crosstalk(reader.at("crosstalk"), sensor);
 }
 
@@ -503,14 +501,16 @@ Sensor read_explicit(const JsonReader& reader) {
         std::to_string(sensor.zone_count()) + " zones of " + std::to_string(sensor.bins) + " bins",
         "at most " + std::to_string(kMostCounts) + " bins together");
   }
-  read_zones(reader, sensor);
-  read_noise(reader.at("noise"), sensor);
-  read_background(reader.at("background_counts"), sensor);
-  read_detector(reader, sensor);
-  read_illumination(reader.at("illumination"), sensor);
-  const bool relay = reader.at("path_origin").word_or("sensor", {"sensor", "relay"}) == "relay";
-  sensor.path_origin = relay ? PathOrigin::relay : PathOrigin::sensor;
-  read_link_of(reader, sensor);
+  reader.attempt([&] { read_zones(reader, sensor); });
+  reader.attempt([&] { read_noise(reader.at("noise"), sensor); });
+  reader.attempt([&] { read_background(reader.at("background_counts"), sensor); });
+  reader.attempt([&] { read_detector(reader, sensor); });
+  reader.attempt([&] { read_illumination(reader.at("illumination"), sensor); });
+  reader.attempt([&] {
+    const bool relay = reader.at("path_origin").word_or("sensor", {"sensor", "relay"}) == "relay";
+    sensor.path_origin = relay ? PathOrigin::relay : PathOrigin::sensor;
+  });
+  reader.attempt([&] { read_link_of(reader, sensor); });
   return sensor;
 }
 

@@ -7,6 +7,7 @@
 #include <random>
 
 #include "blindcorner/forward/error.h"
+#include "blindcorner/forward/scene/validate.h"
 #include "blindcorner/simulation/sensor_path.h"
 #include "blindcorner/simulation/simulated_sensor.h"
 #include "blindcorner/simulation/synthetic.h"
@@ -97,6 +98,7 @@ void DatasetOptions::validate() const {
 
 DatasetPlan plan_dataset(const Scene& scene, const DatasetOptions& options) {
   options.validate();
+  validate(scene);
   std::mt19937_64 random(options.seed);
   DatasetPlan plan;
   plan.side = grid_side(options.objects);

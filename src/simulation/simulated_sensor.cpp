@@ -8,6 +8,7 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
+#include "blindcorner/forward/scene/validate.h"
 #include "blindcorner/forward/sensor/photon_noise.h"
 #include "blindcorner/forward/transport/forward_model.h"
 #include "forward/relay/relay_setup.h"
@@ -70,7 +71,7 @@ bool wide_lobe(const Scene& scene, const RetroreflectiveMaterial& retro) {
 
 struct SimulatedSensor::Impl {
   explicit Impl(const Scene& all)
-      : scene(all),
+      : scene((validate(all), all)),
         rays(std::make_shared<const SurfaceRays>(scene.surfaces)),
         transport(make_scene_transport(scene)),
         bounces(scene, kBounceCells),

@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "blindcorner/forward/error.h"
+#include "blindcorner/forward/scene/validate.h"
 #include "blindcorner/forward/sensor/photon_noise.h"
 
 namespace blindcorner {
@@ -31,6 +32,7 @@ int gate_bins(const Scene& scene, const HistogramCube& light) {
 }  // namespace
 
 PoseVector draw_pose(const Scene& scene, std::mt19937_64& random) {
+  validate(scene);
   PoseVector pose(static_cast<Eigen::Index>(scene.unknowns.size()));
   for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
     const Unknown& unknown = scene.unknowns[i];

@@ -8,7 +8,7 @@
 namespace blindcorner {
 
 /// Wrong input. `what()` is one line that names the place (file, field), what was found there and
-/// what is accepted.
+/// what is accepted; for a scene with several problems, one such line for each.
 class Error : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;

@@ -10,8 +10,8 @@
 
 namespace blindcorner {
 
-/// Reads a scene file. Throws Error with one line: file, field path, what was found, what is
-/// accepted. Unknown fields are errors.
+/// Reads a scene file. Throws Error with one line for each problem (at most 100): file, field path,
+/// what was found, what is accepted. Unknown fields are errors.
 Scene read_scene(const std::string& path);
 
 /// The same with what a calibration found out put over it: the `patch` of an instrument file

@@ -6,6 +6,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -723,6 +724,43 @@ TEST(SceneFile, WhatIsNotJsonIsToldWithLineAndColumn) {
 TEST(SceneFile, NumbersThatAreNotFiniteAreRefused) {
   EXPECT_THAT(message_of([] { changed([](json& s) { s["hidden"]["albedo"] = NAN; }); }),
               StartsWith("test.json: hidden.albedo: found a number that is not finite"));
+}
+
+TEST(SceneFile, ListsEveryProblemOfAFileOnALineOfItsOwn) {
+  const std::string message = message_of([] {
+    changed([](json& scene) {
+      scene["sensor"]["bin_width_ps"] = -100;
+      scene["sensor"]["fov_deg"] = {40, 400};
+      scene["sensor"]["impulse_response"]["type"] = "gauss";
+      scene["sensor_pose"]["positon_m"] = {0, 0, 0};
+      scene["surfaces"][0]["albedo"] = 5;
+      scene["surfaces"][0]["normal"] = "up";
+      scene["hidden"]["material"] = "mirror";
+      scene["unknowns"]["y_m"] = {1, 0};
+      scene["presence_prior"] = 2;
+    });
+  });
+  for (const char* field :
+       {"sensor.bin_width_ps: found -100", "sensor.fov_deg[1]: found 400",
+        "sensor.impulse_response.type: found \"gauss\"", "sensor_pose.positon_m: found an unknown",
+        "surfaces[0].albedo: found 5", "surfaces[0].normal: found \"up\"",
+        "hidden.material: found \"mirror\"", "unknowns.y_m: found [1,0]",
+        "presence_prior: found 2"}) {
+    EXPECT_THAT(message, HasSubstr("test.json: " + std::string(field)));
+  }
+  EXPECT_EQ(std::ranges::count(message, '\n'), 8) << message;  // nothing beside these nine
+}
+
+TEST(SceneFile, AMistakeHasNoFollowers) {
+  for (const Change& change : std::vector<Change>{
+           [](json& s) { s["sensor"]["rows"] = 0; }, [](json& s) { s["sensor"]["bins"] = -1; },
+           [](json& s) { s["sensor"] = 3; }, [](json& s) { s["hidden"]["shape"] = "cube"; },
+           [](json& s) { s["unknowns"]["x_m"] = "wide"; }, [](json& s) { s["surfaces"][0] = 1; },
+           [](json& s) { s["sensor"]["impulse_response"]["fwhm_ps"] = "short"; }}) {
+    const std::string message = message_of([&] { changed(change); });
+    EXPECT_THAT(message, HasSubstr("accepted"));
+    EXPECT_EQ(std::ranges::count(message, '\n'), 0) << message;
+  }
 }
 
 }  // namespace

@@ -196,6 +196,7 @@ TEST(ClassicalBaselines, RefuseWhatTheyCannotAnswer) {
   EXPECT_NE(message_of([&] { multilateration.predict(capture); }), "no error");
   Scene two = scene;
   two.further_hidden.push_back(two.hidden);
+  two.further_hidden.front().name = "second";
   EXPECT_THAT(message_of([&] { BackProjection{two}; }),
               AllOf(HasSubstr("2 objects"), HasSubstr("accepted")));
   EXPECT_THAT(message_of([&] { Multilateration{two}; }), HasSubstr("2 objects"));
