@@ -45,6 +45,12 @@ int run_import(const ImportArguments& arguments) {
   for (const std::string& warning : warnings) {
     std::fprintf(stderr, "blindcorner: warning: %s\n", warning.c_str());
   }
+  if (file.bin_width == 0.0) {
+    std::fprintf(stderr,
+                 "blindcorner: warning: %s: found no width of a bin, so that a fit assumes the "
+                 "scene's; --bin-width-ps states it\n",
+                 arguments.files.front().c_str());
+  }
   const HistogramCube& first = file.captures.front().counts;
   std::printf("%s: %zu capture%s of %d x %d zones, %d bins\n", arguments.output.c_str(),
               file.captures.size(), file.captures.size() == 1 ? "" : "s", first.rows, first.columns,

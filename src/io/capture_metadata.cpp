@@ -1,15 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/capture_metadata.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <initializer_list>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <string_view>
 
 #include "blindcorner/forward/error.h"
 #include "io/file_bytes.h"
 #include "io/json_depth.h"
+#include "io/json_reader.h"
 
 namespace blindcorner {
 namespace {
@@ -96,6 +100,15 @@ struct Field {
     if (!json.is_string()) fail("a string");
     return json.get<std::string>();
   }
+  /// Refuses fields of other names.
+  void allow_only(std::initializer_list<std::string_view> known) const {
+    for (const auto& item : json.items()) {
+      if (std::ranges::find(known, item.key()) != known.end()) continue;
+      std::vector<std::string> names(known.begin(), known.end());
+      throw Error(where + "." + item.key(),
+                  "found an unknown field, accepted: " + list_words(names));
+    }
+  }
   /// An array, of `size` elements unless that is negative.
   const Json& array(int size = -1) const {
     if (!json.is_array() || (size >= 0 && json.size() != static_cast<std::size_t>(size))) {
@@ -142,6 +155,8 @@ std::vector<Eigen::Vector3d> parse_points(const Field& field, int zones) {
 
 Capture parse_capture(const Field& field, int rows, int columns, int bins) {
   if (!field.json.is_object()) field.fail("an object");
+  field.allow_only({"exposures", "zone_exposures", "dispersion", "sensor_pose", "relay_points_m",
+                    "truth", "source", "index"});
   Capture capture;
   capture.counts.rows = rows;
   capture.counts.columns = columns;
@@ -264,6 +279,8 @@ CaptureFile parse_metadata(const std::string& text, const std::string& where) {
   if (root.at("format").text() != kFormat) {
     root.at("format").fail(std::string("\"") + kFormat + "\"");
   }
+  root.allow_only(
+      {"format", "rows", "columns", "bins", "bin_width_ps", "sensor", "description", "captures"});
   const int rows = root.at("rows").count(1);
   const int columns = root.at("columns").count(1);
   const int bins = root.at("bins").count(1);

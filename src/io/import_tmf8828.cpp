@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "blindcorner/forward/error.h"
+#include "io/serial_log.h"
 
 namespace blindcorner {
 namespace {
@@ -18,6 +19,7 @@ constexpr int kBins = 128;
 constexpr int kChannels = 10;          ///< of one measurement, the reference included
 constexpr int kLines = 3 * kChannels;  ///< of one measurement
 constexpr std::size_t kFieldsBeforeBins = 3;
+constexpr std::size_t kRawFields = kFieldsBeforeBins + kBins;
 
 struct Layout {
   int side = 3;          ///< rows and columns
@@ -75,7 +77,7 @@ RawLine parse_raw_line(std::string_view line, const std::string& where) {
     }
     return *number;
   };
-  if (fields.size() != kFieldsBeforeBins + kBins) {
+  if (fields.size() != kRawFields) {
     throw Error(where, "a #Raw line has " + std::to_string(fields.size()) +
                            " fields, accepted 131: #Raw, address, index and 128 bytes");
   }
@@ -235,8 +237,14 @@ std::vector<Capture> parse_tmf8828_log(const std::string& text, const std::strin
     begin = end + 1;
     ++line_number;
     while (!line.empty() && (line.back() == '\r' || line.back() == ' ')) line.remove_suffix(1);
+    line = without_time_stamp(line);
     const std::string where = path + ": line " + std::to_string(line_number);
     if (line.starts_with("#Raw")) {
+      if (const auto fields = fields_of(line).size(); fields < kRawFields && end < text.size()) {
+        warnings.push_back(where + ": found a #Raw line of " + std::to_string(fields) + " of " +
+                           std::to_string(kRawFields) + " fields, which is left out");
+        continue;
+      }
       RawLine raw;
       try {
         raw = parse_raw_line(line, where);

@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "blindcorner/forward/error.h"
+#include "io/serial_log.h"
 
 namespace blindcorner {
 namespace {
@@ -65,7 +66,8 @@ std::vector<Frame> frames_of(const std::string& text) {
   int number = 0;
   for (std::string raw; std::getline(stream, raw);) {
     ++number;
-    const std::string line = trimmed(raw);
+    raw = trimmed(raw);
+    const std::string line(without_time_stamp(raw));
     if (line == "D") {
       frames.push_back({number, "", {}});
     } else if (!frames.empty() && !line.empty() &&

@@ -268,6 +268,10 @@ TEST_F(CaptureFileTest, WrongMetadataAreNamedByField) {
   EXPECT_THAT(metadata_error(start + R"("captures":[{}]})"), HasSubstr("field rows is missing"));
   EXPECT_THAT(metadata_error(start + R"("rows":0,"captures":[{}]})"),
               AllOf(HasSubstr("rows: found 0"), HasSubstr("from 1")));
+  EXPECT_THAT(metadata_error(start + R"("rows":1,"bin_width_ns":1,"captures":[{}]})"),
+              AllOf(HasSubstr("bin_width_ns: found an unknown field"), HasSubstr("bin_width_ps")));
+  EXPECT_THAT(metadata_error(start + R"("rows":1,"captures":[{"pose":0}]})"),
+              AllOf(HasSubstr("captures[0].pose"), HasSubstr("sensor_pose")));
   EXPECT_THAT(metadata_error(start + R"("rows":1.5,"captures":[{}]})"), HasSubstr("rows"));
   EXPECT_THAT(metadata_error(start + R"("rows":1,"captures":[]})"), HasSubstr("captures: found"));
   EXPECT_THAT(metadata_error(start + R"("rows":1,"captures":7})"), HasSubstr("captures: found 7"));

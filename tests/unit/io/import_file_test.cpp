@@ -453,8 +453,6 @@ TEST_F(LogTest, DamagedLinesAreNamed) {
   const auto with_line = [&](const std::string& line) { return good + line + "\n" + good; };
   std::string bytes;
   for (int bin = 0; bin < 127; ++bin) bytes += ",1";
-  EXPECT_THAT(log_error(with_line("#Raw,65,0" + bytes)),
-              AllOf(HasSubstr("line 31"), HasSubstr("130 fields"), HasSubstr("131")));
   EXPECT_THAT(log_error(with_line("#Raw,65,0" + bytes + ",1,1")), HasSubstr("132 fields"));
   EXPECT_THAT(log_error(with_line("#Raw,65,0" + bytes + ",256")),
               AllOf(HasSubstr("line 31"), HasSubstr("byte 127"), HasSubstr("'256'")));
@@ -462,8 +460,34 @@ TEST_F(LogTest, DamagedLinesAreNamed) {
   EXPECT_THAT(log_error(with_line("#Raw,65,0" + bytes + ",1x")), HasSubstr("'1x'"));
   EXPECT_THAT(log_error(with_line("#Raw,65,0" + bytes + ",")), HasSubstr("byte 127 is ''"));
   EXPECT_THAT(log_error(with_line("#Raw,65,30" + bytes + ",1")), HasSubstr("index is '30'"));
-  EXPECT_THAT(log_error(with_line("#Raw")), HasSubstr("1 fields"));
   EXPECT_THAT(log_error(measurement(0, true, 0, 20)), HasSubstr("no complete capture"));
+}
+
+TEST_F(LogTest, ATruncatedLineIsLeftOutAndNamed) {
+  const std::string good = measurement(0, true);
+  EXPECT_EQ(import_log(good + "#Raw,65,0,1,1\n" + good).captures.size(), 2u);
+  EXPECT_THAT(warnings_, ElementsAre(AllOf(HasSubstr("line 31"), HasSubstr("5 of 131 fields"))));
+  // Within a measurement, that one is lost with it.
+  std::string broken = good;
+  broken.erase(broken.find("\r\n") - 40, 40);
+  EXPECT_EQ(import_log(good + broken + good).captures.size(), 2u);
+  ASSERT_GE(warnings_.size(), 1u);
+  EXPECT_THAT(warnings_.front(), HasSubstr("line 31"));
+}
+
+TEST_F(LogTest, TimesOfASerialMonitorAreNoPartOfALine) {
+  const std::string good = measurement(0, true);
+  for (const std::string stamp :
+       {"12:34:56.789 -> ", "[2026-01-31 12:34:56.789] ", "12:34:56.789 > "}) {
+    std::string stamped;
+    for (std::size_t at = 0; at < good.size(); at = good.find('\n', at) + 1) {
+      stamped += stamp + good.substr(at, good.find('\n', at) + 1 - at);
+    }
+    const CaptureFile file = import_log(stamped);
+    ASSERT_EQ(file.captures.size(), 1u) << stamp;
+    EXPECT_EQ(file.captures[0].counts.zone(0)[0], log_count(0, 1, 0));
+    EXPECT_TRUE(warnings_.empty());
+  }
 }
 
 TEST_F(LogTest, WrongLayoutIsSuspectedFromTheNinthChannel) {

@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <sstream>
+
 #include "blindcorner/forward/error.h"
 
 namespace blindcorner {
@@ -42,6 +44,17 @@ TEST(Vl53l8chLog, DamagedFramesAreLeftOutAndNamed) {
   ASSERT_EQ(warnings.size(), 2u);
   EXPECT_NE(warnings[0].find("line 8"), std::string::npos) << warnings[0];
   EXPECT_NE(warnings[1].find("3 of 4"), std::string::npos) << warnings[1];
+}
+
+TEST(Vl53l8chLog, TimesOfASerialMonitorAreNoPartOfALine) {
+  std::string stamped;
+  std::istringstream lines(frame());
+  for (std::string line; std::getline(lines, line);) stamped += "12:34:56.789 -> " + line + "\n";
+  EXPECT_TRUE(is_vl53l8ch_log(stamped));
+  std::vector<std::string> warnings;
+  const std::vector<Capture> captures = parse_vl53l8ch_log(stamped, "log", {}, warnings);
+  ASSERT_EQ(captures.size(), 1u);
+  EXPECT_DOUBLE_EQ(captures[0].counts.zone(3)[2], 32);
 }
 
 TEST(Vl53l8chLog, OtherTextsAreRefused) {
