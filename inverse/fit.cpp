@@ -34,8 +34,6 @@
 namespace blindcorner {
 namespace {
 
-/// A false-alarm probability above this is called no detection.
-constexpr double kAlarm = 0.05;
 /// How often sampling may send the fit back to refinement.
 constexpr int kMostReturns = 3;
 /// Gain in log posterior that changes the answer.

@@ -44,6 +44,7 @@ int main(int argc, char** argv) {
   blindcorner::add_crossvalidate_command(app, exit_code);
   blindcorner::add_info_command(app, exit_code);
   blindcorner::add_explain_command(app, exit_code);
+  blindcorner::add_bound_command(app, exit_code);
   blindcorner::add_stability_command(app, exit_code);
   blindcorner::add_drive_command(app, exit_code);
   blindcorner::add_trials_command(app, exit_code);

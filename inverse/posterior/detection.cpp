@@ -25,6 +25,10 @@ double EmptyScores::exceedance(double score) const {
   return -std::expm1(-std::exp(-z));
 }
 
+double EmptyScores::exceeded_by(double share) const {
+  return location - scale * std::log(-std::log1p(-share));
+}
+
 namespace {
 
 /// Levels of light and exposures beyond this many octaves are taken for that many.
@@ -48,30 +52,6 @@ double light_unit(const BinLikelihood& law) {
   double counts = 1;
   for (int i = 0; i < kIterations; ++i) counts = std::sqrt(law.variance(counts));
   return counts;
-}
-
-EmptyLevel level_of(const PoseObjective& objective, const LinearSolution& empty) {
-  const Observation& observation = objective.solver().observation();
-  const auto zones = static_cast<std::size_t>(objective.compiled().scene.sensor.zone_count());
-  EmptyLevel level;
-  double most = 0;
-  double units = 0;
-  for (std::size_t z = 0; z < observation.zones.size(); ++z) {
-    const BinLikelihood& law = observation.law(observation.zones[z]);
-    most = std::max(most, law.scale());
-    units += empty.ambient[z] / light_unit(law);
-  }
-  level.ambient = octaves(units / static_cast<double>(observation.zones.size()));
-  level.exposures = octaves(most);
-  level.share.resize(static_cast<std::size_t>(observation.captures) * zones);
-  for (const ObservedZone& zone : observation.zones) {
-    const double share = std::log2(observation.law(zone).scale() / most);
-    level.share[static_cast<std::size_t>(zone.capture) * zones +
-                static_cast<std::size_t>(zone.zone)] =
-        std::max(static_cast<int>(std::lround(share)), kLeastShare);
-  }
-  if (std::ranges::all_of(level.share, [](int share) { return share == 0; })) level.share.clear();
-  return level;
 }
 
 /// Standard normal deviates, the same with every standard library (Box and Muller).
@@ -115,6 +95,30 @@ std::vector<Capture> blank_captures(const CompiledScene& compiled, const EmptyLe
 }
 
 }  // namespace
+
+EmptyLevel empty_level(const PoseObjective& objective, const LinearSolution& empty) {
+  const Observation& observation = objective.solver().observation();
+  const auto zones = static_cast<std::size_t>(objective.compiled().scene.sensor.zone_count());
+  EmptyLevel level;
+  double most = 0;
+  double units = 0;
+  for (std::size_t z = 0; z < observation.zones.size(); ++z) {
+    const BinLikelihood& law = observation.law(observation.zones[z]);
+    most = std::max(most, law.scale());
+    units += empty.ambient[z] / light_unit(law);
+  }
+  level.ambient = octaves(units / static_cast<double>(observation.zones.size()));
+  level.exposures = octaves(most);
+  level.share.resize(static_cast<std::size_t>(observation.captures) * zones);
+  for (const ObservedZone& zone : observation.zones) {
+    const double share = std::log2(observation.law(zone).scale() / most);
+    level.share[static_cast<std::size_t>(zone.capture) * zones +
+                static_cast<std::size_t>(zone.zone)] =
+        std::max(static_cast<int>(std::lround(share)), kLeastShare);
+  }
+  if (std::ranges::all_of(level.share, [](int share) { return share == 0; })) level.share.clear();
+  return level;
+}
 
 EmptyScores simulate_empty(const CompiledScene& compiled, const EmptyLevel& level, int captures,
                            std::uint64_t seed) {
@@ -167,7 +171,7 @@ double FalseAlarmCalibration::probability(const PoseObjective& objective,
   const MatchedFilter filter(objective, empty, MatchedFilter::Weights::expected,
                              MatchedFilter::Priors::ignored);
   const double score = static_cast<double>(filter.scores().maxCoeff());
-  const EmptyLevel level = level_of(objective, empty);
+  const EmptyLevel level = empty_level(objective, empty);
   const CompiledScene& compiled = home_ != nullptr ? *home_ : objective.compiled();
   const std::scoped_lock lock(mutex_);
   const auto [entry, is_new] = known_.try_emplace(level);

@@ -12,6 +12,9 @@
 
 namespace blindcorner {
 
+/// A false-alarm probability above this is called no detection.
+inline constexpr double kAlarm = 0.05;
+
 /// Probability of presence from the evidences with and without an object.
 double presence_probability(double log_evidence_present, double log_evidence_empty, double prior);
 
@@ -23,6 +26,8 @@ struct EmptyScores {
 
   /// Share of empty captures that score at least this much.
   double exceedance(double score) const;
+  /// The score that this share of empty captures exceeds, in (0, 1).
+  double exceeded_by(double share) const;
 };
 
 /// All that the distribution depends on beside the compiled scene. It is simulated at just these
@@ -36,6 +41,9 @@ struct EmptyLevel {
 
   auto operator<=>(const EmptyLevel&) const = default;
 };
+
+/// The level of a capture whose fit without an object is `empty`.
+EmptyLevel empty_level(const PoseObjective& objective, const LinearSolution& empty);
 
 /// Simulates `captures` empty captures of the scene.
 EmptyScores simulate_empty(const CompiledScene& compiled, const EmptyLevel& level, int captures,

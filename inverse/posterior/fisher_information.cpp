@@ -121,22 +121,19 @@ Eigen::MatrixXd sensor_slope(const PoseObjective& objective, const MovedModels& 
   return slope;
 }
 
-PoseInformation pose_information(const PoseObjective& objective, const Refined& optimum,
+PoseInformation pose_information(const PoseObjective& objective, const ShapeBuffer& at,
+                                 const LinearSolution& linear, const Eigen::MatrixXd& slope,
                                  const Eigen::MatrixXd& disturbance) {
   const LinearUnknowns& unknowns = objective.solver().unknowns();
-  const Eigen::Index n = optimum.pose.size();
+  const Eigen::Index n = slope.cols();
   const Eigen::Index k = disturbance.cols();
-  const LightSource source = light_near(objective, optimum);
-  ShapeBuffer at;
-  objective.shapes(source, optimum.pose, at);
 
   // Columns: the pose, what disturbs the light, the logarithm of the amplitude.
-  Eigen::MatrixXd slope(objective.rows(), n + k + 1);
-  slope.leftCols(n) =
-      optimum.slope.size() > 0 ? optimum.slope : slope_at(objective, source, at, optimum);
-  if (k > 0) slope.middleCols(n, k) = disturbance;
-  slope.rightCols(1) = light_of(at);
-  Eigen::MatrixXd total = fisher_information(objective.solver(), at.shapes, optimum.linear, slope);
+  Eigen::MatrixXd columns(objective.rows(), n + k + 1);
+  columns.leftCols(n) = slope;
+  if (k > 0) columns.middleCols(n, k) = disturbance;
+  columns.rightCols(1) = light_of(at);
+  Eigen::MatrixXd total = fisher_information(objective.solver(), at.shapes, linear, columns);
   const Eigen::Index last = total.cols() - 1;
   PoseInformation info;
   info.signal = total(last, last);
@@ -148,6 +145,17 @@ PoseInformation pose_information(const PoseObjective& objective, const Refined& 
   info.pose = total.topLeftCorner(n, n);
   info.disturbance = total.block(0, n, n, k);
   return info;
+}
+
+PoseInformation pose_information(const PoseObjective& objective, const Refined& optimum,
+                                 const Eigen::MatrixXd& disturbance) {
+  const LightSource source = light_near(objective, optimum);
+  ShapeBuffer at;
+  objective.shapes(source, optimum.pose, at);
+  return pose_information(
+      objective, at, optimum.linear,
+      optimum.slope.size() > 0 ? optimum.slope : slope_at(objective, source, at, optimum),
+      disturbance);
 }
 
 }  // namespace blindcorner

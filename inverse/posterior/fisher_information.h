@@ -29,7 +29,7 @@ struct MovedModels {
 Eigen::MatrixXd sensor_slope(const PoseObjective& objective, const MovedModels& moved,
                              const PoseVector& pose);
 
-/// Information about the pose at an optimum; pose priors not included.
+/// Information about the pose; pose priors not included.
 struct PoseInformation {
   Eigen::MatrixXd pose;  ///< [n, n]
   /// [n, k] with what disturbs the light: where the light is disturbance * d brighter than the
@@ -38,8 +38,14 @@ struct PoseInformation {
   double signal = 0;  ///< squared signal-to-noise ratio of the object's light
 };
 
-/// All linear unknowns eliminated, a shared amplitude with them. `disturbance` is [rows, k] of
-/// light at unit amplitude.
+/// All linear unknowns eliminated, a shared amplitude with them. `at` is the light at a pose,
+/// `linear` what is expected there, `slope` [rows, n] the derivatives of that light in the pose,
+/// `disturbance` [rows, k] of light at unit amplitude.
+PoseInformation pose_information(const PoseObjective& objective, const ShapeBuffer& at,
+                                 const LinearSolution& linear, const Eigen::MatrixXd& slope,
+                                 const Eigen::MatrixXd& disturbance = {});
+
+/// The same at an optimum.
 PoseInformation pose_information(const PoseObjective& objective, const Refined& optimum,
                                  const Eigen::MatrixXd& disturbance = {});
 

@@ -110,4 +110,20 @@ void leave_out_saturated_bins(Sensor& sensor, const std::vector<CaptureInput>& i
   if (!said.empty()) std::fprintf(stderr, "blindcorner: %s\n", said.c_str());
 }
 
+SensorPlacement known_placement(const Scene& scene, const std::string& capture_path) {
+  if (!capture_path.empty()) {
+    const CaptureFile file = read_captures(capture_path);
+    return sensor_placement(scene, &file.captures.front());
+  }
+  SensorPlacement sensor = sensor_placement(scene);
+  const bool known =
+      std::ranges::all_of(sensor.relay_points, [](const auto& p) { return p.allFinite(); });
+  if (!known) {
+    throw Error(scene_place(scene) + ": sensor.zones",
+                "found \"from_capture\", accepted: with --capture FILE, whose first capture says "
+                "where the zones look");
+  }
+  return sensor;
+}
+
 }  // namespace blindcorner

@@ -9,6 +9,7 @@
 #include "blindcorner/forward/scene/scene.h"
 #include "blindcorner/forward/sensor/capture.h"
 #include "blindcorner/forward/sensor/sensor.h"
+#include "blindcorner/forward/transport/forward_model.h"
 
 namespace blindcorner {
 
@@ -37,5 +38,9 @@ std::vector<Capture> read_all_captures(const std::vector<std::string>& paths, co
 
 /// Leaves out bins that the captures fill up, and says so on the standard error stream.
 void leave_out_saturated_bins(Sensor& sensor, const std::vector<CaptureInput>& inputs);
+
+/// Where the scene's sensor stands, of a capture file (empty: none) its first capture's. Throws Error
+/// where a scene leaves to captures where its zones look and there is none.
+SensorPlacement known_placement(const Scene& scene, const std::string& capture_path);
 
 }  // namespace blindcorner

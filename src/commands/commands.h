@@ -27,5 +27,6 @@ void add_explain_command(CLI::App& app, int& exit_code);
 void add_drive_command(CLI::App& app, int& exit_code);
 void add_trials_command(CLI::App& app, int& exit_code);
 void add_plan_command(CLI::App& app, int& exit_code);
+void add_bound_command(CLI::App& app, int& exit_code);
 
 }  // namespace blindcorner

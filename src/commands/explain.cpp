@@ -12,9 +12,9 @@
 #include "blindcorner/forward/error.h"
 #include "blindcorner/forward/sensor/link_budget.h"
 #include "blindcorner/forward/transport/forward_model.h"
-#include "blindcorner/io/capture_file.h"
 #include "blindcorner/io/scene_file.h"
 #include "blindcorner/simulation/synthetic.h"
+#include "commands/capture_inputs.h"
 #include "commands/commands.h"
 #include "commands/cpu_clock.h"
 #include "commands/pose_text.h"
@@ -203,25 +203,9 @@ const char* object_kind(const Material& material) {
   return "object with a measured law";
 }
 
-SensorPlacement placement_of(const ExplainArguments& arguments, const Scene& scene) {
-  const auto points = [](const SensorPlacement& sensor) {
-    return std::ranges::all_of(sensor.relay_points, [](const auto& p) { return p.allFinite(); });
-  };
-  SensorPlacement sensor = sensor_placement(scene);
-  if (!arguments.capture.empty()) {
-    const CaptureFile file = read_captures(arguments.capture);
-    sensor = sensor_placement(scene, &file.captures.front());
-  } else if (!points(sensor)) {
-    throw Error(arguments.scene + ": sensor.zones",
-                "found \"from_capture\", accepted: with --capture FILE, whose first capture says "
-                "where the zones look");
-  }
-  return sensor;
-}
-
 int run_explain(const ExplainArguments& arguments) {
   const Scene scene = read_scene(arguments.scene);
-  const SensorPlacement sensor = placement_of(arguments, scene);
+  const SensorPlacement sensor = known_placement(scene, arguments.capture);
   const std::vector<Placement> objects =
       arguments.pose.empty() ? stated_placements(scene) : parse_pose(scene, arguments.pose);
   const Placement& object = objects.front();

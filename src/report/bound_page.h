@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Results of `blindcorner bound`: maps of the error to expect, as JSON, CSV and a page.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "blindcorner/forward/scene/scene.h"
+#include "blindcorner/inverse/bound/error_bound.h"
+
+namespace blindcorner {
+
+/// A place where fewer captures than this show the object is called one where it is not noticed.
+inline constexpr double kNoticed = 0.5;
+
+/// The bounds over the hidden area for one place of the sensor. Along x and y the object is at the
+/// centres of the cells; what else is unknown has the same value everywhere.
+struct BoundMap {
+  std::string name;                           ///< of the sensor pose
+  Scene scene;                                ///< seen from there
+  std::vector<Eigen::Vector3d> relay_points;  ///< [zones] where the scene does not give them
+  BoundOptions options;
+  double prior_error = 0;         ///< m
+  std::vector<double> x_m, y_m;   ///< cell centres; one where the coordinate is known
+  double cell = 0;                ///< m, edge of a cell
+  std::vector<PoseBound> places;  ///< [y][x]
+
+  const PoseBound& at(std::size_t row, std::size_t column) const {
+    return places[row * x_m.size() + column];
+  }
+};
+
+/// What a map says in a few numbers.
+struct BoundSummary {
+  double noticed_share = 0;    ///< of the places
+  double median_error = 0;     ///< m, of the places where the object is noticed; NaN of none
+  double p90_error = 0;        ///< m, the same
+  double ambiguous_share = 0;  ///< of the places
+  double median_photons = 0;
+};
+BoundSummary summarise(const BoundMap& map);
+
+/// The sentences that stand first on the page.
+std::string bound_headline(const BoundMap& map);
+
+std::string bound_json(const std::vector<BoundMap>& maps);
+std::string bound_csv(const std::vector<BoundMap>& maps);
+std::string bound_page(const std::vector<BoundMap>& maps);
+
+}  // namespace blindcorner
