@@ -1156,9 +1156,27 @@ TEST_F(Cli, RefusesAComparisonThatMakesNoSense) {
   refuses(kScene + " --folds 3", HasSubstr("--measured"));
 }
 
+TEST_F(Cli, BoundsTheErrorToExpect) {
+  const std::string command = "bound " + kScene + " --grid 3 --test-poses 20 ";
+  const Outcome outcome = run(command + "-o " + path("out"));
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("An object would be noticed at"));
+  const json bound = json::parse(text_of(path("out/bound.json")));
+  EXPECT_EQ(bound.at("format"), "blindcorner.bound/1");
+  const json& map = bound.at("maps").at(0);
+  EXPECT_EQ(map.at("places").size(), map.at("x_m").size() * map.at("y_m").size());
+  for (const json& place : map.at("places")) {
+    EXPECT_LE(place.at("position_error_m"), 1.001 * map.at("prior_error_m").get<double>());
+  }
+  EXPECT_THAT(text_of(path("out/index.html")), AllOf(HasSubstr("<svg"), Not(HasSubstr("nan"))));
+  EXPECT_EQ(run(command + "--pose x=3 -o " + path("none")).exit_code, 2);
+  EXPECT_FALSE(fs::exists(path("none")));
+}
+
 TEST_F(Cli, ComparesMethodsOnMeasuredCaptures) {
   const std::string scene = std::string(SOURCE_DIR) + "/scenes/cheapspad_mirrors.json";
-  ASSERT_EQ(run("render " + scene + " --random 24 --model fast -o " + path("some.exr")).exit_code, 0);
+  ASSERT_EQ(run("render " + scene + " --random 24 --model fast -o " + path("some.exr")).exit_code,
+            0);
   const std::string command =
       "compare " + scene + " --measured " + path("some.exr") +
       " --schemes folds --folds 2 --train published --epochs 3 --published other=0.25 -o " +
