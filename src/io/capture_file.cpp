@@ -18,6 +18,7 @@
 #include "blindcorner/forward/error.h"
 #include "blindcorner/io/atomic_file.h"
 #include "io/capture_metadata.h"
+#include "io/exr_check.h"
 #include "io/file_bytes.h"
 
 namespace blindcorner {
@@ -182,6 +183,7 @@ CaptureFile read_captures(const std::string& path) {
                 "is not an OpenEXR file; accepted is a capture file (other formats have to "
                 "be imported first)");
   }
+  check_exr_header(read_bytes(path), path);
   try {
     return read_checked(path);
   } catch (const Error&) {

@@ -41,6 +41,52 @@ TEST(JsonDepth, ScenesNestedDeepAreRefused) {
               AllOf(HasSubstr("scene.json"), HasSubstr("nested deeper")));
 }
 
+TEST(Exr, AttributesLargerThanTheFileAreRefused) {
+  const test::TemporaryFolder folder;
+  const std::string path = folder.file("c.exr");
+  write_captures(path, test::make_captures(1, 1, 1, 4));
+  std::string bytes = test::read_text(path);
+  // The size of the attribute that holds the metadata.
+  const std::string name("blindcorner\0string\0", 19);
+  const std::size_t at = bytes.find(name) + name.size();
+  for (const char top : {'\x69', '\xff'}) {
+    bytes[at + 3] = top;
+    test::write_text(path, bytes);
+    EXPECT_THAT(error_of([&] { read_captures(path); }),
+                AllOf(HasSubstr("c.exr"), HasSubstr("an attribute of"), HasSubstr("accepted")));
+  }
+}
+
+TEST(Exr, AttributesOfAnotherSizeThanTheirTypesAreRefused) {
+  const test::TemporaryFolder folder;
+  const std::string path = folder.file("c.exr");
+  write_captures(path, test::make_captures(1, 1, 1, 4));
+  const std::string good = test::read_text(path);
+  // The list of channels ends before its own end: all that follows would be read shifted.
+  for (const std::string& name :
+       {std::string("channels\0chlist\0", 16), std::string("compression\0compression\0", 24)}) {
+    std::string bytes = good;
+    ++bytes[bytes.find(name) + name.size()];
+    test::write_text(path, bytes);
+    EXPECT_THAT(error_of([&] { read_captures(path); }), HasSubstr("found an attribute of type"));
+  }
+}
+
+TEST(Exr, MorePixelsThanTheFileCanHoldAreRefused) {
+  const test::TemporaryFolder folder;
+  const std::string path = folder.file("c.exr");
+  write_captures(path, test::make_captures(1, 1, 1, 4));
+  const std::string good = test::read_text(path);
+  const std::string name("dataWindow\0box2i\0", 17);
+  const std::size_t box = good.find(name) + name.size() + 4;
+  for (const std::size_t byte : {11U, 15U}) {  // the highest of the greatest x and y
+    std::string bytes = good;
+    bytes[box + byte] = '\x01';
+    test::write_text(path, bytes);
+    EXPECT_THAT(error_of([&] { read_captures(path); }), HasSubstr("declares more pixels"));
+  }
+}
+
 TEST(Obj, IsReadToTheLetter) {
   const test::TemporaryFolder folder;
   const std::string path = folder.file("m.obj");
