@@ -40,7 +40,10 @@ class Problems {
   void interval(const std::string& field, double lower, double upper, const NumberRange& range) {
     number(field + "[0]", lower, range);
     number(field + "[1]", upper, range);
-    require(!(lower >= upper), field, "[" + number_text(lower) + "," + number_text(upper) + "]",
+    // Rendering pins components by a range of one value; the reader of files wants lower < upper.
+    const bool pinned = lower == upper && field.starts_with("unknowns");
+    require(pinned || !(lower >= upper), field,
+            "[" + number_text(lower) + "," + number_text(upper) + "]",
             "[lower, upper] with lower < upper");
   }
   void transform(const std::string& field, const Transform& T) {
