@@ -25,7 +25,7 @@ constexpr std::size_t kMostExpansion = 100;
 
 /// Types of elements and classes of arrays (MAT-File Format, R2023a, tables 1-1 and 1-3).
 enum ElementType : std::uint32_t { kInt32 = 5, kUInt32 = 6, kMatrix = 14, kCompressed = 15 };
-enum ArrayClass : std::uint32_t { kCell = 1, kChar = 4, kSparse = 5, kFirstNumber = 6 };
+enum ArrayClass : std::uint32_t { kCell = 1, kChar = 4, kFirstNumber = 6 };
 constexpr std::uint32_t kLastNumber = 15;
 constexpr std::uint32_t kComplexFlag = 0x0800;
 
@@ -100,11 +100,13 @@ class Walk {
         if (cell.type != kMatrix) damaged("a cell that holds no array");
         array(cell.data, depth + 1);
       }
-    } else if (kind >= kFirstNumber && kind <= kLastNumber) {
+    } else if (kind == kChar || (kind >= kFirstNumber && kind <= kLastNumber)) {
       real_numbers(data, count);
       if ((word & kComplexFlag) != 0) real_numbers(data, count);
-    } else if (kind != kChar && kind != kSparse && kind > kLastNumber) {
-      damaged("an array of an unknown class");
+    } else {
+      throw Error(path_,
+                  "found a sparse array, a structure or an object, accepted: arrays of "
+                  "numbers or text, and cells of these");
     }
   }
 

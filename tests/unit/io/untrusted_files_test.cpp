@@ -148,14 +148,15 @@ TEST(Scene, TooManyZonesAndPriorsBeyondReasonAreRefused) {
               HasSubstr("linear.amplitude.prior.median"));
 }
 
-/// A MATLAB 5 file of one array of doubles whose sizes and data are as told.
-std::string matlab_file(const std::vector<std::int32_t>& sizes, std::size_t numbers) {
+/// A MATLAB 5 file of one array whose sizes and data are as told; class 6 is doubles.
+std::string matlab_file(const std::vector<std::int32_t>& sizes, std::size_t numbers,
+                        std::uint32_t array_class = 6) {
   const auto word = [](std::uint32_t value) {
     std::string bytes(4, '\0');
     std::memcpy(bytes.data(), &value, 4);
     return bytes;
   };
-  std::string array = word(6) + word(8) + word(6) + word(0);  // flags: doubles
+  std::string array = word(6) + word(8) + word(array_class) + word(0);  // flags
   array += word(5) + word(static_cast<std::uint32_t>(4 * sizes.size()));
   for (const std::int32_t size : sizes) array += word(static_cast<std::uint32_t>(size));
   if (sizes.size() % 2 == 1) array += word(0);
@@ -181,6 +182,11 @@ TEST(Matlab, SizesBeyondTheDataAreRefused) {
               HasSubstr("m.mat: found an array of 8 numbers that holds 6"));
   EXPECT_THAT(message(matlab_file({100'000, 100'000}, 6)), HasSubstr("more than 2^31"));
   EXPECT_THAT(message(matlab_file({-1, 6}, 6)), HasSubstr("a negative size"));
+  EXPECT_EQ(message(matlab_file({2, 3}, 6, 4)), "") << "text";
+  EXPECT_THAT(message(matlab_file({2, 4}, 6, 4)), HasSubstr("8 numbers that holds 6"));
+  for (const std::uint32_t other : {2U, 3U, 5U, 16U}) {  // structure, object, sparse, function
+    EXPECT_THAT(message(matlab_file({2, 3}, 6, other)), HasSubstr("a sparse array, a structure"));
+  }
   const std::string whole = matlab_file({2, 3}, 6);
   for (std::size_t size = 1; size < whole.size(); ++size) {
     EXPECT_NE(message(whole.substr(0, size)), "") << size;
