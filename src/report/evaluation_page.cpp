@@ -22,14 +22,20 @@ std::string figure_text(const Figure& figure) {
 constexpr std::size_t kMostCurvePoints = 200;
 constexpr std::size_t kMostDots = 1500;
 
+/// What an axis says behind the name.
+std::string unit_of(const std::string& unknown) {
+  if (is_position(unknown)) return ", m";
+  return unknown.ends_with("_rad") ? ", rad" : "";
+}
+
 /// Share of estimates with at most a given error.
-Chart error_chart(const std::vector<EvaluationRow>& rows) {
-  Chart chart{"errors", "length of the error", "share of estimates"};
+Chart error_chart(const std::vector<EvaluationRow>& rows, const std::vector<std::string>& names) {
+  Chart chart{"errors", "distance from the true position, m", "share of estimates"};
   chart.width = 460;
   chart.height = 320;
   for (const EvaluationRow& row : rows) {
     std::vector<double> lengths;
-    for (const EstimateError& e : row.errors) lengths.push_back(e.error.norm());
+    for (const EstimateError& e : row.errors) lengths.push_back(distance_of(e.error, names));
     std::sort(lengths.begin(), lengths.end());
     ChartSeries series{row.name, {{0, 0}}};
     const std::size_t count = lengths.size();
@@ -80,7 +86,8 @@ Chart coverage_chart(const std::vector<EvaluationRow>& rows) {
 
 /// Errors of one unknown against their claimed standard deviations.
 Chart unknown_chart(const EvaluationRow& row, const std::string& unknown, Eigen::Index k) {
-  Chart chart{row.name + ": " + unknown, "claimed standard deviation", "error"};
+  Chart chart{row.name + ": " + unknown, "claimed standard deviation" + unit_of(unknown),
+              "error" + unit_of(unknown)};
   ChartSeries dots{"", {}, SeriesStyle::dots};
   double most = 0;
   const std::size_t step = std::max<std::size_t>(1, row.errors.size() / kMostDots);
@@ -104,7 +111,7 @@ std::string evaluation_text(const std::vector<EvaluationRow>& rows) {
     text += formatted("%s: %d estimates of %d positions\n", row.name.c_str(),
                       row.evaluation.estimates, row.evaluation.groups);
     for (const Figure& figure : row.evaluation.figures) {
-      text += formatted("  %-18s %s\n", figure.name.c_str(), figure_text(figure).c_str());
+      text += formatted("  %-20s %s\n", figure.name.c_str(), figure_text(figure).c_str());
     }
   }
   return text;
@@ -128,7 +135,7 @@ std::string evaluation_page(const std::string& title, const std::vector<Evaluati
     }
     body += "</tr>\n";
   }
-  body += "</table>\n" + charts_html({error_chart(rows), coverage_chart(rows)});
+  body += "</table>\n" + charts_html({error_chart(rows, names), coverage_chart(rows)});
   std::vector<Chart> unknowns;
   for (std::size_t i = 0; i < names.size(); ++i) {
     unknowns.push_back(unknown_chart(rows.front(), names[i], static_cast<Eigen::Index>(i)));
@@ -149,7 +156,7 @@ std::string evaluation_json(const std::vector<EvaluationRow>& rows) {
                     {"figures", std::move(figures)}});
   }
   nlohmann::ordered_json json;
-  json["format"] = "blindcorner.evaluation/1";
+  json["format"] = "blindcorner.evaluation/2";
   json["rows"] = std::move(list);
   return json.dump(1) + "\n";
 }

@@ -587,7 +587,7 @@ TEST_F(CliCalibration, CalibratesFitsAndEvaluates) {
   EXPECT_THAT(evaluated.out, AllOf(HasSubstr("rmse_x_m"), HasSubstr("coverage_2sigma"),
                                    HasSubstr("normalised_error")));
   const json figures = json::parse(text_of(path("fit") + "/evaluation.json"));
-  EXPECT_LT(figures.at("rows")[0].at("figures").at("rmse").at("value"), 0.5);
+  EXPECT_LT(figures.at("rows")[0].at("figures").at("rmse_m").at("value"), 0.5);
   EXPECT_THAT(text_of(path("fit") + "/evaluation.html"), HasSubstr("<svg"));
 
   // The same with the truth in a table, shifted by 1 m.

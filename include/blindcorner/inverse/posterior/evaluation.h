@@ -36,15 +36,22 @@ struct Figure {
 struct Evaluation {
   int estimates = 0;
   int groups = 0;
-  /// In this order: `rmse_<unknown>` of each, `rmse` over all coordinates, `median_error` and
-  /// `p90_error` (length of the error vector), `coverage_1sigma` and `coverage_2sigma` (share of
-  /// coordinates; 0.683 and 0.954 when honest), `normalised_error` (mean of e' C^-1 e / unknowns; 1
-  /// when honest).
+  /// In this order: `rmse_<unknown>` of each; where there are coordinates of position, `rmse_m`
+  /// over all of them, `median_distance_m` and `p90_distance_m` (Euclidean); of each other unknown
+  /// `median_<unknown>` and `p90_<unknown>` of its absolute error; `coverage_1sigma` and
+  /// `coverage_2sigma` (share of unknowns; 0.683 and 0.954 when honest), `normalised_error` (mean
+  /// of e' C^-1 e / unknowns; 1 when honest).
   std::vector<Figure> figures;
 
   /// Throws Error for a name that is not there.
   const Figure& figure(const std::string& name) const;
 };
+
+/// Whether an unknown of this name is a coordinate of position: "x_m".
+bool is_position(const std::string& unknown);
+
+/// Length of an error over the coordinates of position, m.
+double distance_of(const Eigen::VectorXd& error, const std::vector<std::string>& names);
 
 /// `names` are the unknowns' names. Throws Error without estimates, or when a covariance is not
 /// positive definite.

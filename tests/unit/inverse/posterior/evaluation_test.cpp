@@ -22,13 +22,24 @@ TEST(Evaluation, MatchesClosedForms) {
       evaluate_errors({estimate(3, 0, 2, 1), estimate(-3, 4, 1, 2.5)}, {"x_m", "y_m"});
   EXPECT_DOUBLE_EQ(e.figure("rmse_x_m").value, 3);
   EXPECT_DOUBLE_EQ(e.figure("rmse_y_m").value, std::sqrt(8.0));
-  EXPECT_DOUBLE_EQ(e.figure("rmse").value, std::sqrt((9.0 + 9.0 + 16.0) / 4));
-  EXPECT_DOUBLE_EQ(e.figure("median_error").value, 4);  // lengths 3 and 5
-  EXPECT_NEAR(e.figure("p90_error").value, 3 + 0.9 * 2, 1e-12);
+  EXPECT_DOUBLE_EQ(e.figure("rmse_m").value, std::sqrt((9.0 + 9.0 + 16.0) / 4));
+  EXPECT_DOUBLE_EQ(e.figure("median_distance_m").value, 4);  // lengths 3 and 5
+  EXPECT_NEAR(e.figure("p90_distance_m").value, 3 + 0.9 * 2, 1e-12);
   // In claimed sigmas: 1.5, 0; 3, 1.6.
   EXPECT_DOUBLE_EQ(e.figure("coverage_1sigma").value, 0.25);
   EXPECT_DOUBLE_EQ(e.figure("coverage_2sigma").value, 0.75);
   EXPECT_NEAR(e.figure("normalised_error").value, (2.25 + 0 + 9 + 2.56) / 4, 1e-12);
+}
+
+TEST(Evaluation, KeepsAnglesApartFromPositions) {
+  const Evaluation e =
+      evaluate_errors({estimate(0.3, 2, 1, 1), estimate(0.1, -1, 1, 1)}, {"x_m", "yaw_rad"});
+  EXPECT_DOUBLE_EQ(e.figure("median_distance_m").value, 0.2);
+  EXPECT_DOUBLE_EQ(e.figure("rmse_m").value, e.figure("rmse_x_m").value);
+  EXPECT_DOUBLE_EQ(e.figure("median_yaw_rad").value, 1.5);
+  EXPECT_DOUBLE_EQ(e.figure("p90_yaw_rad").value, 1.9);
+  const Evaluation turns = evaluate_errors({estimate(1, 2, 1, 1)}, {"yaw_rad", "size"});
+  EXPECT_THROW(turns.figure("rmse_m"), Error) << "no position";
 }
 
 TEST(Evaluation, CorrelatedErrorsAreNormalisedTogether) {
@@ -68,9 +79,9 @@ TEST(Evaluation, RepeatedPositionsAreDrawnTogether) {
     once.push_back(estimate(normal(random), normal(random), 1, 1, std::to_string(i)));
     for (int k = 0; k < 5; ++k) copies.push_back(once.back());
   }
-  const Figure a = evaluate_errors(once, {"x", "y"}).figure("rmse");
-  const Evaluation together = evaluate_errors(copies, {"x", "y"});
-  const Figure b = together.figure("rmse");
+  const Figure a = evaluate_errors(once, {"x_m", "y_m"}).figure("rmse_m");
+  const Evaluation together = evaluate_errors(copies, {"x_m", "y_m"});
+  const Figure b = together.figure("rmse_m");
   EXPECT_EQ(together.groups, 200);
   EXPECT_NEAR((b.high - b.low) / (a.high - a.low), 1, 0.1);
 }
