@@ -35,8 +35,9 @@ function(blindcorner_library name)
           ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
 endfunction()
 
-# Sources of this folder whose names without linkage are those of others: a build that joins sources
-# (CMAKE_UNITY_BUILD, as `bootstrap.sh` does in an empty build folder) compiles them by themselves.
+# Sources of this folder whose names without linkage are those of others, or hide those of a header
+# that others mean: a build that joins sources (CMAKE_UNITY_BUILD, as `bootstrap.sh` does in an empty
+# build folder) compiles them by themselves.
 function(blindcorner_apart)
   set_source_files_properties(${ARGN} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
 endfunction()

@@ -35,19 +35,22 @@ PoseBound bound_at_middle(const Scene& scene, const BoundOptions& options) {
   return bound.at(testing_scenes::stated_pose(scene));
 }
 
-TEST(ErrorBound, FallsWithTheRootOfMuchLight) {
+// As the root of the light, less what the error of the known light and the prior of the brightness
+// leave: of more light both leave less than half.
+TEST(ErrorBound, FallsWithTheRootOfLight) {
   const Scene scene = wall_with_plate();
   BoundOptions options = small();
-  options.exposures = 1e3;
+  options.ambient = 40;
+  options.exposures = 0.015;  // some hundred photons
   const PoseBound dim = bound_at_middle(scene, options);
-  options.exposures = 4e3;
+  options.exposures = 0.06;
   const PoseBound bright = bound_at_middle(scene, options);
   const double ratio =
       std::sqrt(position_trace(scene, dim.cramer_rao) / position_trace(scene, bright.cramer_rao));
-  EXPECT_NEAR(ratio, 2, 0.02);
+  EXPECT_GT(ratio, 1.7);
+  EXPECT_LT(ratio, 2.05);
   EXPECT_NEAR(bright.photons / dim.photons, 4, 1e-9);
-  EXPECT_FALSE(bright.ambiguous);
-  EXPECT_NEAR(bright.detection_probability, 1, 1e-6);
+  EXPECT_GT(bright.detection_probability, dim.detection_probability);
 }
 
 TEST(ErrorBound, IsThePriorWithoutLight) {
