@@ -574,9 +574,11 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   known->count_bytes();  // what this capture asked for is there now
 
   set_flags(scene, posterior, result);
+  ShapeBuffer at;
+  objective.shapes(light_near(objective, optima.front()), optima.front().pose, at);
   for (std::size_t i = 0; i < captures.size(); ++i) {
     result.histograms.push_back(
-        fitted_histograms(objective, optima.front(), captures[i], static_cast<int>(i)));
+        fitted_histograms(objective, optima.front(), at, captures[i], static_cast<int>(i)));
   }
   result.time_ms.total = total.lap();
   return result;

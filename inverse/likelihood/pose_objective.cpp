@@ -23,6 +23,27 @@ std::optional<LightSource> steering_light(const CompiledScene& compiled) {
   return std::nullopt;
 }
 
+bool RecentLight::find(const ModelSet& models, const PoseVector& pose,
+                       std::vector<double>& light) const {
+  const std::scoped_lock lock(mutex_);
+  for (const Entry& entry : entries_) {
+    if (entry.models != &models || entry.pose.size() != pose.size() || entry.pose != pose) continue;
+    light = entry.light;
+    return true;
+  }
+  return false;
+}
+
+void RecentLight::keep(const ModelSet& models, const PoseVector& pose,
+                       const std::vector<double>& light) {
+  const std::scoped_lock lock(mutex_);
+  Entry& entry = entries_[oldest_];
+  oldest_ = (oldest_ + 1) % kPoses;
+  entry.models = &models;
+  entry.pose = pose;
+  entry.light = light;
+}
+
 PoseObjective::PoseObjective(const CompiledScene& compiled, const Observation& observation)
     : compiled_(compiled),
       models_(&compiled.models()),
@@ -65,6 +86,28 @@ void PoseObjective::point(ShapeBuffer& buffer, bool object) const {
   }
 }
 
+void PoseObjective::render(const LightSource& light, const PoseVector& pose,
+                           std::vector<double>& object) const {
+  thread_local HistogramCube cube;
+  thread_local SparseLight sparse;
+  double* out = object.data();
+  int current = -1;
+  for (const ObservedZone& zone : solver_.observation().zones) {
+    if (zone.capture != current) {
+      current = zone.capture;
+      const auto c = static_cast<std::size_t>(current);
+      if (light.coarse != nullptr) {
+        (*light.coarse)[c].three_bounce(pose, light.extra_pulse_sigma, sparse);
+      } else {
+        (*light.models)[c]->three_bounce(pose, cube);
+      }
+    }
+    const double* values =
+        (light.coarse != nullptr ? sparse.cube : cube).zone(zone.zone) + zone.first;
+    for (int k = 0; k < zone.bins(); ++k) *out++ = zone.gain * values[k];
+  }
+}
+
 void PoseObjective::shapes(const LightSource& light, const PoseVector& pose,
                            ShapeBuffer& buffer) const {
   buffer.object.resize(static_cast<std::size_t>(rows_));
@@ -77,23 +120,9 @@ void PoseObjective::shapes(const LightSource& light, const PoseVector& pose,
   } else if (light.spline != nullptr) {
     light.spline->evaluate(pose, buffer.object.data());
   } else {
-    thread_local HistogramCube cube;
-    thread_local SparseLight sparse;
-    double* out = buffer.object.data();
-    int current = -1;
-    for (const ObservedZone& zone : solver_.observation().zones) {
-      if (zone.capture != current) {
-        current = zone.capture;
-        const auto c = static_cast<std::size_t>(current);
-        if (light.coarse != nullptr) {
-          (*light.coarse)[c].three_bounce(pose, light.extra_pulse_sigma, sparse);
-        } else {
-          (*light.models)[c]->three_bounce(pose, cube);
-        }
-      }
-      const double* values =
-          (light.coarse != nullptr ? sparse.cube : cube).zone(zone.zone) + zone.first;
-      for (int k = 0; k < zone.bins(); ++k) *out++ = zone.gain * values[k];
+    if (light.models == nullptr || !recent_.find(*light.models, pose, buffer.object)) {
+      render(light, pose, buffer.object);
+      if (light.models != nullptr) recent_.keep(*light.models, pose, buffer.object);
     }
   }
   if (light.correction != nullptr) correct(*light.correction, pose, buffer);

@@ -3,6 +3,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
+#include <mutex>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -71,6 +73,28 @@ struct LightSource {
 /// where there is neither.
 std::optional<LightSource> steering_light(const CompiledScene& compiled);
 
+/// The models' light at the poses asked for last. A descent ends where its slopes, its corrections,
+/// the Fisher information, the goodness of fit and the fitted histograms then start from. Thread
+/// safe.
+class RecentLight {
+ public:
+  /// Copies the light [rows] at exactly that pose, if it is still known.
+  bool find(const ModelSet& models, const PoseVector& pose, std::vector<double>& light) const;
+  void keep(const ModelSet& models, const PoseVector& pose, const std::vector<double>& light);
+
+ private:
+  /// Poses in use side by side: two descents, each with a place, its slopes and a step.
+  static constexpr std::size_t kPoses = 16;
+  struct Entry {
+    const ModelSet* models = nullptr;
+    PoseVector pose;
+    std::vector<double> light;
+  };
+  mutable std::mutex mutex_;
+  std::array<Entry, kPoses> entries_;
+  std::size_t oldest_ = 0;
+};
+
 class PoseObjective {
  public:
   PoseObjective(const CompiledScene& compiled, const Observation& observation);
@@ -121,6 +145,8 @@ class PoseObjective {
 
  private:
   void point(ShapeBuffer& buffer, bool object) const;
+  /// Light of models or of closed-form models, gains included.
+  void render(const LightSource& light, const PoseVector& pose, std::vector<double>& object) const;
   void correct(const Correction& correction, const PoseVector& pose, ShapeBuffer& buffer) const;
 
   const CompiledScene& compiled_;
@@ -129,6 +155,7 @@ class PoseObjective {
   LinearSolver solver_;
   std::vector<std::pair<int, int>> direct_range_;  // [observed zones] lit bins, [first, end)
   int rows_ = 0;
+  mutable RecentLight recent_;
 };
 
 }  // namespace blindcorner

@@ -8,7 +8,7 @@
 namespace blindcorner {
 
 FittedHistograms fitted_histograms(const PoseObjective& objective, const Refined& best,
-                                   const Capture& capture, int index) {
+                                   const ShapeBuffer& at, const Capture& capture, int index) {
   const Scene& scene = objective.compiled().scene;
   const Sensor& sensor = scene.sensor;
   FittedHistograms h;
@@ -21,7 +21,6 @@ FittedHistograms fitted_histograms(const PoseObjective& objective, const Refined
   h.direct.assign(h.zone_used.size(), 0.0);
   h.first_bin = sensor.bins;
   const auto capture_index = static_cast<std::size_t>(index);
-  const HistogramCube light = objective.models()[capture_index]->three_bounce(best.pose);
   HistogramCube known = h.model;
   if (!objective.compiled().static_light.empty()) {
     known = objective.compiled().static_light[capture_index];
@@ -38,10 +37,13 @@ FittedHistograms fitted_histograms(const PoseObjective& objective, const Refined
         scene.linear.direct == LinearMode::fixed ? scale * scene.linear.fixed_direct : scale;
     h.first_bin = std::min(h.first_bin, zones[i].first);
     h.end_bin = std::max(h.end_bin, zones[i].first + zones[i].bins());
+    double* object = h.object.zone(zones[i].zone);
+    for (int k = at.shapes[i].object_first; k < at.shapes[i].object_end; ++k) {
+      object[zones[i].first + k] = h.amplitude[z] * at.shapes[i].object[k];
+    }
     for (int k = 0; k < sensor.bins; ++k) {
-      const double object = zones[i].gain * h.amplitude[z] * light.zone(zones[i].zone)[k];
-      h.object.zone(zones[i].zone)[k] = object;
-      h.model.zone(zones[i].zone)[k] = object + h.ambient[z] + scale * known.zone(zones[i].zone)[k];
+      h.model.zone(zones[i].zone)[k] =
+          object[k] + h.ambient[z] + scale * known.zone(zones[i].zone)[k];
     }
   }
   return h;

@@ -6,8 +6,9 @@
 
 namespace blindcorner {
 
-/// Histograms of capture `index` of an observation at a fitted pose.
+/// Histograms of capture `index` of an observation at a fitted pose, whose light at unit amplitude
+/// is `at`; outside of the time gates no object's light is shown.
 FittedHistograms fitted_histograms(const PoseObjective& objective, const Refined& best,
-                                   const Capture& capture, int index);
+                                   const ShapeBuffer& at, const Capture& capture, int index);
 
 }  // namespace blindcorner

@@ -31,7 +31,7 @@ constexpr double kAccuracy = 1e-2;
 /// still bring.
 constexpr double kGrowth = 1.2;
 constexpr double kShift = 0.4;
-constexpr int kStages = 3;     ///< that make up the samples asked for
+constexpr int kStages = 6;     ///< that make up the samples asked for
 constexpr int kMostTimes = 4;  ///< as many samples as asked for, when few are effective
 
 double log_student(const Peak& peak, double distance2) {

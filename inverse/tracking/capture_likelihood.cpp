@@ -122,7 +122,8 @@ class CaptureLikelihood final : public FrameLikelihood {
                 std::exp(at[poses()]));
     }
     result.goodness_of_fit = goodness_of_fit(objective_, fitted);
-    result.histograms.push_back(fitted_histograms(objective_, fitted, capture_, 0));
+    objective_.shapes(compiled_.models(), fitted.pose, light);
+    result.histograms.push_back(fitted_histograms(objective_, fitted, light, capture_, 0));
   }
 
  private:
