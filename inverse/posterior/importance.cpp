@@ -7,6 +7,9 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <boost/math/special_functions/erf.hpp>
+#include <boost/math/special_functions/gamma.hpp>
+#include <boost/random/sobol.hpp>
 #include <cmath>
 #include <limits>
 #include <random>
@@ -31,6 +34,8 @@ constexpr double kAccuracy = 1e-2;
 /// still bring.
 constexpr double kGrowth = 1.2;
 constexpr double kShift = 0.4;
+/// Samples about the heaviest one that a component is made of.
+constexpr std::size_t kNeighbours = 40;
 constexpr int kStages = 6;     ///< that make up the samples asked for
 constexpr int kMostTimes = 4;  ///< as many samples as asked for, when few are effective
 
@@ -71,14 +76,14 @@ class GridProposal {
     }
   }
 
-  PoseVector draw(std::mt19937_64& random) const {
-    std::uniform_real_distribution<double> uniform;
-    const auto it = std::lower_bound(cumulative_.begin(), cumulative_.end(), uniform(random));
+  /// `u`: in the unit cube, [unknowns] within the cell, the last one for the cell.
+  PoseVector draw(const Eigen::VectorXd& u) const {
+    const auto it = std::lower_bound(cumulative_.begin(), cumulative_.end(), u[u.size() - 1]);
     const auto cell =
         std::min(static_cast<std::size_t>(it - cumulative_.begin()), cumulative_.size() - 1);
     PoseVector pose = compiled_.poses[cell];
     for (Eigen::Index k = 0; k < pose.size(); ++k) {
-      pose[k] += (uniform(random) - 0.5) * compiled_.spacing[k];
+      pose[k] += (u[k] - 0.5) * compiled_.spacing[k];
     }
     return pose;
   }
@@ -102,12 +107,42 @@ class GridProposal {
   std::vector<double> cumulative_;
 };
 
-PoseVector draw_student(const Peak& peak, std::mt19937_64& random) {
-  std::normal_distribution<double> normal;
-  std::gamma_distribution<double> gamma(kTailFreedom / 2, 2 / kTailFreedom);
+/// Points that fill the unit cube more evenly than independent ones (Sobol 1967), moved by a random
+/// shift modulo one, which makes each of them uniform (Cranley and Patterson 1976).
+class EvenPoints {
+ public:
+  EvenPoints(std::size_t dimensions, std::uint64_t seed)
+      : sequence_(dimensions), shift_(static_cast<Eigen::Index>(dimensions)) {
+    std::mt19937_64 random(seed);
+    std::uniform_real_distribution<double> uniform;
+    for (double& shift : shift_) shift = uniform(random);
+  }
+
+  Eigen::VectorXd next() {
+    Eigen::VectorXd point = shift_;
+    for (double& u : point) {
+      u += static_cast<double>(sequence_()) * 0x1p-64;
+      u -= std::floor(u);
+    }
+    return point;
+  }
+
+ private:
+  boost::random::sobol sequence_;
+  Eigen::VectorXd shift_;
+};
+
+/// `u`: in the unit cube, [unknowns] for the direction, the last one for the tail.
+PoseVector draw_student(const Peak& peak, const Eigen::VectorXd& u) {
+  constexpr double kEdge = 1e-12;  // quantiles are infinite at 0 and 1
   PoseVector z(peak.center.size());
-  for (Eigen::Index k = 0; k < z.size(); ++k) z[k] = normal(random);
-  return peak.center + peak.root * z / std::sqrt(gamma(random));
+  for (Eigen::Index k = 0; k < z.size(); ++k) {
+    const double p = std::clamp(u[k], kEdge, 1 - kEdge);
+    z[k] = std::sqrt(2.0) * boost::math::erf_inv(2 * p - 1);
+  }
+  const double tail = std::clamp(u[u.size() - 1], kEdge, 1 - kEdge);
+  const double gamma = boost::math::gamma_p_inv(kTailFreedom / 2, tail) * 2 / kTailFreedom;
+  return peak.center + peak.root * z / std::sqrt(gamma);
 }
 
 /// The state of one run.
@@ -122,7 +157,7 @@ class Sampler {
         peaks_(peaks),
         optima_(optima),
         inflation_(options.inflation),
-        random_(options.seed),
+        points_(scene_.unknowns.size() + 2, options.seed),
         grid_(objective.compiled(), scored, options.inflation),
         components_(peaks) {
     double best = -std::numeric_limits<double>::infinity();
@@ -206,12 +241,13 @@ class Sampler {
   double total_drawn() const { return static_cast<double>(samples_.size()); }
 
   void draw() {
-    std::uniform_real_distribution<double> uniform;
-    double pick = uniform(random_);
+    const Eigen::VectorXd point = points_.next();
+    const Eigen::VectorXd u = point.tail(point.size() - 1);
+    double pick = point[0];
     std::size_t c = 0;
     while (c + 1 < shares_.size() && pick > shares_[c]) pick -= shares_[c++];
     PosteriorSample sample;
-    sample.pose = c == 0 ? grid_.draw(random_) : draw_student(components_[c - 1], random_);
+    sample.pose = c == 0 ? grid_.draw(u) : draw_student(components_[c - 1], u);
     wrap_pose(scene_, sample.pose);
     sample.log_target = -std::numeric_limits<double>::infinity();
     sample.log_posterior = sample.log_target;
@@ -270,25 +306,64 @@ class Sampler {
     Peak peak;
     moments(scene_, weighty, reference, peak.center, peak.covariance);
     peak.covariance *= 1.3;
+    finish_peak(peak);
+    return peak;
+  }
+
+  /// Root and determinant of a component's covariance, which is kept from vanishing.
+  void finish_peak(Peak& peak) const {
     for (Eigen::Index i = 0; i < peak.center.size(); ++i) {
       peak.covariance(i, i) += 1e-4 * std::pow(objective_.compiled().spacing[i], 2);
     }
     peak.root = peak.covariance.llt().matrixL();
     peak.log_det = 2 * peak.root.diagonal().array().log().sum();
-    return peak;
   }
 
-  /// Another component: the samples so far.
+  /// More components: the samples so far, and what lies about the heaviest of them, where the
+  /// mixture falls short of the posterior most (Raftery and Bao 2010).
   void extend() {
     if (effective_ < 2.0 * static_cast<double>(scene_.unknowns.size() + 1)) return;
+    add_component(own_);
+    add_component(about_heaviest());
+  }
+
+  void add_component(const Peak& peak) {
     for (std::size_t i = 0; i < samples_.size(); ++i) {
       densities_[i].push_back(
-          std::exp(log_student(own_, mahalanobis2(scene_, own_, samples_[i].pose))));
+          std::exp(log_student(peak, mahalanobis2(scene_, peak, samples_[i].pose))));
     }
-    components_.push_back(own_);
-    for (double& share : shares_) share *= 0.7;
-    shares_.push_back(0.3);
+    components_.push_back(peak);
+    for (double& share : shares_) share *= 0.85;
+    shares_.push_back(0.15);
     drawn_.push_back(0);
+  }
+
+  /// A component about the heaviest sample, with the moments of its neighbours, of which each
+  /// counts by its weight and by the mean weight alike.
+  Peak about_heaviest() const {
+    const PosteriorSample& heaviest =
+        *std::ranges::max_element(samples_, {}, &PosteriorSample::weight);
+    Peak here = own_;
+    here.center = heaviest.pose;
+    std::vector<std::pair<double, std::size_t>> order;
+    for (std::size_t i = 0; i < samples_.size(); ++i) {
+      if (!std::isfinite(samples_[i].log_target)) continue;
+      order.emplace_back(mahalanobis2(scene_, here, samples_[i].pose), i);
+    }
+    const std::size_t count = std::min(order.size(), kNeighbours);
+    std::ranges::partial_sort(order, order.begin() + static_cast<std::ptrdiff_t>(count));
+    Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(here.center.size(), here.center.size());
+    double total = 0;
+    for (std::size_t k = 0; k < count; ++k) {
+      const PosteriorSample& sample = samples_[order[k].second];
+      const double weight = sample.weight + 1 / total_drawn();
+      const PoseVector d = pose_difference(scene_, here.center, sample.pose);
+      covariance += weight * d * d.transpose();
+      total += weight;
+    }
+    here.covariance = covariance / total;
+    finish_peak(here);
+    return here;
   }
 
   const PoseObjective& objective_;
@@ -297,7 +372,7 @@ class Sampler {
   const std::vector<Peak>& peaks_;
   const std::vector<const Refined*>& optima_;
   double inflation_;
-  std::mt19937_64 random_;
+  EvenPoints points_;
   GridProposal grid_;
   std::vector<Peak> components_;  // Student t: the peaks, then the samples' moments
   std::vector<double> shares_;    // of the grid, then of the components; sums to one
@@ -349,8 +424,8 @@ PosteriorSamples sample_posterior(const PoseObjective& objective, const SampleLi
                                   const SamplingOptions& options) {
   Sampler sampler(objective, lights, peaks, optima, scored, options);
   const int stage = std::max(options.samples / kStages, 1);
-  // The model itself is dear: half as many will do.
-  const double enough = options.samples / (lights.far.models == nullptr ? 3.0 : 6.0);
+  // The model itself is dear: fewer will do.
+  const double enough = options.samples / (lights.far.models == nullptr ? 3.0 : 4.0);
   while (sampler.count() < kMostTimes * options.samples) {
     sampler.stage(stage);
     if (sampler.settled() && sampler.effective() >= enough) break;

@@ -300,8 +300,13 @@ Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& 
     PoseVector mean = peaks[j].center;
     Eigen::MatrixXd covariance = peaks[j].covariance;
     // Moments need several samples per dimension; with fewer the Laplace shape is kept.
-    if (weight * weight / squares > 2.0 * static_cast<double>(mean.size())) {
+    const double effective = weight * weight / squares;
+    const auto n = static_cast<double>(mean.size());
+    if (effective > 2 * n) {
       moments(scene, own, peaks[j].center, mean, covariance);
+      // The samples' mean is off by a share 1 / N of the covariance, and the inverse of theirs too
+      // large by N / (N - n - 1).
+      covariance *= 1 + (n + 2) / effective;
       covariance += 1e-4 * peaks[j].covariance;
     }
     if (weight > std::exp(-options.negligible)) add_mode(j, weight, mean, covariance);
