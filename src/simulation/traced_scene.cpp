@@ -2,6 +2,7 @@
 #include "blindcorner/simulation/traced_scene.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "blindcorner/forward/constants.h"
@@ -78,9 +79,26 @@ HistogramCube object_light(const TracedScene& traced, std::size_t pose) {
   return light;
 }
 
+TracedScene rendered_objects(const Scene& scene, const TracedScene& traced, double sampling) {
+  const auto renderer =
+      make_reference_renderer(scene, sensor_placement(scene), reference_sampling(sampling));
+  TracedScene rendered = traced;
+  const auto forget = [](HistogramCube& errors) { std::ranges::fill(errors.values, 0.0); };
+  forget(rendered.empty.standard_error);
+  for (std::size_t i = 0; i < rendered.poses.size(); ++i) {
+    TracedLight& light = rendered.light[i];
+    light.mean = renderer->three_bounce(rendered.poses[i]);
+    for (std::size_t k = 0; k < light.mean.values.size(); ++k) {
+      light.mean.values[k] += rendered.empty.mean.values[k];
+    }
+    forget(light.standard_error);
+  }
+  return rendered;
+}
+
 TracedCaptures::TracedCaptures(const Scene& scene, TracedScene traced,
                                const HistogramCube* own_light)
-    : scene_(scene), traced_(std::move(traced)) {
+    : scene_(scene), traced_(std::move(traced)), objects_alone_(own_light != nullptr) {
   const HistogramCube& own = own_light != nullptr ? *own_light : traced_.empty.mean;
   LinearValues linear;
   for (std::size_t i = 0; i < poses(); ++i) {
@@ -96,6 +114,14 @@ TracedCaptures::TracedCaptures(const Scene& scene, TracedScene traced,
     // The tracer's noise about a mean of zero.
     for (double& value : expected_.back().values) value = std::max(value, 0.0);
   }
+}
+
+HistogramCube TracedCaptures::standard_error(std::size_t pose) const {
+  HistogramCube error = traced_.light[pose].standard_error;
+  for (std::size_t k = 0; k < error.values.size() && objects_alone_; ++k) {
+    error.values[k] = std::hypot(error.values[k], traced_.empty.standard_error.values[k]);
+  }
+  return error;
 }
 
 Capture TracedCaptures::capture(std::size_t pose, double photons, std::uint64_t seed) const {

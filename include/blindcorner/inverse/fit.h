@@ -31,7 +31,7 @@ struct FitOptions {
   /// are worth their seconds; else poses are scored in closed form.
   int captures_per_placement = 1;
   /// Most memory for compiled sensor placements, bytes; the least recently used go first.
-  std::size_t cache_bytes = 128'000'000;
+  std::size_t cache_bytes = 48'000'000;
   /// Most candidates that are refined by nonlinear least squares.
   int max_starts = 24;
   /// A candidate or mode is dropped when its log posterior is this far below the best one.

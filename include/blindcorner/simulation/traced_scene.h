@@ -33,6 +33,10 @@ TracedScene read_traced_scene(const Scene& scene, const std::string& path);
 /// What the object adds to the light at a pose; negative where the tracer's noise is.
 HistogramCube object_light(const TracedScene& traced, std::size_t pose);
 
+/// The same poses with the objects' light from the reference renderer, `sampling` times as coarse
+/// as its default, without standard errors: what is left when the tracer's noise is none.
+TracedScene rendered_objects(const Scene& scene, const TracedScene& traced, double sampling);
+
 /// Draws captures of a traced scene.
 class TracedCaptures {
  public:
@@ -41,6 +45,9 @@ class TracedCaptures {
 
   std::size_t poses() const { return traced_.poses.size(); }
   const TracedScene& traced() const { return traced_; }
+  /// Standard errors of what was traced in that, W/m^2 per bin: of the empty scene's light as well
+  /// where that was taken away.
+  HistogramCube standard_error(std::size_t pose) const;
   /// Expected counts of one exposure: gain * light + ambient.
   const HistogramCube& expected(std::size_t pose) const { return expected_[pose]; }
   /// Exposures after which the object's light has this many photons in the mean over the poses.
@@ -56,6 +63,7 @@ class TracedCaptures {
   TracedScene traced_;
   std::vector<HistogramCube> expected_;
   double mean_counts_ = 0;
+  bool objects_alone_ = false;  ///< the empty scene's traced light was taken away
 };
 
 }  // namespace blindcorner
