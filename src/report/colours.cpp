@@ -15,14 +15,14 @@ constexpr std::array<const char*, 8> kSeries{"#0072b2", "#d55e00", "#009e73", "#
 constexpr std::array<std::pair<std::string_view, const char*>, 11> kMethods{
     {{"solver", kFound},
      {"oracle", kTruth},
-     {"los", kLine},
+     {"los", "var(--series-0,#0072b2)"},
      {"cnn", "var(--series-3,#7a5ccf)"},
      {"published network", "var(--series-3,#7a5ccf)"},
      {"cnn_wide", "var(--series-7,#cc79a7)"},
      {"wide network", "var(--series-7,#cc79a7)"},
-     {"back-projection", "var(--series-0,#0072b2)"},
+     {"back-projection", "var(--series-5,#3a8fd0)"},
      {"multilateration", "var(--series-6,#8f6b2e)"},
-     {"oracle_disc", "var(--series-5,#3a8fd0)"},
+     {"oracle_disc", "var(--series-4,#e69f00)"},
      {"oracle_covariance", kTruth}}};
 
 }  // namespace

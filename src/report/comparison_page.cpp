@@ -180,9 +180,10 @@ std::string comparison_headline(const ComparisonReport& report) {
     };
     const MethodFigures& best = *std::ranges::min_element(methods, {}, error);
     if (!std::isfinite(best.position.value)) continue;
-    text += (text.empty() ? "" : " ") + formatted("On %s, ", scene.scene.c_str()) + best.method +
-            " has the smallest error: half of its answers are within " +
-            said_length(best.position.value) + " of the truth.";
+    text += (text.empty() ? "" : " ") +
+            formatted("On %s the smallest error is that of ", scene.scene.c_str()) + best.method +
+            ": half of its answers are within " + said_length(best.position.value) +
+            " of the truth.";
   }
   return text;
 }

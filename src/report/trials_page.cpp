@@ -71,8 +71,8 @@ std::vector<std::pair<const char*, const char*>> pairs_of(const Results& results
 }
 
 std::string colour_of(const std::string& name) {
-  if (name == "published los" || name == "published") return colour::kGrid;
-  if (name == "published nlos") return colour::kSearch;
+  if (name == "published los" || name == "published") return "var(--edge,#b9c0c7)";
+  if (name == "published nlos") return colour::kLine;
   return colour::of_method(name);
 }
 
