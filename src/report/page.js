@@ -42,7 +42,7 @@
 
   function probability(p) {
     if (!finite(p)) return "–";
-    if (p > 0 && p < 1e-6) return "< 10⁻⁶";
+    if (p < 1e-6) return "< 10⁻⁶";
     if (p > 0 && p < 0.001) return p.toExponential(1).replace("-", "−");
     if (p < 1 && p > 0.999999) return "> 0.999999";
     return p.toFixed(p > 0.99 && p < 1 ? 1 + Math.ceil(-Math.log(1 - p) / Math.LN10) : 3);
@@ -437,7 +437,8 @@
       eachObject(function (o) {
         if (!holds(mode.pose, o) || (i > 0 && o > 0)) return;
         var p = point(mode.pose, o), e = ellipse(mode, o);
-        var text = (i + 1) + ": " + (100 * mode.weight).toFixed(mode.weight > 0.995 ? 1 : 0) + " %";
+        var share = mode.weight < 0.01 ? "< 1" : (100 * mode.weight).toFixed(mode.weight > 0.995 ? 1 : 0);
+        var text = (i + 1) + ": " + share + " %";
         if (objects.length > 1) text = objects[o].name + (o === 0 ? ", " + text : "");
         var leftwards = (place("yaw_rad", o) >= 0 && Math.cos(component(mode.pose, "yaw_rad", o)) > 0) ||
           x(p[0]) + 12 + 7 * text.length > right;
