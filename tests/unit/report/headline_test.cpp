@@ -39,7 +39,7 @@ PoseMode mode_at(double x, double y, double sigma, double weight) {
   return mode;
 }
 
-FitResult result_of(std::vector<PoseMode> modes) {
+FitResult result_to_say(std::vector<PoseMode> modes) {
   FitResult result;
   result.sources = {"capture.exr"};
   result.indices = {0};
@@ -50,7 +50,8 @@ FitResult result_of(std::vector<PoseMode> modes) {
 
 // 95 % of two independent coordinates lie within 2.45 of their common standard deviation.
 TEST(Headline, SaysWhereTheObjectIsGiveOrTakeHowMuch) {
-  const std::string text = fit_headline(plane_scene(), result_of({mode_at(0.307, 0.521, 0.02, 1)}));
+  const std::string text =
+      fit_headline(plane_scene(), result_to_say({mode_at(0.307, 0.521, 0.02, 1)}));
   EXPECT_THAT(text, StartsWith("Found at x 0.31 m, y 0.52 m, give or take 5 cm"));
   EXPECT_THAT(text, HasSubstr("turned to 29 degrees, give or take 12"));
 }
@@ -74,7 +75,7 @@ TEST(Headline, RadiusHoldsNineteenOfTwentyDraws) {
 }
 
 TEST(Headline, NothingFoundShowsNoPlace) {
-  FitResult result = result_of({mode_at(0.3, 0.5, 0.02, 1)});
+  FitResult result = result_to_say({mode_at(0.3, 0.5, 0.02, 1)});
   result.flags = {"nothing_detected"};
   const std::string text = fit_headline(plane_scene(), result);
   EXPECT_THAT(text, AllOf(StartsWith("Nothing found"), Not(HasSubstr("0.3"))));
@@ -83,7 +84,7 @@ TEST(Headline, NothingFoundShowsNoPlace) {
 
 TEST(Headline, SeveralModesAreSeveralPlaces) {
   const std::string text = fit_headline(
-      plane_scene(), result_of({mode_at(0.3, 0.5, 0.02, 0.6), mode_at(0.8, 0.5, 0.02, 0.4)}));
+      plane_scene(), result_to_say({mode_at(0.3, 0.5, 0.02, 0.6), mode_at(0.8, 0.5, 0.02, 0.4)}));
   EXPECT_THAT(text, StartsWith("Two places explain the light: at x 0.30 m, y 0.50 m"));
   EXPECT_THAT(text, AllOf(HasSubstr("(60 %); or at x 0.80 m"), HasSubstr("(40 %)")));
 }
@@ -93,13 +94,13 @@ TEST(Headline, ModesAtOnePlaceAreSeveralAnswers) {
   PoseMode other = mode_at(0.31, 0.5, 0.02, 0.4);
   other.pose[2] = -0.5;
   const std::string text =
-      fit_headline(plane_scene(), result_of({mode_at(0.3, 0.5, 0.02, 0.6), other}));
+      fit_headline(plane_scene(), result_to_say({mode_at(0.3, 0.5, 0.02, 0.6), other}));
   EXPECT_THAT(text, AllOf(StartsWith("Two answers explain the light"), HasSubstr("turned to 29"),
                           HasSubstr("turned to -29")));
 }
 
 TEST(Headline, DoubtIsSaid) {
-  FitResult result = result_of({mode_at(0.3, 0.5, 0.02, 1)});
+  FitResult result = result_to_say({mode_at(0.3, 0.5, 0.02, 1)});
   result.posterior.presence_probability = 0.7;
   EXPECT_THAT(fit_headline(plane_scene(), result), HasSubstr("may not be there"));
   result.posterior.modes.front().undetermined = {1};
@@ -107,11 +108,11 @@ TEST(Headline, DoubtIsSaid) {
 }
 
 TEST(Headline, ManyCapturesAreCounted) {
-  FitResult nothing = result_of({mode_at(0.3, 0.5, 0.02, 1)});
+  FitResult nothing = result_to_say({mode_at(0.3, 0.5, 0.02, 1)});
   nothing.flags = {"nothing_detected"};
   FitResult failed;
   failed.error = "damaged";
-  const FitResult found = result_of({mode_at(0.3, 0.5, 0.02, 1)});
+  const FitResult found = result_to_say({mode_at(0.3, 0.5, 0.02, 1)});
   EXPECT_EQ(fits_headline({found, found, nothing, failed}),
             "Found in 2 of 4 captures, nothing in 1, 1 could not be fitted.");
 }
@@ -122,7 +123,7 @@ TEST(Pages, CarryTheSentenceDarkColoursAndTablesThatScroll) {
   EXPECT_THAT(page, HasSubstr("<p class=\"headline\">Found &amp; lost.</p>"));
   EXPECT_THAT(page, HasSubstr("prefers-color-scheme: dark"));
   EXPECT_THAT(page, HasSubstr("<div class=\"wide\"><table><tr><td>1</tr></table></div>"));
-  const std::string fit = result_page(plane_scene(), {result_of({mode_at(0.3, 0.5, 0.02, 1)})});
+  const std::string fit = result_page(plane_scene(), {result_to_say({mode_at(0.3, 0.5, 0.02, 1)})});
   EXPECT_THAT(fit, AllOf(HasSubstr("\"headline\":\"Found at x 0.30 m"),
                          HasSubstr("prefers-color-scheme: dark")));
 }

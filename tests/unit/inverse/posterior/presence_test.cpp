@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Stated probabilities of presence, over captures with and without an object.
+/// StatedPresence probabilities of presence, over captures with and without an object.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -27,7 +27,7 @@ Scene calibrated_mirrors() {
   return scene;
 }
 
-struct Stated {
+struct StatedPresence {
   double presence = 0;
   bool there = false;
 
@@ -37,14 +37,14 @@ struct Stated {
 
 /// Captures drawn from the scene's own priors, every second one of nothing. `noise` multiplies the
 /// variance that the scene states.
-std::vector<Stated> stated_presence(const Scene& scene, int count, double noise) {
+std::vector<StatedPresence> stated_presence(const Scene& scene, int count, double noise) {
   const auto model = make_fast_model(scene, sensor_placement(scene));
   FitOptions options;
   options.empty_captures = 0;
   const Fitter fitter(scene, options);
   std::mt19937_64 random(7);
   std::normal_distribution<double> normal;
-  std::vector<Stated> list;
+  std::vector<StatedPresence> list;
   for (int i = 0; i < count; ++i) {
     const bool there = i % 2 == 0;
     const double amplitude =
@@ -74,7 +74,7 @@ std::vector<Stated> stated_presence(const Scene& scene, int count, double noise)
 // 1e9 here.
 TEST(Presence, IsRightAsOftenAsItIsStated) {
   double surprise = 0, surprise_variance = 0, excess = 0, excess_variance = 0;
-  for (const Stated& s : stated_presence(calibrated_mirrors(), 300, 1)) {
+  for (const StatedPresence& s : stated_presence(calibrated_mirrors(), 300, 1)) {
     const double p = std::min(std::max(s.presence, 1e-12), 1 - 1e-12);
     const double logit = std::log(p / (1 - p));
     excess += (s.there ? 1 : 0) - p;
@@ -90,8 +90,8 @@ TEST(Presence, IsRightAsOftenAsItIsStated) {
 // less. A claim of a thousand to one is then wrong in no more than one of a hundred captures.
 TEST(Presence, IsNotCertainOfWhatIsWrongWhereTheNoiseIsWider) {
   int wrong = 0;
-  const std::vector<Stated> list = stated_presence(calibrated_mirrors(), 300, 2);
-  for (const Stated& s : list) wrong += s.right() < 1e-3 ? 1 : 0;
+  const std::vector<StatedPresence> list = stated_presence(calibrated_mirrors(), 300, 2);
+  for (const StatedPresence& s : list) wrong += s.right() < 1e-3 ? 1 : 0;
   EXPECT_LE(wrong, 3);
 }
 
