@@ -16,7 +16,7 @@ namespace {
 constexpr double kLeft = 58, kRight = 12, kTop = 24, kBottom = 38;
 constexpr double kLegendRow = 14, kLegendGap = 14;
 /// Width of a letter, pixels, rather more than less: for breaking the legend into rows.
-constexpr double kLetter = 6.2;
+constexpr double kLetter = 6.8;
 /// About as many ticks fit on an axis.
 constexpr int kTicks = 4;
 constexpr int kMostDecades = 8;
@@ -203,9 +203,9 @@ void add_series(const Chart& chart, std::size_t i, const Axis& x, const Axis& y,
 std::string chart_svg(const Chart& chart) {
   std::string svg = formatted(
       "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %d %d\" width=\"%d\" height=\"%d\" "
-      "font-family=\"sans-serif\" font-size=\"11\">",
+      "font-family=\"sans-serif\" font-size=\"12\">",
       chart.width, chart.height, chart.width, chart.height);
-  svg += formatted("<text x=\"%.0f\" y=\"14\" font-size=\"12\" font-weight=\"600\">", kLeft) +
+  svg += formatted("<text x=\"%.0f\" y=\"14\" font-size=\"13\" font-weight=\"600\">", kLeft) +
          html_safe(chart.title) + "</text>";
   const double top = kTop + add_legend(chart, svg);
   Axis x(chart.logarithmic), y(chart.logarithmic);
