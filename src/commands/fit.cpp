@@ -255,7 +255,9 @@ int run_fit(const FitArguments& arguments) {
   options.captures_per_placement = captures_per_placement(inputs);
   std::vector<FitResult> results;
   make_directory(arguments.output);
-  const Interruptible interruptible;
+  // One fit has nothing finished to keep: it ends at once.
+  std::optional<Interruptible> interruptible;
+  if (!arguments.joint && inputs.size() > 1) interruptible.emplace();
   {
     std::optional<StageProgress> stages;
     if (arguments.joint || inputs.size() == 1) {
