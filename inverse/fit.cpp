@@ -9,6 +9,7 @@
 #include <chrono>
 #include <cmath>
 #include <functional>
+#include <iterator>
 #include <limits>
 #include <list>
 #include <memory>
@@ -18,6 +19,7 @@
 #include "blindcorner/forward/error.h"
 #include "blindcorner/forward/scene/validate.h"
 #include "blindcorner/forward/transport/transport_plan.h"
+#include "blindcorner/inverse/hints.h"
 #include "inverse/likelihood/direct_error.h"
 #include "inverse/posterior/detection.h"
 #include "inverse/posterior/fitted_histograms.h"
@@ -314,6 +316,12 @@ struct Fitter::Impl {
   std::list<std::shared_ptr<Prepared>> prepared;  ///< last used first
   std::once_flag home_once;
   std::shared_ptr<Prepared> home;  ///< at the scene's own sensor placement; kept
+  std::once_flag hints_once;
+  std::vector<std::string> hints;  ///< about the scene, from the first capture's sensor placement
+
+  void doing(const char* what) const {
+    if (options.progress) options.progress(what, 0);
+  }
 
   /// The scene compiled for these placements; compiled once, by whoever comes first.
   std::shared_ptr<Prepared> prepare(const std::vector<SensorPlacement>& placements) {
@@ -423,6 +431,9 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   if (!captures.empty()) result.truth = captures.front().truth;
 
   // What no capture changes: models, windows, scored poses.
+  std::call_once(hints_once, [&] { hints = scene_hints(scene, placements.front()); });
+  result.hints = hints;
+  doing("compiling");
   const std::shared_ptr<Prepared> known = prepare(placements);
   const CompiledScene& compiled = *known->compiled;
   const Observation observation = observe(compiled, captures);
@@ -449,6 +460,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   }
 
   // The scene without an object; every pose on the grid; the best ones refined.
+  doing("scoring");
   LinearSolution empty;
   const PoseValue nothing = objective.evaluate_empty(empty);
   Scored scored = score(objective, empty, options.max_starts, options.negligible_log_posterior);
@@ -456,6 +468,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
     add_starts(*part, captures, objective, scored);
   }
   result.time_ms.score = stage.lap();
+  doing("refining");
   std::vector<Refined> basins;
   std::vector<PoseVector> approached;  // with a wide pulse
   double best = -std::numeric_limits<double>::infinity();
@@ -538,6 +551,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   result.time_ms.refine = stage.lap();
 
   // How sure: goodness of fit, Fisher information, evidences.
+  doing("weighing explanations");
   PosteriorOptions sampling;
   sampling.negligible = options.negligible_log_posterior;
   sampling.samples = samples_for(options, scene);
@@ -562,6 +576,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   result.time_ms.uncertainty = stage.lap();
 
   // Is there anything at all?
+  doing("comparing with empty captures");
   const double log_evidence_empty =
       nothing.log_integrand - nothing.log_likelihood * (1 - 1 / sampling.inflation);
   result.posterior.presence_probability =
@@ -580,6 +595,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
     result.histograms.push_back(
         fitted_histograms(objective, optima.front(), at, captures[i], static_cast<int>(i)));
   }
+  std::ranges::copy(fit_hints(scene, result), std::back_inserter(result.hints));
   result.time_ms.total = total.lap();
   return result;
 }

@@ -113,9 +113,13 @@ void check_fields(const CnnDescription& d, const std::string& where) {
   const auto fail = [&](const std::string& field, const std::string& accepted) {
     throw Error(where + ": metadata." + field, "accepted: " + accepted);
   };
-  if (d.zones < 1) fail("zones", "a whole number > 0");
+  // As of a scene: a file cannot ask for a network of any size.
+  constexpr int kMostZones = 256 * 256, kMostBins = 131072;
+  if (d.zones < 1 || d.zones > kMostZones) fail("zones", "1 to " + std::to_string(kMostZones));
   const int fewest = fewest_bins(d.network);
-  if (d.bins < fewest) fail("bins", "a whole number >= " + std::to_string(fewest));
+  if (d.bins < fewest || d.bins > kMostBins) {
+    fail("bins", std::to_string(fewest) + " to " + std::to_string(kMostBins));
+  }
   if (!(d.bin_width >= 0)) fail("bin_width_ps", "a number >= 0");
   if (!(d.input_scale > 0)) fail("input_scale", "a number > 0");
   const std::size_t values = static_cast<std::size_t>(d.zones) * static_cast<std::size_t>(d.bins);

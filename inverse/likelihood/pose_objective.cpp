@@ -230,7 +230,8 @@ PoseValue PoseObjective::evaluate_empty(LinearSolution& solution) const {
   solver_.solve(buffer.shapes, solution, false);
   PoseValue value;
   value.log_likelihood = solution.log_likelihood;
-  value.log_posterior = solution.log_likelihood;
+  // The ambient light has its prior with and without an object.
+  value.log_posterior = solution.log_likelihood + solution.log_prior;
   value.log_integrand = value.log_posterior + solution.log_volume;
   return value;
 }

@@ -482,12 +482,16 @@ std::vector<CompiledScene::ObjectGrid> render_objects(const CompiledScene& compi
 
 namespace {
 
-/// The fast models of all captures.
-ModelSet make_models(const CompiledScene& compiled, FastModelOptions fast) {
+/// The fast models of all captures; `made` is told the share that is there.
+ModelSet make_models(const CompiledScene& compiled, FastModelOptions fast,
+                     const std::function<void(double)>& made = {}) {
   ModelSet set;
   for (const SensorPlacement& placement : compiled.placements) {
     set.push_back(make_fast_model(compiled.knowledge->transport(), placement, fast));
     fast.fidelity = set.front()->fidelity();
+    if (made) {
+      made(static_cast<double>(set.size()) / static_cast<double>(compiled.placements.size()));
+    }
   }
   return set;
 }
@@ -581,7 +585,10 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
     fast.fidelity = knowledge->fidelity(tolerance);
     fast.tolerance = tolerance;
     fast.extra_pulse_sigma = extra_sigma;
-    return make_models(*compiled, fast);
+    const auto made = [&](double share) {
+      if (options.progress && placements.size() > 1) options.progress("compiling", share);
+    };
+    return make_models(*compiled, fast, made);
   };
   const double features =
       static_cast<double>(placements.size()) * scene.sensor.zone_count() * scene.sensor.bins * 0.6;

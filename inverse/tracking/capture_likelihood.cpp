@@ -107,7 +107,7 @@ class CaptureLikelihood final : public FrameLikelihood {
   }
 
   double log_evidence_empty(double inflation) const override {
-    return empty_.log_likelihood / inflation + empty_.log_volume;
+    return empty_.log_likelihood / inflation + empty_.log_prior + empty_.log_volume;
   }
 
   void describe(const Eigen::VectorXd& at, FitResult& result) const override {

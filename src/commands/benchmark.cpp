@@ -74,7 +74,7 @@ void write_study(const StudyArguments& arguments, const StudyFiles& files, const
   write_atomically(study_path(arguments, files, ".csv"), csv);
   write_atomically(
       study_path(arguments, files, ".html"),
-      plain_page(files.title, "<p>" + html_safe(files.text) + "</p>\n" + charts_html(charts)));
+      plain_page(files.title, "", "<p>" + html_safe(files.text) + "</p>\n" + charts_html(charts)));
 }
 
 void print_study_files(const StudyArguments& arguments, const StudyFiles& files) {

@@ -26,6 +26,7 @@
 #include "blindcorner/simulation/credible_level.h"
 #include "blindcorner/simulation/traced_scene.h"
 #include "commands/benchmark.h"
+#include "commands/interrupt.h"
 #include "commands/output_directory.h"
 #include "commands/progress.h"
 #include "commands/synthetic_trials.h"
@@ -476,14 +477,27 @@ Row study(const LightArguments& arguments, const Scene& scene, const TracedCaptu
   if (!arguments.captures_directory.empty()) save_captures(arguments, scene, photons, captures);
   const Fitter fitter(scene, arguments.fit);
   Progress progress(scene.name + formatted(", %g photons", photons), count);
+  std::vector<char> done(count);
   const auto run = [&](std::size_t i) {
+    if (Interruptible::asked()) return;
+    done[i] = 1;
     row.trials[i] = run_trial(fitter, judge, captures[i], truth.traced().poses[i % poses]);
     progress.advance();
   };
   run(0);
-  row.first_ms = row.trials[0].time_ms;
+  row.first_ms = row.trials[0].time_ms;  // 0 where that was not begun
   tbb::parallel_for(std::size_t{1}, count, run, tbb::simple_partitioner());
   progress.finish();
+  std::vector<Trial> finished;
+  for (std::size_t i = 0; i < count; ++i) {
+    if (done[i] != 0) finished.push_back(std::move(row.trials[i]));
+  }
+  if (finished.size() < count) {
+    tell_interrupted(finished.size(), count,
+                     "captures of " + scene.name + formatted(" at %g photons", photons),
+                     "the table holds these");
+  }
+  row.trials = std::move(finished);
   return row;
 }
 
@@ -493,6 +507,7 @@ int run_light(const LightArguments& arguments) {
   std::vector<Row> rows;
   int failed = 0;
   print_head();
+  const Interruptible interruptible;
   for (const std::string& path : light_scenes(arguments)) {
     Scene scene = read_scene(path);
     if (arguments.own_light == "none") scene.linear.fixed_direct = 0;
@@ -506,7 +521,9 @@ int run_light(const LightArguments& arguments) {
     judging.max_poses = 1;  // it only descends
     const ExhaustiveSearch judge(scene, judging);
     for (const double photons : arguments.photons) {
+      if (Interruptible::asked()) return kSomeFailed;
       rows.push_back(study(arguments, scene, truth, poses, judge, photons));
+      if (rows.back().trials.empty()) return kSomeFailed;
       rows.back().bound = std::sqrt(bounds.photon / truth.exposures(photons));
       rows.back().file_limit = std::sqrt(bounds.file);
       rows.back().expected_ratio = std::sqrt(1 + bounds.against * truth.exposures(photons));
@@ -521,7 +538,7 @@ int run_light(const LightArguments& arguments) {
     }
   }
   print_study_files(arguments, kFiles);
-  return failed > 0 ? kSomeFailed : kAllWell;
+  return failed > 0 || Interruptible::asked() ? kSomeFailed : kAllWell;
 }
 
 }  // namespace

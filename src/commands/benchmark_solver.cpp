@@ -20,6 +20,7 @@
 #include "blindcorner/io/scene_file.h"
 #include "blindcorner/simulation/synthetic.h"
 #include "commands/benchmark.h"
+#include "commands/interrupt.h"
 #include "commands/output_directory.h"
 #include "commands/progress.h"
 #include "commands/synthetic_trials.h"
@@ -51,6 +52,7 @@ constexpr std::size_t kFirstCaptures = 3;
 /// What became of one synthetic capture.
 struct Trial {
   double photons = 0;
+  bool done = false;
   bool failed = false;
   std::string error;
   bool reached = false;
@@ -110,6 +112,7 @@ Trial run_trial(const Scene& scene, const Capture& capture, const PoseVector& tr
 struct Study {
   std::vector<Trial> trials;
   std::vector<double> first_ms;
+  std::size_t planned = 0;  ///< trials, of which fewer are there after an interruption
 };
 
 struct Row {
@@ -235,11 +238,15 @@ Study run_study(const SolverArguments& arguments, const std::string& path) {
   study.trials.resize(count);
   Progress fitting(scene.name + ": " + std::to_string(exhaustive.poses()) + " poses each", count);
   tbb::parallel_for(std::size_t{0}, count, [&](std::size_t i) {
+    if (Interruptible::asked()) return;
     study.trials[i] = run_trial(scene, captures[i], truths[i], fitter, exhaustive);
     study.trials[i].photons = *budgets[i].third_bounce_photons;
+    study.trials[i].done = true;
     fitting.advance();
   });
   fitting.finish();
+  study.planned = count;
+  std::erase_if(study.trials, [](const Trial& trial) { return !trial.done; });
   return study;
 }
 
@@ -249,8 +256,13 @@ int run_solver(const SolverArguments& arguments) {
               "optimum", "right", "(bound)", "median m", "90 % m", "first ms", "median ms",
               "most ms");
   nlohmann::json all = nlohmann::json::array();
+  const Interruptible interruptible;
   for (const std::string& path : arguments.scenes) {
     const Study study = run_study(arguments, path);
+    if (study.trials.empty()) {
+      tell_interrupted(0, study.planned, "captures of " + path);
+      return kSomeFailed;
+    }
     const std::string name = std::filesystem::path(path).stem().string();
     const Row row = summarise(name, study);
     std::printf("%-18s %8d %8d %8.1f%% %7.1f%% %7.1f%% %9.3f %9.3f %9.1f %9.1f %9.1f\n",
@@ -262,6 +274,11 @@ int run_solver(const SolverArguments& arguments) {
     if (!arguments.output.empty()) {
       write_atomically((std::filesystem::path(arguments.output) / "solver.json").string(),
                        all.dump(1) + "\n");
+    }
+    if (Interruptible::asked()) {
+      tell_interrupted(study.trials.size(), study.planned, "captures of " + path,
+                       "the table holds these");
+      return kSomeFailed;
     }
   }
   return kAllWell;

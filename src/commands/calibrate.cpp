@@ -73,7 +73,11 @@ int run_calibrate(const CalibrateArguments& arguments) {
         shown = std::max(shown, now);
       });
   progress.finish();
-  if (!arguments.no_page) {
+  if (arguments.no_page) {
+    // A page of an older calibration must not stand beside the new one.
+    std::error_code unimportant;
+    std::filesystem::remove(page_path(arguments.output), unimportant);
+  } else {
     write_atomically(page_path(arguments.output), calibration_page(scene, calibration));
   }
   write_atomically(arguments.output, instrument_json(scene, calibration).dump(1) + "\n");

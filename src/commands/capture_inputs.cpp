@@ -2,9 +2,12 @@
 #include "commands/capture_inputs.h"
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <sstream>
+#include <string_view>
 
 #include "blindcorner/forward/error.h"
 #include "blindcorner/io/capture_file.h"
@@ -54,7 +57,42 @@ void read_into(const std::string& path, double bin_width, std::vector<CaptureInp
   }
 }
 
+/// A whole number that is all of a text; nothing for anything else.
+std::optional<std::size_t> whole_number(std::string_view text) {
+  std::size_t value = 0;
+  const auto [end, code] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (text.empty() || code != std::errc() || end != text.data() + text.size()) return {};
+  return value;
+}
+
 }  // namespace
+
+void choose_captures(std::vector<CaptureInput>& inputs, const std::string& text) {
+  const std::size_t count = inputs.size();
+  const auto refuse = [&](const std::string& part) {
+    return Error("--captures", "found \"" + part + "\", accepted: places from 0 to " +
+                                   std::to_string(count - 1) + ", as 0-9,12,20-");
+  };
+  std::vector<bool> wanted(count);
+  std::istringstream parts(text + ",");
+  for (std::string part; std::getline(parts, part, ',');) {
+    const std::size_t dash = part.find('-');
+    const auto first = whole_number(std::string_view(part).substr(0, dash));
+    auto last = first;
+    if (dash != std::string::npos) {
+      const std::string_view end = std::string_view(part).substr(dash + 1);
+      last = end.empty() ? count - 1 : whole_number(end);
+    }
+    if (!first || !last || *first > *last || *last >= count) throw refuse(part);
+    std::fill(wanted.begin() + static_cast<std::ptrdiff_t>(*first),
+              wanted.begin() + static_cast<std::ptrdiff_t>(*last) + 1, true);
+  }
+  std::vector<CaptureInput> chosen;
+  for (std::size_t i = 0; i < count; ++i) {
+    if (wanted[i]) chosen.push_back(std::move(inputs[i]));
+  }
+  inputs = std::move(chosen);
+}
 
 std::vector<std::string> expand_directories(const std::vector<std::string>& paths) {
   std::vector<std::string> files;

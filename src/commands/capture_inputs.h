@@ -30,6 +30,10 @@ std::vector<std::string> expand_directories(const std::vector<std::string>& path
 std::vector<CaptureInput> read_capture_inputs(const std::vector<std::string>& paths,
                                               double bin_width);
 
+/// Keeps the inputs that `text` names: places from 0 over all files in their order, as
+/// "0-9,12,20-". Throws Error when it cannot be read, or names a place that there is not.
+void choose_captures(std::vector<CaptureInput>& inputs, const std::string& text);
+
 /// Throws Error with the first reason when no input has a capture.
 void require_readable(const std::vector<CaptureInput>& inputs);
 

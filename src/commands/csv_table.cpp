@@ -18,6 +18,7 @@ std::vector<std::string> cells(const std::string& line) {
     cell.erase(cell.find_last_not_of(" \t\r\"") + 1);
     list.push_back(cell);
   }
+  if (line.ends_with(',')) list.emplace_back();  // which getline does not see
   return list;
 }
 

@@ -12,6 +12,7 @@
 #include "blindcorner/forward/error.h"
 #include "blindcorner/forward/sensor/link_budget.h"
 #include "blindcorner/forward/transport/forward_model.h"
+#include "blindcorner/inverse/hints.h"
 #include "blindcorner/io/scene_file.h"
 #include "blindcorner/simulation/synthetic.h"
 #include "commands/capture_inputs.h"
@@ -27,6 +28,8 @@ namespace {
 constexpr double kTermSeconds = 2.0;
 /// Poses whose peak is below this share of the brightest one's do not count: they are dark.
 constexpr double kDark = 1e-3;
+/// Expected counts that no exposure will ever show, and whose exponents mean nothing.
+constexpr double kNoPhoton = 1e-12;
 
 struct ExplainArguments {
   std::string scene;
@@ -234,10 +237,24 @@ int run_explain(const ExplainArguments& arguments) {
   decide_pile_up(plan, scene, zones);
   print_plan(arguments, scene, sensor, plan, options, poses);
 
+  for (const std::string& hint : scene_hints(scene, sensor)) std::printf("\n%s\n", hint.c_str());
+  if (!arguments.pose.empty()) {
+    for (const std::string& hint : placement_hints(scene, sensor, objects)) {
+      std::printf("\n%s\n", hint.c_str());
+    }
+  }
+
   std::printf("\nExpected counts of one capture at %s\n",
               arguments.pose.empty() ? "the scene's own pose" : arguments.pose.c_str());
   print_link(scene);
   print_zones(scene, zones);
+  if (std::ranges::all_of(zones,
+                          [](const ZoneBudget& b) { return !(b.three_bounce > kNoPhoton); })) {
+    std::printf(
+        "  No light of an object at this pose reaches a bin that is used: the pose is hidden from "
+        "the\n  relay, or out of the sensor's time.\n");
+    return kAllWell;
+  }
   std::printf(
       "  three-bounce counts over the standard deviation of all counts in the gate (S/N): above 3\n"
       "  a zone shows the object by itself\n");

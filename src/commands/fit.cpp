@@ -10,7 +10,9 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <set>
+#include <utility>
 
 #include "blindcorner/forward/error.h"
 #include "blindcorner/inverse/tracking/tracker.h"
@@ -22,9 +24,11 @@
 #include "commands/capture_inputs.h"
 #include "commands/commands.h"
 #include "commands/fit_table.h"
+#include "commands/interrupt.h"
 #include "commands/output_directory.h"
 #include "commands/progress.h"
 #include "commands/thread_limit.h"
+#include "report/headline.h"
 
 namespace blindcorner {
 
@@ -36,6 +40,7 @@ struct FitArguments {
   std::string scene;
   std::string instrument;
   std::vector<std::string> captures;
+  std::string chosen;
   std::string output;
   bool joint = false;
   bool track = false;
@@ -81,16 +86,20 @@ void name_captures(FitResult& result, const std::vector<const Capture*>& capture
 /// Each capture on its own, in parallel; results in the order of the inputs.
 std::vector<FitResult> fit_each(const Fitter& fitter, const std::vector<CaptureInput>& inputs) {
   std::vector<FitResult> results(inputs.size());
-  Progress progress("captures", inputs.size());
+  std::optional<Progress> progress;  // a single capture says what is being done
+  if (inputs.size() > 1) progress.emplace("captures", inputs.size());
   const auto fit_one = [&](std::size_t i) {
     if (!inputs[i].capture) {
       results[i] = failure(inputs[i]);
+    } else if (Interruptible::asked()) {
+      results[i].error = kInterrupted;
+      name_captures(results[i], {&*inputs[i].capture});
     } else {
       const Capture& capture = *inputs[i].capture;
       results[i] = guarded([&] { return fitter.fit(capture); });
       name_captures(results[i], {&capture});
     }
-    progress.advance();
+    if (progress) progress->advance();
   };
   // One task per capture: their times differ by an order of magnitude.
   tbb::parallel_for(std::size_t{0}, inputs.size(), fit_one, tbb::simple_partitioner());
@@ -130,6 +139,9 @@ std::vector<FitResult> fit_track(const Fitter& fitter, const Motion& motion,
     since += i > 0 ? motion.frame_interval : 0;
     if (!inputs[i].capture) {
       results.push_back(failure(inputs[i]));
+    } else if (Interruptible::asked()) {
+      results.emplace_back().error = kInterrupted;
+      name_captures(results.back(), {&*inputs[i].capture});
     } else {
       const Capture& capture = *inputs[i].capture;
       results.push_back(guarded([&] { return track_frame(fitter, tracker, capture, since); }));
@@ -160,10 +172,20 @@ std::vector<std::vector<CaptureConditions>> conditions_of_all(
   return conditions;
 }
 
+/// What was made of an older result in the same directory: nothing of it may stand beside a new
+/// one.
+void remove_stale(const fs::path& directory) {
+  for (const char* name : {"index.html", "evaluation.html", "evaluation.json"}) {
+    std::error_code unimportant;  // most often there is none
+    fs::remove(directory / name, unimportant);
+  }
+}
+
 /// The page first: whoever waits for result.json then finds both.
 void write_outputs(const FitArguments& arguments, const Scene& scene,
                    const std::vector<FitResult>& results, const std::vector<CaptureInput>& inputs) {
   const fs::path directory = arguments.output;
+  remove_stale(directory);
   if (!arguments.no_page) {
     const auto conditions = conditions_of_all(scene, inputs, arguments.joint);
     write_atomically((directory / "index.html").string(), result_page(scene, results, conditions));
@@ -193,6 +215,30 @@ int captures_per_placement(const std::vector<CaptureInput>& inputs) {
   return std::max(captures / std::max(static_cast<int>(placements.size()), 1), 1);
 }
 
+/// Sentences about what is odd, each once, with the number of captures that they are about.
+void tell_hints(const std::vector<FitResult>& results) {
+  std::vector<std::pair<std::string, std::size_t>> hints;
+  for (const FitResult& result : results) {
+    for (const std::string& hint : result.hints) {
+      const auto known =
+          std::ranges::find(hints, hint, &std::pair<std::string, std::size_t>::first);
+      if (known == hints.end()) {
+        hints.emplace_back(hint, 1);
+      } else {
+        ++known->second;
+      }
+    }
+  }
+  constexpr std::size_t kMostHints = 5;
+  for (std::size_t i = 0; i < std::min(hints.size(), kMostHints); ++i) {
+    std::fprintf(stderr, "blindcorner: hint: %s\n", hints[i].first.c_str());
+  }
+  if (hints.size() > kMostHints) {
+    std::fprintf(stderr, "blindcorner: hint: %zu more like these, in result.json\n",
+                 hints.size() - kMostHints);
+  }
+}
+
 int run_fit(const FitArguments& arguments) {
   arguments.options.validate();
   const ThreadLimit threads(arguments.threads);
@@ -202,22 +248,40 @@ int run_fit(const FitArguments& arguments) {
                              ? scene.sensor.bin_width
                              : read_scene(arguments.scene).sensor.bin_width;
   std::vector<CaptureInput> inputs = read_capture_inputs(arguments.captures, nominal);
+  if (!arguments.chosen.empty() && !inputs.empty()) choose_captures(inputs, arguments.chosen);
   require_readable(inputs);
   leave_out_saturated_bins(scene.sensor, inputs);
   FitOptions options = arguments.options;
   options.captures_per_placement = captures_per_placement(inputs);
-  const Fitter fitter(scene, options);
+  std::vector<FitResult> results;
   make_directory(arguments.output);
-
-  const std::vector<FitResult> results =
-      arguments.joint   ? fit_joint(fitter, inputs)
-      : arguments.track ? fit_track(fitter, read_motion(arguments.scene), inputs)
-                        : fit_each(fitter, inputs);
+  // One fit has nothing finished to keep: it ends at once.
+  std::optional<Interruptible> interruptible;
+  if (!arguments.joint && inputs.size() > 1) interruptible.emplace();
+  {
+    std::optional<StageProgress> stages;
+    if (arguments.joint || inputs.size() == 1) {
+      stages.emplace("preparing");
+      options.progress = [&](const char* doing, double share) { stages->now(doing, share); };
+    }
+    const Fitter fitter(scene, options);
+    results = arguments.joint   ? fit_joint(fitter, inputs)
+              : arguments.track ? fit_track(fitter, read_motion(arguments.scene), inputs)
+                                : fit_each(fitter, inputs);
+  }
   write_outputs(arguments, scene, results, inputs);
   std::fputs(fit_table(scene, results).c_str(), stdout);
+  std::printf("%s\n",
+              (results.size() == 1 ? fit_headline(scene, results.front()) : fits_headline(results))
+                  .c_str());
+  tell_hints(results);
+  const auto undone = static_cast<std::size_t>(
+      std::ranges::count(results, std::string(kInterrupted), &FitResult::error));
+  if (undone > 0) tell_interrupted(results.size() - undone, results.size(), "captures");
+  std::erase_if(results, [](const FitResult& r) { return r.error == kInterrupted; });
   const std::string failures = failure_lines(results);
   std::fputs(failures.c_str(), stderr);
-  return failures.empty() ? kAllWell : kSomeFailed;
+  return failures.empty() && undone == 0 ? kAllWell : kSomeFailed;
 }
 
 void add_fit_options(CLI::App& command, FitArguments& arguments) {
@@ -268,6 +332,10 @@ void add_fit_command(CLI::App& app, int& exit_code) {
       .add_option("--instrument", arguments->instrument,
                   "what `calibrate` found out about the instrument")
       ->type_name("FILE");
+  command
+      .add_option("--captures", arguments->chosen,
+                  "only these captures, from 0 over all files in their order: 0-9,12,20-")
+      ->type_name("LIST");
   CLI::Option* joint =
       command.add_flag("--joint", arguments->joint, "one object seen in all captures: one fit");
   command

@@ -10,6 +10,7 @@
 #include "blindcorner/io/capture_file.h"
 #include "blindcorner/io/import_file.h"
 #include "commands/commands.h"
+#include "commands/truth_table.h"
 
 namespace blindcorner {
 
@@ -18,6 +19,7 @@ namespace {
 struct ImportArguments {
   std::vector<std::string> files;
   std::string output;
+  std::string truth;
   ImportOptions options;
   double bin_width_ps = 0.0;
   double bin_width_ns = 0.0;
@@ -40,7 +42,8 @@ int run_import(const ImportArguments& arguments) {
   options.sensor_rotation = Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ());
   options.validate();
   std::vector<std::string> warnings;
-  const CaptureFile file = import_captures(arguments.files, options, &warnings);
+  CaptureFile file = import_captures(arguments.files, options, &warnings);
+  if (!arguments.truth.empty()) add_truths(arguments.truth, file.captures);
   write_captures(arguments.output, file);
   for (const std::string& warning : warnings) {
     std::fprintf(stderr, "blindcorner: warning: %s\n", warning.c_str());
@@ -115,6 +118,11 @@ void add_metadata_options(CLI::App& command, ImportArguments& arguments) {
   command.add_option("--bin-width-ns", arguments.bin_width_ns, "width of a bin, ns")
       ->check(CLI::PositiveNumber)
       ->excludes(ps);
+  command
+      .add_option("--truth", arguments.truth,
+                  "table (.csv) of what is known of the object, a row each capture: x_m, y_m, z_m, "
+                  "yaw_deg, size, or index and these")
+      ->type_name("FILE");
   command.add_option("--exposures", options.exposures, "exposures averaged in each capture");
   command.add_option("--dispersion", options.dispersion, "variance / mean of the counts");
   command.add_option("--sensor", options.sensor, "name of the sensor");

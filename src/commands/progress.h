@@ -3,9 +3,11 @@
 #pragma once
 
 #include <chrono>
+#include <condition_variable>
 #include <cstddef>
 #include <mutex>
 #include <string>
+#include <thread>
 
 namespace blindcorner {
 
@@ -35,6 +37,34 @@ class Progress {
   std::size_t done_ = 0;
   bool visible_ = false;
 };
+
+/// One line on standard error that says what is being done and since when, for work that does not
+/// come in equal steps. Silent when standard error is not a terminal. Thread safe.
+class StageProgress {
+ public:
+  explicit StageProgress(std::string doing);
+  ~StageProgress();
+  StageProgress(const StageProgress&) = delete;
+  StageProgress& operator=(const StageProgress&) = delete;
+
+  /// What is being done from now on, and which share of that is done; 0: not known.
+  void now(const std::string& doing, double share);
+
+ private:
+  void draw();
+
+  const std::chrono::steady_clock::time_point start_;
+  std::mutex mutex_;
+  std::condition_variable ended_;
+  std::string doing_;
+  double share_ = 0;
+  bool visible_ = false;
+  bool end_ = false;
+  std::thread clock_;  ///< draws the line anew while time passes
+};
+
+/// The line of a stage: a bar where a share is known, what is being done, the time that has passed.
+std::string stage_line(const std::string& doing, double share, double seconds);
 
 /// The line itself: bar, count, steps per second and remaining time; at least 40 characters.
 std::string progress_line(const std::string& label, std::size_t done, std::size_t total,

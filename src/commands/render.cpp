@@ -4,12 +4,16 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cstdio>
 #include <memory>
+#include <optional>
 #include <random>
+#include <set>
 
 #include "blindcorner/forward/error.h"
 #include "blindcorner/forward/sensor/photon_noise.h"
 #include "blindcorner/forward/transport/forward_model.h"
+#include "blindcorner/inverse/hints.h"
 #include "blindcorner/io/capture_file.h"
 #include "blindcorner/io/scene_file.h"
 #include "blindcorner/simulation/sensor_path.h"
@@ -122,6 +126,22 @@ void widen_to(Scene& free, const std::vector<std::vector<Placement>>& captures) 
   }
 }
 
+/// What is odd about the poses, a line each on the standard error stream.
+void tell_placement_hints(const std::vector<Scene>& seen,
+                const std::vector<std::vector<Placement>>& placements) {
+  std::set<std::string> told;
+  const std::size_t count = std::max(seen.size(), placements.size());
+  for (std::size_t i = 0; i < count; ++i) {
+    const Scene& scene = seen[seen.size() == 1 ? 0 : i];
+    const auto& objects = placements[placements.size() == 1 ? 0 : i];
+    for (const std::string& hint : placement_hints(scene, sensor_placement(scene), objects)) {
+      if (!told.insert(hint).second) continue;
+      const std::string which = count > 1 ? "capture " + std::to_string(i) + ": " : "";
+      std::fprintf(stderr, "blindcorner: hint: %s%s\n", which.c_str(), hint.c_str());
+    }
+  }
+}
+
 int run_render(const RenderArguments& arguments) {
   const Scene scene = read_scene(arguments.scene);
   const auto placements = wanted_placements(arguments, scene);
@@ -135,12 +155,19 @@ int run_render(const RenderArguments& arguments) {
   }
   std::vector<Scene> seen;  // [sensors]
   for (const Transform& pose : sensors) seen.push_back(seen_from(scene, pose));
+  if (!arguments.empty) tell_placement_hints(seen, placements);
   CaptureFile file;
   file.bin_width = scene.sensor.bin_width;
   file.sensor = scene.sensor.name;
   file.description = "rendered from scene " + scene.name + " by the " + arguments.model + " model";
   file.captures.resize(count);
-  Progress progress("captures", count);
+  std::optional<Progress> progress;
+  std::optional<StageProgress> stages;
+  if (count > 1) {
+    progress.emplace("captures", count);
+  } else {
+    stages.emplace("rendering by the " + arguments.model + " model");
+  }
   tbb::parallel_for(std::size_t{0}, sensors.size(), [&](std::size_t s) {
     Scene free = fully_free(seen[s]);
     widen_to(free, placements);
@@ -156,10 +183,11 @@ int run_render(const RenderArguments& arguments) {
                      arguments.seed + 1'000'003 * (i + 1));
       file.captures[i].index = static_cast<int>(i);
       file.captures[i].source = arguments.output;
-      progress.advance();
+      if (progress) progress->advance();
     });
   });
-  progress.finish();
+  progress.reset();
+  stages.reset();
   write_captures(arguments.output, file);
   return kAllWell;
 }

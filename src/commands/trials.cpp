@@ -20,6 +20,7 @@
 #include "blindcorner/simulation/perception.h"
 #include "blindcorner/simulation/trial_journal.h"
 #include "commands/commands.h"
+#include "commands/interrupt.h"
 #include "commands/lit_drive.h"
 #include "commands/output_directory.h"
 #include "commands/progress.h"
@@ -133,21 +134,37 @@ void print_summary(const Drive& drive, const std::vector<TrialResult>& results) 
   }
 }
 
-/// Runs what has no result in the journal yet.
-void run_open_trials(const TrialsArguments& arguments, const Drive& drive,
+/// Thrown by a trial that is not begun.
+struct TrialsInterrupted {};
+
+/// Runs what has no result in the journal yet; true: all of it.
+bool run_open_trials(const TrialsArguments& arguments, const Drive& drive,
                      const SimulatedSensor& sensor, const PerceptionNetworks& networks,
                      TrialJournal& journal) {
   const std::vector<Trial> open =
       open_trials(plan_trials(drive, arguments.options), journal.results());
   Progress progress("trials", open.size());
-  run_trials(
-      open, arguments.options.threads,
-      [&](const Trial& trial) { return run_trial(drive, sensor, trial, {}, networks); },
-      [&](const TrialResult& result) {
-        journal.add(result);
-        write_tables(arguments.output, drive, sorted(journal));
-        progress.advance();
-      });
+  const Interruptible interruptible;
+  std::size_t done = 0;
+  try {
+    run_trials(
+        open, arguments.options.threads,
+        [&](const Trial& trial) {
+          if (Interruptible::asked()) throw TrialsInterrupted{};
+          return run_trial(drive, sensor, trial, {}, networks);
+        },
+        [&](const TrialResult& result) {
+          journal.add(result);
+          write_tables(arguments.output, drive, sorted(journal));
+          progress.advance();
+          ++done;
+        });
+  } catch (const TrialsInterrupted&) {
+    progress.finish();
+    tell_interrupted(done, open.size(), "open trials", "the same command goes on from there");
+    return false;
+  }
+  return true;
 }
 
 int run(const TrialsArguments& arguments) {
@@ -163,17 +180,17 @@ int run(const TrialsArguments& arguments) {
   const fs::path directory = arguments.output;
   TrialJournal journal(arguments.output, study);
   keep_weights(directory, files);
-  run_open_trials(arguments, drive, sensor, networks, journal);
+  const bool complete = run_open_trials(arguments, drive, sensor, networks, journal);
   const std::vector<TrialResult> results = sorted(journal);
   write_tables(directory, drive, results);
-  write_replays(directory, drive, sensor, networks, results, arguments.replays);
+  if (complete) write_replays(directory, drive, sensor, networks, results, arguments.replays);
   const auto replayed = [&](const Trial& trial) {
     return fs::exists(directory / replay_page(trial));
   };
   write_atomically((directory / "index.html").string(), trials_page(drive, results, replayed));
   print_summary(drive, results);
   std::printf("%s\n%s\n", (directory / "trials.csv").c_str(), (directory / "index.html").c_str());
-  return kAllWell;
+  return complete ? kAllWell : kSomeFailed;
 }
 
 }  // namespace

@@ -19,7 +19,7 @@ std::string bar_svg(const Bar& bar, double x, double width) {
                 y(bar.share), width, y(0) - y(bar.share), bar.colour.c_str()) +
       html_safe(bar.name) + formatted(": %.3f</title></rect>", bar.share);
   if (bar.interval) {
-    svg += formatted("<path stroke=\"#222\" d=\"M%.1f %.1fV%.1f\"/>", x + width / 2,
+    svg += formatted("<path stroke=\"var(--ink,#1b1f24)\" d=\"M%.1f %.1fV%.1f\"/>", x + width / 2,
                      y(bar.interval->low), y(bar.interval->high));
   }
   return svg;
@@ -53,10 +53,10 @@ std::string legend_svg(const std::vector<Bar>& bars) {
 std::string scale_svg() {
   std::string svg;
   for (int tenth = 0; tenth <= 10; tenth += 2) {
-    svg +=
-        formatted("<path stroke=\"#ddd\" d=\"M%.0f %.1fH%.0f\"/>", kLeft, y(0.1 * tenth), kWidth) +
-        formatted("<text x=\"%.0f\" y=\"%.1f\" text-anchor=\"end\">%.1f</text>", kLeft - 4,
-                  y(0.1 * tenth) + 4, 0.1 * tenth);
+    svg += formatted("<path stroke=\"var(--grid,#e7ebee)\" d=\"M%.0f %.1fH%.0f\"/>", kLeft,
+                     y(0.1 * tenth), kWidth) +
+           formatted("<text x=\"%.0f\" y=\"%.1f\" text-anchor=\"end\">%.1f</text>", kLeft - 4,
+                     y(0.1 * tenth) + 4, 0.1 * tenth);
   }
   return svg;
 }
@@ -66,7 +66,8 @@ std::string scale_svg() {
 std::string bars_svg(const std::string& title, const std::string& x_label,
                      const std::vector<BarGroup>& groups) {
   std::string svg = formatted(
-      "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"%.0f\" height=\"%.0f\" "
+      "<div class=\"wide\"><svg xmlns=\"http://www.w3.org/2000/svg\" width=\"%.0f\" "
+      "height=\"%.0f\" "
       "font-family=\"sans-serif\" font-size=\"11\"><text x=\"%.0f\" y=\"14\" font-size=\"12\" "
       "font-weight=\"600\">",
       kWidth, kHeight, kLeft);
@@ -77,7 +78,7 @@ std::string bars_svg(const std::string& title, const std::string& x_label,
   }
   return svg +
          formatted("<text x=\"%.0f\" y=\"%.0f\" text-anchor=\"middle\">", kWidth / 2, kHeight - 6) +
-         html_safe(x_label) + "</text></svg>\n";
+         html_safe(x_label) + "</text></svg></div>\n";
 }
 
 }  // namespace blindcorner

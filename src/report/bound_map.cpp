@@ -68,9 +68,9 @@ std::string path_of(const View& view, const Outline& outline, bool closed) {
 
 std::string begin_svg(const View& view) {
   return formatted(
-             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"%.0f\" height=\"%.0f\" "
-             "font-family=\"sans-serif\" font-size=\"11\">",
-             view.width, view.height) +
+             "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %.0f %.0f\" width=\"%.0f\" "
+             "height=\"%.0f\" font-family=\"sans-serif\" font-size=\"11\">",
+             view.width, view.height, view.width, view.height) +
          "<defs><pattern id=\"unseen\" width=\"7\" height=\"7\" patternUnits=\"userSpaceOnUse\" "
          "patternTransform=\"rotate(45)\"><rect width=\"7\" height=\"7\" fill=\"#fff\" "
          "fill-opacity=\"0.45\"/><path d=\"M0 0V7\" stroke=\"#333\" stroke-width=\"2.2\"/>"
@@ -92,7 +92,8 @@ double tick_step(double span) {
 
 std::string frame(const View& view) {
   std::string svg = formatted(
-      "<rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" fill=\"none\" stroke=\"#999\"/>",
+      "<rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" fill=\"none\" "
+      "stroke=\"var(--line,#8b949d)\"/>",
       kBorder, kBorder, view.width - 2 * kBorder, view.height - 2 * kBorder);
   const double step =
       tick_step(std::max(view.high.x() - view.low.x(), view.high.y() - view.low.y()));
@@ -149,18 +150,22 @@ std::string cells(const BoundMap& map, const View& view, const ErrorScale& scale
 
 std::string surroundings(const BoundMap& map, const View& view, const SensorView& sensor) {
   std::string svg = "<path d=\"" + path_of(view, sensor.field_of_view, true) +
-                    "\" fill=\"#ffd54f\" fill-opacity=\"0.16\" stroke=\"#d0a000\" "
+                    "\" fill=\"var(--field,#f0e442)\" fill-opacity=\"0.22\" "
+                    "stroke=\"var(--field-edge,#a39200)\" "
                     "stroke-width=\"0.7\"/>";
   for (const std::vector<Outline>& zone : sensor.zones) {
     for (const Outline& outline : zone) {
       svg += "<path d=\"" + path_of(view, outline, true) +
-             "\" fill=\"#ffb300\" fill-opacity=\"0.3\" stroke=\"#d08700\" stroke-width=\"1.6\"/>";
+             "\" fill=\"var(--field,#f0e442)\" fill-opacity=\"0.3\" "
+             "stroke=\"var(--field-edge,#a39200)\" stroke-width=\"1.6\"/>";
     }
   }
   for (const Surface& surface : map.scene.surfaces) {
     const Outline outline = footprint(surface.shape, surface.T_world_surface);
     const bool flat = outline.size() < 3;
-    const char* stroke = surface.relay ? "#1565c0" : surface.occluder ? "#222" : "#999";
+    const char* stroke = surface.relay      ? "var(--relay,#3d454d)"
+                         : surface.occluder ? "var(--occluder,#79838c)"
+                                            : "var(--line,#8b949d)";
     svg += "<path d=\"" + path_of(view, outline, true) +
            formatted("\" fill=\"%s\" fill-opacity=\"%s\" stroke=\"%s\" stroke-width=\"%s\"/>",
                      flat || surface.relay ? "none" : stroke, surface.occluder ? "0.35" : "0.1",
@@ -172,10 +177,14 @@ std::string surroundings(const BoundMap& map, const View& view, const SensorView
 std::string sensor_mark(const View& view, const SensorView& sensor) {
   const double x = view.x(sensor.position.x()), y = view.y(sensor.position.y());
   const Vector2d ahead = sensor.forward.head<2>() * 18;
-  return formatted("<path d=\"M%.1f %.1fl%.1f %.1f\" stroke=\"#c62828\" stroke-width=\"2\"/>", x, y,
-                   ahead.x(), -ahead.y()) +
-         formatted("<circle cx=\"%.1f\" cy=\"%.1f\" r=\"5\" fill=\"#c62828\"/>", x, y) +
-         formatted("<text x=\"%.1f\" y=\"%.1f\" fill=\"#c62828\">sensor</text>", x + 8, y - 6);
+  return formatted(
+             "<path d=\"M%.1f %.1fl%.1f %.1f\" stroke=\"var(--sensor,#1b1f24)\" "
+             "stroke-width=\"2\"/>",
+             x, y, ahead.x(), -ahead.y()) +
+         formatted("<circle cx=\"%.1f\" cy=\"%.1f\" r=\"5\" fill=\"var(--sensor,#1b1f24)\"/>", x,
+                   y) +
+         formatted("<text x=\"%.1f\" y=\"%.1f\" fill=\"var(--sensor,#1b1f24)\">sensor</text>",
+                   x + 8, y - 6);
 }
 
 Vector2d low_corner(const BoundMap& map) {

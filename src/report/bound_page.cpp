@@ -193,18 +193,20 @@ std::string bound_csv(const std::vector<BoundMap>& maps) {
 std::string bound_page(const std::vector<BoundMap>& maps) {
   const ErrorScale scale = error_scale(maps);
   std::string body;
-  if (maps.size() == 1) body += "<p><b>" + html_safe(bound_headline(maps.front())) + "</b></p>\n";
-  body += best_pose(maps) + table_html(maps) + scale_svg(scale) + "\n";
+  body +=
+      best_pose(maps) + table_html(maps) + "<div class=\"wide\">" + scale_svg(scale) + "</div>\n";
   for (const BoundMap& map : maps) {
     body += "<h2 style=\"font-size:17px\">" + html_safe(map.name) + "</h2>\n";
     if (maps.size() > 1) body += "<p>" + html_safe(bound_headline(map)) + "</p>\n";
     body += "<div class=\"charts\">" + overview_svg(map, scale) + area_svg(map, scale) + "</div>\n";
   }
   body +=
-      "<p class=\"open\">Red: the sensor; yellow: what it looks at; blue: relay surfaces; black: "
-      "occluders. Left the scene from above, right the hidden area by itself.</p>\n";
+      "<p class=\"open\">Dark dot: the sensor; yellow: what it looks at; thick grey lines: relay "
+      "surfaces; filled grey: occluders. Left the scene from above, right the hidden area by "
+      "itself.</p>\n";
   body += kExplanation;
-  return plain_page("Error to expect: " + maps.front().scene.name, body);
+  return plain_page("Error to expect: " + maps.front().scene.name,
+                    maps.size() == 1 ? bound_headline(maps.front()) : "", body);
 }
 
 }  // namespace blindcorner

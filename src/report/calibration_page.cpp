@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "report/chart.h"
+#include "report/colours.h"
 #include "report/formatted.h"
 #include "report/html.h"
 
@@ -63,10 +64,27 @@ ChartSeries series_of(const char* name, const char* colour, const std::vector<do
 Chart view_chart(const CalibrationView& view, bool background) {
   Chart chart{"zone " + std::to_string(view.zone), "bins, object's light moved together",
               background ? "mean counts, without background" : "mean counts"};
-  chart.series = {series_of("before", "#999999", view.before, SeriesStyle::line),
-                  series_of("after", "#d62728", view.after, SeriesStyle::line),
-                  series_of("measured", "#1f77b4", view.measured, SeriesStyle::dots)};
+  chart.series = {series_of("before", colour::kLine, view.before, SeriesStyle::line),
+                  series_of("after", colour::kModel, view.after, SeriesStyle::line),
+                  series_of("measured", colour::kMeasured, view.measured, SeriesStyle::dots)};
   return chart;
+}
+
+/// Deviance beyond this many times its expectation: the model does not explain the captures.
+constexpr double kPoorFit = 2;
+
+std::string calibration_headline(const Calibration& c) {
+  const auto determined = std::ranges::count_if(c.parameters, &CalibratedParameter::determined);
+  std::string text = formatted(
+      "%td of %zu properties of the instrument were found out from %d captures; what the model "
+      "misses of their light is now %.2g times the photon noise's share, and was %.2g times.",
+      determined, c.parameters.size(), c.used,
+      c.deviance_after / std::max(c.expected_deviance, 1.0),
+      c.deviance_before / std::max(c.expected_deviance, 1.0));
+  if (c.deviance_after > kPoorFit * c.expected_deviance) {
+    text += " The scene does not explain these captures well: look at the pictures.";
+  }
+  return text;
 }
 
 }  // namespace
@@ -154,7 +172,7 @@ std::string calibration_page(const Scene& before, const Calibration& calibration
     body += formatted("<p>Capture %d left out: ", out.index) + html_safe(out.reason) + "</p>\n";
   }
   for (const std::string& note : calibration.notes) body += "<p>" + html_safe(note) + "</p>\n";
-  return plain_page("Calibration of " + before.name, body);
+  return plain_page("Calibration of " + before.name, calibration_headline(calibration), body);
 }
 
 }  // namespace blindcorner

@@ -5,20 +5,18 @@
 #include <cmath>
 #include <limits>
 
+#include "report/colours.h"
 #include "report/formatted.h"
 #include "report/html.h"
 
 namespace blindcorner {
 namespace {
 
-const char* const kPalette[] = {"#1f77b4", "#d62728", "#2ca02c", "#9467bd",
-                                "#ff7f0e", "#17becf", "#8c564b", "#e377c2"};
-
 /// Room around the plot, pixels; the legend takes more above it.
 constexpr double kLeft = 58, kRight = 12, kTop = 24, kBottom = 38;
 constexpr double kLegendRow = 14, kLegendGap = 14;
 /// Width of a letter, pixels, rather more than less: for breaking the legend into rows.
-constexpr double kLetter = 6.2;
+constexpr double kLetter = 6.8;
 /// About as many ticks fit on an axis.
 constexpr int kTicks = 4;
 constexpr int kMostDecades = 8;
@@ -101,7 +99,7 @@ std::string number(double v) { return formatted("%.6g", std::abs(v) < 1e-12 ? 0.
 
 std::string colour_of(const Chart& chart, std::size_t i) {
   const std::string& own = chart.series[i].colour;
-  return own.empty() ? kPalette[i % std::size(kPalette)] : own;
+  return own.empty() ? colour::of_series(i) : own;
 }
 
 /// Names in their series' colours, in rows from the left; returns the height that they take.
@@ -118,7 +116,7 @@ double add_legend(const Chart& chart, std::string& svg) {
       height += kLegendRow;
       x = 0;
     }
-    svg += formatted("<tspan dx=\"%.0f\" fill=\"%s\">", new_row ? 0.0 : kLegendGap,
+    svg += formatted("<tspan dx=\"%.0f\" style=\"fill:%s\">", new_row ? 0.0 : kLegendGap,
                      colour_of(chart, i).c_str()) +
            html_safe(name) + "</tspan>";
     x += width;
@@ -131,18 +129,20 @@ void add_axes(const Chart& chart, const Axis& x, const Axis& y, double top, std:
   const double right = chart.width - kRight, bottom = chart.height - kBottom;
   for (const double t : x.ticks()) {
     svg +=
-        formatted("<path d=\"M%.1f %.1fV%.1f\" stroke=\"#ddd\"/>", x.pixel(t), top, bottom) +
+        formatted("<path d=\"M%.1f %.1fV%.1f\" stroke=\"%s\"/>", x.pixel(t), top, bottom,
+                  colour::kGrid) +
         formatted("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"middle\">", x.pixel(t), bottom + 14) +
         number(t) + "</text>";
   }
   for (const double t : y.ticks()) {
     svg +=
-        formatted("<path d=\"M%.1f %.1fH%.1f\" stroke=\"#ddd\"/>", kLeft, y.pixel(t), right) +
+        formatted("<path d=\"M%.1f %.1fH%.1f\" stroke=\"%s\"/>", kLeft, y.pixel(t), right,
+                  colour::kGrid) +
         formatted("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"end\">", kLeft - 4, y.pixel(t) + 4) +
         number(t) + "</text>";
   }
-  svg += formatted("<path d=\"M%.1f %.1fV%.1fH%.1f\" stroke=\"#999\" fill=\"none\"/>", kLeft, top,
-                   bottom, right) +
+  svg += formatted("<path d=\"M%.1f %.1fV%.1fH%.1f\" stroke=\"%s\" fill=\"none\"/>", kLeft, top,
+                   bottom, right, colour::kLine) +
          formatted("<text x=\"%.1f\" y=\"%d\" text-anchor=\"middle\">", (kLeft + right) / 2,
                    chart.height - 6) +
          html_safe(chart.x_label) + "</text>" +
@@ -153,7 +153,7 @@ void add_axes(const Chart& chart, const Axis& x, const Axis& y, double top, std:
 
 void add_rule(const Chart& chart, const ChartRule& rule, const Axis& x, const Axis& y, double top,
               std::string& svg) {
-  constexpr const char* kDashes = "stroke=\"#888\" stroke-dasharray=\"5 4\"";
+  constexpr const char* kDashes = "stroke=\"var(--line,#8b949d)\" stroke-dasharray=\"5 4\"";
   const double right = chart.width - kRight, bottom = chart.height - kBottom;
   if (!(rule.vertical ? x : y).shows(rule.at)) return;
   if (rule.vertical) {
@@ -202,10 +202,10 @@ void add_series(const Chart& chart, std::size_t i, const Axis& x, const Axis& y,
 
 std::string chart_svg(const Chart& chart) {
   std::string svg = formatted(
-      "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"%d\" height=\"%d\" "
-      "font-family=\"sans-serif\" font-size=\"11\">",
-      chart.width, chart.height);
-  svg += formatted("<text x=\"%.0f\" y=\"14\" font-size=\"12\" font-weight=\"600\">", kLeft) +
+      "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %d %d\" width=\"%d\" height=\"%d\" "
+      "font-family=\"sans-serif\" font-size=\"12\">",
+      chart.width, chart.height, chart.width, chart.height);
+  svg += formatted("<text x=\"%.0f\" y=\"14\" font-size=\"13\" font-weight=\"600\">", kLeft) +
          html_safe(chart.title) + "</text>";
   const double top = kTop + add_legend(chart, svg);
   Axis x(chart.logarithmic), y(chart.logarithmic);

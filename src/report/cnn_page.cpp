@@ -17,14 +17,14 @@ constexpr std::size_t kMostCurvePoints = 400;
 constexpr const char* kUnits =
     "<p>Lengths in m, angles in rad, yaw modulo the shape's symmetry.</p>\n";
 constexpr const char* kPicture =
-    "<p>Seen from above, y up. Green: true places; orange: estimates, joined to them; yellow: "
+    "<p>Seen from above, y up. Green: true places; orange: estimates, joined to them; large dots: "
     "sensors; dashed: the search region.</p>\n";
 
 Chart loss_chart(const CnnTrainingResult& result) {
   Chart chart{"loss", "epoch", "mean squared error of the normalised outputs"};
   chart.logarithmic = true;
-  chart.width = 640;
-  chart.height = 360;
+  chart.width = 460;  // a telephone shows it at three quarters of that
+  chart.height = 320;
   ChartSeries training{"training, with dropout"}, validation{"held back"};
   const std::size_t count = result.history.size();
   // As many points of each factor of epochs, as the axis shows them.
@@ -81,11 +81,11 @@ std::string training_page(const Scene& scene, const CnnTrainingOptions& options,
       "%d.</p>\n",
       result.history.size(), options.batch, options.learning_rate, result.epoch);
   body += charts_html({loss_chart(result)});
-  if (held_back.empty()) return plain_page("Training for " + scene.name, body);
+  if (held_back.empty()) return plain_page("Training for " + scene.name, "", body);
   body += formatted("<p>Errors on the %zu captures held back:</p>\n", held_back.size()) + kUnits +
           point_errors_html(point_errors(scene, held_back)) + kPicture +
           point_estimates_svg(scene, held_back);
-  return plain_page("Training for " + scene.name, body);
+  return plain_page("Training for " + scene.name, point_errors_headline(scene, held_back), body);
 }
 
 std::string cnn_evaluation_page(const Scene& scene, const CnnDescription& network,
@@ -101,6 +101,7 @@ std::string cnn_evaluation_page(const Scene& scene, const CnnDescription& networ
   if (!distances.empty()) body += charts_html({distance_chart(distances)});
   body += kPicture;
   return plain_page("Errors of the network on " + scene.name,
+                    point_errors_headline(scene, estimates),
                     body + point_estimates_svg(scene, estimates));
 }
 

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "report/formatted.h"
+#include "report/headline.h"
 #include "report/html.h"
 #include "report/interval_chart.h"
 
@@ -125,9 +126,10 @@ std::string chart(const SceneComparison& scene) {
 }
 
 std::string methods_html(const SceneComparison& scene) {
-  std::string html = "<table><tr><th>method<th>training</tr>\n";
+  std::string html = "<table><tr><th>method<th class=\"text\">training</tr>\n";
   for (const ComparedMethod& m : scene.methods) {
-    html += "<tr><td>" + html_safe(m.name) + "<td>" + html_safe(m.training) + "</tr>\n";
+    html +=
+        "<tr><td>" + html_safe(m.name) + "<td class=\"text\">" + html_safe(m.training) + "</tr>\n";
   }
   return html + "</table>\n";
 }
@@ -157,14 +159,33 @@ std::string conditions_html(const SceneComparison& scene) {
 std::string pictures_html(const std::vector<ComparisonPicture>& pictures) {
   if (pictures.empty()) return {};
   std::string html =
-      "<p>Seen from above, y up. Green: true places; orange: answers, joined to them; yellow: "
+      "<p>Seen from above, y up. Green: true places; orange: answers, joined to them; large dots: "
       "sensors; dashed: the search region.</p>\n<div "
-      "style=\"display:grid;grid-template-columns:1fr "
-      "1fr;gap:12px\">\n";
+      "style=\"display:grid;"
+      "grid-template-columns:repeat(auto-fit,minmax(300px,1fr));gap:12px\">\n";
   for (const ComparisonPicture& p : pictures) {
     html += "<div><p>" + html_safe(p.title) + "</p>" + p.svg + "</div>\n";
   }
   return html + "</div>\n";
+}
+
+/// Scene by scene the method with the least median error under the first condition.
+std::string comparison_headline(const ComparisonReport& report) {
+  std::string text;
+  for (const SceneComparison& scene : report.scenes) {
+    if (scene.conditions.empty() || scene.conditions.front().methods.empty()) continue;
+    const std::vector<MethodFigures>& methods = scene.conditions.front().methods;
+    const auto error = [](const MethodFigures& m) {
+      return std::isfinite(m.position.value) ? m.position.value : HUGE_VAL;
+    };
+    const MethodFigures& best = *std::ranges::min_element(methods, {}, error);
+    if (!std::isfinite(best.position.value)) continue;
+    text += (text.empty() ? "" : " ") +
+            formatted("On %s the smallest error is that of ", scene.scene.c_str()) + best.method +
+            ": half of its answers are within " + said_length(best.position.value) +
+            " of the truth.";
+  }
+  return text;
 }
 
 }  // namespace
@@ -312,7 +333,7 @@ std::string comparison_page(const ComparisonReport& report) {
             methods_html(scene) + "<p>The conditions:</p>\n" + conditions_html(scene);
     if (s < report.pictures.size()) body += pictures_html(report.pictures[s]);
   }
-  return plain_page("Methods compared", body);
+  return plain_page("Methods compared", comparison_headline(report), body);
 }
 
 }  // namespace blindcorner

@@ -59,8 +59,8 @@ std::string known_world(const Drive& drive, const Canvas& canvas) {
 }
 
 /// Of hidden objects, one after the other, as on the page (drive_page.js): said, and true.
-constexpr std::array kSaid{"#d93025", "#8e24aa", "#00796b", "#6d4c41"};
-constexpr std::array kTrue{"#188038", "#0b5394", "#7f6000", "#37474f"};
+constexpr std::array kSaid{"#d55e00", "#7a5ccf", "#8f6b2e", "#3a8fd0"};
+constexpr std::array kTrue{"#009e73", "#0072b2", "#e69f00", "#1b1f24"};
 
 /// 95 % ellipse of an object's position in the plane under a mode, and the footprint at its mean.
 std::string mode_picture(const Scene& scene, const PoseMode& mode, int object,
@@ -116,7 +116,7 @@ std::string vehicle_picture(const Drive& drive, const VehicleState& state, const
                    -state.yaw / kDegree) +
          formatted(
              "<rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" rx=\"%.1f\" "
-             "fill=\"#1a73e8\"/>",
+             "fill=\"#3a8fd0\"/>",
              -l / 2, -w / 2, l, w, 0.28 * w) +
          formatted("<path d=\"M%.1f %.1fL%.1f %.1fV%.1fL%.1f %.1fZ\" fill=\"#d2e3fc\"/></g>",
                    0.22 * l, -0.4 * w, 0.06 * l, -0.3 * w, 0.3 * w, 0.22 * l, 0.4 * w);
@@ -126,12 +126,12 @@ std::string frame_picture(const Drive& drive, const DriveFrame& frame, const Can
   const Scene& scene = drive.scene;
   std::string text = canvas.line(
       sensor_view(scene, frame.T_world_sensor, {}).field_of_view,
-      "fill=\"#fbbc04\" fill-opacity=\".18\" stroke=\"#e3a000\" stroke-opacity=\".5\"", true);
+      "fill=\"#f0e442\" fill-opacity=\".25\" stroke=\"#a39200\" stroke-opacity=\".5\"", true);
   Points path;
   const std::size_t step = frame.path.size() / kPathPoints + 1;
   for (std::size_t i = 0; i < frame.path.size(); i += step) path.push_back(frame.path[i]);
   if (!frame.path.empty()) path.push_back(frame.path.back());
-  text += canvas.line(path, "fill=\"none\" stroke=\"#1a73e8\" stroke-width=\"3.5\"", false);
+  text += canvas.line(path, "fill=\"none\" stroke=\"#0072b2\" stroke-width=\"3.5\"", false);
   text += modes_picture(drive, frame, canvas);
   if (frame.truth) {
     for (int i = 0; i < object_count(scene); ++i) {
@@ -157,8 +157,8 @@ std::string drive_animation(const Drive& drive, const DriveResult& result) {
   text += known_world(drive, canvas);
   const Vector2d goal = canvas.at(drive.route.back());
   text += formatted(
-      "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"%.1f\" fill=\"#d93025\" "
-      "fill-opacity=\".2\" stroke=\"#d93025\"/>\n",
+      "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"%.1f\" fill=\"#cc79a7\" "
+      "fill-opacity=\".3\" stroke=\"#cc79a7\"/>\n",
       goal.x(), goal.y(), canvas.scale() * drive.goal_tolerance);
   for (std::size_t i = 0; i < result.frames.size(); ++i) {
     const bool last = i + 1 == result.frames.size();

@@ -7,15 +7,25 @@
   var data = JSON.parse(document.getElementById("data").textContent);
   var drive = data.drive, world = data.world, frames = drive.frames, pictures = data.pictures;
   var trace = world.trace, step = world.trace_step_s, duration = Math.max(drive.time_s, step);
-  var COLOUR = {
-    land: "#eef0ee", road: "#ffffff", building: "#d9d5cd", buildingEdge: "#bdb6a8", wall: "#8f887b",
-    route: "#1a73e8", trace: "#8ab4f8", field: "rgba(251,188,4,0.16)", fieldEdge: "rgba(227,160,0,.55)",
-    car: "#1a73e8", glass: "#d2e3fc", goal: "#d93025",
-    measured: "#5f6b76", object: "#d93025", ink: "#202a33", soft: "#66727d"
-  };
-  // Of the hidden objects, one after the other: what is said of it, and where it really is.
-  var OBJECT = ["217,48,37", "142,36,170", "0,121,107", "109,76,65"];
-  var TRUTH = ["#188038", "#0b5394", "#7f6000", "#37474f"];
+  // Colours by meaning, the same on all pages (theme.css); a canvas needs their values.
+  var COLOUR = {}, OBJECT, TRUTH;
+  var dark = window.matchMedia("(prefers-color-scheme: dark)");
+  function readColours() {
+    var style = window.getComputedStyle(document.documentElement);
+    function of(name) { return style.getPropertyValue("--" + name).trim(); }
+    COLOUR = {
+      land: dark.matches ? "#20262b" : "#eef0ee", road: dark.matches ? "#2c343b" : "#ffffff",
+      building: dark.matches ? "#4a4d4f" : "#d9d5cd", buildingEdge: dark.matches ? "#63676a" : "#bdb6a8",
+      wall: of("relay"), route: of("path"), trace: of("vehicle"), field: of("field"), fieldEdge: of("field-edge"),
+      car: of("vehicle"), glass: dark.matches ? "#1b2025" : "#d2e3fc", goal: of("goal"), paper: of("paper"),
+      measured: of("measured"), object: of("object"), ink: of("ink"), soft: of("soft"), faint: of("faint"),
+      occupied: of("found"), halo: dark.matches ? "#14181c" : "#ffffff"
+    };
+    // Of the hidden objects, one after the other: what is said of it, and where it really is.
+    OBJECT = [of("found"), of("series-3"), of("series-6"), of("series-5")];
+    TRUTH = [of("truth"), of("series-0"), of("series-4"), of("ink")];
+  }
+  readColours();
   var CHI2_95 = 5.991;  // 95 % quantile of chi-square, two degrees of freedom
 
   var now = 0, playing = false, rate = 1, last = null;
@@ -32,6 +42,11 @@
   var page = document.getElementById("page");
   var title = element(page, "h1", "", drive.drive.replace(/_/g, " "));
   element(title, "span", "outcome " + drive.outcome, drive.outcome);
+  var WORDS = { reached: "reached its goal", collision: "hit something", stopped: "stopped and did not go on",
+                timeout: "ran out of time" };
+  element(page, "p", "headline", "The " + world.vehicle.kind + " " + (WORDS[drive.outcome] || drive.outcome) + " after " +
+    drive.time_s.toFixed(1) + " s and " + drive.length_m.toFixed(1) + " m" + (drive.clearance_m === null ? "."
+    : drive.clearance_m > 0 ? "; it was never nearer to anything than " + drive.clearance_m.toFixed(2) + " m." : "."));
   element(title, "small", "", "perception: " + drive.perception + " · " + drive.length_m.toFixed(1) + " m in " +
     drive.time_s.toFixed(1) + " s · clearance " + (drive.clearance_m === null ? "–" : drive.clearance_m.toFixed(2) + " m"));
   var columns = element(page, "div", "columns");
@@ -53,18 +68,22 @@
   var headingNote = element(heading, "small");
   var plots = element(side, "canvas");
   var legend = element(side, "div", "legend");
-  [["#5f6b76", "counts of the sensor"], ["#d93025", "of them from the hidden object (expected)"],
-   ["rgba(217,48,37,.45)", "probability that a cell is occupied"]
+  function drawLegend() {
+  legend.textContent = "";
+  [[COLOUR.measured, "counts of the sensor"], [COLOUR.object, "of them from the hidden object (expected)"],
+   [COLOUR.occupied, "occupied cells, stronger where that is more probable"]
   ].concat([].concat.apply([], world.objects.map(function (object, i) {
     var name = world.objects.length > 1 ? object.name + ", " : "";
     return [[TRUTH[i % TRUTH.length], name + "true hidden object"],
-            ["rgb(" + OBJECT[i % OBJECT.length] + ")", name + "modes: 95 % ellipse, footprint; arrow and dots: in half a second"]];
-  }))).concat([[COLOUR.route, "plan"]]).forEach(function (entry) {
+            [OBJECT[i % OBJECT.length], name + "modes: 95 % ellipse, footprint; arrow and dots: in half a second"]];
+  }))).concat([[COLOUR.route, "plan"], [COLOUR.field, "field of view"], [COLOUR.goal, "goal"]]).forEach(function (entry) {
     var item = element(legend, "span"), mark = element(item, "i");
     mark.style.background = entry[0];
     item.appendChild(document.createTextNode(entry[1]));
   });
-  element(side, "div", "hint", "Space plays and pauses, arrows go from frame to frame.");
+  }
+  drawLegend();
+  element(side, "div", "keys", "Space plays and pauses, arrows go from frame to frame.");
 
   // ---------------------------------------------------------------- drive
 
@@ -102,7 +121,7 @@
   function layout() {
     var width = mapCard.clientWidth, aspect = g.rows / g.columns;
     var height = Math.min(width * aspect, window.innerHeight - 150);
-    height = Math.max(height, 320);
+    height = Math.max(height, Math.min(320, 1.2 * width));
     map.width = width * ratio; map.height = height * ratio; map.style.height = height + "px";
     view.scale = Math.min(map.width / (g.columns * g.cell_m), map.height / (g.rows * g.cell_m));
     view.x = (map.width - g.columns * g.cell_m * view.scale) / 2 - g.origin_m[0] * view.scale;
@@ -145,6 +164,7 @@
     if (i === gridFrame) return;
     gridFrame = i;
     var ctx = gridImage.getContext("2d"), image = ctx.createImageData(g.columns, g.rows);
+    var occupied = [1, 3, 5].map(function (at) { return parseInt(COLOUR.occupied.slice(at, at + 2), 16); });
     var text = pictures[i].grid, cell = 0, pattern = /([a-p-])(\d*)/g, run;
     while ((run = pattern.exec(text))) {
       var count = run[2] ? +run[2] : 1, level = run[1] === "-" ? -1 : run[1].charCodeAt(0) - 97;
@@ -153,7 +173,7 @@
         var k = 4 * (row * g.columns + column);
         if (level < 0) { image.data[k] = 90; image.data[k + 1] = 105; image.data[k + 2] = 120; image.data[k + 3] = 34; }
         else if (level > 0) {
-          image.data[k] = 217; image.data[k + 1] = 48; image.data[k + 2] = 37;
+          image.data[k] = occupied[0]; image.data[k + 1] = occupied[1]; image.data[k + 2] = occupied[2];
           image.data[k + 3] = Math.min(200, 30 + 12 * level);
         }
       }
@@ -215,8 +235,8 @@
         ctx.globalAlpha = (0.25 + 0.75 * mode.weight) * Math.max(frame.presence_probability, 0.15);
         trail(ctx, outlineAt(object, placed(mode.pose, object)), true);
         var colour = OBJECT[object % OBJECT.length];
-        ctx.fillStyle = "rgba(" + colour + ",.35)"; ctx.fill();
-        ctx.strokeStyle = "rgb(" + colour + ")"; ctx.lineWidth = 2 * pixel; ctx.stroke();
+        ctx.save(); ctx.globalAlpha *= 0.35; ctx.fillStyle = colour; ctx.fill(); ctx.restore();
+        ctx.strokeStyle = colour; ctx.lineWidth = 2 * pixel; ctx.stroke();
         drawEllipse(ctx, mode, object, [6 * pixel, 4 * pixel]);
         if (pair[1]) drawMotion(ctx, mode, pair[1], object);
         ctx.restore();
@@ -234,7 +254,7 @@
     var field = pictures[i].field;
     if (!field || field.length < 3) return;
     trail(ctx, field, true);
-    ctx.fillStyle = COLOUR.field; ctx.fill();
+    ctx.save(); ctx.globalAlpha = 0.16; ctx.fillStyle = COLOUR.field; ctx.fill(); ctx.restore();
     ctx.strokeStyle = COLOUR.fieldEdge; ctx.lineWidth = 1 * pixel; ctx.stroke();
   }
   function roundRect(ctx, x, y, w, h, r) {
@@ -275,7 +295,7 @@
   function drawGoal(ctx) {
     var goal = world.route_m[world.route_m.length - 1], x = X(goal[0]), y = Y(goal[1]), r = 9 * pixel;
     ctx.beginPath(); ctx.arc(x, y, world.goal_tolerance_m * view.scale, 0, 2 * Math.PI);
-    ctx.fillStyle = "rgba(217,48,37,.10)"; ctx.fill();
+    ctx.save(); ctx.globalAlpha = 0.2; ctx.fillStyle = COLOUR.goal; ctx.fill(); ctx.restore();
     ctx.beginPath(); ctx.arc(x, y - 2.1 * r, r, Math.PI * 0.86, Math.PI * 0.14); ctx.lineTo(x, y); ctx.closePath();
     ctx.fillStyle = COLOUR.goal; ctx.fill();
     ctx.beginPath(); ctx.arc(x, y - 2.1 * r, 0.38 * r, 0, 2 * Math.PI); ctx.fillStyle = "#fff"; ctx.fill();
@@ -300,7 +320,7 @@
     trail(ctx, trace.slice(0, Math.max(0, Math.round(now / step))), false);
     ctx.strokeStyle = COLOUR.trace; ctx.lineWidth = 4 * pixel; ctx.lineJoin = "round"; ctx.stroke();
     trail(ctx, frame.plan.path_m, false);
-    ctx.strokeStyle = "#fff"; ctx.lineWidth = 7 * pixel; ctx.stroke();
+    ctx.strokeStyle = COLOUR.halo; ctx.lineWidth = 7 * pixel; ctx.stroke();
     ctx.strokeStyle = COLOUR.route; ctx.lineWidth = 4.5 * pixel; ctx.stroke();
     drawGoal(ctx);
     drawModes(ctx, i);
@@ -316,7 +336,8 @@
     ctx.clearRect(0, 0, plots.width, plots.height);
     var count = picture.measured.length;
     headingNote.textContent = count ? "zones with most light from the object, logarithmic, over " +
-      (picture.measured[0].length * world.bin_width_ns).toFixed(0) + " ns" : "none of this frame";
+      (picture.measured[0].length * world.bin_width_ns).toFixed(0) + " ns (" +
+      (picture.measured[0].length * world.bin_width_ns * 0.299792458).toFixed(0) + " m of path)" : "none of this frame";
     if (!count) return;
     var side = Math.ceil(Math.sqrt(count)), w = plots.width / side, h = plots.height / Math.ceil(count / side);
     var top = 1, floor = Infinity;
@@ -330,10 +351,10 @@
       var ww = w - 8 * ratio, hh = h - 22 * ratio, n = picture.measured[z].length;
       ctx.fillStyle = COLOUR.soft; ctx.font = 10.5 * ratio + "px sans-serif"; ctx.textAlign = "left";
       ctx.fillText("zone " + data.zones[z], x0, y1 - hh - 3 * ratio);
-      ctx.strokeStyle = "#dde3e8"; ctx.lineWidth = ratio; ctx.strokeRect(x0, y1 - hh, ww, hh);
+      ctx.strokeStyle = COLOUR.faint; ctx.lineWidth = ratio; ctx.strokeRect(x0, y1 - hh, ww, hh);
       ctx.beginPath(); ctx.moveTo(x0, y1);
       for (var k = 0; k < n; ++k) ctx.lineTo(x0 + (k + 0.5) * ww / n, y1 - hh * height(picture.object[z][k]));
-      ctx.lineTo(x0 + ww, y1); ctx.closePath(); ctx.fillStyle = "rgba(217,48,37,.5)"; ctx.fill();
+      ctx.lineTo(x0 + ww, y1); ctx.closePath(); ctx.save(); ctx.globalAlpha = 0.6; ctx.fillStyle = COLOUR.object; ctx.fill(); ctx.restore();
       ctx.beginPath();
       for (k = 0; k < n; ++k) ctx.lineTo(x0 + (k + 0.5) * ww / n, y1 - hh * height(picture.measured[z][k]));
       ctx.strokeStyle = COLOUR.measured; ctx.lineWidth = 1.1 * ratio; ctx.stroke();
@@ -390,6 +411,9 @@
   play.onclick = function () { setPlaying(!playing); };
   slider.oninput = function () { setPlaying(false); goTo(+slider.value); };
   speed.onchange = function () { rate = +speed.value; };
+  (dark.addEventListener ? dark.addEventListener.bind(dark, "change") : dark.addListener.bind(dark))(function () {
+    readColours(); drawLegend(); gridFrame = -1; shown = -1; draw();
+  });
   window.onresize = function () { layout(); shown = -1; draw(); };
   document.onkeydown = function (event) {
     var i = frameAt(now);

@@ -7,8 +7,11 @@
 #include <nlohmann/json.hpp>
 
 #include "blindcorner/report/result_file.h"
+#include "forward/support/quantile.h"
 #include "report/chart.h"
+#include "report/colours.h"
 #include "report/formatted.h"
+#include "report/headline.h"
 #include "report/html.h"
 
 namespace blindcorner {
@@ -79,7 +82,7 @@ Chart coverage_chart(const std::vector<EvaluationRow>& rows) {
   // Last, so that a row has the same colour in both charts.
   ChartSeries honest =
       coverage_series("honest", [](double sigmas) { return std::erf(sigmas / std::sqrt(2.0)); });
-  honest.colour = "#999999";
+  honest.colour = colour::kLine;
   chart.series.push_back(std::move(honest));
   return chart;
 }
@@ -88,7 +91,7 @@ Chart coverage_chart(const std::vector<EvaluationRow>& rows) {
 Chart unknown_chart(const EvaluationRow& row, const std::string& unknown, Eigen::Index k) {
   Chart chart{row.name + ": " + unknown, "claimed standard deviation" + unit_of(unknown),
               "error" + unit_of(unknown)};
-  ChartSeries dots{"", {}, SeriesStyle::dots};
+  ChartSeries dots{"", {}, SeriesStyle::dots, colour::kFound};
   double most = 0;
   const std::size_t step = std::max<std::size_t>(1, row.errors.size() / kMostDots);
   for (std::size_t e = 0; e < row.errors.size(); e += step) {
@@ -96,11 +99,32 @@ Chart unknown_chart(const EvaluationRow& row, const std::string& unknown, Eigen:
     dots.points.push_back({sigma, row.errors[e].error[k]});
     most = std::max(most, sigma);
   }
-  const std::string red = "#d62728";
+  const std::string bound = colour::kInk;
   chart.series = {dots,
-                  {"2 sigma", {{0, 0}, {most, 2 * most}}, SeriesStyle::line, red},
-                  {"", {{0, 0}, {most, -2 * most}}, SeriesStyle::line, red}};
+                  {"2 sigma", {{0, 0}, {most, 2 * most}}, SeriesStyle::line, bound},
+                  {"", {{0, 0}, {most, -2 * most}}, SeriesStyle::line, bound}};
   return chart;
+}
+
+std::string evaluation_headline(const EvaluationRow& row, const std::vector<std::string>& names) {
+  std::vector<double> distances;
+  double squares = 0, count = 0;
+  for (const EstimateError& e : row.errors) {
+    distances.push_back(distance_of(e.error, names));
+    for (Eigen::Index i = 0; i < e.error.size(); ++i, ++count) {
+      squares += e.error[i] * e.error[i] / e.covariance(i, i);
+    }
+  }
+  if (distances.empty() || std::ranges::none_of(names, is_position)) return {};
+  // Larger and smaller by half than they should be.
+  constexpr double kHalf = 1.5;
+  const double ratio = std::sqrt(squares / count);
+  const char* honest = ratio > kHalf       ? "the claimed errors are too small"
+                       : ratio < 1 / kHalf ? "the claimed errors are larger than they need be"
+                                           : "the claimed errors are about right";
+  return "Half of the positions are within " + said_length(quantile(distances, 0.5)) +
+         " of the truth, nine of ten within " + said_length(quantile(distances, 0.9)) + "; " +
+         honest + ".";
 }
 
 }  // namespace
@@ -140,7 +164,7 @@ std::string evaluation_page(const std::string& title, const std::vector<Evaluati
   for (std::size_t i = 0; i < names.size(); ++i) {
     unknowns.push_back(unknown_chart(rows.front(), names[i], static_cast<Eigen::Index>(i)));
   }
-  return plain_page(title, body + charts_html(unknowns));
+  return plain_page(title, evaluation_headline(rows.front(), names), body + charts_html(unknowns));
 }
 
 std::string evaluation_json(const std::vector<EvaluationRow>& rows) {

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "report/html.h"
 
+#include <algorithm>
+
 namespace blindcorner {
 
 namespace embedded {
@@ -9,13 +11,21 @@ std::string_view report_asset(std::string_view name);
 
 namespace {
 
-constexpr const char* kStyle =
-    "body{font:14px/1.45 system-ui,sans-serif;margin:1.5em auto;max-width:1180px;padding:0 1em;"
-    "color:#1b1f24;background:#fff}h1{font-size:22px}p{max-width:60em}"
-    "table{border-collapse:collapse;margin:1em 0;font-variant-numeric:tabular-nums}"
-    "td,th{padding:2px 10px;text-align:right;border-bottom:1px solid #d9dee3}"
-    "td:first-child,th:first-child{text-align:left}.open{color:#8b949d}"
-    ".charts{display:flex;flex-wrap:wrap;gap:12px}";
+/// Tables scroll by themselves where the page is narrower than they are.
+std::string with_scrolling_tables(const std::string& body) {
+  constexpr std::string_view kBegin = "<table", kEnd = "</table>";
+  std::string wrapped;
+  std::size_t from = 0;
+  while (from < body.size()) {
+    const std::size_t begin = body.find(kBegin, from), end = body.find(kEnd, from);
+    const std::size_t next = std::min(begin, end);
+    if (next == std::string::npos) break;
+    wrapped.append(body, from, next - from);
+    wrapped += next == begin ? "<div class=\"wide\"><table" : "</table></div>";
+    from = next + (next == begin ? kBegin.size() : kEnd.size());
+  }
+  return wrapped.append(body, from);
+}
 
 /// JSON that may stand inside a script element: no "<" can open or close anything.
 std::string script_safe(const std::string& text) {
@@ -56,12 +66,17 @@ std::string html_safe(const std::string& text) {
   return safe;
 }
 
-std::string plain_page(const std::string& title, const std::string& body) {
-  const std::string safe = html_safe(title);
-  return "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"
-         "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"><title>" +
-         safe + "</title>\n<style>" + kStyle + "</style></head>\n<body><h1>" + safe + "</h1>\n" +
-         body + "</body></html>\n";
+std::string plain_page(const std::string& title, const std::string& headline,
+                       const std::string& body) {
+  std::string page =
+      "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"
+      "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"><title>" +
+      html_safe(title) + "</title>\n<style>";
+  page += embedded::report_asset("theme.css");
+  page += embedded::report_asset("plain_page.css");
+  page += "</style></head>\n<body><h1>" + html_safe(title) + "</h1>\n";
+  if (!headline.empty()) page += "<p class=\"headline\">" + html_safe(headline) + "</p>\n";
+  return page + with_scrolling_tables(body) + "</body></html>\n";
 }
 
 std::string script_page(const std::string& title, const std::string& data,
@@ -69,6 +84,7 @@ std::string script_page(const std::string& title, const std::string& data,
   std::string page = "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n";
   page += "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n";
   page += "<title>" + html_safe(title) + " - blindcorner</title>\n<style>\n";
+  page += embedded::report_asset("theme.css");
   page += embedded::report_asset(assets.style);
   page +=
       "</style>\n</head>\n<body>\n<main id=\"page\"></main>\n<noscript>This page draws its "

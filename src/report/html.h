@@ -10,8 +10,10 @@ namespace blindcorner {
 /// Text for HTML and SVG, in elements or in quoted attributes.
 std::string html_safe(const std::string& text);
 
-/// A self-contained page: the title as its heading, then the body, which is HTML already.
-std::string plain_page(const std::string& title, const std::string& body);
+/// A self-contained page: the title as its heading, a sentence that says for any reader what came
+/// out (empty: none), then the body, which is HTML already.
+std::string plain_page(const std::string& title, const std::string& headline,
+                       const std::string& body);
 
 /// Names of the files that are embedded into the program for a page.
 struct PageAssets {

@@ -4,14 +4,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include "report/colours.h"
 #include "report/formatted.h"
 #include "report/html.h"
 
 namespace blindcorner {
 namespace {
 
-const char* const kColours[] = {"#d55e00", "#0072b2", "#009e73", "#8b949d", "#cc79a7",
-                                "#e69f00", "#56b4e9", "#1b1f24", "#8f6b2e", "#7a5ccf"};
 // Pixels.
 constexpr double kLeft = 210, kRight = 20, kWidth = 900, kBottom = 42;
 constexpr double kLegendLine = 16, kUnderLegend = 28;
@@ -53,8 +52,6 @@ std::vector<std::string> names_of(const std::vector<IntervalRow>& rows) {
   return names;
 }
 
-const char* colour_of(std::size_t name) { return kColours[name % std::size(kColours)]; }
-
 struct Legend {
   std::string svg;
   double height = kLegendLine;
@@ -71,9 +68,10 @@ Legend legend(const std::vector<std::string>& names) {
       legend.height += kLegendLine;
     }
     const double y = legend.height - 2;
-    legend.svg +=
-        formatted("<circle cx=\"%.0f\" cy=\"%.0f\" r=\"4\" fill=\"%s\"/>", x, y, colour_of(i)) +
-        formatted("<text x=\"%.0f\" y=\"%.0f\">", x + 9, y + 4) + html_safe(names[i]) + "</text>";
+    legend.svg += formatted("<circle cx=\"%.0f\" cy=\"%.0f\" r=\"4\" fill=\"%s\"/>", x, y,
+                            colour::of_method(names[i], i).c_str()) +
+                  formatted("<text x=\"%.0f\" y=\"%.0f\">", x + 9, y + 4) + html_safe(names[i]) +
+                  "</text>";
     x += width;
   }
   return legend;
@@ -86,8 +84,8 @@ std::string grid(const LogAxis& axis, double top, double bottom) {
     for (const double factor : {1.0, 2.0, 5.0}) {
       const double v = factor * std::pow(10.0, d);
       if (v < axis.low || v > axis.high) continue;
-      svg += formatted("<path stroke=\"#e3e6ea\" d=\"M%.1f %.0fV%.1f\"/>", axis.pixel(v), top,
-                       bottom) +
+      svg += formatted("<path stroke=\"var(--grid,#e7ebee)\" d=\"M%.1f %.0fV%.1f\"/>",
+                       axis.pixel(v), top, bottom) +
              formatted("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"middle\">%g</text>",
                        axis.pixel(v), bottom + 14, v);
     }
@@ -95,12 +93,13 @@ std::string grid(const LogAxis& axis, double top, double bottom) {
   return svg;
 }
 
-std::string mark_svg(const IntervalMark& mark, const LogAxis& axis, double y, const char* colour) {
+std::string mark_svg(const IntervalMark& mark, const LogAxis& axis, double y,
+                     const std::string& colour) {
   if (!(mark.value > 0) || !std::isfinite(mark.value)) return {};
   std::string svg = formatted("<path stroke=\"%s\" stroke-width=\"1.6\" d=\"M%.1f %.1fH%.1f\"/>",
-                              colour, axis.pixel(mark.low), y, axis.pixel(mark.high));
+                              colour.c_str(), axis.pixel(mark.low), y, axis.pixel(mark.high));
   svg += formatted("<circle cx=\"%.1f\" cy=\"%.1f\" r=\"3.6\" fill=\"%s\"><title>",
-                   axis.pixel(mark.value), y, colour);
+                   axis.pixel(mark.value), y, colour.c_str());
   return svg + html_safe(mark.name) +
          formatted(": %.4g (%.4g to %.4g)</title></circle>\n", mark.value, mark.low, mark.high);
 }
@@ -122,20 +121,22 @@ std::string intervals_svg(const std::string& axis_label, const std::vector<Inter
     for (const IntervalMark& mark : row.marks) {
       const auto name =
           static_cast<std::size_t>(std::ranges::find(names, mark.name) - names.begin());
-      marks += mark_svg(mark, axis, y + kMarkStep * static_cast<double>(name), colour_of(name));
+      marks += mark_svg(mark, axis, y + kMarkStep * static_cast<double>(name),
+                        colour::of_method(mark.name, name));
     }
     y += height + kRowGap;
-    marks += formatted("<path stroke=\"#e3e6ea\" d=\"M0 %.1fH%.0f\"/>", y - 0.5 * kRowGap - 4,
-                       kWidth - kRight);
+    marks += formatted("<path stroke=\"var(--grid,#e7ebee)\" d=\"M0 %.1fH%.0f\"/>",
+                       y - 0.5 * kRowGap - 4, kWidth - kRight);
   }
   return formatted(
-             "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %.0f %.0f\" width=\"%.0f\" "
-             "style=\"max-width:100%%\" font-family=\"sans-serif\" font-size=\"11\">",
+             "<div class=\"wide\"><svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %.0f "
+             "%.0f\" "
+             "width=\"%.0f\" font-family=\"sans-serif\" font-size=\"11\">",
              kWidth, y + kBottom, kWidth) +
          head.svg + grid(axis, top - 10, y) + marks +
          formatted("<text x=\"%.0f\" y=\"%.1f\" text-anchor=\"middle\">", 0.5 * (kLeft + kWidth),
                    y + 32) +
-         html_safe(axis_label) + "</text></svg>\n";
+         html_safe(axis_label) + "</text></svg></div>\n";
 }
 
 }  // namespace blindcorner

@@ -10,6 +10,7 @@
 #include "blindcorner/forward/scene/footprint.h"
 #include "blindcorner/report/result_file.h"
 #include "report/birds_eye.h"
+#include "report/headline.h"
 #include "report/html.h"
 #include "report/json_values.h"
 
@@ -32,6 +33,24 @@ json outline_json(const Outline& outline) {
   return list;
 }
 
+json object_json(const Scene& scene, int index) {
+  const HiddenObject& object = hidden_object(scene, index);
+  const Placement& known = object.placement;
+  // As unknown_names(): with several objects, each unknown carries its object's name.
+  const std::string prefix = object_count(scene) > 1 ? object.name + "." : "";
+  return {{"name", object.name},
+          {"prefix", prefix},
+          {"shape", shape_name(object.shape)},
+          {"yaw_period", yaw_period(object.shape)},
+          {"outline", outline_json(footprint(object.shape, object.anchor, Placement{}))},
+          {"known",
+           {{"x_m", known.position.x()},
+            {"y_m", known.position.y()},
+            {"z_m", known.position.z()},
+            {"yaw_rad", known.yaw},
+            {"size", known.size}}}};
+}
+
 json scene_json(const Scene& scene) {
   json surfaces = json::array();
   for (const Surface& surface : scene.surfaces) {
@@ -43,31 +62,27 @@ json scene_json(const Scene& scene) {
   }
   json bounds = json::array();
   for (const Unknown& unknown : scene.unknowns) bounds.push_back({unknown.lower, unknown.upper});
-  const Placement& known = scene.hidden.placement;
+  json objects = json::array();
+  for (int i = 0; i < object_count(scene); ++i) objects.push_back(object_json(scene, i));
   json dead = json::array();
-  for (const Zone& zone : scene.sensor.zones) dead.push_back(zone.dead);
+  json time_zero = json::array();
+  for (const Zone& zone : scene.sensor.zones) {
+    dead.push_back(zone.dead);
+    time_zero.push_back(rounded(zone.time_zero * 1e12));
+  }
   return {{"name", scene.name},
           {"surfaces", surfaces},
           {"bounds", bounds},
           {"presence_prior", number_or_null(scene.presence_prior)},
-          {"known",
-           {{"x_m", known.position.x()},
-            {"y_m", known.position.y()},
-            {"z_m", known.position.z()},
-            {"yaw_rad", known.yaw},
-            {"size", known.size}}},
-          {"object",
-           {{"name", scene.hidden.name},
-            {"shape", shape_name(scene.hidden.shape)},
-            {"yaw_period", yaw_period(scene.hidden.shape)},
-            {"outline",
-             outline_json(footprint(scene.hidden.shape, scene.hidden.anchor, Placement{}))}}},
+          {"objects", objects},
           {"sensor",
            {{"name", scene.sensor.name},
             {"rows", scene.sensor.rows},
             {"columns", scene.sensor.columns},
             {"bins", scene.sensor.bins},
             {"bin_width_ps", scene.sensor.bin_width * 1e12},
+            {"time_zero_ps", time_zero},
+            {"path_from_relay", scene.sensor.path_origin == PathOrigin::relay},
             {"confocal", scene.sensor.illumination == Illumination::confocal},
             {"dead", dead}}}};
 }
@@ -274,6 +289,10 @@ std::string result_page(const Scene& scene, const std::vector<FitResult>& result
                         const std::vector<std::vector<CaptureConditions>>& conditions,
                         const PageOptions& options) {
   json data = {{"result", result_json(scene, results)}, {"scene", scene_json(scene)}};
+  data["headlines"] = json::array();
+  for (const FitResult& result : results) data["headlines"].push_back(fit_headline(scene, result));
+  data["headline"] = results.size() == 1 ? fit_headline(scene, results.front())  //
+                                         : fits_headline(results);
   add_captures(scene, results, conditions, options, data);
   const std::string title = scene.name.empty() ? "fit" : scene.name;
   return script_page(title, dump_json(data),

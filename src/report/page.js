@@ -7,15 +7,15 @@
   var data = JSON.parse(document.getElementById("data").textContent);
   var scene = data.scene;
   var captures = data.result.captures;
-  // The map shows the first object: its unknowns go without its name.
-  var own = data.scene.object.name + ".";
-  var unknowns = data.result.unknowns.map(function (name) {
-    return name.indexOf(own) === 0 ? name.slice(own.length) : name;
-  });
-  var COLOUR = {  // Okabe and Ito: told apart with any colour vision
-    heaviest: "#d55e00", rival: "#0072b2", truth: "#009e73", relay: "#3d454d", occluder: "#3d454d",
-    sensor: "#1b1f24", field: "#f0e442", search: "#8b949d", object: "#e69f00", model: "#0072b2",
-    measured: "#3d454d"
+  var objects = scene.objects;
+  var unknowns = data.result.unknowns;
+  // By meaning, the same on all pages and in the dark (theme.css).
+  var COLOUR = {
+    heaviest: "var(--found)", rival: "var(--rival)", truth: "var(--truth)", relay: "var(--relay)",
+    occluder: "var(--relay)", body: "var(--occluder)", sensor: "var(--sensor)", field: "var(--field)",
+    fieldEdge: "var(--field-edge)", search: "var(--search)", object: "var(--object)", model: "var(--model)",
+    measured: "var(--measured)", paper: "var(--paper)", grid: "var(--grid)", line: "var(--line)",
+    shade: "var(--shade)", ink: "var(--ink)", edge: "var(--edge)"
   };
   // Dark to light through blue and green to yellow: monotone in lightness.
   var TRACK = ["#30123b", "#3b528b", "#21918c", "#5ec962", "#d8c419"];
@@ -23,13 +23,14 @@
 
   var chosen = 0;    // index into captures
   var inJoint = 0;   // capture within a joint fit
-  var look = { log: false, window: true, background: true, shared: false };
+  var look = { log: false, window: true, background: true, shared: false, axis: "ns" };
+  var LIGHT_M_PER_NS = 0.299792458;
 
   // ---------------------------------------------------------------- numbers and words
 
   function finite(value) { return typeof value === "number" && isFinite(value); }
   function unit(name) { return /_m$/.test(name) ? "m" : /_rad$/.test(name) ? "rad" : ""; }
-  function bare(name) { return name.replace(/_(m|rad)$/, ""); }
+  function bare(name) { return name.replace(/_(m|rad)$/, "").replace(".", " "); }
 
   function digits(sigma) {
     if (!finite(sigma) || sigma <= 0) return 3;
@@ -41,7 +42,7 @@
 
   function probability(p) {
     if (!finite(p)) return "–";
-    if (p > 0 && p < 1e-6) return "< 10⁻⁶";
+    if (p < 1e-6) return "< 10⁻⁶";
     if (p > 0 && p < 0.001) return p.toExponential(1).replace("-", "−");
     if (p < 1 && p > 0.999999) return "> 0.999999";
     return p.toFixed(p > 0.99 && p < 1 ? 1 + Math.ceil(-Math.log(1 - p) / Math.LN10) : 3);
@@ -77,70 +78,90 @@
 
   // ---------------------------------------------------------------- poses
 
+  // Place of an object's component among the unknowns; -1: it is known.
+  function place(name, o) { return unknowns.indexOf(objects[o].prefix + name); }
   // Value and variance of a component in x, y, ...: of the unknown, or the known placement.
-  function component(vector, name) {
-    var i = unknowns.indexOf(name);
-    return i >= 0 && vector && finite(vector[i]) ? vector[i] : scene.known[name];
+  function component(vector, name, o) {
+    var i = place(name, o);
+    return i >= 0 && vector && finite(vector[i]) ? vector[i] : objects[o].known[name];
   }
-  function point(vector) { return [component(vector, "x_m"), component(vector, "y_m")]; }
-  function covarianceOf(matrix, a, b) {
-    var i = unknowns.indexOf(a), j = unknowns.indexOf(b);
+  function point(vector, o) { return [component(vector, "x_m", o), component(vector, "y_m", o)]; }
+  function covarianceOf(matrix, a, b, o) {
+    var i = place(a, o), j = place(b, o);
     return i >= 0 && j >= 0 && matrix && finite(matrix[i][j]) ? matrix[i][j] : 0;
   }
-  var freeInPlane = (unknowns.indexOf("x_m") >= 0 ? 1 : 0) + (unknowns.indexOf("y_m") >= 0 ? 1 : 0);
+  function freeInPlane(o) { return (place("x_m", o) >= 0 ? 1 : 0) + (place("y_m", o) >= 0 ? 1 : 0); }
+  // A mode may do without an object of several: its values are null.
+  function holds(vector, o) {
+    return unknowns.every(function (name, i) {
+      return name.indexOf(objects[o].prefix) !== 0 || objects.length === 1 || finite(vector[i]);
+    });
+  }
+  function eachObject(draw) { objects.forEach(function (unused, o) { draw(o); }); }
 
   // 95 % ellipse of a mode in the x-y plane: half axes (m) and the long one's angle.
-  function ellipse(mode) {
-    var a = covarianceOf(mode.covariance, "x_m", "x_m");
-    var b = covarianceOf(mode.covariance, "x_m", "y_m");
-    var c = covarianceOf(mode.covariance, "y_m", "y_m");
+  function ellipse(mode, o) {
+    var a = covarianceOf(mode.covariance, "x_m", "x_m", o);
+    var b = covarianceOf(mode.covariance, "x_m", "y_m", o);
+    var c = covarianceOf(mode.covariance, "y_m", "y_m", o);
     var half = Math.sqrt((a - c) * (a - c) / 4 + b * b);
-    var k = CHI2_95[freeInPlane];
+    var k = CHI2_95[freeInPlane(o)];
     return { long: Math.sqrt(Math.max(0, k * ((a + c) / 2 + half))),
              short: Math.sqrt(Math.max(0, k * ((a + c) / 2 - half))),
              angle: Math.atan2(2 * b, a - c) / 2 };
   }
-  function placedObject(vector) {
-    var at = point(vector), yaw = component(vector, "yaw_rad"), size = component(vector, "size");
+  function placedObject(vector, o) {
+    var at = point(vector, o), yaw = component(vector, "yaw_rad", o), size = component(vector, "size", o);
     var c = Math.cos(yaw) * size, s = Math.sin(yaw) * size;
-    return scene.object.outline.map(function (p) {
+    return objects[o].outline.map(function (p) {
       return [at[0] + c * p[0] - s * p[1], at[1] + s * p[0] + c * p[1]];
     });
   }
+  function objectOf(name) {
+    for (var o = 0; o < objects.length; ++o) {
+      if (objects[o].prefix && name.indexOf(objects[o].prefix) === 0) return o;
+    }
+    return 0;
+  }
   function difference(name, a, b) {
-    if (name !== "yaw_rad") return a - b;
-    var period = scene.object.yaw_period;
+    if (!/yaw_rad$/.test(name)) return a - b;
+    var period = objects[objectOf(name)].yaw_period;
     if (!(period > 0)) return 0;
     return a - b - period * Math.round((a - b) / period);
   }
-  // Distance from the truth over the unknown coordinates, m.
-  function positionError(capture, vector) {
+  // Distance of an object from the truth over its unknown coordinates, m.
+  function positionError(capture, vector, o) {
     if (!capture.truth || !vector) return NaN;
     var sum = 0, any = false;
     unknowns.forEach(function (name, i) {
-      if (unit(name) !== "m") return;
-      sum += Math.pow(finite(capture.truth[i]) ? vector[i] - capture.truth[i] : NaN, 2);
+      if (unit(name) !== "m" || objectOf(name) !== o) return;
+      sum += Math.pow(finite(capture.truth[i]) && finite(vector[i]) ? vector[i] - capture.truth[i] : NaN, 2);
       any = true;
     });
     return any ? Math.sqrt(sum) : NaN;
   }
-  // Standard deviation of the position over the unknown coordinates, m.
-  function positionSigma(mode) {
+  // Standard deviation of an object's position over its unknown coordinates, m.
+  function positionSigma(mode, o) {
     var sum = 0, any = false;
     unknowns.forEach(function (name, i) {
-      if (unit(name) === "m") { sum += mode.covariance[i][i]; any = true; }
+      if (unit(name) === "m" && objectOf(name) === o) { sum += mode.covariance[i][i]; any = true; }
     });
     return any ? Math.sqrt(sum) : NaN;
   }
   function heaviest(capture) { return capture.modes.length ? capture.modes[0] : null; }
+  // Whether the fit found something; else its modes are where nothing can be excluded.
+  function found(capture) {
+    return capture.modes.length > 0 && capture.flags.indexOf("nothing_detected") < 0 &&
+      capture.flags.indexOf("no_photons") < 0;
+  }
   // Whether the truth lies in the mode's 95 % ellipse (interval) in the plane; null if unknown.
-  function covers(capture) {
+  function covers(capture, o) {
     var mode = heaviest(capture);
-    if (!mode || !capture.truth || !freeInPlane) return null;
-    var e = ellipse(mode), p = point(mode.pose), t = point(capture.truth);
+    if (!mode || !capture.truth || !freeInPlane(o) || !holds(mode.pose, o) || !holds(capture.truth, o)) return null;
+    var e = ellipse(mode, o), p = point(mode.pose, o), t = point(capture.truth, o);
     var dx = t[0] - p[0], dy = t[1] - p[1], c = Math.cos(e.angle), s = Math.sin(e.angle);
     var u = (c * dx + s * dy) / Math.max(e.long, 1e-12);
-    var v = freeInPlane === 2 ? (c * dy - s * dx) / Math.max(e.short, 1e-12) : 0;
+    var v = freeInPlane(o) === 2 ? (c * dy - s * dx) / Math.max(e.short, 1e-12) : 0;
     return u * u + v * v <= 1;
   }
 
@@ -164,6 +185,10 @@
   function button(parent, text, on, action) {
     return element(parent, "button", on ? "on" : "", text).attr("type", "button").on("click", action);
   }
+  // Pixels that a picture in `parent` may be wide, at most `most`.
+  function widthIn(parent, most) {
+    return Math.max(260, Math.min(most, Math.floor(parent.node().clientWidth || most)));
+  }
   function polygon(points, x, y) {
     return "M" + points.map(function (p) { return x(p[0]) + "," + y(p[1]); }).join("L") +
       (points.length > 2 ? "Z" : "");
@@ -178,35 +203,42 @@
     var pad = Math.max(least || 0, margin * Math.max(x[1] - x[0], y[1] - y[0]));
     return [[x[0] - pad, y[0] - pad], [x[1] + pad, y[1] + pad]];
   }
-  function searchRegion() {
+  function searchRegion(o) {
     var bounds = ["x_m", "y_m"].map(function (name) {
-      var i = unknowns.indexOf(name);
-      return i >= 0 ? scene.bounds[i] : [scene.known[name], scene.known[name]];
+      var i = place(name, o), known = objects[o].known[name];
+      return i >= 0 ? scene.bounds[i] : [known, known];
     });
     return [[bounds[0][0], bounds[1][0]], [bounds[0][1], bounds[1][0]],
             [bounds[0][1], bounds[1][1]], [bounds[0][0], bounds[1][1]]];
   }
+  // Places of a pose's objects.
+  function placesOf(vector) {
+    var list = [];
+    eachObject(function (o) { if (holds(vector, o)) list.push(point(vector, o)); });
+    return list;
+  }
   // What the picture is about: sensors, what they see, the search region, modes and truths; with
   // `surfaces` all of the known surfaces too, which may be much larger.
   function sceneExtent(viewNumbers, surfaces) {
-    var points = searchRegion();
+    var points = [];
+    eachObject(function (o) { points = points.concat(searchRegion(o)); });
     if (surfaces) scene.surfaces.forEach(function (s) { points = points.concat(s.outline); });
     viewNumbers.forEach(function (v) {
       points.push(data.views[v].position);
       data.views[v].zones.forEach(function (zone) { points = points.concat(d3.merge(zone)); });
     });
     captures.forEach(function (c) {
-      c.modes.forEach(function (m) { points.push(point(m.pose)); });
-      if (c.truth) points.push(point(c.truth));
+      c.modes.forEach(function (m) { points = points.concat(placesOf(m.pose)); });
+      if (c.truth) points = points.concat(placesOf(c.truth));
     });
     return extentOf(points, surfaces ? 0.05 : 0.1, 0.05);
   }
-  // Surroundings of a mode: its ellipse three times over, and the truth if that is near.
-  function around(mode, truth) {
-    var e = ellipse(mode), p = point(mode.pose), r = Math.max(1.7 * e.long, 1e-4);
+  // Surroundings of an object of a mode: its ellipse three times over, and the truth if that is near.
+  function around(mode, truth, o) {
+    var e = ellipse(mode, o), p = point(mode.pose, o), r = Math.max(1.7 * e.long, 1e-4);
     var points = [[p[0] - r, p[1] - r], [p[0] + r, p[1] + r]];
-    if (truth) {
-      var t = point(truth);
+    if (truth && holds(truth, o)) {
+      var t = point(truth, o);
       if (Math.sqrt(Math.pow(t[0] - p[0], 2) + Math.pow(t[1] - p[1], 2)) < 8 * r) points.push(t);
     }
     return extentOf(points, 0.08, 0);
@@ -222,7 +254,7 @@
     svg.append("clipPath").attr("id", clipId).append("rect")
       .attr("width", inner.w).attr("height", inner.h);
     var root = svg.append("g").attr("transform", "translate(" + margin.left + "," + margin.top + ")");
-    root.append("rect").attr("width", inner.w).attr("height", inner.h).attr("fill", "#fff");
+    root.append("rect").attr("width", inner.w).attr("height", inner.h).attr("fill", COLOUR.paper);
     var grid = root.append("g");
     var content = root.append("g").attr("clip-path", "url(#" + clipId + ")");
     var axes = root.append("g");
@@ -249,16 +281,16 @@
           .map(function (k) { return k * distance; });
       }
       ticks(x.domain()).forEach(function (t) {
-        grid.append("line").attr({ x1: x(t), x2: x(t), y1: 0, y2: inner.h, stroke: "#edf0f2" });
+        grid.append("line").attr({ x1: x(t), x2: x(t), y1: 0, y2: inner.h, stroke: COLOUR.grid });
         axes.append("text").attr({ x: x(t), y: inner.h + 15, "text-anchor": "middle", "class": "soft" })
           .text(t.toFixed(shown));
       });
       ticks(y.domain()).forEach(function (t) {
-        grid.append("line").attr({ x1: 0, x2: inner.w, y1: y(t), y2: y(t), stroke: "#edf0f2" });
+        grid.append("line").attr({ x1: 0, x2: inner.w, y1: y(t), y2: y(t), stroke: COLOUR.grid });
         axes.append("text").attr({ x: -6, y: y(t) + 4, "text-anchor": "end", "class": "soft" })
           .text(t.toFixed(shown));
       });
-      axes.append("rect").attr({ width: inner.w, height: inner.h, fill: "none", stroke: "#8b949d",
+      axes.append("rect").attr({ width: inner.w, height: inner.h, fill: "none", stroke: COLOUR.line,
                                  "shape-rendering": "crispEdges" });
       axes.append("text").attr({ x: inner.w / 2, y: inner.h + 30, "text-anchor": "middle" }).text("x (m)");
       axes.append("text").attr({ transform: "translate(-46," + inner.h / 2 + ")rotate(-90)",
@@ -271,7 +303,7 @@
       var text = distance >= 1 ? distance + " m" : distance >= 0.01 ? +(distance * 100).toPrecision(2) + " cm"
         : distance >= 1e-3 ? +(distance * 1000).toPrecision(2) + " mm" : +(distance * 1e6).toPrecision(2) + " µm";
       group.attr("transform", "translate(" + (inner.w - w - 14) + "," + (inner.h - 14) + ")");
-      group.append("rect").attr({ x: -7, y: -20, width: w + 14, height: 28, fill: "#fff", opacity: 0.8 });
+      group.append("rect").attr({ x: -7, y: -20, width: w + 14, height: 28, fill: COLOUR.paper, opacity: 0.8 });
       group.append("path").attr({ d: "M0,-4V4M0,0H" + w + "M" + w + ",-4V4", stroke: COLOUR.sensor,
                                   "stroke-width": 1.6, fill: "none" });
       group.append("text").attr({ x: w / 2, y: -7, "text-anchor": "middle" }).text(text);
@@ -295,20 +327,22 @@
   }
 
   function drawSurroundings(group, x, y, perMetre, viewNumbers) {
-    group.append("path").attr({ d: polygon(searchRegion(), x, y), fill: "#8b949d", "fill-opacity": 0.07,
-                                stroke: COLOUR.search, "stroke-dasharray": "5,4", "stroke-width": 1.2 });
+    eachObject(function (o) {
+      group.append("path").attr({ d: polygon(searchRegion(o), x, y), fill: COLOUR.search, "fill-opacity": 0.07,
+                                  stroke: COLOUR.search, "stroke-dasharray": "5,4", "stroke-width": 1.2 });
+    });
     viewNumbers.forEach(function (v) {
       var view = data.views[v];
       group.append("path").attr({ d: polygon(view.field_of_view, x, y), fill: COLOUR.field,
-                                  "fill-opacity": 0.22, stroke: "#b3a100", "stroke-opacity": 0.7 });
+                                  "fill-opacity": 0.22, stroke: COLOUR.fieldEdge, "stroke-opacity": 0.7 });
     });
     scene.surfaces.forEach(function (surface) {
       var thin = surface.outline.length < 3;
       group.append("path").attr({
         d: polygon(surface.outline, x, y),
-        fill: thin ? "none" : surface.occluder ? "#79838c" : "#c8ced4",
+        fill: thin ? "none" : COLOUR.body,
         "fill-opacity": surface.occluder ? 0.9 : 0.25,
-        stroke: surface.relay || surface.occluder ? COLOUR.relay : "#9aa3ab",
+        stroke: surface.relay || surface.occluder ? COLOUR.relay : COLOUR.line,
         "stroke-width": thin ? (surface.relay ? 4 : 3) : 1,
         "stroke-dasharray": thin && surface.occluder && !surface.relay ? "8,2" : null
       }).append("title").text(surface.name + (surface.relay ? ", relay" : "") +
@@ -319,9 +353,9 @@
         if (viewNumbers.length > 3) return;
         outlines.forEach(function (zone) {
           var g = zone.length === 1
-            ? group.append("circle").attr({ cx: x(zone[0][0]), cy: y(zone[0][1]), r: 2.2, fill: "#b3a100" })
-            : group.append("path").attr({ d: polygon(zone, x, y), fill: "#b3a100", "fill-opacity": 0.12,
-                                          stroke: "#8a7c00", "stroke-width": 1.2, "stroke-opacity": 0.8 });
+            ? group.append("circle").attr({ cx: x(zone[0][0]), cy: y(zone[0][1]), r: 2.2, fill: COLOUR.fieldEdge })
+            : group.append("path").attr({ d: polygon(zone, x, y), fill: COLOUR.fieldEdge, "fill-opacity": 0.12,
+                                          stroke: COLOUR.fieldEdge, "stroke-width": 1.2, "stroke-opacity": 0.8 });
           g.append("title").text("zone " + z);
         });
       });
@@ -329,32 +363,35 @@
     viewNumbers.forEach(function (v) {
       var view = data.views[v], p = view.position, f = view.forward;
       var angle = -Math.atan2(f[1], f[0]) * 180 / Math.PI;
-      group.append("path").attr({ d: "M11,0L-6,7L-3,0L-6,-7Z", fill: COLOUR.sensor, stroke: "#fff",
+      group.append("path").attr({ d: "M11,0L-6,7L-3,0L-6,-7Z", fill: COLOUR.sensor, stroke: COLOUR.paper,
         transform: "translate(" + x(p[0]) + "," + y(p[1]) + ")rotate(" + angle + ")" })
         .append("title").text("sensor at " + p.map(function (c) { return c.toFixed(3); }).join(", ") + " m");
     });
   }
   function drawTruth(group, x, y, vector) {
-    var p = point(vector), cx = x(p[0]), cy = y(p[1]);
-    group.append("path").attr({ d: polygon(placedObject(vector), x, y), fill: "none",
-                                stroke: COLOUR.truth, "stroke-width": 1.4, "stroke-dasharray": "4,3" });
-    ["#fff", COLOUR.truth].forEach(function (colour, i) {
-      group.append("path").attr({ d: "M" + (cx - 8) + "," + cy + "h16M" + cx + "," + (cy - 8) + "v16",
-                                  stroke: colour, "stroke-width": i ? 2.4 : 5, fill: "none" });
+    eachObject(function (o) {
+      if (!holds(vector, o)) return;
+      var p = point(vector, o), cx = x(p[0]), cy = y(p[1]);
+      group.append("path").attr({ d: polygon(placedObject(vector, o), x, y), fill: "none",
+                                  stroke: COLOUR.truth, "stroke-width": 1.4, "stroke-dasharray": "4,3" });
+      [COLOUR.paper, COLOUR.truth].forEach(function (colour, i) {
+        group.append("path").attr({ d: "M" + (cx - 8) + "," + cy + "h16M" + cx + "," + (cy - 8) + "v16",
+                                    stroke: colour, "stroke-width": i ? 2.4 : 5, fill: "none" });
+      });
     });
   }
-  function drawEllipse(group, x, y, perMetre, mode, style) {
-    var e = ellipse(mode), p = point(mode.pose);
+  function drawEllipse(group, x, y, perMetre, mode, style, o) {
+    var e = ellipse(mode, o), p = point(mode.pose, o);
     return group.append("ellipse").attr({
       rx: Math.max(3, e.long * perMetre), ry: Math.max(3, e.short * perMetre),
       transform: "translate(" + x(p[0]) + "," + y(p[1]) + ")rotate(" + -e.angle * 180 / Math.PI + ")"
     }).attr(style);
   }
   // Where the object faces: an arrow, with a fan of 95 % where yaw is an unknown.
-  function drawYaw(group, x, y, perMetre, mode, colour, opacity) {
-    var i = unknowns.indexOf("yaw_rad");
-    if (i < 0 || mode.undetermined.indexOf("yaw_rad") >= 0 || !(scene.object.yaw_period > 0)) return;
-    var p = point(mode.pose), yaw = mode.pose[i], spread = 1.96 * Math.sqrt(mode.covariance[i][i]);
+  function drawYaw(group, x, y, perMetre, mode, colour, opacity, o) {
+    var i = place("yaw_rad", o);
+    if (i < 0 || mode.undetermined.indexOf(unknowns[i]) >= 0 || !(objects[o].yaw_period > 0)) return;
+    var p = point(mode.pose, o), yaw = mode.pose[i], spread = 1.96 * Math.sqrt(mode.covariance[i][i]);
     var r = Math.max(34, Math.min(120, 0.35 * perMetre));
     if (spread < Math.PI / 2) {
       group.append("path").attr({ fill: colour, opacity: 0.16 * opacity, d: d3.svg.arc().innerRadius(0)
@@ -365,36 +402,58 @@
       "stroke-width": 1.6, opacity: opacity,
       transform: "translate(" + x(p[0]) + "," + y(p[1]) + ")rotate(" + -yaw * 180 / Math.PI + ")" });
   }
-  function drawModes(group, x, y, perMetre, capture, labels) {
-    var placed = [];
+  function drawMode(group, x, y, perMetre, mode, first, o) {
+    var colour = first ? COLOUR.heaviest : COLOUR.rival;
+    var opacity = 0.3 + 0.7 * Math.sqrt(Math.max(0, Math.min(1, mode.weight)));
+    var p = point(mode.pose, o);
+    drawYaw(group, x, y, perMetre, mode, colour, opacity, o);
+    group.append("path").attr({ d: polygon(placedObject(mode.pose, o), x, y), fill: colour,
+      "fill-opacity": first ? 0.16 : 0.06, stroke: colour, "stroke-opacity": opacity,
+      "stroke-width": objects[o].outline.length < 3 ? 3 : 1.2 });
+    drawEllipse(group, x, y, perMetre, mode, { fill: colour, "fill-opacity": 0.28 * opacity,
+      stroke: colour, "stroke-opacity": opacity, "stroke-width": first ? 2 : 1.3 }, o);
+    group.append("circle").attr({ cx: x(p[0]), cy: y(p[1]), r: first ? 3.2 : 2.4, fill: colour,
+                                  opacity: opacity, stroke: COLOUR.paper, "stroke-width": 0.7 });
+  }
+  // Where nothing was found there is nothing to be drawn as if it were known.
+  function drawModes(group, x, y, perMetre, capture) {
+    if (!found(capture)) {
+      var middle = searchRegion(0);
+      group.append("text").attr({ x: (x(middle[0][0]) + x(middle[2][0])) / 2, y: (y(middle[0][1]) + y(middle[2][1])) / 2 + 4,
+        "text-anchor": "middle", "class": "soft", "font-size": 13 }).text("nothing found");
+      return;
+    }
     capture.modes.map(function (mode, i) { return [mode, i]; }).reverse().forEach(function (pair) {
-      var mode = pair[0], first = pair[1] === 0;
-      var colour = first ? COLOUR.heaviest : COLOUR.rival;
-      var opacity = 0.3 + 0.7 * Math.sqrt(Math.max(0, Math.min(1, mode.weight)));
-      var p = point(mode.pose);
-      drawYaw(group, x, y, perMetre, mode, colour, opacity);
-      group.append("path").attr({ d: polygon(placedObject(mode.pose), x, y), fill: colour,
-        "fill-opacity": first ? 0.16 : 0.06, stroke: colour, "stroke-opacity": opacity,
-        "stroke-width": scene.object.outline.length < 3 ? 3 : 1.2 });
-      drawEllipse(group, x, y, perMetre, mode, { fill: colour, "fill-opacity": 0.28 * opacity,
-        stroke: colour, "stroke-opacity": opacity, "stroke-width": first ? 2 : 1.3 });
-      group.append("circle").attr({ cx: x(p[0]), cy: y(p[1]), r: first ? 3.2 : 2.4, fill: colour,
-                                    opacity: opacity, stroke: "#fff", "stroke-width": 0.7 });
-    });
-    if (!labels) return;
-    capture.modes.slice(0, 12).forEach(function (mode, i) {
-      var p = point(mode.pose), e = ellipse(mode);
-      var leftwards = unknowns.indexOf("yaw_rad") >= 0 && Math.cos(component(mode.pose, "yaw_rad")) > 0;
-      var at = [x(p[0]) + (leftwards ? -9 : 9), y(p[1]) - 9 - Math.min(60, e.short * perMetre)];
-      var clash = placed.some(function (q) {
-        return Math.abs(q[0] - at[0]) < 54 && Math.abs(q[1] - at[1]) < 13;
+      eachObject(function (o) {
+        if (holds(pair[0].pose, o)) drawMode(group, x, y, perMetre, pair[0], pair[1] === 0, o);
       });
-      if (clash) return;
-      placed.push(at);
-      var text = (i + 1) + ": " + (100 * mode.weight).toFixed(mode.weight > 0.995 ? 1 : 0) + " %";
-      group.append("text").attr({ x: at[0], y: at[1], "text-anchor": leftwards ? "end" : "start", "font-weight": i ? 400 : 700, stroke: "#fff",
-        "stroke-width": 3, "paint-order": "stroke", fill: i ? COLOUR.rival : COLOUR.heaviest })
-        .style("fill", i ? COLOUR.rival : COLOUR.heaviest).text(text);
+    });
+    labelModes(group, x, y, perMetre, capture);
+  }
+  function labelModes(group, x, y, perMetre, capture) {
+    var placed = [];
+    var right = x.range()[1];
+    capture.modes.slice(0, 12).forEach(function (mode, i) {
+      eachObject(function (o) {
+        if (!holds(mode.pose, o) || (i > 0 && o > 0)) return;
+        var p = point(mode.pose, o), e = ellipse(mode, o);
+        var share = mode.weight < 0.01 ? "< 1" : (100 * mode.weight).toFixed(mode.weight > 0.995 ? 1 : 0);
+        var text = (i + 1) + ": " + share + " %";
+        if (objects.length > 1) text = objects[o].name + (o === 0 ? ", " + text : "");
+        var leftwards = (place("yaw_rad", o) >= 0 && Math.cos(component(mode.pose, "yaw_rad", o)) > 0) ||
+          x(p[0]) + 12 + 7 * text.length > right;
+        leftwards = leftwards && x(p[0]) > 12 + 7 * text.length;
+        var at = [x(p[0]) + (leftwards ? -9 : 9), y(p[1]) - 9 - Math.min(60, e.short * perMetre)];
+        if (at[1] < 12) at[1] = y(p[1]) + 18;
+        var clash = placed.some(function (q) {
+          return Math.abs(q[0] - at[0]) < 54 && Math.abs(q[1] - at[1]) < 13;
+        });
+        if (clash) return;
+        placed.push(at);
+        group.append("text").attr({ x: at[0], y: at[1], "text-anchor": leftwards ? "end" : "start",
+          "font-weight": i ? 400 : 700, stroke: COLOUR.paper, "stroke-width": 3, "paint-order": "stroke" })
+          .style("fill", i ? COLOUR.rival : COLOUR.heaviest).text(text);
+      });
     });
   }
 
@@ -409,24 +468,25 @@
   }
   var SWATCH = {
     sensor: ["path", { d: "M21,7L7,12L10,7L7,2Z", fill: COLOUR.sensor }, "sensor"],
-    field: ["rect", { x: 2, y: 2, width: 22, height: 10, fill: COLOUR.field, "fill-opacity": 0.3, stroke: "#b3a100" },
+    field: ["rect", { x: 2, y: 2, width: 22, height: 10, fill: COLOUR.field, "fill-opacity": 0.3, stroke: COLOUR.fieldEdge },
             "field of view, zones on the surfaces"],
     surface: ["path", { d: "M2,7H24", stroke: COLOUR.relay, "stroke-width": 4 }, "relay surface"],
     occluder: ["path", { d: "M2,7H24", stroke: COLOUR.occluder, "stroke-width": 3, "stroke-dasharray": "8,2" },
                "occluder"],
-    search: ["rect", { x: 2, y: 2, width: 22, height: 10, fill: "#f3f4f5", stroke: COLOUR.search,
+    search: ["rect", { x: 2, y: 2, width: 22, height: 10, fill: COLOUR.shade, stroke: COLOUR.search,
                        "stroke-dasharray": "4,3" }, "search region"],
     heaviest: ["ellipse", { cx: 13, cy: 7, rx: 10, ry: 5, fill: COLOUR.heaviest, "fill-opacity": 0.28,
                             stroke: COLOUR.heaviest, "stroke-width": 2 }, ""],
     rival: ["ellipse", { cx: 13, cy: 7, rx: 10, ry: 5, fill: COLOUR.rival, "fill-opacity": 0.2,
-                         stroke: COLOUR.rival }, "other modes, fainter with less weight"],
+                         stroke: COLOUR.rival }, "other places that explain the light, fainter with less weight"],
     truth: ["path", { d: "M5,7H21M13,0V14", stroke: COLOUR.truth, "stroke-width": 2.4 }, "truth"]
   };
-  function region() { return "95 % " + (freeInPlane === 1 ? "interval" : "ellipse"); }
+  function region(o) { return "95 % " + (freeInPlane(o || 0) === 1 ? "interval" : "ellipse"); }
   function mapLegend(parent, capture) {
     var some = function (key) { return scene.surfaces.some(function (s) { return s[key]; }); };
-    var entries = [SWATCH.heaviest.slice(0, 2).concat("heaviest mode, " + region() + " and outline")];
-    if (capture.modes.length > 1) entries.push(SWATCH.rival);
+    var entries = [];
+    if (found(capture)) entries.push(SWATCH.heaviest.slice(0, 2).concat("found: " + region() + " and outline"));
+    if (found(capture) && capture.modes.length > 1) entries.push(SWATCH.rival);
     if (capture.truth) entries.push(SWATCH.truth);
     entries.push(SWATCH.sensor, SWATCH.field);
     if (some("relay")) entries.push(SWATCH.surface);
@@ -463,15 +523,16 @@
         fixed(g.expected, 10) + " ± " + fixed(g.standard_deviation, 10) +
         (g.inflation > 1.005 ? "; covariance × " + g.inflation.toFixed(2) : ""));
     });
-    var error = positionError(capture, capture.modes.length ? capture.modes[0].pose : null);
-    if (finite(error)) {
-      fact("error", function (dd) {
+    eachObject(function (o) {
+      var error = positionError(capture, capture.modes.length ? capture.modes[0].pose : null, o);
+      if (!finite(error)) return;
+      fact(objects.length > 1 ? "error, " + objects[o].name : "error", function (dd) {
         dd.append("b").text(length(error));
-        var inside = covers(capture);
+        var inside = covers(capture, o);
         dd.append("span").attr("class", "soft").text("  heaviest mode to truth" + (inside === null ? ""
-          : inside ? "; truth inside the " + region() : "; truth outside the " + region()));
+          : inside ? "; truth inside the " + region(o) : "; truth outside the " + region(o)));
       });
-    }
+    });
     fact("flags", function (dd) {
       if (!capture.flags.length) dd.append("span").attr("class", "soft").text("none");
       capture.flags.forEach(function (flag) { element(dd, "span", "flag", flag); });
@@ -494,13 +555,16 @@
   }
   function drawModeTable(parent, capture) {
     if (!capture.modes.length) return;
-    element(parent, "h2", "", "Modes").append("small")
-      .text("mean ± standard deviation; “open”: the data left this unknown to its prior");
-    var table = parent.append("table"), head = table.append("thead").append("tr");
+    element(parent, "h2", "", "Modes").append("small").text((found(capture) ? ""
+      : "nothing was found: these are only what the search region and the light leave open; ") +
+      "mean ± standard deviation; “open”: the data left this unknown to its prior");
+    var table = element(parent, "div", "wide").append("table"), head = table.append("thead").append("tr");
     var titles = ["mode", "weight"].concat(unknowns.map(function (name) {
       return bare(name) + (unit(name) ? " (" + unit(name) + ")" : "");
     }), "log likelihood");
-    if (capture.truth) titles.push("distance to truth");
+    if (capture.truth) eachObject(function (o) {
+      titles.push(objects.length > 1 ? objects[o].name + " to truth" : "distance to truth");
+    });
     titles.forEach(function (title) { head.append("th").text(title); });
     var body = table.append("tbody");
     capture.modes.forEach(function (mode, i) {
@@ -510,12 +574,14 @@
       unknowns.forEach(function (name, k) {
         var sigma = Math.sqrt(mode.covariance[k][k]);
         var td = cell(row, mode.pose[k], sigma, mode.undetermined.indexOf(name) >= 0);
-        if (name === "yaw_rad") td.append("small").text("  (" + (mode.pose[k] * 180 / Math.PI).toFixed(1) + "°)");
+        if (/yaw_rad$/.test(name) && finite(mode.pose[k])) td.append("small").text("  (" + (mode.pose[k] * 180 / Math.PI).toFixed(1) + "°)");
       });
       var drop = mode.log_likelihood - capture.modes[0].log_likelihood;
       row.append("td").text(!finite(drop) ? "–" : i ? (drop < 0 ? "−" : "+") + Math.abs(drop).toFixed(2)
         : fixed(mode.log_likelihood, 0.1));
-      if (capture.truth) row.append("td").text(length(positionError(capture, mode.pose)));
+      if (capture.truth) eachObject(function (o) {
+        row.append("td").text(length(positionError(capture, mode.pose, o)));
+      });
     });
     if (capture.truth) {
       var row = body.append("tr").attr("class", "truth");
@@ -527,7 +593,7 @@
           ? "  (heaviest " + signed(difference(name, mode.pose[k], capture.truth[k]), Math.sqrt(mode.covariance[k][k])) + ")" : "");
       });
       row.append("td");
-      row.append("td");
+      eachObject(function () { row.append("td"); });
     }
   }
   function signed(value, sigma) {
@@ -537,7 +603,7 @@
   // ---------------------------------------------------------------- histograms
 
   function variance(zone, mean) {
-    return Math.max(zone.variance_floor + zone.variance_per_count * Math.max(mean, 0), 1e-12);
+    return Math.max(zone.variance_floor + zone.variance_per_count * Math.max(mean, 0), 1e-30);
   }
   function pearson(zone, k) {
     return (zone.measured[k] - zone.model[k]) / Math.sqrt(variance(zone, zone.model[k]));
@@ -554,8 +620,13 @@
   }
   function yRange(h, zones, range) {
     var low = Infinity, high = -Infinity, positive = Infinity;
+    // The scale is that of the bins that entered the fit: others may hold the direct return's peak.
+    function bins(zone) {
+      var first = Math.max(range[0], zone.first_bin), end = Math.min(range[1], zone.end_bin);
+      return zone.used && end > first ? [first, end] : range;
+    }
     zones.forEach(function (zone) {
-      for (var k = range[0]; k < range[1]; ++k) {
+      for (var k = bins(zone)[0]; k < bins(zone)[1]; ++k) {
         ["measured", "model"].forEach(function (key) {
           var v = shownValues(zone, key, k);
           if (!finite(v)) return;
@@ -571,7 +642,7 @@
       // Where the subtracted light was strong its noise would dwarf the signal: cut at quantiles.
       var values = [], top = 0;
       zones.forEach(function (zone) {
-        for (var k = range[0]; k < range[1]; ++k) {
+        for (var k = bins(zone)[0]; k < bins(zone)[1]; ++k) {
           values.push(shownValues(zone, "measured", k));
           top = Math.max(top, zone.object[k]);
         }
@@ -602,11 +673,14 @@
 
   function drawZone(parent, h, zone, size, shared) {
     var box = element(parent, "div", "zone-panel" + (zone.used ? "" : " unused"));
-    var margin = { left: 34, right: 4, top: 16, bottom: 16 };
     var residual = 36, gap = 5;
+    var limitsFirst = shared || yRange(h, [zone], binRange(h));
+    var labels = (look.log ? logTicks(limitsFirst) : d3.scale.linear().domain(limitsFirst).ticks(3)).map(compact);
+    var widest = Math.max.apply(null, labels.map(function (t) { return t.length; }).concat(3));
+    var margin = { left: 12 + 6 * widest, right: 4, top: 16, bottom: 16 };
     var w = size.w - margin.left - margin.right;
     var top = size.h - margin.top - margin.bottom - residual - gap;
-    var range = binRange(h), limits = shared || yRange(h, [zone], range);
+    var range = binRange(h), limits = limitsFirst;
     var svg = box.append("svg").attr({ width: size.w, height: size.h });
     var g = svg.append("g").attr("transform", "translate(" + margin.left + "," + margin.top + ")");
     var x = d3.scale.linear().domain(range).range([0, w]);
@@ -616,7 +690,7 @@
 
     [[range[0], zone.first_bin], [zone.end_bin, range[1]]].forEach(function (outside) {
       if (!zone.used || outside[1] <= outside[0]) return;
-      g.append("rect").attr({ x: x(outside[0]), width: x(outside[1]) - x(outside[0]), height: top, fill: "#eef0f2" });
+      g.append("rect").attr({ x: x(outside[0]), width: x(outside[1]) - x(outside[0]), height: top, fill: COLOUR.shade });
     });
     g.append("path").attr({ d: band(function (k) { return shownValues(zone, "model", k) - zone.object[k]; },
       at("model"), range, x, value), fill: COLOUR.object, "fill-opacity": 0.55 });
@@ -634,20 +708,40 @@
     drawResiduals(g.append("g").attr("transform", "translate(0," + (top + gap) + ")"), h, zone, range, x, w, residual);
     var xAxis = g.append("g").attr("class", "axis").attr("transform", "translate(0," + (top + gap + residual) + ")");
     xAxis.append("path").attr("d", "M0,0H" + w);
-    x.ticks(Math.max(2, Math.floor(w / 55))).forEach(function (t) {
-      if (t !== Math.round(t)) return;
-      xAxis.append("line").attr({ x1: x(t + 0.5), x2: x(t + 0.5), y1: 0, y2: 3 });
-      xAxis.append("text").attr({ x: x(t + 0.5), y: 13, "text-anchor": "middle", "font-size": 10 }).text(t);
+    timeTicks(zone.zone, range, Math.max(2, Math.floor(w / 55))).forEach(function (tick) {
+      var at = x(tick[0]);
+      xAxis.append("line").attr({ x1: at, x2: at, y1: 0, y2: 3 });
+      xAxis.append("text").attr({ x: at, y: 13, "text-anchor": at > w - 12 ? "end" : at < 4 ? "start" : "middle",
+                                  "font-size": 10 }).text(tick[1]);
     });
     drawZoneTitle(g, h, zone, w);
     svg.on("mousemove", function () {
       var k = Math.floor(x.invert(d3.mouse(g.node())[0]));
       if (k < range[0] || k >= range[1]) { hideTip(); return; }
       showTip(["zone " + zone.zone + ", bin " + k + " (" +
-               (k * scene.sensor.bin_width_ps / 1000).toFixed(2) + " ns)",
+               axisValue(zone.zone, k, "ns").toFixed(2) + " ns, path " + axisValue(zone.zone, k + 0.5, "m").toFixed(3) + " m)",
                "measured " + compact(zone.measured[k]), "model " + compact(zone.model[k]) +
                ", of this object " + compact(zone.object[k]), "residual " + pearson(zone, k).toFixed(2) + " σ"]);
     }).on("mouseleave", hideTip);
+  }
+  // A place on the time axis, in bins from the start, as time (ns) or as the light's path (m).
+  function axisValue(zone, bins, axis) {
+    var ns = bins * scene.sensor.bin_width_ps / 1000;
+    return axis === "ns" ? ns : axis === "m" ? (ns - scene.sensor.time_zero_ps[zone] / 1000) * LIGHT_M_PER_NS
+      : bins - 0.5;
+  }
+  // [place in bins, text] of round numbers on the axis.
+  function timeTicks(zone, range, count) {
+    var from = axisValue(zone, range[0], look.axis), to = axisValue(zone, range[1], look.axis);
+    var scale = d3.scale.linear().domain([from, to]), format = scale.tickFormat(count);
+    return scale.ticks(count).filter(function (t) { return look.axis !== "bin" || t === Math.round(t); })
+      .map(function (t) {
+        return [range[0] + (t - from) / (to - from) * (range[1] - range[0]), format(t).replace("-", "−")];
+      });
+  }
+  function axisName() {
+    return look.axis === "ns" ? "time in ns" : look.axis === "m" ? "path of the light in m" +
+      (scene.sensor.path_from_relay ? ", from the relay" : "") : "bin";
   }
   function logTicks(limits) {
     if (limits[1] / limits[0] < 150) {
@@ -672,8 +766,8 @@
   }
   function drawResiduals(g, h, zone, range, x, w, height) {
     var limit = 5, y = d3.scale.linear().domain([-limit, limit]).range([height, 0]).clamp(true);
-    g.append("rect").attr({ y: y(2), width: w, height: y(-2) - y(2), fill: "#f0f2f4" });
-    g.append("line").attr({ x2: w, y1: y(0), y2: y(0), stroke: "#b9c0c7" });
+    g.append("rect").attr({ y: y(2), width: w, height: y(-2) - y(2), fill: COLOUR.shade });
+    g.append("line").attr({ x2: w, y1: y(0), y2: y(0), stroke: COLOUR.edge });
     [-limit, limit].forEach(function (t) {
       g.append("text").attr({ x: -5, y: t > 0 ? 8 : height, "text-anchor": "end", "font-size": 9, "class": "soft" })
         .text((t > 0 ? "+" : "−") + limit + "σ");
@@ -688,7 +782,7 @@
       if (Math.abs(r) > 3) large += line; else usual += line;
     }
     var thick = Math.max(1, Math.min(5, 0.7 * w / (range[1] - range[0])));
-    g.append("path").attr({ d: usual, stroke: "#79838c", "stroke-width": thick });
+    g.append("path").attr({ d: usual, stroke: COLOUR.line, "stroke-width": thick });
     g.append("path").attr({ d: large, stroke: COLOUR.heaviest, "stroke-width": thick });
   }
 
@@ -720,24 +814,30 @@
     toggle(tools, "logarithmic", "log", "background");
     toggle(tools, "only the bins used", "window");
     toggle(tools, "one scale for all zones", "shared");
+    [["ns", "time (ns)"], ["m", "path (m)"], ["bin", "bins"]].forEach(function (axis) {
+      button(tools, axis[1], look.axis === axis[0], function () { look.axis = axis[0]; redraw(); });
+    });
     tools.append("span").attr("class", "gap");
     legendInline(tools);
     if (h.zones.length < h.rows * h.columns) {
       element(parent, "div", "note", "The " + h.zones.length + " of " + h.rows * h.columns +
               " zones with most light from the object.");
     }
+    var total = parent.node().clientWidth || 1344, gap = 12, narrowest = 112;
     var regular = h.zones.length === h.rows * h.columns && h.columns <= 8 && h.columns > 1;
     var across = regular ? h.columns : Math.min(h.zones.length, 4);
     if (!regular && h.zones.length > 16) across = 8;
-    var total = parent.node().clientWidth || 1344, gap = 12;
+    // A narrow screen shows fewer zones beside each other, in reading order.
+    across = Math.max(1, Math.min(across, Math.floor((total + gap) / (narrowest + gap))));
     var width = Math.min(660, Math.floor((total - gap * (across - 1)) / across));
     var height = across > 4 ? 150 : across > 2 ? 190 : 230;
     var grid = element(parent, "div", "zones")
       .style("grid-template-columns", "repeat(" + across + ", " + width + "px)");
     var shared = look.shared ? yRange(h, h.zones, binRange(h)) : null;
     h.zones.forEach(function (zone) { drawZone(grid, h, zone, { w: width, h: height }, shared); });
-    element(parent, "p", "soft", "Horizontal: bin. Vertical: counts" + (look.background
-      ? " less the fitted direct return and ambient light." : ".") +
+    element(parent, "p", "soft", "Horizontal: " + axisName() + ". Vertical: counts" + (look.background
+      ? " less the fitted direct return and ambient light" : "") +
+      ", to the scale of the bins that entered the fit." +
       " Bins on grey did not enter the fit. Below each: (measured − model) / σ of the bins that entered the fit, with a band of ±2 σ; " +
       "beyond ±3 σ in orange. χ²/bin is the mean of its square.");
   }
@@ -774,30 +874,33 @@
 
   function drawTrack(group, x, y, perMetre, viewNumbers) {
     drawSurroundings(group, x, y, perMetre, viewNumbers);
-    var truths = captures.filter(function (c) { return c.truth; });
+    eachObject(function (o) { drawTrackOf(group, x, y, perMetre, o); });
+  }
+  function drawTrackOf(group, x, y, perMetre, o) {
+    var truths = captures.filter(function (c) { return c.truth && holds(c.truth, o); });
     if (truths.length > 1) {
       group.append("path").attr({ fill: "none", stroke: COLOUR.truth, "stroke-width": 1.2, "stroke-dasharray": "4,3",
-        d: polygon(truths.map(function (c) { return point(c.truth); }), x, y).replace("Z", "") });
+        d: polygon(truths.map(function (c) { return point(c.truth, o); }), x, y).replace("Z", "") });
     }
     truths.forEach(function (c) {
-      var p = point(c.truth);
+      var p = point(c.truth, o);
       group.append("path").attr({ d: "M" + (x(p[0]) - 4) + "," + y(p[1]) + "h8M" + x(p[0]) + "," + (y(p[1]) - 4) + "v8",
                                   stroke: COLOUR.truth, "stroke-width": 1.3 });
     });
-    var found = captures.filter(heaviest);
-    if (found.length > 1) {
-      group.append("path").attr({ fill: "none", stroke: "#79838c", "stroke-width": 1, "stroke-opacity": 0.6,
-        d: polygon(found.map(function (c) { return point(heaviest(c).pose); }), x, y).replace("Z", "") });
+    var drawn = captures.filter(function (c) { return found(c) && holds(heaviest(c).pose, o); });
+    if (drawn.length > 1) {
+      group.append("path").attr({ fill: "none", stroke: COLOUR.line, "stroke-width": 1, "stroke-opacity": 0.6,
+        d: polygon(drawn.map(function (c) { return point(heaviest(c).pose, o); }), x, y).replace("Z", "") });
     }
     captures.forEach(function (c, i) {
       var mode = heaviest(c);
-      if (!mode) return;
-      var p = point(mode.pose), colour = trackColour(i);
+      if (!found(c) || !holds(mode.pose, o)) return;
+      var p = point(mode.pose, o), colour = trackColour(i);
       var strength = 0.25 + 0.75 * (finite(c.presence_probability) ? c.presence_probability : 0);
       drawEllipse(group, x, y, perMetre, mode, { fill: colour, "fill-opacity": 0.15 * strength, stroke: colour,
-                                                 "stroke-opacity": 0.7 * strength });
+                                                 "stroke-opacity": 0.7 * strength }, o);
       group.append("circle").attr({ cx: x(p[0]), cy: y(p[1]), r: i === chosen ? 7 : 4, fill: colour,
-        "fill-opacity": strength, stroke: i === chosen ? "#000" : "#fff", "stroke-width": i === chosen ? 2 : 0.8 })
+        "fill-opacity": strength, stroke: i === chosen ? COLOUR.ink : COLOUR.paper, "stroke-width": i === chosen ? 2 : 0.8 })
         .style("cursor", "pointer")
         .on("click", function () { choose(i); })
         .on("mousemove", function () {
@@ -817,7 +920,7 @@
                                 fill: trackColour(k / 43 * (captures.length - 1)) });
     });
     box.append("span").text(String(captures.length));
-    box.append("span").text("fainter: less probably there");
+    box.append("span").text("fainter: less probably there; captures in which nothing was found are not drawn");
     if (captures.some(function (c) { return c.truth; })) {
       var truth = box.append("span");
       truth.append("svg").attr({ width: 26, height: 14 }).append("path").attr(SWATCH.truth[1]);
@@ -836,7 +939,7 @@
     var y = options.y.range([h, 0]).clamp(true);
     g.append("text").attr({ x: 0, y: -8, "font-weight": 600, "font-size": 12 }).text(options.title);
     options.ticks.forEach(function (t) {
-      g.append("line").attr({ x2: w, y1: y(t), y2: y(t), stroke: "#edf0f2" });
+      g.append("line").attr({ x2: w, y1: y(t), y2: y(t), stroke: COLOUR.grid });
       g.append("text").attr({ x: -6, y: y(t) + 4, "text-anchor": "end", "class": "soft" }).text(options.format(t));
     });
     x.ticks(Math.min(10, captures.length)).forEach(function (t) {
@@ -845,8 +948,8 @@
       }
     });
     g.append("text").attr({ x: w / 2, y: h + 27, "text-anchor": "middle" }).text("capture");
-    g.append("path").attr({ d: "M0,0V" + h + "H" + w, fill: "none", stroke: "#8b949d", "shape-rendering": "crispEdges" });
-    g.append("line").attr({ x1: x(chosen + 1), x2: x(chosen + 1), y2: h, stroke: "#1b1f24", "stroke-dasharray": "2,3" });
+    g.append("path").attr({ d: "M0,0V" + h + "H" + w, fill: "none", stroke: COLOUR.line, "shape-rendering": "crispEdges" });
+    g.append("line").attr({ x1: x(chosen + 1), x2: x(chosen + 1), y2: h, stroke: COLOUR.ink, "stroke-dasharray": "2,3" });
     captures.forEach(function (c, i) {
       if (c.error) {
         g.append("path").attr({ d: "M-4,-4L4,4M-4,4L4,-4", stroke: COLOUR.heaviest, "stroke-width": 2,
@@ -865,49 +968,59 @@
         }
       });
     });
-    var right = w;
-    options.series.slice().reverse().forEach(function (series) {
-      var text = g.append("text").attr({ x: right, y: -8, "text-anchor": "end" }).style("fill", series.colour).text(series.name);
-      right -= text.node().getComputedTextLength() + 14;
+    var names = element(parent, "div", "legend");
+    options.series.forEach(function (series) {
+      var span = names.append("span");
+      span.append("svg").attr({ width: 26, height: 14 }).append("path").attr({ d: "M2,7H24", stroke: series.colour,
+        "stroke-width": 2, "stroke-dasharray": series.dash || null });
+      span.append("span").text(series.name);
     });
     svg.style("cursor", "pointer").on("click", function () {
       choose(Math.round(x.invert(d3.mouse(g.node())[0])) - 1);
     });
   }
   function drawCharts(parent, width, height) {
-    var withTruth = captures.some(function (c) { return finite(positionError(c, heaviest(c) && heaviest(c).pose)); });
-    var sigma = function (c) { return heaviest(c) ? positionSigma(heaviest(c)) : NaN; };
-    var error = function (c) { return heaviest(c) ? positionError(c, heaviest(c).pose) : NaN; };
-    var lengths = captures.map(sigma).concat(captures.map(error)).filter(function (v) { return finite(v) && v > 0; });
+    var several = objects.length > 1, series = [], lengths = [];
+    // What was not found has no error.
+    eachObject(function (o) {
+      var ending = several ? ", " + objects[o].name : "", dash = o === 0 ? null : 2 + 2 * o + ",3";
+      var sigma = function (c) { return found(c) ? positionSigma(heaviest(c), o) : NaN; };
+      var error = function (c) { return found(c) ? positionError(c, heaviest(c).pose, o) : NaN; };
+      series.push({ name: "claimed standard deviation" + ending, colour: COLOUR.heaviest, value: sigma, dash: dash });
+      lengths = lengths.concat(captures.map(sigma), captures.map(error));
+      if (captures.some(function (c) { return finite(error(c)); })) {
+        series.push({ name: "distance to truth" + ending, colour: COLOUR.truth, value: error, dots: true, dash: dash });
+      }
+    });
+    lengths = lengths.filter(function (v) { return finite(v) && v > 0; });
     if (lengths.length) {
       var limits = d3.extent(lengths);
       limits = [Math.pow(10, Math.floor(Math.log(limits[0]) / Math.LN10)), Math.pow(10, Math.ceil(Math.log(limits[1]) / Math.LN10))];
       if (limits[0] === limits[1]) limits[1] *= 10;
-      var series = [{ name: "σ of the heaviest mode", colour: COLOUR.rival, value: sigma }];
-      if (withTruth) series.push({ name: "distance to truth", colour: COLOUR.truth, value: error, dots: true });
       chart(parent, { title: "Position (m)", width: width, height: height, y: d3.scale.log().domain(limits), positive: true,
                       ticks: logTicks(limits), format: compact, series: series });
     }
     chart(parent, { title: "Probability", width: width, height: height, y: d3.scale.linear().domain([0, 1]),
       ticks: [0, 0.25, 0.5, 0.75, 1], format: String, series: [
-        { name: "object present", colour: COLOUR.rival, value: function (c) { return c.presence_probability; }, dots: true },
+        { name: "object present", colour: COLOUR.ink, value: function (c) { return c.presence_probability; }, dots: true },
         { name: "weight of the heaviest mode", colour: COLOUR.heaviest,
           value: function (c) { return heaviest(c) ? heaviest(c).weight : NaN; }, dash: "5,3" }] });
   }
   function drawSummary(parent) {
-    var errors = captures.map(function (c) { return heaviest(c) ? positionError(c, heaviest(c).pose) : NaN; })
-      .filter(finite).sort(d3.ascending);
     var failed = captures.filter(function (c) { return c.error; }).length;
     var parts = [captures.length + " captures, " + (failed ? failed + " failed" : "all fitted")];
-    if (errors.length) {
-      var inside = captures.map(covers).filter(function (c) { return c !== null; });
-      parts.push("distance to truth: median " + length(quantile(errors, 0.5)) + ", 90th percentile " +
-                 length(quantile(errors, 0.9)));
+    eachObject(function (o) {
+      var errors = captures.map(function (c) { return heaviest(c) ? positionError(c, heaviest(c).pose, o) : NaN; })
+        .filter(finite).sort(d3.ascending);
+      if (!errors.length) return;
+      var inside = captures.map(function (c) { return covers(c, o); }).filter(function (c) { return c !== null; });
+      parts.push((objects.length > 1 ? objects[o].name + ": " : "") + "distance to truth: median " +
+        length(quantile(errors, 0.5)) + ", 90th percentile " + length(quantile(errors, 0.9)));
       if (inside.length) {
-        parts.push("truth inside the " + region() + " of the heaviest mode in " +
+        parts.push("truth inside the " + region(o) + " of the heaviest mode in " +
                    inside.filter(function (c) { return c; }).length + " of " + inside.length);
       }
-    }
+    });
     var times = captures.filter(function (c) { return !c.error; })
       .map(function (c) { return c.time_ms.total; }).filter(finite).sort(d3.ascending);
     if (times.length) parts.push("median time " + milliseconds(quantile(times, 0.5)));
@@ -921,7 +1034,9 @@
     var box = element(parent, "div", "scroll"), table = box.append("table");
     var head = table.append("thead").append("tr");
     ["capture", "source"].concat(unknowns.map(function (n) { return bare(n) + (unit(n) ? " (" + unit(n) + ")" : ""); }),
-      ["weight", "present", "false alarm", "to truth", "flags"]).forEach(function (title, i) {
+      ["weight", "present", "false alarm"], objects.map(function (object) {
+        return objects.length > 1 ? object.name + " to truth" : "to truth";
+      }), ["flags"]).forEach(function (title, i) {
       head.append("th").attr("class", i === 1 || title === "flags" ? "text" : "").text(title);
     });
     var body = table.append("tbody");
@@ -932,7 +1047,7 @@
       row.append("td").attr("class", "text").text(nameOf(c));
       var mode = heaviest(c);
       if (!mode) {
-        row.append("td").attr({ "class": "text", colspan: unknowns.length + 5 }).style("color", COLOUR.heaviest)
+        row.append("td").attr({ "class": "text", colspan: unknowns.length + 4 + objects.length }).style("color", COLOUR.heaviest)
           .text(c.error || "no mode");
         return;
       }
@@ -942,7 +1057,7 @@
       row.append("td").text((100 * mode.weight).toFixed(1) + " %");
       row.append("td").text(probability(c.presence_probability));
       row.append("td").text(probability(c.false_alarm_probability));
-      row.append("td").text(length(positionError(c, mode.pose)));
+      eachObject(function (o) { row.append("td").text(length(positionError(c, mode.pose, o))); });
       row.append("td").attr("class", "text").text(c.flags.join(", "));
     });
     var picked = body.select("tr.chosen").node();
@@ -954,16 +1069,16 @@
     element(parent, "h2", "", "All captures").append("small").text("the heaviest mode of each; click one to see it below");
     drawSummary(parent);
     var columns = element(parent, "div", "columns");
-    var left = columns.append("div").style("width", "720px"), right = columns.append("div").attr("class", "rest");
+    var left = columns.append("div").attr("class", "picture"), right = columns.append("div").attr("class", "rest");
     var views = distinct(d3.merge(data.view_of));
-    var extent = sceneExtent(views, false), width = 720, height = heightFor(extent, width, 380, 560);
+    var extent = sceneExtent(views, false), width = widthIn(left, 720), height = heightFor(extent, width, 300, 560);
     var tools = element(left, "div", "tools");
     var map = new Map(left, { width: width, height: height,
       draw: function (g, x, y, perMetre) { drawTrack(g, x, y, perMetre, views.length > 12 ? [data.view_of[chosen][0]] : views); } });
     var poses = [];
     captures.forEach(function (c) {
-      if (heaviest(c)) poses.push(point(heaviest(c).pose));
-      if (c.truth) poses.push(point(c.truth));
+      if (found(c)) poses = poses.concat(placesOf(heaviest(c).pose));
+      if (c.truth) poses = poses.concat(placesOf(c.truth));
     });
     button(tools, "overview", false, function () { map.show(extent); });
     button(tools, "whole scene", false, function () { map.show(sceneExtent(views, true)); });
@@ -971,7 +1086,7 @@
     tools.append("span").attr("class", "soft").text("drag to move, double-click to enlarge");
     map.show(extent);
     drawIndexScale(left);
-    drawCharts(right, 590, Math.max(190, Math.round(height / 2) + 14));
+    drawCharts(right, widthIn(right, 590), Math.max(190, Math.round(height / 2) - 10));
     drawCaptureTable(element(parent, "div").style("margin-top", "12px"));
   }
 
@@ -981,49 +1096,62 @@
     var capture = captures[number];
     var title = element(parent, "h2", "", captures.length > 1 ? "Capture " + (number + 1) : "Result");
     title.append("small").text(nameOf(capture));
+    drawHeadline(parent, capture, number);
     if (capture.error) { drawAnswer(parent, capture); return; }
     var columns = element(parent, "div", "columns");
-    var left = columns.append("div").style("width", "760px"), right = columns.append("div").attr("class", "rest");
+    var left = columns.append("div").attr("class", "picture"), right = columns.append("div").attr("class", "rest");
     var views = distinct(data.view_of[number]);
-    var extent = sceneExtent(views, false), width = 760, height = heightFor(extent, width, 440, 640);
+    var extent = sceneExtent(views, false), width = widthIn(left, 760), height = heightFor(extent, width, 300, 640);
     var tools = element(left, "div", "tools");
     var map = new Map(left, { width: width, height: height, draw: function (g, x, y, perMetre) {
       drawSurroundings(g, x, y, perMetre, views);
       if (capture.truth) drawTruth(g, x, y, capture.truth);
-      drawModes(g, x, y, perMetre, capture, true);
+      drawModes(g, x, y, perMetre, capture);
     } });
     button(tools, "overview", false, function () { map.show(extent); });
     button(tools, "whole scene", false, function () { map.show(sceneExtent(views, true)); });
-    if (capture.modes.length) {
+    if (found(capture)) {
       button(tools, "all modes", false, function () {
-        var points = capture.modes.map(function (m) { return point(m.pose); });
-        if (capture.truth) points.push(point(capture.truth));
-        map.show(extentOf(points, 0.25, 1.5 * ellipse(capture.modes[0]).long + 0.01));
+        var points = capture.truth ? placesOf(capture.truth) : [];
+        capture.modes.forEach(function (m) { points = points.concat(placesOf(m.pose)); });
+        map.show(extentOf(points, 0.25, 1.5 * ellipse(capture.modes[0], 0).long + 0.01));
       });
-      button(tools, "heaviest mode", false, function () { map.show(around(capture.modes[0], capture.truth)); });
+      eachObject(function (o) {
+        button(tools, objects.length > 1 ? objects[o].name : "heaviest mode", false, function () {
+          map.show(around(capture.modes[0], capture.truth, o));
+        });
+      });
     }
     tools.append("span").attr("class", "soft").text("drag to move, double-click to enlarge");
     map.show(extent);
     mapLegend(left, capture);
     drawAnswer(right, capture);
-    if (capture.modes.length && freeInPlane) drawCloseUp(right, capture);
+    if (found(capture)) eachObject(function (o) {
+      if (freeInPlane(o) && holds(capture.modes[0].pose, o)) drawCloseUp(right, capture, o);
+    });
     drawModeTable(element(parent, "div").style("margin-top", "18px"), capture);
   }
-  function drawCloseUp(parent, capture) {
-    element(parent, "h2", "", "Close-up of the heaviest mode").style("margin-top", "16px");
-    var map = new Map(parent, { width: 460, height: 300, draw: function (g, x, y, perMetre) {
+  // The sentence for everyone, and what the program noticed.
+  function drawHeadline(parent, capture, number) {
+    if (captures.length > 1) element(parent, "p", "headline", data.headlines[number]);
+    (capture.hints || []).forEach(function (hint) { element(parent, "div", "hint", hint); });
+  }
+  function drawCloseUp(parent, capture, o) {
+    element(parent, "h2", "", "Close-up of " + (objects.length > 1 ? objects[o].name : "the heaviest mode"))
+      .style("margin-top", "16px");
+    var map = new Map(parent, { width: widthIn(parent, 460), height: 300, draw: function (g, x, y, perMetre) {
       var mode = capture.modes[0];
       drawEllipse(g, x, y, perMetre, mode, { fill: COLOUR.heaviest, "fill-opacity": 0.2, stroke: COLOUR.heaviest,
-                                             "stroke-width": 2 });
-      var p = point(mode.pose);
+                                             "stroke-width": 2 }, o);
+      var p = point(mode.pose, o);
       g.append("circle").attr({ cx: x(p[0]), cy: y(p[1]), r: 3.5, fill: COLOUR.heaviest });
-      if (capture.truth) {
-        var t = point(capture.truth), cx = x(t[0]), cy = y(t[1]);
+      if (capture.truth && holds(capture.truth, o)) {
+        var t = point(capture.truth, o), cx = x(t[0]), cy = y(t[1]);
         g.append("path").attr({ d: "M" + (cx - 8) + "," + cy + "h16M" + cx + "," + (cy - 8) + "v16",
                                 stroke: COLOUR.truth, "stroke-width": 2.4 });
       }
     } });
-    map.show(around(capture.modes[0], capture.truth));
+    map.show(around(capture.modes[0], capture.truth, o));
   }
 
   function drawControls(parent) {
@@ -1047,11 +1175,13 @@
 
   var page = d3.select("#page");
   element(page, "h1", "", scene.name || "Fit").append("small").text("localisation around the corner");
+  element(page, "p", "headline", data.headline);
   element(page, "div", "subtitle", [
     scene.sensor.name + ": " + scene.sensor.rows + " × " + scene.sensor.columns + " zones, " + scene.sensor.bins +
       " bins of " + compact(scene.sensor.bin_width_ps) + " ps" + (scene.sensor.confocal ? ", confocal" : ", flash"),
-    "hidden: " + (scene.object.name === scene.object.shape ? scene.object.name
-      : scene.object.name + " (" + scene.object.shape + ")"),
+    "hidden: " + objects.map(function (object) {
+      return object.name === object.shape ? object.name : object.name + " (" + object.shape + ")";
+    }).join(", "),
     "unknown: " + (unknowns.map(bare).join(", ") || "nothing"),
     data.result.scene].join(" · "));
   var overview = element(page, "section");
@@ -1077,6 +1207,12 @@
     [overview, controls, detail, histograms].forEach(function (part) { part.style("min-height", null); });
     window.scrollTo(window.pageXOffset, top);
   }
+  var lastWidth = window.innerWidth;
+  d3.select(window).on("resize", function () {
+    if (window.innerWidth === lastWidth) return;
+    lastWidth = window.innerWidth;
+    redraw();
+  });
   d3.select(window).on("keydown", function () {
     if (/^(INPUT|SELECT)$/.test(document.activeElement.tagName)) return;
     if (d3.event.keyCode === 37) choose(chosen - 1);

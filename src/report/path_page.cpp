@@ -4,10 +4,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <filesystem>
 #include <functional>
 #include <nlohmann/json.hpp>
 
 #include "blindcorner/report/result_file.h"
+#include "report/colours.h"
 #include "report/formatted.h"
 #include "report/html.h"
 
@@ -25,8 +27,9 @@ struct GroundStyle {
   Ground ground;
   const char* colour;
 };
-constexpr std::array<GroundStyle, 3> kStyles{
-    {{Ground::unknown, "#dfe4ea"}, {Ground::margin, "#c3b8a6"}, {Ground::obstacle, "#4a4f57"}}};
+constexpr std::array<GroundStyle, 3> kStyles{{{Ground::unknown, "var(--faint,#d9dee3)"},
+                                              {Ground::margin, "#b9a98c"},
+                                              {Ground::obstacle, "var(--occluder,#79838c)"}}};
 
 Ground ground_of(const PlanningGrid& grid, std::span<const double> occupancy, std::size_t index) {
   if (grid.obstacle(index)) return Ground::obstacle;
@@ -94,7 +97,8 @@ std::string picture(const PlannedPath& planned, std::span<const double> occupanc
   const Eigen::Vector2d corner = geometry.origin;
   std::string svg = formatted(
       "<svg viewBox=\"%.9g %.9g %.9g %.9g\" style=\"width:100%%;max-height:90vh;border:1px solid "
-      "#d9dee3\"><g transform=\"scale(1,-1)\">\n<g transform=\"translate(%.9g,%.9g) scale(%.9g)\" "
+      "var(--faint,#d9dee3)\"><g transform=\"scale(1,-1)\">\n<g transform=\"translate(%.9g,%.9g) "
+      "scale(%.9g)\" "
       "shape-rendering=\"crispEdges\">\n",
       corner.x(), -corner.y() - height, width, height, corner.x(), corner.y(), geometry.cell_size);
   for (const GroundStyle& style : kStyles) {
@@ -108,11 +112,11 @@ std::string picture(const PlannedPath& planned, std::span<const double> occupanc
   std::vector<Eigen::Vector2d> curve;
   for (const PathPoint& point : planned.path.points) curve.push_back(point.position);
   svg += polyline(planned.path.waypoints,
-                  "stroke=\"#0072b2\" stroke-width=\"1\" stroke-dasharray=\"5 4\"");
-  svg += polyline(curve, "stroke=\"#d55e00\" stroke-width=\"2.5\"");
+                  "stroke=\"var(--line,#8b949d)\" stroke-width=\"1\" stroke-dasharray=\"5 4\"");
+  svg += polyline(curve, "stroke=\"var(--path,#0072b2)\" stroke-width=\"2.5\"");
   const double radius = 0.006 * std::max(width, height);  // a few pixels of the page
-  svg += marker(planned.request.start, radius, "#009e73", "start");
-  svg += marker(planned.request.goal, radius, "#d55e00", "goal");
+  svg += marker(planned.request.start, radius, colour::kSensor, "start");
+  svg += marker(planned.request.goal, radius, colour::kGoal, "goal");
   return svg + "</g></svg>\n";
 }
 
@@ -124,6 +128,24 @@ std::string figures(const Path& path) {
       "</tr></table>\n",
       std::string(path_status_word(path.status)).c_str(), path.length, path.grid_length, path.cost,
       path.greatest_curvature, path.expansions, 1e3 * path.search_time, 1e3 * path.smoothing_time);
+}
+
+std::string path_headline(const Path& path) {
+  switch (path.status) {
+    case PathStatus::found:
+      return formatted("A path of %.1f m leads to the goal.", path.length);
+    case PathStatus::no_path:
+      return "No path leads to the goal.";
+    case PathStatus::start_outside:
+      return "There is no path: the start lies outside of the map.";
+    case PathStatus::goal_outside:
+      return "There is no path: the goal lies outside of the map.";
+    case PathStatus::start_blocked:
+      return "There is no path: the start is too near to an obstacle.";
+    case PathStatus::goal_blocked:
+      return "There is no path: the goal is too near to an obstacle.";
+  }
+  return {};
 }
 
 }  // namespace
@@ -159,11 +181,12 @@ std::string path_json(const PlannedPath& planned) {
 }
 
 std::string path_page(const PlannedPath& planned, std::span<const double> occupancy) {
-  return plain_page("Path on " + planned.map,
+  return plain_page("Path on " + std::filesystem::path(planned.map).filename().string(),
+                    path_headline(planned.path),
                     figures(planned.path) +
-                        "<p>Dark: obstacles; brown: too near to one for the vehicle's reference "
-                        "point; grey: unknown. Dashed: straight lines between waypoints; orange: "
-                        "the path.</p>\n" +
+                        "<p>Grey: obstacles; brown: too near to one for the vehicle's reference "
+                        "point; light grey: unknown. Dashed: straight lines between waypoints; "
+                        "blue: the path, from the dark dot to the pink one.</p>\n" +
                         picture(planned, occupancy));
 }
 

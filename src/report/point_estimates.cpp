@@ -10,6 +10,7 @@
 #include "blindcorner/forward/scene/footprint.h"
 #include "forward/support/quantile.h"
 #include "report/formatted.h"
+#include "report/headline.h"
 #include "report/html.h"
 
 namespace blindcorner {
@@ -77,16 +78,19 @@ std::string surroundings_svg(const Scene& scene, const std::vector<PointEstimate
                        std::holds_alternative<RectangleShape>(surface.shape);
     if (floor) continue;  // it would cover all
     svg += polygon(footprint(surface.shape, surface.T_world_surface),
-                   "fill=\"#c9ced6\" stroke=\"#4a4f57\" stroke-width=\"1.5\"");
+                   "fill=\"var(--occluder,#79838c)\" fill-opacity=\"0.4\" "
+                   "stroke=\"var(--relay,#3d454d)\" stroke-width=\"1.5\"");
   }
-  svg += polygon(corners_of(region),
-                 "fill=\"none\" stroke=\"#888\" stroke-width=\"1\" stroke-dasharray=\"5 4\"");
+  svg += polygon(
+      corners_of(region),
+      "fill=\"none\" stroke=\"var(--search,#8b949d)\" stroke-width=\"1\" stroke-dasharray=\"5 4\"");
   std::vector<Vector2d> sensors;
   for (const PointEstimate& e : estimates) {
     const Vector2d at = e.T_world_sensor.translation().head<2>();
     if (std::ranges::find(sensors, at) == sensors.end()) sensors.push_back(at);
   }
-  for (const Vector2d& at : sensors) svg += dot(at, 1.5 * radius, "fill=\"#e69f00\"", "sensor");
+  for (const Vector2d& at : sensors)
+    svg += dot(at, 1.5 * radius, "fill=\"var(--sensor,#1b1f24)\"", "sensor");
   return svg;
 }
 
@@ -157,6 +161,13 @@ std::string point_errors_html(const std::vector<ErrorFigures>& figures) {
   return html + "</table>\n";
 }
 
+std::string point_errors_headline(const Scene& scene, const std::vector<PointEstimate>& estimates) {
+  const std::vector<double> distances = position_errors(scene, estimates);
+  if (distances.empty()) return {};
+  return "Half of the estimates are within " + said_length(median(distances)) +
+         " of the truth, nine of ten within " + said_length(quantile(distances, 0.9)) + ".";
+}
+
 std::string point_estimates_csv(const Scene& scene, const std::vector<PointEstimate>& estimates) {
   const std::vector<std::string> names = unknown_names(scene);
   std::string csv = "source,index";
@@ -190,18 +201,18 @@ std::string point_estimates_svg(const Scene& scene, const std::vector<PointEstim
   const double radius = 0.003 * view.sizes().maxCoeff();  // a few pixels
   std::string svg = formatted(
       "<svg viewBox=\"%.9g %.9g %.9g %.9g\" style=\"width:100%%;max-height:80vh;border:1px solid "
-      "#d9dee3\"><g transform=\"scale(1,-1)\">\n",
+      "var(--faint,#d9dee3)\"><g transform=\"scale(1,-1)\">\n",
       view.min().x(), -view.max().y(), view.sizes().x(), view.sizes().y());
   svg += surroundings_svg(scene, estimates, region, radius);
   for (const PointEstimate& e : estimates) {
     const Vector2d truth(e.truth[x], e.truth[y]);
     const Vector2d found(e.estimate[x], e.estimate[y]);
     svg += formatted(
-        "<path d=\"M%.7g %.7gL%.7g %.7g\" stroke=\"#d55e00\" stroke-width=\"1\" "
+        "<path d=\"M%.7g %.7gL%.7g %.7g\" stroke=\"var(--found,#d55e00)\" stroke-width=\"1\" "
         "stroke-opacity=\"0.5\" vector-effect=\"non-scaling-stroke\"/>\n",
         truth.x(), truth.y(), found.x(), found.y());
-    svg += dot(truth, radius, "fill=\"#009e73\"");
-    svg += dot(found, radius, "fill=\"#d55e00\"",
+    svg += dot(truth, radius, "fill=\"var(--truth,#009e73)\"");
+    svg += dot(found, radius, "fill=\"var(--found,#d55e00)\"",
                "capture " + std::to_string(e.index) +
                    formatted(": off by %.3g m", (found - truth).norm()));
   }

@@ -40,6 +40,9 @@ nlohmann::ordered_json point_errors_json(const std::vector<ErrorFigures>& figure
 std::string point_errors_text(const std::vector<ErrorFigures>& figures);
 std::string point_errors_html(const std::vector<ErrorFigures>& figures);
 
+/// How far off the estimates are, in a sentence; empty without positions.
+std::string point_errors_headline(const Scene& scene, const std::vector<PointEstimate>& estimates);
+
 /// A row an estimate: source, index, then of each unknown the truth, the estimate and the error.
 std::string point_estimates_csv(const Scene& scene, const std::vector<PointEstimate>& estimates);
 

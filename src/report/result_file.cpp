@@ -146,6 +146,7 @@ json capture_json(const Scene& scene, const FitResult& result) {
   }
   if (result.track) entry["track"] = track_json(*result.track);
   entry["flags"] = result.flags;
+  entry["hints"] = result.hints;
   entry["truth"] = truth_json(scene, result.truth);
   entry["error"] = failed ? json(result.error) : json(nullptr);
   entry["time_ms"] = times_json(result.time_ms);

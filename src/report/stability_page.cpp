@@ -12,10 +12,12 @@ namespace blindcorner {
 namespace {
 
 const char* const kStyle =
-    "<style>.wide{overflow-x:auto}.wide td,.wide th{text-align:left;vertical-align:top}"
+    "<style>.wide{overflow-x:auto}.wide td,.wide "
+    "th{text-align:left;vertical-align:top;white-space:normal}"
     ".wide td.number{text-align:right;white-space:nowrap}.wide td:first-child{white-space:nowrap}"
     ".wide td:nth-child(2),.wide td:nth-child(5){min-width:220px}"
-    ".fails{background:#fde7e2;font-weight:600}.why{color:#57606a;font-size:13px}</style>\n";
+    ".fails{background:var(--alarm);font-weight:600}.why{color:var(--soft);font-size:13px}</"
+    "style>\n";
 
 /// Without the sign of a negative zero.
 std::string number(double value) { return formatted("%.3g", value + 0.0); }
@@ -70,10 +72,9 @@ std::string stability_page(const std::vector<StabilityResult>& results) {
   std::string body =
       kStyle +
       formatted(
-          "<p>%d of %d stiff and extreme cases hold. A case holds where what was measured is "
+          "<p>A case holds where what was measured is "
           "at most the limit. Limits from physics are laws that light or motion obeys; limits "
-          "from arithmetic are what rounding or a stated approximation may cost.</p>\n",
-          static_cast<int>(holding), static_cast<int>(results.size()));
+          "from arithmetic are what rounding or a stated approximation may cost.</p>\n");
   std::string theme;
   for (const StabilityResult& result : results) {
     if (result.row->theme != theme) {
@@ -87,7 +88,10 @@ std::string stability_page(const std::vector<StabilityResult>& results) {
     body += row_html(result);
   }
   if (!theme.empty()) body += "</table></div>\n";
-  return plain_page("Stiff and extreme cases", body);
+  return plain_page("Stiff and extreme cases",
+                    formatted("%d of %d stiff and extreme cases hold.", static_cast<int>(holding),
+                              static_cast<int>(results.size())),
+                    body);
 }
 
 }  // namespace blindcorner

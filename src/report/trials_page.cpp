@@ -11,6 +11,7 @@
 #include "blindcorner/simulation/paired_difference.h"
 #include "report/bar_chart.h"
 #include "report/chart.h"
+#include "report/colours.h"
 #include "report/formatted.h"
 #include "report/html.h"
 
@@ -70,18 +71,9 @@ std::vector<std::pair<const char*, const char*>> pairs_of(const Results& results
 }
 
 std::string colour_of(const std::string& name) {
-  static const std::map<std::string, std::string> kColours{{"los", "#d62728"},
-                                                           {"solver", "#1f77b4"},
-                                                           {"cnn", "#ff7f0e"},
-                                                           {"cnn_wide", "#8c564b"},
-                                                           {"oracle", "#2ca02c"},
-                                                           {"oracle_disc", "#9467bd"},
-                                                           {"oracle_covariance", "#17becf"},
-                                                           {"published los", "#f2b8b8"},
-                                                           {"published nlos", "#b7d3ea"},
-                                                           {"published", "#cccccc"}};
-  const auto known = kColours.find(name);
-  return known == kColours.end() ? "#888888" : known->second;
+  if (name == "published los" || name == "published") return "var(--edge,#b9c0c7)";
+  if (name == "published nlos") return colour::kLine;
+  return colour::of_method(name);
 }
 
 Bar bar_of(const std::string& name, double share, std::optional<ShareInterval> interval = {}) {
@@ -109,6 +101,19 @@ std::string zone_name(const DriveTrials& trials, int zone) {
 
 Results in_zone(const Results& results, int zone) {
   return chosen(results, [&](const TrialResult& r) { return r.trial.zone == zone; });
+}
+
+std::string trials_headline(const Results& results) {
+  std::string text;
+  for (const std::string& name : perceptions_of(results)) {
+    const Results own = of(results, name);
+    const std::string who = name == "los"      ? "with direct sight only"
+                            : name == "oracle" ? "told the truth"
+                                               : "with " + name;
+    text += (text.empty() ? "The vehicle reaches its goal in " : ", ") +
+            formatted("%d of %zu drives ", reached(own), own.size()) + who;
+  }
+  return text.empty() ? text : text + ".";
 }
 
 std::string success_section(const Drive& drive, const Results& results) {
@@ -366,7 +371,7 @@ std::string reliability_section(const Results& results) {
     if (!series.points.empty()) chart.series.push_back(std::move(series));
   }
   if (chart.series.empty()) return "";
-  chart.series.push_back({"honest", {{0, 0}, {1, 1}}, SeriesStyle::line, "#999999"});
+  chart.series.push_back({"honest", {{0, 0}, {1, 1}}, SeriesStyle::line, colour::kLine});
   return "<h2>Reliability of the map</h2>\n<p>Cells of the hidden object's search region in the "
          "last frame before it came in sight. Intervals count each trial once, because cells of "
          "one trial stand or fall together.</p>\n" +
@@ -423,7 +428,7 @@ std::string trials_page(const Drive& drive, const std::vector<TrialResult>& resu
       corner_section(drive, plain) + success_section(drive, plain) +
       difference_section(drive, plain) + error_section(misled) + clearance_section(plain) +
       path_section(plain) + reliability_section(plain) + failures_section(drive, results, replayed);
-  return plain_page("Trials: " + drive.name, body);
+  return plain_page("Trials: " + drive.name, trials_headline(plain), body);
 }
 
 }  // namespace blindcorner

@@ -3,17 +3,23 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/wait.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <limits>
+#include <map>
 #include <nlohmann/json.hpp>
+#include <sstream>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "blindcorner/io/capture_file.h"
@@ -26,6 +32,7 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 using ::testing::AllOf;
+using ::testing::AnyOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::Not;
@@ -101,6 +108,13 @@ class Cli : public ::testing::Test {
   std::string write_text(const std::string& name, const std::string& text) const {
     std::ofstream(path(name)) << text;
     return path(name);
+  }
+
+  /// The same captures as `export` writes them.
+  std::string write_npz(const std::string& captures) const {
+    const std::string npz = path("exported.npz");
+    EXPECT_EQ(run("export '" + captures + "' -o '" + npz + "'").exit_code, 0);
+    return npz;
   }
 
   std::string fit(const std::string& scene, const std::string& captures) const {
@@ -792,8 +806,9 @@ TEST_F(Cli, FitLeavesOutBinsThatTheFirstBounceFillsUp) {
   EXPECT_THAT(said, HasSubstr("saturation: left out"));
   const auto flags = [](const json& r) { return r["captures"][0]["flags"].dump(); };
   EXPECT_THAT(flags(result), Not(HasSubstr("model_misfit")));
-  const auto [silent, taken] = fitted("free.json");
-  EXPECT_EQ(silent, "");
+  // Nobody has said that the bins are full; that the scene cannot explain them is seen.
+  const auto [hinted, taken] = fitted("free.json");
+  EXPECT_THAT(hinted, AllOf(Not(HasSubstr("saturation")), HasSubstr("hint: The light is")));
   EXPECT_THAT(flags(taken), HasSubstr("model_misfit"));
 }
 
@@ -1354,6 +1369,229 @@ TEST_F(CliCnn, RefusesWhatDoesNotSuitAndWritesNothing) {
   refuses("cnn train " + kScene + " " + path("bad.exr"), named);
   bad_capture(-3);
   refuses("cnn evaluate " + kScene + " " + weights + path("bad.exr"), named);
+}
+
+/// A TMF8828 log of captures: channel 0 is the reference, 1 to 9 the zones.
+std::string tmf8828_log(const CaptureFile& file) {
+  std::ostringstream log;
+  for (const Capture& capture : file.captures) {
+    for (int index = 0; index < 30; ++index) {
+      log << "12:00:01.250 -> #Raw,65," << index;
+      for (int k = 0; k < 128; ++k) {
+        const int zone = index % 10 - 1;
+        const auto counts = zone < 0 ? 0L : std::lround(capture.counts.zone(zone)[k]);
+        log << ',' << ((counts >> (8 * (index / 10))) & 255);
+      }
+      log << "\n";
+    }
+  }
+  return log.str();
+}
+
+/// The lines of a page that are indented as code and begin with a word.
+std::vector<std::string> code_lines(const std::string& page, const std::string& begin) {
+  std::vector<std::string> lines;
+  std::istringstream text(page);
+  for (std::string line; std::getline(text, line);) {
+    if (line.starts_with("    " + begin)) lines.push_back(line.substr(4 + begin.size()));
+  }
+  return lines;
+}
+
+class CliTutorial : public Cli {
+ protected:
+  /// The complete example of docs/scene.md.
+  void write_example() const {
+    const std::string page = text_of(SOURCE_DIR "/docs/scene.md");
+    const std::size_t begin = page.find("```json") + 8;
+    write_text("my_scene.json", page.substr(begin, page.find("```", begin) - begin));
+  }
+
+  /// Light of the example as its sensor would log it.
+  void write_logs() const {
+    const std::string scene = "render " + std::string(SOURCE_DIR) + "/scenes/tmf8828_wall.json ";
+    for (const auto& [name, options] : std::map<std::string, std::string>{
+             {"empty", "--empty"}, {"object", "--seed 2"}, {"known", "--seed 3"}}) {
+      const std::string capture = path(name + "_rendered.exr");
+      ASSERT_EQ(run(scene + options + " --model fast -o " + capture).exit_code, 0);
+      const CaptureFile file = read_captures(capture);
+      write_text(name + ".log", tmf8828_log(file));
+    }
+  }
+
+  Outcome run_here(const std::string& arguments) const {
+    const std::string command = "cd '" + directory_.string() + "' && '" + PROGRAM + "' " +
+                                arguments + " >out.txt 2>err.txt";
+    const int status = std::system(command.c_str());
+    return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, text_of(path("out.txt")),
+            text_of(path("err.txt"))};
+  }
+};
+
+TEST_F(CliTutorial, EveryCommandOfTheTutorialWorks) {
+  write_example();
+  write_logs();
+  const std::string page = text_of(SOURCE_DIR "/docs/tutorial.md");
+  const std::size_t table = page.find("    x_m,y_m,z_m,yaw_deg\n");
+  ASSERT_NE(table, std::string::npos);
+  write_text("known.csv", "x_m,y_m,z_m,yaw_deg\n0.28,0.5,1.05,-20\n");
+  const std::vector<std::string> commands = code_lines(page, "build/release/blindcorner ");
+  ASSERT_GE(commands.size(), 9U);
+  for (const std::string& command : commands) {
+    const Outcome outcome = run_here(command);
+    EXPECT_EQ(outcome.exit_code, 0) << command << "\n" << outcome.err;
+    EXPECT_THAT(outcome.err, Not(HasSubstr("hint"))) << command;
+  }
+  // The object is where it was put, within what the sentence claims.
+  const json result = json::parse(text_of(path("known/result.json")));
+  const json& capture = result["captures"][0];
+  ASSERT_EQ(result["unknowns"][0], "x_m");
+  for (const auto& [i, truth] : std::vector<std::pair<int, double>>{{0, 0.28}, {1, 0.5}}) {
+    EXPECT_NEAR(capture["truth"][i].get<double>(), truth, 1e-6);
+    const double sigma = std::sqrt(capture["modes"][0]["covariance"][i][i].get<double>());
+    EXPECT_NEAR(capture["modes"][0]["pose"][i].get<double>(), truth, 4 * sigma);
+  }
+  EXPECT_THAT(text_of(path("out/index.html")),
+              AnyOf(HasSubstr("Found at x "), HasSubstr("explain the light")));
+}
+
+TEST_F(Cli, ImportTakesTheTruthFromATable) {
+  const std::string captures = write_flat("flat.exr", 3);
+  const auto import = [&](const std::string& table) {
+    return run("import '" + write_npz(captures) + "' -o '" + path("in.exr") + "' --truth '" +
+               write_text("truth.csv", table) + "'");
+  };
+  ASSERT_EQ(import("index,x_m,yaw_deg\n2,0.3,90\n0,0.1,\n").exit_code, 0);
+  const CaptureFile file = read_captures(path("in.exr"));
+  EXPECT_NEAR(file.captures[2].truth.at("x_m"), 0.3, 1e-9);
+  EXPECT_NEAR(file.captures[2].truth.at("yaw_rad"), std::acos(0.0), 1e-9);
+  EXPECT_EQ(file.captures[0].truth.count("yaw_rad"), 0U);
+  EXPECT_TRUE(file.captures[1].truth.empty());
+  for (const auto& [table, reason] :
+       std::map<std::string, std::string>{{"x_m\n1\n2\n", "found 2 rows"},
+                                          {"x_cm\n1\n2\n3\n", "found column \"x_cm\""},
+                                          {"index,x_m\n7,1\n", "accepted: 0 to 2"},
+                                          {"x_m\n1\nfar\n3\n", "row 2"}}) {
+    fs::remove(path("in.exr"));
+    const Outcome outcome = import(table);
+    EXPECT_EQ(outcome.exit_code, 2) << table;
+    EXPECT_THAT(outcome.err, HasSubstr(reason)) << table;
+    EXPECT_FALSE(fs::exists(path("in.exr")));
+  }
+}
+
+TEST_F(Cli, FitTakesOnlyTheCapturesAskedFor) {
+  const std::string captures = write_flat("flat.exr", 6);
+  ASSERT_EQ(run(fit(kScene, captures) + " --captures 0-1,4").exit_code, 0);
+  const json result = json::parse(text_of(path("out/result.json")));
+  std::vector<int> indices;
+  for (const json& capture : result["captures"]) indices.push_back(capture["index"]);
+  EXPECT_THAT(indices, ElementsAre(0, 1, 4));
+  ASSERT_EQ(run(fit(kScene, captures) + " --captures 4-").exit_code, 0);
+  EXPECT_EQ(json::parse(text_of(path("out/result.json")))["captures"].size(), 2U);
+  for (const char* wrong : {"6", "3-1", "a", "1,,2", "0-9", "-1"}) {
+    fs::remove_all(path("out"));
+    const Outcome outcome = run(fit(kScene, captures) + " --captures=" + wrong);
+    expect_refused(outcome);
+    EXPECT_THAT(outcome.err, HasSubstr("places from 0 to 5")) << wrong;
+  }
+}
+
+TEST_F(Cli, NoOldPageStandsBesideANewResult) {
+  const std::string captures = write_flat("flat.exr");
+  ASSERT_EQ(run(fit(kScene, captures)).exit_code, 0);
+  ASSERT_TRUE(fs::exists(path("out/index.html")));
+  write_text("out/evaluation.html", "of the old result");
+  ASSERT_EQ(run(fit(kScene, captures) + " --no-page").exit_code, 0);
+  EXPECT_FALSE(fs::exists(path("out/index.html")));
+  EXPECT_FALSE(fs::exists(path("out/evaluation.html")));
+}
+
+TEST_F(Cli, SaysWhatTheUserCannotSee) {
+  // The plate behind the wall at x = 0.6 m.
+  const Outcome rendered =
+      run("render " + kScene + " --model fast --pose x_m=0.9 -o '" + path("behind.exr") + "'");
+  EXPECT_EQ(rendered.exit_code, 0) << rendered.err;
+  EXPECT_THAT(rendered.err, HasSubstr("The object lies behind the relay surface (wall)"));
+
+  std::string behind = text_of(kScene);
+  const std::string range = "\"x_m\": [0.15, 0.38]";
+  behind.replace(behind.find(range), range.size(), "\"x_m\": [0.65, 0.9]");
+  const std::string position = ", \"position_m\": [0.28, 0.5, 1.05]";
+  behind.erase(behind.find(position), position.size());
+  const std::string scene = write_text("behind.json", behind);
+  const Outcome explained = run("explain '" + scene + "'");
+  EXPECT_EQ(explained.exit_code, 0) << explained.err;
+  EXPECT_THAT(explained.out,
+              AllOf(HasSubstr("All of the search region lies behind"),
+                    HasSubstr("No light of an object at this pose"), Not(HasSubstr("e-3"))));
+  const Outcome fitted = run(fit(scene, write_flat("flat.exr")));
+  EXPECT_THAT(fitted.err, HasSubstr("hint: All of the search region lies behind"));
+  const json result = json::parse(text_of(path("out/result.json")));
+  EXPECT_THAT(result["captures"][0]["hints"][0].get<std::string>(), HasSubstr("unknowns"));
+}
+
+// A terminal is what makes the bar appear; `script` is one.
+TEST_F(Cli, ProgressIsShownOnATerminalOnly) {
+  const std::string captures = write_flat("flat.exr");
+  EXPECT_THAT(run(fit(kScene, captures)).err, Not(HasSubstr("compiling")));
+  if (std::system("command -v script >/dev/null") != 0) GTEST_SKIP() << "no script(1)";
+  const std::string command = "script -qec \"'" + std::string(PROGRAM) + "' " +
+                              fit(kScene, captures) + "\" '" + path("typescript") +
+                              "' >/dev/null </dev/null";
+  EXPECT_EQ(std::system(command.c_str()), 0);
+  EXPECT_THAT(text_of(path("typescript")), HasSubstr("compiling"));
+}
+
+/// Runs the program, sends it a signal once `begun` says so (or after a minute), and waits.
+int interrupted_run(const std::string& command, const std::function<bool()>& begun) {
+  const pid_t child = fork();
+  if (child == 0) {
+    execl("/bin/sh", "sh", "-c", ("exec " + command).c_str(), static_cast<char*>(nullptr));
+    _exit(127);
+  }
+  for (int i = 0; i < 600 && !begun(); ++i) usleep(100'000);
+  kill(child, SIGINT);
+  int status = 0;
+  waitpid(child, &status, 0);
+  return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+}
+
+// So many captures that a signal a second after the first of them comes before the last.
+TEST_F(Cli, CtrlCKeepsTheCapturesThatAreDone) {
+  const std::string captures = write_flat("flat.exr", 3000);
+  const std::string command = "'" + std::string(PROGRAM) + "' fit '" + kScene + "' '" + captures +
+                              "' -o '" + path("out") + "' --threads 1 2>'" + path("stderr") +
+                              "' >/dev/null";
+  int waited = 0;
+  const int code =
+      interrupted_run(command, [&] { return fs::exists(path("out")) && ++waited > 20; });
+  ASSERT_EQ(code, 1) << text_of(path("stderr"));
+  const json result = json::parse(text_of(path("out/result.json")));
+  ASSERT_EQ(result["captures"].size(), 3000U);
+  std::size_t done = 0;
+  for (const json& capture : result["captures"]) {
+    if (capture["error"].is_null()) {
+      ++done;
+    } else {
+      EXPECT_EQ(capture["error"], "not done: interrupted");
+    }
+  }
+  EXPECT_LT(done, 3000U);
+  EXPECT_THAT(text_of(path("stderr")),
+              HasSubstr("interrupted: " + std::to_string(done) + " of 3000 captures are done"));
+}
+
+TEST_F(Cli, CtrlCKeepsTheTrialsThatAreDone) {
+  const std::string command = "'" + std::string(PROGRAM) + "' trials " + std::string(SOURCE_DIR) +
+                              "/scenes/street_trials_drive.json -n 5000 --perception los "
+                              "--threads 1 -o '" +
+                              path("out") + "' 2>'" + path("stderr") + "' >/dev/null";
+  const int code = interrupted_run(command, [&] { return fs::exists(path("out/trials.csv")); });
+  ASSERT_EQ(code, 1) << text_of(path("stderr"));
+  EXPECT_THAT(text_of(path("stderr")), HasSubstr("the same command goes on from there"));
+  EXPECT_THAT(text_of(path("out/trials.csv")), HasSubstr("\nlos,"));
+  EXPECT_THAT(text_of(path("out/index.html")), HasSubstr("The vehicle reaches its goal"));
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
@@ -42,6 +43,8 @@ struct FitOptions {
   /// Empty captures simulated per scene to calibrate the false-alarm probability; 0: leave it out.
   int empty_captures = 128;
   std::uint64_t seed = 1;
+  /// Called as a fit goes on, from any thread: what is being done, and which share of that is done.
+  std::function<void(const char* doing, double share)> progress;
 
   /// Throws Error naming the field that is out of range.
   void validate() const;
@@ -103,6 +106,7 @@ struct FitResult {
   std::optional<double> false_alarm_probability;
   GoodnessOfFit goodness_of_fit;
   std::vector<std::string> flags;  ///< documented words
+  std::vector<std::string> hints;  ///< sentences on what is odd, and what to do about it
   std::map<std::string, double> truth;
   std::string error;  ///< empty when the fit went well
   StageTimes time_ms;

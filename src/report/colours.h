@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+/// One colour for one thing, on all pages. Pages define the variables (theme.css), for light and
+/// dark; the values behind the commas serve pictures that stand alone.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <string_view>
+
+namespace blindcorner::colour {
+
+inline constexpr const char* kFound = "var(--found,#d55e00)";  ///< what the solver says
+inline constexpr const char* kTruth = "var(--truth,#009e73)";
+inline constexpr const char* kModel = "var(--model,#0072b2)";
+inline constexpr const char* kMeasured = "var(--measured,#3d454d)";
+inline constexpr const char* kSensor = "var(--sensor,#1b1f24)";
+inline constexpr const char* kField = "var(--field,#f0e442)";  ///< of view
+inline constexpr const char* kFieldEdge = "var(--field-edge,#a39200)";
+inline constexpr const char* kRelay = "var(--relay,#3d454d)";
+inline constexpr const char* kOccluder = "var(--occluder,#79838c)";
+inline constexpr const char* kSearch = "var(--search,#8b949d)";
+inline constexpr const char* kPath = "var(--path,#0072b2)";
+inline constexpr const char* kGoal = "var(--goal,#cc79a7)";
+inline constexpr const char* kGrid = "var(--grid,#e7ebee)";
+inline constexpr const char* kLine = "var(--line,#8b949d)";
+inline constexpr const char* kPaper = "var(--paper,#fff)";
+inline constexpr const char* kInk = "var(--ink,#1b1f24)";
+
+/// Of the i-th series of a chart, where what it shows has no colour of its own.
+std::string of_series(std::size_t i);
+
+/// Of a way to perceive or a method, by its name: the solver's is that of what it finds, the
+/// oracle's the truth's. Unknown names take the colours that are left, by `place`.
+std::string of_method(std::string_view name, std::size_t place = 0);
+
+}  // namespace blindcorner::colour
