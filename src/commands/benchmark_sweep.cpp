@@ -146,8 +146,9 @@ int run_sweep(const SweepArguments& arguments, std::vector<std::string> scenes,
     report.verdict = verdict_of(report.scenes);
     write_sweep(report, output);
   }
+  for (const std::string& remark : report.verdict.remarks()) std::printf("%s\n", remark.c_str());
   std::printf("%s\n%s\n", (std::filesystem::path(output) / "sweep.html").string().c_str(),
-              report.verdict.sentence().c_str());
+              report.verdict.headline().c_str());
   return failures > 0 || !report.verdict.better.empty() ? kSomeFailed : kAllWell;
 }
 

@@ -19,6 +19,9 @@ const char* const kOtherColour = "#e69f00";
 const char* const kDefaultColour = "#d55e00";
 const char* const kFrontColour = "#009e73";
 
+/// Methods that take a smaller share of the default's time than this do not look at the capture.
+constexpr double kLeastShownTime = 1e-2;
+
 /// A figure of a method at a level of light, by name.
 struct SweepColumn {
   const char* name;
@@ -91,8 +94,8 @@ void add_front(const std::vector<ChartPoint>& points, const std::vector<bool>& s
   chart.series = {front, settings, others, chosen};
 }
 
-Chart picture(const SweepScene& scene, const SweepLevel& level, TimeOf time, ErrorOf error,
-              double bound, const char* what) {
+Chart level_picture(const SweepScene& scene, const SweepLevel& level, TimeOf time, ErrorOf error,
+                    double bound, const char* what) {
   Chart chart{formatted("%g photons", level.photons), "ms of processor time", what};
   chart.logarithmic = true;
   chart.width = 370;
@@ -113,7 +116,7 @@ std::string pictures(const SweepScene& scene, TimeOf time, ErrorOf error, double
                      const char* what) {
   std::vector<Chart> charts;
   for (const SweepLevel& level : scene.levels) {
-    charts.push_back(picture(scene, level, time, error, level.*bound, what));
+    charts.push_back(level_picture(scene, level, time, error, level.*bound, what));
   }
   return charts_html(charts);
 }
@@ -160,6 +163,7 @@ Chart ratio_chart(const SweepVerdict& verdict) {
   std::vector<ChartPoint> points;
   std::vector<bool> solver;
   for (const SweepRatio& r : verdict.ratios) {
+    if (r.time < kLeastShownTime) continue;
     points.push_back({r.time, r.error, r.name});
     solver.push_back(r.solver);
   }
@@ -294,7 +298,8 @@ nlohmann::ordered_json sweep_json(const SweepReport& report) {
   json["true_light"] = report.options.light == TrueLight::reference ? "reference" : "sensor";
   json["wrong"] = report.options.wrong;
   const SweepVerdict& verdict = report.verdict;
-  json["sentence"] = verdict.sentence();
+  json["headline"] = verdict.headline();
+  json["remarks"] = verdict.remarks();
   json["default_on_front"] = verdict.better.empty();
   json["pictures"] = verdict.pictures;
   json["pictures_with_default_on_front"] = verdict.on_front;
@@ -333,7 +338,11 @@ nlohmann::ordered_json sweep_json(const SweepReport& report) {
 
 std::string sweep_page(const SweepReport& report) {
   const SweepOptions& options = report.options;
-  std::string body = "<p><b>" + html_safe(report.verdict.sentence()) + "</b></p>\n";
+  std::string body = "<p><b>" + html_safe(report.verdict.headline()) + "</b></p>\n<ul>";
+  for (const std::string& remark : report.verdict.remarks()) {
+    body += "<li>" + html_safe(remark) + "\n";
+  }
+  body += "</ul>\n";
   body += formatted(
       "<p>%d captures of each scene at each level of light, the same for all methods, seed %llu. "
       "Poses and brightness come from the scene's priors, the light from ",

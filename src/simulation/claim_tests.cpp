@@ -13,11 +13,13 @@ double bonferroni(double family, int tests) {
 
 ShareInterval binomial_range(double probability, int trials, double confidence) {
   if (trials <= 0) return {};
-  // Boost rounds the quantiles outwards, to whole successes.
-  const boost::math::binomial_distribution<double> law(trials, probability);
+  // The smallest numbers of successes that are not exceeded with at least these probabilities: what
+  // lies below the first or above the second has at most half of what is left.
+  using namespace boost::math::policies;
+  using RoundedUp = policy<discrete_quantile<integer_round_up>>;
+  const boost::math::binomial_distribution<double, RoundedUp> law(trials, probability);
   const double tail = (1 - confidence) / 2;
-  return {boost::math::quantile(law, tail) / trials,
-          boost::math::quantile(boost::math::complement(law, tail)) / trials};
+  return {boost::math::quantile(law, tail) / trials, boost::math::quantile(law, 1 - tail) / trials};
 }
 
 ShareInterval exact_interval(int successes, int trials, double confidence) {

@@ -395,42 +395,41 @@ SweepVerdict verdict_of(const std::vector<SweepScene>& scenes) {
   return verdict;
 }
 
-std::string SweepVerdict::sentence() const {
-  const auto list = [&](const std::vector<std::size_t>& places) {
-    std::string text;
-    for (const std::size_t i : places) {
-      const SweepRatio& r = ratios[i];
-      char line[240];
-      std::snprintf(line, sizeof line, "%s%s (%.2f of the time, %.2f of the error, %.2f to %.2f",
-                    text.empty() ? "" : "; ", r.name.c_str(), r.time, r.error, r.error_low,
-                    r.error_high);
-      text += line;
-      if (std::isfinite(r.coverage)) {
-        std::snprintf(line, sizeof line, ", coverage %.1f %%", 100 * r.coverage);
-        text += line;
-      }
-      text += ")";
-    }
-    return text;
-  };
+std::string SweepVerdict::headline() const {
   std::string text =
       better.empty()
           ? "The default is on the front: nothing that costs less has a smaller error beyond what "
             "the captures leave open."
-          : "The default is not on the front: less time and a smaller error has " + list(better) +
-                ".";
-  if (!level.empty()) {
-    char own[96];
-    std::snprintf(own, sizeof own, " (the default's coverage is %.1f %%)",
-                  100 * ratios.front().coverage);
-    text += " Cheaper, and not told from it by their errors: " + list(level) + own + ".";
-  }
-  char pictures_text[160];
-  std::snprintf(pictures_text, sizeof pictures_text,
-                " By the figures as they stand, noise included, it is on the front of %d of %d "
-                "pictures.",
-                on_front, pictures);
-  return text + pictures_text;
+          : "The default is not on the front: there are cheaper ones with a smaller error.";
+  char counts[200];
+  std::snprintf(counts, sizeof counts,
+                " By the figures as they stand, noise included, it is on the front in %d of %d "
+                "pictures%s.",
+                on_front, pictures,
+                std::ranges::count(front, std::size_t{0}) > 0 ? " and over all of them together"
+                                                              : ", and not over all of them");
+  return text + counts;
+}
+
+std::vector<std::string> SweepVerdict::remarks() const {
+  std::vector<std::string> lines;
+  const auto add = [&](const std::vector<std::size_t>& places, const char* what) {
+    for (const std::size_t i : places) {
+      const SweepRatio &r = ratios[i], &own = ratios.front();
+      char line[320];
+      std::snprintf(line, sizeof line, "%s: %s; %.2f of the time, %.3f of the error (%.3f to %.3f)",
+                    r.name.c_str(), what, r.time, r.error, r.error_low, r.error_high);
+      lines.emplace_back(line);
+      if (!std::isfinite(r.coverage)) continue;
+      std::snprintf(line, sizeof line,
+                    "; its 95 %% regions held the truth in %.1f %% (the default's: %.1f %%)",
+                    100 * r.coverage, 100 * own.coverage);
+      lines.back() += line;
+    }
+  };
+  add(better, "cheaper, with a smaller error");
+  add(level, "cheaper, with an error that these captures do not tell from the default's");
+  return lines;
 }
 
 }  // namespace blindcorner

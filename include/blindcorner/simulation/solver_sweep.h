@@ -148,7 +148,10 @@ struct SweepVerdict {
   std::vector<std::size_t> level;
   int pictures = 0;  ///< scenes times levels of light
   int on_front = 0;  ///< of these, by the median error and the time of a following capture
-  std::string sentence() const;
+  /// Whether it is on the front, in a sentence.
+  std::string headline() const;
+  /// One line for each method of `better` and of `level`: what it costs and what it loses.
+  std::vector<std::string> remarks() const;
 };
 SweepVerdict verdict_of(const std::vector<SweepScene>& scenes);
 
