@@ -306,12 +306,17 @@ nlohmann::ordered_json coverage_json(const CoverageReport& report) {
           one["trials"].push_back({{"error", t.error}});
           continue;
         }
-        one["trials"].push_back({{"level", t.level},
+        std::vector<double> weights;
+        for (const ModeClaim& mode : t.modes) weights.push_back(mode.weight);
+        one["trials"].push_back({{"truth", std::vector<double>(t.truth.begin(), t.truth.end())},
+                                 {"mean", std::vector<double>(t.mean.begin(), t.mean.end())},
+                                 {"photons", number_or_null(t.photons)},
+                                 {"level", t.level},
                                  {"normalised_square", number_or_null(t.normalised_square)},
                                  {"error_m", number_or_null(t.distance)},
                                  {"claimed_m", number_or_null(t.claimed)},
                                  {"deviance_excess", number_or_null(t.deviance_excess)},
-                                 {"modes", t.modes.size()},
+                                 {"weights", weights},
                                  {"flags", t.flags}});
       }
       entry["levels"].push_back(std::move(one));

@@ -43,7 +43,7 @@ Chart roc_chart(const DetectionLevel& level) {
 
 /// Detections over the light at some shares of false alarms.
 Chart light_chart(const DetectionScene& scene) {
-  Chart chart{"detections by light", "photons of the object (logarithmic)",
+  Chart chart{"detections by light", "log10 of the photons of the object",
               "share of captures with an object"};
   chart.width = 560;
   chart.height = 330;
@@ -56,7 +56,6 @@ Chart light_chart(const DetectionScene& scene) {
     }
     chart.series.push_back(std::move(series));
   }
-  chart.x_label = "log10 of the photons of the object";
   return chart;
 }
 

@@ -114,20 +114,16 @@ std::optional<AmbiguousExample> ambiguous_example(const Fitter& fitter,
   return std::nullopt;
 }
 
-double median_photons_of(const Scene& scene, std::span<const DrawnObject> objects,
-                         const Exposure& exposure) {
-  std::vector<double> photons;
-  for (const DrawnObject& object : objects) {
-    photons.push_back(exposure.exposures * object.amplitude *
-                      total_counts(scene, object.three_bounce));
-  }
-  return median(photons);
+/// Expected of the object in one capture.
+double photons_of(const Scene& scene, const DrawnObject& object, const Exposure& exposure) {
+  return exposure.exposures * object.amplitude * total_counts(scene, object.three_bounce);
 }
 
 void summarise(const Scene& scene, CoverageLevel& level) {
   level.claims = claims_of(level.trials, static_cast<int>(scene.unknowns.size()));
   level.warnings = warnings_of(level.trials);
   level.median_error = median(values_of(level.trials, &ClaimTrial::distance));
+  level.median_photons = median(values_of(level.trials, &ClaimTrial::photons));
   level.median_claimed = median(values_of(level.trials, &ClaimTrial::claimed));
   const std::vector<double> squares = values_of(level.trials, &ClaimTrial::normalised_square);
   if (squares.size() < 2) return;
@@ -190,6 +186,8 @@ ClaimTrial judge_fit(const Scene& scene, const FitResult& result, const PoseVect
   for (std::size_t i = 0; i < posterior.modes.size(); ++i) {
     trial.modes.push_back({posterior.modes[i].weight, right == i});
   }
+  trial.truth = truth;
+  trial.mean = posterior.mean;
   trial.flags = result.flags;
   const GoodnessOfFit& fit = result.goodness_of_fit;
   if (fit.standard_deviation > 0) {
@@ -210,6 +208,7 @@ std::vector<ClaimTrial> claim_trials(const Fitter& fitter, std::span<const Drawn
     try {
       const FitResult result = fitter.fit(capture_of(fitter.scene(), objects[i], exposure, own));
       trials[i] = judge_fit(fitter.scene(), result, objects[i].pose, own);
+      trials[i].photons = photons_of(fitter.scene(), objects[i], exposure);
     } catch (const std::exception& error) {
       trials[i].error = error.what();
     }
@@ -310,7 +309,6 @@ CoverageScene study_coverage(const Scene& scene, const CoverageOptions& options,
     level.photons = photons;
     level.exposure =
         photons ? exposure_for(scene, *model, *photons, options.seed) : own_exposure(scene);
-    level.median_photons = median_photons_of(scene, objects, level.exposure);
     const Fitter fitter(scene, options.fit);
     level.trials = claim_trials(fitter, objects, level.exposure, seed, advance);
     summarise(scene, level);

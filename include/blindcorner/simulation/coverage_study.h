@@ -43,6 +43,8 @@ struct ClaimTrial {
   double normalised_square = 0;  ///< d' C^-1 d of the whole posterior
   double distance = 0;           ///< m, of the posterior's mean from the truth
   double claimed = 0;            ///< m, root of the trace of the positions' covariance
+  PoseVector truth, mean;        ///< of the unknowns; the posterior's mean
+  double photons = 0;            ///< expected of the object; 0 where nobody has said it
   std::vector<ModeClaim> modes;  ///< heaviest first
   std::vector<std::string> flags;
   double deviance_excess = 0;  ///< in standard deviations
