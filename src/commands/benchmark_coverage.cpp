@@ -103,6 +103,11 @@ void add_coverage_benchmark(CLI::App& benchmark, int& exit_code) {
       ->check(CLI::IsMember({"reference", "sensor"}))
       ->capture_default_str();
   command
+      .add_option("--truth", arguments->options.sampling,
+                  "sampling of the captures, in units of the reference renderer's default")
+      ->check(CLI::Range(0.1, 10.0))
+      ->capture_default_str();
+  command
       .add_option("--importance-samples", arguments->options.fit.importance_samples, "of the fit")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();

@@ -99,6 +99,11 @@ void add_detection_benchmark(CLI::App& benchmark, int& exit_code) {
                   "sensor's")
       ->check(CLI::IsMember({"reference", "sensor"}))
       ->capture_default_str();
+  command
+      .add_option("--truth", arguments->options.sampling,
+                  "sampling of the captures, in units of the reference renderer's default")
+      ->check(CLI::Range(0.1, 10.0))
+      ->capture_default_str();
   command.add_option("--seed", arguments->options.seed, "of poses, brightness and photons")
       ->capture_default_str();
   command.add_option("--threads", arguments->threads, "0: one per processor")

@@ -285,6 +285,7 @@ CoverageScene study_coverage(const Scene& scene, const CoverageOptions& options,
   DrawOptions draw;
   draw.objects = options.captures;
   draw.light = options.light;
+  draw.sampling = options.sampling;
   draw.seed = options.seed;
   const std::vector<DrawnObject> objects = draw_objects(scene, draw);
   std::vector<std::vector<DrawnObject>> wrong_objects;

@@ -156,6 +156,7 @@ DetectionScene study_detection(const Scene& scene, const DetectionOptions& optio
   DrawOptions draw;
   draw.objects = options.captures;
   draw.light = options.light;
+  draw.sampling = options.sampling;
   draw.seed = options.seed;
   const std::vector<DrawnObject> objects = draw_objects(scene, draw);
   const HistogramCube empty_light = empty_static_light(scene);

@@ -46,11 +46,12 @@ Scene true_scene(const Scene& scene, const std::string& wrong) {
 /// Expected light of the true scene at its own sensor pose.
 class LightOfTruth {
  public:
-  LightOfTruth(const Scene& truth, TrueLight light) {
+  LightOfTruth(const Scene& truth, TrueLight light, double sampling) {
     if (light == TrueLight::sensor) {
       sensor_ = std::make_unique<SimulatedSensor>(truth);
     } else {
-      reference_ = make_reference_renderer(truth, sensor_placement(truth));
+      reference_ =
+          make_reference_renderer(truth, sensor_placement(truth), reference_sampling(sampling));
     }
   }
   void light(const PoseVector& pose, DrawnObject& object) const {
@@ -79,8 +80,14 @@ double draw_amplitude(const LinearUnknowns& linear, std::mt19937_64& random) {
 }  // namespace
 
 void DrawOptions::validate() const {
-  if (objects >= 1) return;
-  throw Error("DrawOptions.objects", "found " + std::to_string(objects) + ", accepted: at least 1");
+  if (objects < 1) {
+    throw Error("DrawOptions.objects",
+                "found " + std::to_string(objects) + ", accepted: at least 1");
+  }
+  if (!(sampling >= 0.1 && sampling <= 10)) {
+    throw Error("DrawOptions.sampling",
+                "found " + std::to_string(sampling) + ", accepted: 0.1 to 10");
+  }
 }
 
 std::vector<WrongAssumption> wrong_assumptions(const Scene& scene) {
@@ -104,7 +111,7 @@ std::vector<DrawnObject> draw_objects(const Scene& scene, const DrawOptions& opt
     const bool alone = object_count(truth) == object_count(scene);
     poses.push_back(alone ? object.pose : with_second_pose(scene, object.pose, second));
   }
-  const LightOfTruth light(truth, options.light);
+  const LightOfTruth light(truth, options.light, options.sampling);
   tbb::parallel_for(std::size_t{0}, objects.size(), [&](std::size_t i) {
     light.light(poses[i], objects[i]);
     if (advance) advance();

@@ -23,6 +23,7 @@ struct CoverageOptions {
   /// scene's own exposure.
   std::vector<double> photons;
   TrueLight light = TrueLight::reference;
+  double sampling = 1.0;  ///< of the reference renderer, as DrawOptions::sampling
   FitOptions fit;
   std::uint64_t seed = 1;
 

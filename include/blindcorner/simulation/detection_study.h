@@ -21,6 +21,7 @@ struct DetectionOptions {
   /// Photons of the third bounce on average over the search region, as exposure_for().
   std::vector<double> photons = {3, 10, 30, 100, 300, 1000};
   TrueLight light = TrueLight::reference;
+  double sampling = 1.0;  ///< of the reference renderer, as DrawOptions::sampling
   FitOptions fit;
   std::uint64_t seed = 1;
 

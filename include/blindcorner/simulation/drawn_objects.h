@@ -30,6 +30,7 @@ struct DrawnObject {
 struct DrawOptions {
   int objects = 100;
   TrueLight light = TrueLight::reference;
+  double sampling = 1.0;  ///< of the reference renderer, in units of its default, 0.1 to 10
   /// How the true scene differs from the one that methods are told: a name of wrong_assumptions();
   /// empty: it does not.
   std::string wrong;
