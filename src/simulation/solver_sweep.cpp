@@ -396,18 +396,27 @@ SweepVerdict verdict_of(const std::vector<SweepScene>& scenes) {
 }
 
 std::string SweepVerdict::headline() const {
-  std::string text =
-      better.empty()
-          ? "The default is on the front: nothing that costs less has a smaller error beyond what "
-            "the captures leave open."
-          : "The default is not on the front: there are cheaper ones with a smaller error.";
-  char counts[200];
+  std::string beaten_by;  // by the figures as they stand
+  for (std::size_t i = 1; i < ratios.size(); ++i) {
+    const SweepRatio& r = ratios[i];
+    if (r.time < 1 && r.error < 1) beaten_by += (beaten_by.empty() ? "" : ", ") + r.name;
+  }
+  std::string text;
+  if (!better.empty()) {
+    text = "The default is not on the front: there are cheaper ones with a smaller error.";
+  } else if (beaten_by.empty()) {
+    text = "The default is on the front: nothing that costs less has a smaller error.";
+  } else {
+    text =
+        "The captures do not tell the default from the front: what costs less and has a smaller "
+        "error (" +
+        beaten_by + ") has it within what they leave open.";
+  }
+  char counts[160];
   std::snprintf(counts, sizeof counts,
-                " By the figures as they stand, noise included, it is on the front in %d of %d "
-                "pictures%s.",
-                on_front, pictures,
-                std::ranges::count(front, std::size_t{0}) > 0 ? " and over all of them together"
-                                                              : ", and not over all of them");
+                " By the figures of single levels of light, noise included, it is on the front in "
+                "%d of %d pictures.",
+                on_front, pictures);
   return text + counts;
 }
 
