@@ -127,8 +127,11 @@ struct ErrorBound::Impl {
   Impl(const Scene& scene, const SensorPlacement& placement, const BoundOptions& wanted,
        const Advance& advance);
   void render_test_poses(const Advance& advance);
-  Eigen::MatrixXd ambiguity_at(const PoseVector& pose, const ShapeBuffer& light) const;
-  double detection_at(const ShapeBuffer& light) const;
+  /// Linear unknowns when the object is so many times as bright as expected.
+  LinearSolution with_brightness(double brightness) const;
+  Eigen::MatrixXd ambiguity_at(const PoseVector& pose, const ShapeBuffer& light,
+                               const LinearSolution& linear) const;
+  double detection_at(const ShapeBuffer& light, const LinearSolution& linear) const;
 };
 
 ErrorBound::Impl::Impl(const Scene& scene, const SensorPlacement& placement,
@@ -203,12 +206,18 @@ void ErrorBound::Impl::render_test_poses(const Advance& advance) {
   test.square = test.light.cwiseAbs2();
 }
 
+LinearSolution ErrorBound::Impl::with_brightness(double brightness) const {
+  LinearSolution linear = expected;
+  for (double& amplitude : linear.amplitude) amplitude *= brightness;
+  return linear;
+}
+
 // Poses count in proportion to their prior and to how much of their captures they share with the
 // true one: whoever is told that the object is at one of them can only do better.
-Eigen::MatrixXd ErrorBound::Impl::ambiguity_at(const PoseVector& pose,
-                                               const ShapeBuffer& light) const {
+Eigen::MatrixXd ErrorBound::Impl::ambiguity_at(const PoseVector& pose, const ShapeBuffer& light,
+                                               const LinearSolution& linear) const {
   const Scene& scene = compiled->scene;
-  const LookAlike look(objective->solver(), light.shapes, expected);
+  const LookAlike look(objective->solver(), light.shapes, linear);
   const LookAlike::Confused confused = look.confused(test, kNegligible);
   const auto count = static_cast<Eigen::Index>(confused.index.size()) + 1;
   const double here = log_pose_prior(scene, pose);
@@ -239,8 +248,9 @@ Eigen::MatrixXd ErrorBound::Impl::ambiguity_at(const PoseVector& pose,
 // noise ratio; its variance is larger than one where the object's own photons add to the noise. The
 // best of all poses scores at least as much, so this is a lower bound. Empty captures pass the
 // threshold as well, in the share of false alarms.
-double ErrorBound::Impl::detection_at(const ShapeBuffer& light) const {
-  const double amplitude = expected.amplitude.front();
+double ErrorBound::Impl::detection_at(const ShapeBuffer& light,
+                                      const LinearSolution& linear) const {
+  const double amplitude = linear.amplitude.front();
   const Eigen::VectorXd object = amplitude * light_of(light);
   const Eigen::VectorXf counts = filter->mean() + object.cast<float>();
   const Templates one(light_of(light).cast<float>(), zone_begin);
@@ -271,8 +281,9 @@ ErrorBound::~ErrorBound() = default;
 ErrorBound::ErrorBound(ErrorBound&&) noexcept = default;
 ErrorBound& ErrorBound::operator=(ErrorBound&&) noexcept = default;
 
-PoseBound ErrorBound::at(const PoseVector& pose) const {
+PoseBound ErrorBound::at(const PoseVector& pose, double brightness) const {
   const Impl& own = *impl_;
+  const LinearSolution linear = own.with_brightness(brightness);
   const Scene& scene = own.compiled->scene;
   ShapeBuffer light;
   own.objective->shapes(own.objective->models(), pose, light);
@@ -282,21 +293,20 @@ PoseBound ErrorBound::at(const PoseVector& pose) const {
     const ObservedZone& zone = own.observation->zones[z];
     const double sum =
         std::accumulate(light.shapes[z].object, light.shapes[z].object + zone.bins(), 0.0);
-    bound.photons += own.expected.amplitude[z] * own.options.exposures * sum;
+    bound.photons += linear.amplitude[z] * own.options.exposures * sum;
   }
   Eigen::MatrixXd slope;
   light_slope(*own.objective, own.objective->models(), pose, light, Differences::central, slope);
-  const Eigen::MatrixXd information =
-      pose_information(*own.objective, light, own.expected, slope).pose;
+  const Eigen::MatrixXd information = pose_information(*own.objective, light, linear, slope).pose;
   bound.cramer_rao = covariance_of(information, own.prior);
   bound.with_prior =
       own.options.prior ? covariance_of(information + own.precision, own.prior) : bound.cramer_rao;
-  bound.ambiguity = own.ambiguity_at(pose, light);
+  bound.ambiguity = own.ambiguity_at(pose, light, linear);
   const double local = position_trace(scene, bound.with_prior);
   const double elsewhere = position_trace(scene, bound.ambiguity);
   bound.ambiguous = elsewhere > local;
   bound.position_error = std::sqrt(std::max(local, elsewhere));
-  bound.detection_probability = own.detection_at(light);
+  bound.detection_probability = own.detection_at(light, linear);
   return bound;
 }
 

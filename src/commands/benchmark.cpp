@@ -93,6 +93,8 @@ void add_benchmark_command(CLI::App& app, int& exit_code) {
   add_planner_benchmark(benchmark, exit_code);
   add_vehicles_benchmark(benchmark, exit_code);
   add_drives_benchmark(benchmark, exit_code);
+  add_coverage_benchmark(benchmark, exit_code);
+  add_detection_benchmark(benchmark, exit_code);
 }
 
 }  // namespace blindcorner

@@ -21,6 +21,8 @@ void add_moving_benchmark(CLI::App& benchmark, int& exit_code);
 void add_planner_benchmark(CLI::App& benchmark, int& exit_code);
 void add_vehicles_benchmark(CLI::App& benchmark, int& exit_code);
 void add_drives_benchmark(CLI::App& benchmark, int& exit_code);
+void add_coverage_benchmark(CLI::App& benchmark, int& exit_code);
+void add_detection_benchmark(CLI::App& benchmark, int& exit_code);
 
 /// What studies of the forward models are told.
 struct StudyArguments {

@@ -20,6 +20,7 @@
 #include "blindcorner/io/scene_file.h"
 #include "blindcorner/simulation/synthetic.h"
 #include "commands/benchmark.h"
+#include "commands/benchmark_sweep.h"
 #include "commands/interrupt.h"
 #include "commands/output_directory.h"
 #include "commands/progress.h"
@@ -44,6 +45,7 @@ struct SolverArguments {
   std::uint64_t seed = 1;
   FitOptions fit;
   ExhaustiveOptions exhaustive;
+  SweepArguments sweep;
 };
 
 /// Captures whose first fit, with a fitter that knows nothing yet, is timed.
@@ -292,10 +294,14 @@ void add_solver_benchmark(CLI::App& benchmark, int& exit_code) {
       "fit synthetic captures of the reference renderer and compare with an exhaustive "
       "search; prints a table, one row a scene");
   const auto arguments = std::make_shared<SolverArguments>();
-  command.add_option("SCENE", arguments->scenes, "scene files")->required();
-  command.add_option("-n,--captures", arguments->captures, "captures per scene")
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
+  command.add_option("SCENE", arguments->scenes, "scene files");
+  const auto captures =
+      command
+          .add_option("-n,--captures", arguments->captures,
+                      "captures per scene; of a sweep, at each level of light (default: " +
+                          std::to_string(arguments->sweep.options.captures) + ")")
+          ->check(CLI::PositiveNumber)
+          ->capture_default_str();
   command.add_option("--least-photons", arguments->least_photons, "of the third bounce")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
@@ -324,7 +330,18 @@ void add_solver_benchmark(CLI::App& benchmark, int& exit_code) {
   command.add_option("--seed", arguments->seed, "of poses and photons")->capture_default_str();
   command.add_option("-o,--output", arguments->output, "directory for solver.json, all trials");
   add_capture_directories(command, arguments->directories);
-  command.callback([arguments, &exit_code] {
+  add_sweep_options(command, arguments->sweep);
+  command.callback([arguments, captures, &exit_code] {
+    if (arguments->sweep.wanted) {
+      SweepOptions& options = arguments->sweep.options;
+      if (captures->count() > 0) options.captures = arguments->captures;
+      options.seed = arguments->seed;
+      const std::string& output = arguments->output;
+      exit_code =
+          run_sweep(arguments->sweep, arguments->scenes, output.empty() ? "out/benchmark" : output);
+      return;
+    }
+    if (arguments->scenes.empty()) throw Error("SCENE", "found none, accepted: scene files");
     // Both search the likelihood of one model.
     arguments->fit.model_tolerance = arguments->exhaustive.model_tolerance;
     arguments->fit.validate();

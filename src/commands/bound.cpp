@@ -9,7 +9,6 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
-#include <random>
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
@@ -28,9 +27,6 @@
 namespace blindcorner {
 namespace {
 
-/// Poses of the search region whose mean light says what an exposure is.
-constexpr int kTypicalPoses = 64;
-
 struct BoundArguments {
   std::string scene, output, pose, capture;
   std::vector<std::string> sensor_poses;
@@ -48,32 +44,18 @@ std::optional<std::size_t> unknown_of(const Scene& scene, Component component) {
   return std::nullopt;
 }
 
-/// One exposure over an equal background, or as many as give the wanted photons on average over the
-/// search region.
+/// The scene's own exposure, or what --photons asks for.
 void set_light(const BoundArguments& arguments, const Scene& scene, const SensorPlacement& sensor,
                BoundOptions& options) {
-  options.ambient = scene.linear.fixed_ambient;
-  if (arguments.photons <= 0) return;
-  FastModelOptions fast;
-  fast.tolerance = options.model_tolerance;
-  const auto model = make_fast_model(scene, sensor, fast);
-  std::mt19937_64 random(options.seed);
-  const double amplitude = scene.linear.amplitude == LinearMode::fixed
-                               ? scene.linear.fixed_amplitude
-                               : scene.linear.amplitude_prior.median;
-  double counts = 0, ambient = 0;
-  for (int i = 0; i < kTypicalPoses; ++i) {
-    const HistogramCube light = model->three_bounce(draw_pose(scene, random));
-    counts += amplitude * total_counts(scene, light) / kTypicalPoses;
-    ambient += amplitude * equal_ambient(scene, light) / kTypicalPoses;
+  Exposure exposure = own_exposure(scene);
+  if (arguments.photons > 0) {
+    FastModelOptions fast;
+    fast.tolerance = options.model_tolerance;
+    exposure =
+        exposure_for(scene, *make_fast_model(scene, sensor, fast), arguments.photons, options.seed);
   }
-  if (!(counts > 0)) {
-    throw Error("--photons", "found " + std::to_string(arguments.photons) +
-                                 ", accepted: none, because no place of the search region sends "
-                                 "the sensor any light");
-  }
-  options.exposures = arguments.photons / counts;
-  if (scene.linear.ambient != LinearMode::fixed) options.ambient = ambient;
+  options.exposures = exposure.exposures;
+  options.ambient = exposure.ambient;
 }
 
 /// Centres of cells along a coordinate; one, in its place, where it is known.

@@ -180,22 +180,32 @@ void add_series(const Chart& chart, std::size_t i, const Axis& x, const Axis& y,
   const ChartSeries& series = chart.series[i];
   const std::string colour = colour_of(chart, i);
   std::string path;
-  std::string marks;
+  std::string marks, labels;
   for (const ChartPoint& p : series.points) {
     if (!x.shows(p.x) || !y.shows(p.y)) continue;
     const double px = x.pixel(p.x), py = y.pixel(p.y);
     path += formatted("%s%.1f %.1f", path.empty() ? "M" : "L", px, py);
     const bool open = series.style == SeriesStyle::circles;
-    marks += formatted("<circle cx=\"%.1f\" cy=\"%.1f\" r=\"%s\" %s=\"%s\"", px, py,
-                       open ? "4.5" : "2", open ? "fill=\"none\" stroke" : "fill", colour.c_str());
+    const char* radius = open ? "4.5" : series.style == SeriesStyle::marks ? "3" : "2";
+    marks += formatted("<circle cx=\"%.1f\" cy=\"%.1f\" r=\"%s\" %s=\"%s\"", px, py, radius,
+                       open ? "fill=\"none\" stroke" : "fill", colour.c_str());
+    if (series.style == SeriesStyle::labelled_line) {
+      const bool near_right = px > 0.7 * chart.width;
+      labels += formatted("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"%s\" fill=\"%s\">",
+                          near_right ? px - 5 : px + 5, py - 5, near_right ? "end" : "start",
+                          colour.c_str()) +
+                html_safe(p.label) + "</text>";
+    }
     marks += series.style == SeriesStyle::dots ? "/>" : point_title(chart, series, p) + "</circle>";
   }
-  const bool joined = series.style == SeriesStyle::line || series.style == SeriesStyle::marked_line;
+  const bool joined = series.style == SeriesStyle::line ||
+                      series.style == SeriesStyle::marked_line ||
+                      series.style == SeriesStyle::labelled_line;
   if (joined) {
     svg +=
         "<path fill=\"none\" stroke-width=\"1.5\" stroke=\"" + colour + "\" d=\"" + path + "\"/>";
   }
-  if (series.style != SeriesStyle::line) svg += marks;
+  if (series.style != SeriesStyle::line) svg += marks + labels;
 }
 
 }  // namespace

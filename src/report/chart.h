@@ -16,7 +16,9 @@ enum class SeriesStyle {
   line,
   marked_line,  ///< with a dot at each point that tells its values when pointed at
   dots,
-  circles,  ///< that tell their values when pointed at
+  circles,        ///< that tell their values when pointed at
+  marks,          ///< filled ones that tell their values when pointed at
+  labelled_line,  ///< with the points' labels beside them
 };
 
 struct ChartSeries {

@@ -213,34 +213,12 @@ class Stage {
     return staged;
   }
 
-  /// Another object of the same kind, drawn from the same region at least two radii away.
   Staged second_object() const {
-    Staged staged =
-        unchanged("second object",
-                  "Another object of the same kind stands somewhere in the search region.", {});
-    staged.condition.wrong = "the scene knows of one object, and there are two";
-    Scene two = scene_;
-    two.further_hidden.push_back(two.hidden);
-    two.further_hidden.back().name = two.hidden.name + "_2";
-    const std::size_t own = scene_.unknowns.size();
-    for (std::size_t i = 0; i < own; ++i) {
-      two.unknowns.push_back(scene_.unknowns[i]);
-      two.unknowns.back().object = 1;
-    }
+    Staged staged = changed(second_object_change(scene_));
     std::mt19937_64 random = random_of(5);
-    const double apart = 2 * bounding_radius(scene_.hidden.shape, scene_.hidden.anchor);
-    for (const Stand& stand : trained_) {
-      const Vector3d first = placements_at(scene_, stand.object).front().position;
-      PoseVector other = draw_pose(scene_, random);
-      for (int attempt = 0; attempt < kAttempts; ++attempt) {
-        if ((placements_at(scene_, other).front().position - first).norm() >= apart) break;
-        other = draw_pose(scene_, random);
-      }
-      PoseVector both(stand.object.size() + other.size());
-      both << stand.object, other;
-      staged.stands.push_back({both, stand.sensor});
+    for (Stand& stand : staged.stands) {
+      stand.object = with_second_pose(scene_, stand.object, random);
     }
-    staged.truth = two;
     return staged;
   }
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "blindcorner/forward/constants.h"
+#include "blindcorner/simulation/synthetic.h"
 #include "forward/relay/ray_scene.h"
 #include "forward/relay/relay.h"
 
@@ -17,6 +18,8 @@ constexpr double kSizeFactor = 1.3;
 constexpr double kBackgroundFactor = 10;
 constexpr double kTimeZeroBins = 0.5;
 constexpr double kTilt = 2 * kDegree;
+/// Places of a second object that are tried before one near the first is taken.
+constexpr int kSecondAttempts = 2000;
 
 SceneChange albedo(const Scene& scene) {
   SceneChange change{"another albedo", "The object reflects half as much.",
@@ -114,6 +117,33 @@ SceneChange tilt(const Scene& scene) {
 std::vector<SceneChange> scene_changes(const Scene& scene) {
   return {albedo(scene),     size(scene),      material(scene),
           background(scene), time_zero(scene), tilt(scene)};
+}
+
+SceneChange second_object_change(const Scene& scene) {
+  SceneChange change{"second object",
+                     "Another object of the same kind stands somewhere in the search region.",
+                     "the scene knows of one object, and there are two", "", scene};
+  Scene& two = *change.scene;
+  two.further_hidden.push_back(two.hidden);
+  two.further_hidden.back().name = two.hidden.name + "_2";
+  for (const Unknown& unknown : scene.unknowns) {
+    two.unknowns.push_back(unknown);
+    two.unknowns.back().object = 1;
+  }
+  return change;
+}
+
+PoseVector with_second_pose(const Scene& scene, const PoseVector& first, std::mt19937_64& random) {
+  const double apart = 2 * bounding_radius(scene.hidden.shape, scene.hidden.anchor);
+  const Vector3d position = placements_at(scene, first).front().position;
+  PoseVector other = draw_pose(scene, random);
+  for (int attempt = 0; attempt < kSecondAttempts; ++attempt) {
+    if ((placements_at(scene, other).front().position - position).norm() >= apart) break;
+    other = draw_pose(scene, random);
+  }
+  PoseVector both(first.size() + other.size());
+  both << first, other;
+  return both;
 }
 
 }  // namespace blindcorner

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <optional>
+#include <random>
 #include <string>
 #include <vector>
 
@@ -20,5 +21,12 @@ struct SceneChange {
 /// Another albedo, size and material, ten times the background, a time zero that is off and a
 /// relay that is tilted.
 std::vector<SceneChange> scene_changes(const Scene& scene);
+
+/// The scene with another object of the same kind, whose unknowns follow the first one's.
+SceneChange second_object_change(const Scene& scene);
+
+/// A pose of that scene: the first object's, and one for the second that is drawn from the prior at
+/// least two radii away.
+PoseVector with_second_pose(const Scene& scene, const PoseVector& first, std::mt19937_64& random);
 
 }  // namespace blindcorner

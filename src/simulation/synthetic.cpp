@@ -7,13 +7,14 @@
 
 #include "blindcorner/forward/error.h"
 #include "blindcorner/forward/scene/validate.h"
-#include "blindcorner/forward/sensor/photon_noise.h"
 
 namespace blindcorner {
 namespace {
 
 /// Bins, brightest first, that together hold this share of the light are its time gate.
 constexpr double kGateShare = 0.9;
+/// Poses of the search region whose mean light says what an exposure is.
+constexpr int kTypicalPoses = 64;
 
 int gate_bins(const Scene& scene, const HistogramCube& light) {
   std::vector<double> values;
@@ -70,14 +71,58 @@ double equal_ambient(const Scene& scene, const HistogramCube& light) {
   return kGateShare * total_counts(scene, light) / gate_bins(scene, light);
 }
 
+Exposure own_exposure(const Scene& scene) { return {1.0, scene.linear.fixed_ambient}; }
+
+Exposure exposure_for(const Scene& scene, const ForwardModel& model, double photons,
+                      std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  const double amplitude = scene.linear.amplitude == LinearMode::fixed
+                               ? scene.linear.fixed_amplitude
+                               : scene.linear.amplitude_prior.median;
+  double counts = 0, ambient = 0;
+  for (int i = 0; i < kTypicalPoses; ++i) {
+    const HistogramCube light = model.three_bounce(draw_pose(scene, random));
+    counts += amplitude * total_counts(scene, light) / kTypicalPoses;
+    ambient += amplitude * equal_ambient(scene, light) / kTypicalPoses;
+  }
+  if (!(counts > 0)) {
+    throw Error("photons", "found " + std::to_string(photons) +
+                               ", accepted: none, because no place of the search region sends the "
+                               "sensor any light");
+  }
+  Exposure exposure = own_exposure(scene);
+  exposure.exposures = photons / counts;
+  if (scene.linear.ambient != LinearMode::fixed) exposure.ambient = ambient;
+  return exposure;
+}
+
+Capture capture_of_light(const Scene& scene, const HistogramCube& three_bounce,
+                         const HistogramCube& static_light, const LinearValues& linear,
+                         double exposures, std::uint64_t seed) {
+  Capture capture;
+  capture.exposures = exposures;
+  const HistogramCube expected = expected_counts(scene, three_bounce, static_light, linear);
+  capture.counts = draw_counts(scene, expected, exposures, seed);
+  capture.T_world_sensor = scene.T_world_sensor;
+  return capture;
+}
+
+void set_truth(const Scene& scene, const PoseVector& pose, Capture& capture) {
+  capture.truth.clear();
+  const std::vector<std::string> names = unknown_names(scene);
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    capture.truth[names[i]] = pose[static_cast<Eigen::Index>(i)];
+  }
+}
+
 Capture make_capture(const Scene& scene, const ForwardModel& model, const PoseVector& pose,
                      const LightBudget& budget, std::uint64_t seed) {
-  Capture capture;
-  HistogramCube light = model.three_bounce(pose);
+  const HistogramCube light = model.three_bounce(pose);
   LinearValues linear;
   linear.amplitude = budget.amplitude * scene.linear.fixed_amplitude;
   linear.ambient = scene.linear.fixed_ambient;
   linear.direct = scene.linear.fixed_direct;
+  double exposures = 1.0;
   if (budget.third_bounce_photons) {
     const double counts = linear.amplitude * total_counts(scene, light);
     if (!(counts > 0)) {
@@ -85,19 +130,15 @@ Capture make_capture(const Scene& scene, const ForwardModel& model, const PoseVe
                   "the object at this pose sends the sensor no light, "
                   "accepted: a pose that some exposure can show");
     }
-    capture.exposures = *budget.third_bounce_photons / counts;
+    exposures = *budget.third_bounce_photons / counts;
     // A background that the scene states is what its fit will assume.
     if (scene.linear.ambient != LinearMode::fixed) {
       linear.ambient = budget.background_ratio * linear.amplitude * equal_ambient(scene, light);
     }
   }
-  const HistogramCube expected = expected_counts(scene, light, model.static_return(pose), linear);
-  capture.counts = draw_counts(scene, expected, capture.exposures, seed);
-  capture.T_world_sensor = scene.T_world_sensor;
-  const std::vector<std::string> names = unknown_names(scene);
-  for (std::size_t i = 0; i < names.size(); ++i) {
-    capture.truth[names[i]] = pose[static_cast<Eigen::Index>(i)];
-  }
+  Capture capture =
+      capture_of_light(scene, light, model.static_return(pose), linear, exposures, seed);
+  set_truth(scene, pose, capture);
   return capture;
 }
 

@@ -870,6 +870,87 @@ TEST_F(Cli, SolverBenchmarkFitsSavedCapturesAgain) {
   EXPECT_THAT(more.err, HasSubstr("found 2 captures, accepted: at least 3"));
 }
 
+TEST_F(Cli, SweepComparesSettingsAndOtherMethodsBesideTheBound) {
+  const std::string scene = "'" + std::string(SOURCE_DIR) + "/scenes/denali_like.json'";
+  const std::string command = "benchmark solver --sweep " + scene +
+                              " -n 3 --light sensor --photons 300,3000 --settings 'quick,1 start'";
+  const Outcome outcome = run(command + " -o '" + path("out") + "'");
+  // 1: the default is not on the front, which so few captures hardly say.
+  ASSERT_LE(outcome.exit_code, 1) << outcome.err;
+  EXPECT_EQ(outcome.err, "");
+  EXPECT_THAT(outcome.out, AllOf(HasSubstr("Cramer-Rao bound"), HasSubstr("multilateration"),
+                                 HasSubstr("on the front")));
+  EXPECT_THAT(text_of(path("out/sweep.html")), AllOf(HasSubstr("<svg"), HasSubstr("front")));
+  const std::string csv = text_of(path("out/sweep.csv"));
+  EXPECT_THAT(csv, StartsWith("scene,wrong,photons,bound_median_m,"));
+  const json sweep = json::parse(text_of(path("out/sweep.json")));
+  EXPECT_EQ(sweep["format"], "blindcorner.sweep/1");
+  const json& levels = sweep["scenes"][0]["levels"];
+  ASSERT_EQ(levels.size(), 2U);
+  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'),
+            1 + 2 * static_cast<int>(levels[0]["methods"].size()));
+  EXPECT_EQ(levels[0]["methods"][0]["method"], "default");
+  EXPECT_LT(levels[1]["bound_rms_m"], levels[0]["bound_rms_m"]);
+  for (const json& method : levels[1]["methods"]) {
+    EXPECT_EQ(method["answers"], 3) << method["method"];
+    EXPECT_GT(method["first_cpu_ms"], 0);
+  }
+  // Errors depend on the seed alone.
+  ASSERT_LE(run(command + " -o '" + path("again") + "'").exit_code, 1);
+  const json again = json::parse(text_of(path("again/sweep.json")));
+  for (std::size_t m = 0; m < levels[0]["methods"].size(); ++m) {
+    EXPECT_EQ(levels[0]["methods"][m]["errors_m"],
+              again["scenes"][0]["levels"][0]["methods"][m]["errors_m"]);
+  }
+  const Outcome wrong = run("benchmark solver --sweep " + scene + " --wrong fog -o out");
+  EXPECT_EQ(wrong.exit_code, 2);
+  EXPECT_THAT(wrong.err, HasSubstr("relay tilted by 2 degrees"));
+  const Outcome setting = run("benchmark solver --sweep " + scene + " --settings quik -o out");
+  EXPECT_EQ(setting.exit_code, 2);
+  EXPECT_THAT(setting.err, HasSubstr("did you mean quick"));
+  EXPECT_EQ(run("benchmark solver").exit_code, 2);
+}
+
+TEST_F(Cli, CoverageBenchmarkJudgesClaims) {
+  const std::string command = "benchmark coverage '" + std::string(SOURCE_DIR) +
+                              "/scenes/denali_like.json' -n 12 --light sensor --photons 300 ";
+  const Outcome outcome =
+      run(command + "--wrong-assumptions --wrong-captures 3 -o '" + path("out") + "'");
+  ASSERT_LE(outcome.exit_code, 1) << outcome.err;
+  EXPECT_THAT(outcome.out, AllOf(HasSubstr("truth in the 95 % region"), HasSubstr("allowed"),
+                                 HasSubstr("second object"), HasSubstr("claims hold")));
+  EXPECT_THAT(text_of(path("out/coverage.html")), AllOf(HasSubstr("<svg"), HasSubstr("verdict")));
+  EXPECT_THAT(text_of(path("out/coverage.csv")),
+              StartsWith("scene,photons,claim,trials,claimed,found,allowed_low,"));
+  const std::string wrong = text_of(path("out/wrong_assumptions.csv"));
+  EXPECT_EQ(std::count(wrong.begin(), wrong.end(), '\n'), 7) << wrong;
+  const json level = json::parse(text_of(path("out/coverage.json")))["scenes"][0]["levels"][0];
+  EXPECT_EQ(level["trials"].size(), 12U);
+  EXPECT_EQ(level["claims"][2]["trials"], 12);
+  // The same at any number of threads.
+  ASSERT_LE(run(command + "--threads 1 -o '" + path("one") + "'").exit_code, 1);
+  const json one = json::parse(text_of(path("one/coverage.json")))["scenes"][0]["levels"][0];
+  EXPECT_EQ(one["trials"], level["trials"]);
+}
+
+TEST_F(Cli, DetectionBenchmarkDrawsCurvesAndChecksTheStatedRate) {
+  const Outcome outcome =
+      run("benchmark detection '" + std::string(SOURCE_DIR) +
+          "/scenes/denali_like.json' -n 4 --empty 12 --light sensor --photons 10,3000 -o '" +
+          path("out") + "'");
+  ASSERT_LE(outcome.exit_code, 1) << outcome.err;
+  EXPECT_THAT(outcome.out, AllOf(HasSubstr("false-alarm probability below 0.05"),
+                                 HasSubstr("stated false-alarm probabilities hold")));
+  EXPECT_THAT(text_of(path("out/detection.html")), HasSubstr("<svg"));
+  EXPECT_THAT(text_of(path("out/roc.csv")),
+              StartsWith("scene,photons,statistic,false_share,true_share\n"));
+  const std::string rates = text_of(path("out/false_alarms.csv"));
+  EXPECT_EQ(std::count(rates.begin(), rates.end(), '\n'), 9) << rates;
+  const json levels = json::parse(text_of(path("out/detection.json")))["scenes"][0]["levels"];
+  EXPECT_EQ(levels[1]["reported_with"], 4);
+  EXPECT_GE(levels[1]["area_false_alarm"].get<double>() + 1e-9, 0.9);
+}
+
 // The truth comes from an archive of traced light; here the program's own renderer stands in for
 // the tracer.
 TEST_F(Cli, LightBenchmarkTellsErrorsAndClaims) {

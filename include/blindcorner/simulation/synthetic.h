@@ -8,6 +8,7 @@
 
 #include "blindcorner/forward/scene/scene.h"
 #include "blindcorner/forward/sensor/capture.h"
+#include "blindcorner/forward/sensor/photon_noise.h"
 #include "blindcorner/forward/transport/forward_model.h"
 
 namespace blindcorner {
@@ -35,6 +36,29 @@ double equal_ambient(const Scene& scene, const HistogramCube& light);
 
 /// Counts of one exposure over all bins of live zones, no ambient light.
 double total_counts(const Scene& scene, const HistogramCube& light);
+
+/// How long captures are exposed, whatever object they show, and over which ambient light.
+struct Exposure {
+  double exposures = 1.0;
+  double ambient = 0.0;  ///< counts per bin of one exposure
+};
+
+/// The scene's own: one exposure and its stated ambient light.
+Exposure own_exposure(const Scene& scene);
+
+/// The exposure after which objects of the brightness that the scene states have so many photons of
+/// the third bounce on average over the search region, over an equal background in its time gate;
+/// an ambient light that the scene fixes stays. Throws Error where no pose sends the sensor light.
+Exposure exposure_for(const Scene& scene, const ForwardModel& model, double photons,
+                      std::uint64_t seed);
+
+/// A noisy capture, the average of so many exposures, of light in W/m^2 per bin, without a truth.
+Capture capture_of_light(const Scene& scene, const HistogramCube& three_bounce,
+                         const HistogramCube& static_light, const LinearValues& linear,
+                         double exposures, std::uint64_t seed);
+
+/// States the pose as the capture's truth.
+void set_truth(const Scene& scene, const PoseVector& pose, Capture& capture);
 
 /// A noisy capture of the scene at one pose, truth and the sensor's pose included. Throws Error
 /// when a photon budget is asked of a pose that sends the sensor no light.

@@ -63,8 +63,9 @@ class ErrorBound {
   ErrorBound(ErrorBound&&) noexcept;
   ErrorBound& operator=(ErrorBound&&) noexcept;
 
-  /// Thread safe.
-  PoseBound at(const PoseVector& pose) const;
+  /// With an object `brightness` times as bright as the scene states (the median of its prior where
+  /// the brightness is unknown). Thread safe.
+  PoseBound at(const PoseVector& pose, double brightness = 1.0) const;
 
   /// [n, n] Covariance of the prior.
   const Eigen::MatrixXd& prior() const;

@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Whether the fit's uncertainty is what it says: on captures whose poses and brightness come from
+/// the priors that it is told, and on captures of scenes that are not what it is told.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "blindcorner/inverse/fit.h"
+#include "blindcorner/simulation/claim_tests.h"
+#include "blindcorner/simulation/drawn_objects.h"
+
+namespace blindcorner {
+
+struct CoverageOptions {
+  int captures = 2000;       ///< of each scene and level of light, the model right
+  int wrong_captures = 200;  ///< of each wrong assumption; 0: none is tried
+  /// Photons of the third bounce on average over the search region, as exposure_for(); empty: the
+  /// scene's own exposure.
+  std::vector<double> photons;
+  TrueLight light = TrueLight::reference;
+  double sampling = 1.0;  ///< of the reference renderer, as DrawOptions::sampling
+  FitOptions fit;
+  std::uint64_t seed = 1;
+
+  /// Throws Error naming the field that is out of range.
+  void validate() const;
+};
+
+/// What a fit says of one mode, and whether that is the one that the truth belongs to.
+struct ModeClaim {
+  double weight = 0;
+  bool right = false;
+};
+
+/// What a fit claimed of one capture.
+struct ClaimTrial {
+  std::string error;             ///< why there is no answer; empty: there is
+  double level = 1;              ///< as of credible_level()
+  double normalised_square = 0;  ///< d' C^-1 d of the whole posterior
+  double distance = 0;           ///< m, of the posterior's mean from the truth
+  double claimed = 0;            ///< m, root of the trace of the positions' covariance
+  PoseVector truth, mean;        ///< of the unknowns; the posterior's mean
+  double photons = 0;            ///< expected of the object; 0 where nobody has said it
+  std::vector<ModeClaim> modes;  ///< heaviest first
+  std::vector<std::string> flags;
+  double deviance_excess = 0;  ///< in standard deviations
+
+  bool has(const std::string& flag) const;
+  /// Any flag but the one that only says how the posterior was computed.
+  bool warned() const;
+};
+
+/// Judges a fit by the truth. A mode is the right one where the truth most likely comes from it and
+/// lies in its 99.9 % region; it may be that none is.
+ClaimTrial judge_fit(const Scene& scene, const FitResult& result, const PoseVector& truth,
+                     std::uint64_t seed);
+
+/// Fits captures of all objects. The same at any number of threads.
+std::vector<ClaimTrial> claim_trials(const Fitter& fitter, std::span<const DrawnObject> objects,
+                                     const Exposure& exposure, std::uint64_t seed,
+                                     const std::function<void()>& advance = {});
+
+/// Claims that trials with a right model must meet: the 50, 90 and 95 % regions, the mean squared
+/// normalised error, and the modes' weights in bins of a tenth. Not judged yet. Captures without an
+/// answer count as not held.
+std::vector<ClaimTest> claims_of(std::span<const ClaimTrial> trials, int unknowns);
+
+/// Shares of trials.
+struct WarningShares {
+  double multimodal = 0, undetermined = 0, misfit = 0, at_bound = 0, warned = 0;
+  /// Outside of the 95 % region, and nothing warns of it.
+  double unwarned = 0;
+};
+WarningShares warnings_of(std::span<const ClaimTrial> trials);
+
+/// A wrong assumption beside the right one, on the same objects.
+struct WrongFigures {
+  WrongAssumption assumption;
+  int captures = 0, failures = 0;
+  int held[3] = {0, 0, 0};    ///< in the 50, 90 and 95 % regions
+  double claimed_growth = 1;  ///< median of the ratio of claimed uncertainties, wrong to right
+  double median_error = 0, right_median_error = 0;  ///< m
+  WarningShares warnings;
+  int unwarned = 0;
+  /// Not more captures are wrong without a warning than 5 %, as far as these captures tell.
+  bool holds = false;
+};
+WrongFigures wrong_figures(const WrongAssumption& assumption, std::span<const ClaimTrial> wrong,
+                           std::span<const ClaimTrial> right);
+
+/// A posterior with several explanations or an open direction, for looking at.
+struct AmbiguousExample {
+  PoseVector truth;
+  PoseMixture posterior;
+  std::vector<std::string> flags;
+};
+
+/// One scene at one level of light.
+struct CoverageLevel {
+  std::optional<double> photons;  ///< empty: the scene's own exposure
+  Exposure exposure;
+  double median_photons = 0;  ///< expected of the objects drawn
+  std::vector<ClaimTrial> trials;
+  std::vector<ClaimTest> claims;
+  WarningShares warnings;
+  double median_error = 0, median_claimed = 0;       ///< m
+  double mean_square_low = 0, mean_square_high = 0;  ///< Student's 95 % interval of that mean
+  std::vector<WrongFigures> wrong;
+  std::optional<AmbiguousExample> example;
+};
+
+struct CoverageScene {
+  Scene scene;
+  std::vector<CoverageLevel> levels;
+};
+
+/// Runs the study on one scene; claims are judged by judge_coverage() over all scenes.
+CoverageScene study_coverage(const Scene& scene, const CoverageOptions& options,
+                             const std::function<void()>& advance = {});
+
+/// Judges all claims of all scenes together, with 95 %. Returns whether all hold.
+bool judge_coverage(std::span<CoverageScene> scenes);
+
+}  // namespace blindcorner

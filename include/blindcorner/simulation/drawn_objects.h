@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Objects drawn from a scene's prior and the light that they send, for studies that take captures
+/// of each at many levels of light.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "blindcorner/forward/scene/scene.h"
+#include "blindcorner/forward/sensor/capture.h"
+#include "blindcorner/simulation/synthetic.h"
+
+namespace blindcorner {
+
+/// Whose light captures hold. Neither is the fit's own.
+enum class TrueLight {
+  reference,  ///< the reference renderer's, pair by pair
+  sensor,     ///< the simulated sensor's of a drive: off by 1 to 2 %, in milliseconds
+};
+
+/// An object as it was drawn, and its light in W/m^2 per bin.
+struct DrawnObject {
+  PoseVector pose;  ///< of the unknowns that methods are told of
+  double amplitude = 1.0;
+  HistogramCube three_bounce, static_light;
+};
+
+struct DrawOptions {
+  int objects = 100;
+  TrueLight light = TrueLight::reference;
+  double sampling = 1.0;  ///< of the reference renderer, in units of its default, 0.1 to 10
+  /// How the true scene differs from the one that methods are told: a name of wrong_assumptions();
+  /// empty: it does not.
+  std::string wrong;
+  std::uint64_t seed = 1;
+
+  /// Throws Error naming the field that is out of range.
+  void validate() const;
+};
+
+/// A way in which what the scene says may be wrong.
+struct WrongAssumption {
+  std::string name, description;
+  std::string left_out;  ///< why this scene cannot be changed so; empty: it can
+};
+
+/// Another albedo, size and material, a time zero that is off, a tilted relay, a second object.
+std::vector<WrongAssumption> wrong_assumptions(const Scene& scene);
+
+/// Poses and brightness from the scene's priors, the same for every `wrong` and `light`, with the
+/// light of the true scene. The same at any number of threads. `advance` is called after each, from
+/// any thread. Throws Error where the scene cannot be changed as `options.wrong` asks.
+std::vector<DrawnObject> draw_objects(const Scene& scene, const DrawOptions& options,
+                                      const std::function<void()>& advance = {});
+
+/// A capture of one of them as the scene's sensor takes it, with its truth.
+Capture capture_of(const Scene& scene, const DrawnObject& object, const Exposure& exposure,
+                   std::uint64_t seed);
+
+/// A capture of the scene without an object.
+Capture empty_capture(const Scene& scene, const HistogramCube& static_light,
+                      const Exposure& exposure, std::uint64_t seed);
+
+/// The static light of the scene without an object, W/m^2 per bin.
+HistogramCube empty_static_light(const Scene& scene);
+
+}  // namespace blindcorner

@@ -1,0 +1,350 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "report/coverage_page.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <random>
+
+#include "report/chart.h"
+#include "report/claim_table.h"
+#include "report/formatted.h"
+#include "report/html.h"
+#include "report/json_values.h"
+
+namespace blindcorner {
+namespace {
+
+/// Samples that show a posterior.
+constexpr int kShownSamples = 400;
+
+std::string light_of(const CoverageLevel& level) {
+  return level.photons ? formatted("%g photons on average", *level.photons)
+                       : std::string("the scene's own exposure");
+}
+
+std::string share_text(int part, int whole) {
+  const ShareInterval interval = exact_interval(part, whole);
+  return formatted("%.3f (%.3f to %.3f)", whole > 0 ? 1.0 * part / whole : 0.0, interval.low,
+                   interval.high);
+}
+
+std::string warnings_text(const WarningShares& w) {
+  return formatted(
+      "several modes in %.1f %%, an open unknown in %.1f %%, a misfit in %.1f %%, an optimum at a "
+      "bound in %.1f %%, any warning in %.1f %%; outside of the 95 %% region without a warning: "
+      "%.1f %%",
+      100 * w.multimodal, 100 * w.undetermined, 100 * w.misfit, 100 * w.at_bound, 100 * w.warned,
+      100 * w.unwarned);
+}
+
+std::string level_text(const CoverageLevel& level) {
+  int failures = 0;
+  for (const ClaimTrial& t : level.trials) failures += t.error.empty() ? 0 : 1;
+  return formatted(
+      "%d captures, %d of them without an answer; photons of the object: median %.3g; median error "
+      "%.4f m, median claimed %.4f m; mean squared normalised error by Student's t, which does not "
+      "take errors for normal: %.3f to %.3f. ",
+      static_cast<int>(level.trials.size()), failures, level.median_photons, level.median_error,
+      level.median_claimed, level.mean_square_low, level.mean_square_high);
+}
+
+/// The modes' stated weights against the shares of right ones.
+Chart weight_chart(const CoverageLevel& level) {
+  Chart chart{"weights of modes", "stated", "right"};
+  chart.width = 380;
+  chart.height = 340;
+  ChartSeries honest{"honest", {{0, 0}, {1, 1}}, SeriesStyle::line, "#888"};
+  ChartSeries found{"found", {}, SeriesStyle::marked_line, "#d55e00"};
+  ChartSeries low{"allowed", {}, SeriesStyle::line, "#9fc5e8"};
+  ChartSeries high{"", {}, SeriesStyle::line, "#9fc5e8"};
+  for (const ClaimTest& c : level.claims) {
+    if (c.what.find("weight") == std::string::npos) continue;
+    found.points.push_back({c.claimed, c.found, formatted("%d modes", c.trials)});
+    low.points.push_back({c.claimed, c.low});
+    high.points.push_back({c.claimed, c.high});
+  }
+  chart.series = {honest, low, high, found};
+  return chart;
+}
+
+/// Shares of truths in the regions of every level.
+Chart level_chart(const CoverageLevel& level) {
+  Chart chart{"regions", "claimed", "share of truths inside"};
+  chart.width = 380;
+  chart.height = 340;
+  ChartSeries honest{"honest", {{0, 0}, {1, 1}}, SeriesStyle::line, "#888"};
+  ChartSeries found{"found", {{0, 0}}, SeriesStyle::line, "#d55e00"};
+  std::vector<double> levels;
+  for (const ClaimTrial& t : level.trials) {
+    if (t.error.empty()) levels.push_back(t.level);
+  }
+  std::ranges::sort(levels);
+  for (int i = 1; i <= 100; ++i) {
+    const double claimed = 0.01 * i;
+    const auto inside = std::ranges::upper_bound(levels, claimed) - levels.begin();
+    found.points.push_back(
+        {claimed, static_cast<double>(inside) / static_cast<double>(level.trials.size())});
+  }
+  chart.series = {honest, found};
+  return chart;
+}
+
+std::string wrong_html(const CoverageLevel& level) {
+  if (level.wrong.empty()) return {};
+  std::string html =
+      "<p>With a wrong assumption, on the first of these objects. <i>Growth</i> is the median "
+      "ratio "
+      "of the claimed uncertainty to that under the right assumption.</p>\n"
+      "<div style=\"overflow-x:auto\"><table><tr><th>what the scene is wrong "
+      "about<th>captures<th>50 "
+      "%<th>90 %<th>95 %<th>growth<th>median error, m<th>with the right one, m<th>misfit<th>any "
+      "warning<th>outside of 95 % without a warning<th>grows or warns</tr>\n";
+  for (const WrongFigures& w : level.wrong) {
+    html += "<tr><td>" + html_safe(w.assumption.name);
+    if (w.captures == 0) {
+      html += "<td colspan=\"11\">left out: " + html_safe(w.assumption.left_out) + "</tr>\n";
+      continue;
+    }
+    html += formatted("<td>%d", w.captures);
+    for (const int held : w.held) html += formatted("<td>%.3f", 1.0 * held / w.captures);
+    html +=
+        formatted("<td>%.2f<td>%.4f<td>%.4f<td>%.2f<td>%.2f<td>", w.claimed_growth, w.median_error,
+                  w.right_median_error, w.warnings.misfit, w.warnings.warned) +
+        share_text(w.unwarned, w.captures) +
+        (w.holds ? "<td>yes</tr>\n" : "<td style=\"background:#fde7e2;font-weight:600\">no</tr>\n");
+  }
+  return html + "</table></div>\n";
+}
+
+/// Samples of a posterior over two unknowns.
+Chart posterior_chart(const Scene& scene, const AmbiguousExample& example) {
+  const std::vector<std::string> names = unknown_names(scene);
+  const bool two = names.size() > 1;
+  Chart chart{"a posterior: " + (example.flags.empty() ? std::string() : example.flags.front()),
+              names.front(), two ? names[1] : "number of the sample"};
+  chart.width = 380;
+  chart.height = 340;
+  ChartSeries samples{"samples of the posterior", {}, SeriesStyle::dots, "#0072b2"};
+  ChartSeries modes{"modes", {}, SeriesStyle::marks, "#d55e00"};
+  ChartSeries truth{"truth", {}, SeriesStyle::circles, "#009e73"};
+  std::mt19937_64 random(1);
+  std::normal_distribution<double> normal;
+  std::vector<double> weights;
+  for (const PoseMode& mode : example.posterior.modes) weights.push_back(mode.weight);
+  std::discrete_distribution<std::size_t> pick(weights.begin(), weights.end());
+  for (int i = 0; i < kShownSamples; ++i) {
+    const PoseMode& mode = example.posterior.modes[pick(random)];
+    const Eigen::MatrixXd factor = mode.covariance.llt().matrixL();
+    const PoseVector at = mode.pose + factor * PoseVector::NullaryExpr(mode.pose.size(), [&] {
+                                        return normal(random);
+                                      });
+    samples.points.push_back({at[0], two ? at[1] : i});
+  }
+  for (const PoseMode& mode : example.posterior.modes) {
+    modes.points.push_back(
+        {mode.pose[0], two ? mode.pose[1] : 0, formatted("weight %.2f", mode.weight)});
+  }
+  truth.points.push_back({example.truth[0], two ? example.truth[1] : 0});
+  chart.series = {samples, modes, truth};
+  return chart;
+}
+
+std::string level_html(const CoverageScene& scene, const CoverageLevel& level) {
+  std::vector<Chart> charts{level_chart(level), weight_chart(level)};
+  if (level.example) charts.push_back(posterior_chart(scene.scene, *level.example));
+  return "<h2>" + html_safe(scene.scene.name) + ", " + light_of(level) + "</h2>\n<p>" +
+         level_text(level) + "Captures show " + warnings_text(level.warnings) + ".</p>\n" +
+         claim_table_html(level.claims) + charts_html(charts) + wrong_html(level);
+}
+
+nlohmann::ordered_json warnings_json(const WarningShares& w) {
+  return {{"multimodal", w.multimodal},
+          {"undetermined", w.undetermined},
+          {"model_misfit", w.misfit},
+          {"at_bound", w.at_bound},
+          {"any", w.warned},
+          {"outside_of_95_without_warning", w.unwarned}};
+}
+
+nlohmann::ordered_json wrong_json(const WrongFigures& w) {
+  nlohmann::ordered_json json{{"assumption", w.assumption.name},
+                              {"description", w.assumption.description},
+                              {"captures", w.captures}};
+  if (w.captures == 0) {
+    json["left_out"] = w.assumption.left_out;
+    return json;
+  }
+  json["failures"] = w.failures;
+  json["in_50"] = w.held[0];
+  json["in_90"] = w.held[1];
+  json["in_95"] = w.held[2];
+  json["claimed_growth"] = number_or_null(w.claimed_growth);
+  json["median_error_m"] = number_or_null(w.median_error);
+  json["right_median_error_m"] = number_or_null(w.right_median_error);
+  json["flagged"] = warnings_json(w.warnings);
+  json["outside_of_95_without_warning"] = w.unwarned;
+  json["holds"] = w.holds;
+  return json;
+}
+
+}  // namespace
+
+std::string coverage_headline(const CoverageReport& report) {
+  int claims = 0, holding = 0, wrong = 0, warned = 0;
+  for (const CoverageScene& scene : report.scenes) {
+    for (const CoverageLevel& level : scene.levels) {
+      claims += static_cast<int>(level.claims.size());
+      holding += static_cast<int>(std::ranges::count_if(level.claims, &ClaimTest::holds));
+      for (const WrongFigures& w : level.wrong) {
+        wrong += w.captures > 0 ? 1 : 0;
+        warned += w.captures > 0 && w.holds ? 1 : 0;
+      }
+    }
+  }
+  std::string text = formatted(
+      "With the model right, %d of %d claims hold; all would, with 95 %%, if every claim were "
+      "true.",
+      holding, claims);
+  if (wrong > 0) {
+    text += formatted(
+        " With something wrong in the scene, uncertainty grows or the fit warns in %d of %d rows.",
+        warned, wrong);
+  }
+  return text;
+}
+
+std::string coverage_text(const CoverageScene& scene) {
+  std::string text;
+  for (const CoverageLevel& level : scene.levels) {
+    text += scene.scene.name + ", " + light_of(level) + "\n" + level_text(level) + "\n" +
+            warnings_text(level.warnings) + "\n" + claim_table_text(level.claims);
+    if (level.wrong.empty()) continue;
+    text +=
+        formatted("%-30s %8s %6s %6s %6s %7s %9s %9s %7s %7s %9s\n", "wrong", "captures", "50 %",
+                  "90 %", "95 %", "growth", "error m", "(right) m", "misfit", "warned", "unwarned");
+    for (const WrongFigures& w : level.wrong) {
+      if (w.captures == 0) {
+        text += formatted("%-30s left out: %s\n", w.assumption.name.c_str(),
+                          w.assumption.left_out.c_str());
+        continue;
+      }
+      const double n = w.captures;
+      text +=
+          formatted("%-30s %8d %6.3f %6.3f %6.3f %7.2f %9.4f %9.4f %7.2f %7.2f %9.3f %s\n",
+                    w.assumption.name.c_str(), w.captures, w.held[0] / n, w.held[1] / n,
+                    w.held[2] / n, w.claimed_growth, w.median_error, w.right_median_error,
+                    w.warnings.misfit, w.warnings.warned, w.unwarned / n, w.holds ? "" : "FAILS");
+    }
+  }
+  return text;
+}
+
+std::string coverage_csv(const CoverageReport& report) {
+  std::string csv = "scene,photons," + claim_csv_header() + "\n";
+  for (const CoverageScene& scene : report.scenes) {
+    for (const CoverageLevel& level : scene.levels) {
+      for (const ClaimTest& claim : level.claims) {
+        csv += "\"" + scene.scene.name + "\"," +
+               (level.photons ? formatted("%g", *level.photons) : std::string()) + "," +
+               claim_csv(claim) + "\n";
+      }
+    }
+  }
+  return csv;
+}
+
+std::string wrong_assumptions_csv(const CoverageReport& report) {
+  std::string csv =
+      "scene,photons,wrong,captures,failures,in_50,in_90,in_95,claimed_growth,median_error_m,"
+      "right_median_error_m,misfit,flagged,outside_of_95_without_warning,holds\n";
+  for (const CoverageScene& scene : report.scenes) {
+    for (const CoverageLevel& level : scene.levels) {
+      for (const WrongFigures& w : level.wrong) {
+        if (w.captures == 0) continue;
+        csv += "\"" + scene.scene.name + "\"," +
+               (level.photons ? formatted("%g", *level.photons) : std::string()) + ",\"" +
+               w.assumption.name + "\"" +
+               formatted(",%d,%d,%d,%d,%d,%.4g,%.5g,%.5g,%.4g,%.4g,%d,%d\n", w.captures, w.failures,
+                         w.held[0], w.held[1], w.held[2], w.claimed_growth, w.median_error,
+                         w.right_median_error, w.warnings.misfit, w.warnings.warned, w.unwarned,
+                         w.holds ? 1 : 0);
+      }
+    }
+  }
+  return csv;
+}
+
+nlohmann::ordered_json coverage_json(const CoverageReport& report) {
+  using Json = nlohmann::ordered_json;
+  Json json{{"format", "blindcorner.coverage/1"},
+            {"captures", report.options.captures},
+            {"seed", report.options.seed},
+            {"true_light", report.options.light == TrueLight::reference ? "reference" : "sensor"},
+            {"headline", coverage_headline(report)}};
+  json["scenes"] = Json::array();
+  for (const CoverageScene& scene : report.scenes) {
+    Json entry{{"scene", scene.scene.name}, {"file", scene.scene.path}};
+    entry["levels"] = Json::array();
+    for (const CoverageLevel& level : scene.levels) {
+      Json one{{"photons", level.photons ? Json(*level.photons) : Json(nullptr)},
+               {"exposures", level.exposure.exposures},
+               {"ambient_counts_per_bin", level.exposure.ambient},
+               {"median_photons", level.median_photons},
+               {"median_error_m", number_or_null(level.median_error)},
+               {"median_claimed_m", number_or_null(level.median_claimed)},
+               {"mean_square_low", number_or_null(level.mean_square_low)},
+               {"mean_square_high", number_or_null(level.mean_square_high)}};
+      one["claims"] = Json::array();
+      for (const ClaimTest& claim : level.claims) one["claims"].push_back(claim_json(claim));
+      one["flagged"] = warnings_json(level.warnings);
+      one["wrong"] = Json::array();
+      for (const WrongFigures& w : level.wrong) one["wrong"].push_back(wrong_json(w));
+      one["trials"] = Json::array();
+      for (const ClaimTrial& t : level.trials) {
+        if (!t.error.empty()) {
+          one["trials"].push_back({{"error", t.error}});
+          continue;
+        }
+        std::vector<double> weights;
+        for (const ModeClaim& mode : t.modes) weights.push_back(mode.weight);
+        one["trials"].push_back({{"truth", std::vector<double>(t.truth.begin(), t.truth.end())},
+                                 {"mean", std::vector<double>(t.mean.begin(), t.mean.end())},
+                                 {"photons", number_or_null(t.photons)},
+                                 {"level", t.level},
+                                 {"normalised_square", number_or_null(t.normalised_square)},
+                                 {"error_m", number_or_null(t.distance)},
+                                 {"claimed_m", number_or_null(t.claimed)},
+                                 {"deviance_excess", number_or_null(t.deviance_excess)},
+                                 {"weights", weights},
+                                 {"flags", t.flags}});
+      }
+      entry["levels"].push_back(std::move(one));
+    }
+    json["scenes"].push_back(std::move(entry));
+  }
+  return json;
+}
+
+std::string coverage_page(const CoverageReport& report) {
+  std::string body = "<p><b>" + html_safe(coverage_headline(report)) + "</b></p>\n";
+  body += formatted(
+      "<p>%d captures of each scene and level of light, seed %llu. Poses and brightness are drawn "
+      "from the priors that the fit is told; the light is ",
+      report.options.captures, static_cast<unsigned long long>(report.options.seed));
+  body += report.options.light == TrueLight::reference
+              ? "the reference renderer's, which is not the fit's model.</p>\n"
+              : "the simulated sensor's, which is off by 1 to 2 %.</p>\n";
+  body +=
+      "<p>A claim holds where what was found lies within what is allowed: equal tails of the "
+      "binomial distribution, of a mean square those of chi-square, at a confidence (Bonferroni's) "
+      "with which all rows of this page together hold in 95 of 100 such studies if all claims are "
+      "true. Captures without an answer count as outside. A mode is right where the truth most "
+      "likely comes from it and lies in its 99.9 % region.</p>\n";
+  for (const CoverageScene& scene : report.scenes) {
+    for (const CoverageLevel& level : scene.levels) body += level_html(scene, level);
+  }
+  return plain_page("Whether the uncertainty is what it says", body);
+}
+
+}  // namespace blindcorner

@@ -1,0 +1,371 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "report/sweep_page.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "blindcorner/simulation/credible_level.h"
+#include "blindcorner/simulation/pareto_front.h"
+#include "report/chart.h"
+#include "report/formatted.h"
+#include "report/html.h"
+#include "report/json_values.h"
+
+namespace blindcorner {
+namespace {
+
+const char* const kSettingColour = "#0072b2";
+const char* const kOtherColour = "#e69f00";
+const char* const kDefaultColour = "#d55e00";
+const char* const kFrontColour = "#009e73";
+
+/// Methods that take a smaller share of the default's time than this do not look at the capture.
+constexpr double kLeastShownTime = 1e-2;
+
+/// A figure of a method at a level of light, by name.
+struct SweepColumn {
+  const char* name;
+  double (*value)(const SweepCell&, const SweepFigures&);
+};
+
+double share_of(int part, int whole) {
+  return whole > 0 ? static_cast<double>(part) / whole : std::nan("");
+}
+
+ShareInterval held_interval(const SweepFigures& f) { return wilson_interval(f.held, f.claims); }
+
+const SweepColumn kSweepColumns[] = {
+    {"answers", [](const SweepCell&, const SweepFigures& f) { return 1.0 * f.answers; }},
+    {"failures", [](const SweepCell&, const SweepFigures& f) { return 1.0 * f.failures; }},
+    {"median_m", [](const SweepCell&, const SweepFigures& f) { return f.median; }},
+    {"p90_m", [](const SweepCell&, const SweepFigures& f) { return f.p90; }},
+    {"rms_m", [](const SweepCell&, const SweepFigures& f) { return f.rms; }},
+    {"right_mode",
+     [](const SweepCell&, const SweepFigures& f) { return share_of(f.right, f.claims); }},
+    {"right_mode_rms_m", [](const SweepCell&, const SweepFigures& f) { return f.right_rms; }},
+    {"coverage_95",
+     [](const SweepCell&, const SweepFigures& f) { return share_of(f.held, f.claims); }},
+    {"coverage_95_low",
+     [](const SweepCell&, const SweepFigures& f) {
+       return f.claims > 0 ? held_interval(f).low : std::nan("");
+     }},
+    {"coverage_95_high",
+     [](const SweepCell&, const SweepFigures& f) {
+       return f.claims > 0 ? held_interval(f).high : std::nan("");
+     }},
+    {"efficiency", [](const SweepCell&, const SweepFigures& f) { return f.efficiency; }},
+    {"efficiency_low", [](const SweepCell&, const SweepFigures& f) { return f.efficiency_low; }},
+    {"efficiency_high", [](const SweepCell&, const SweepFigures& f) { return f.efficiency_high; }},
+    {"efficiency_captures",
+     [](const SweepCell&, const SweepFigures& f) { return 1.0 * f.efficiency_captures; }},
+    {"first_cpu_ms", [](const SweepCell& c, const SweepFigures&) { return 1e3 * c.first_cpu; }},
+    {"first_wall_ms", [](const SweepCell& c, const SweepFigures&) { return 1e3 * c.first_wall; }},
+    {"following_cpu_ms",
+     [](const SweepCell&, const SweepFigures& f) { return 1e3 * f.following_cpu; }},
+    {"following_wall_ms",
+     [](const SweepCell&, const SweepFigures& f) { return 1e3 * f.following_wall; }},
+};
+
+/// Time (ms) and error (m) of a method in one picture.
+using TimeOf = double (*)(const SweepCell&, const SweepFigures&);
+using ErrorOf = double (*)(const SweepFigures&);
+
+double following_ms(const SweepCell&, const SweepFigures& f) { return 1e3 * f.following_cpu; }
+double first_ms(const SweepCell& c, const SweepFigures&) { return 1e3 * c.first_cpu; }
+double median_of(const SweepFigures& f) { return f.median; }
+double p90_of(const SweepFigures& f) { return f.p90; }
+double rms_of_right(const SweepFigures& f) { return f.right_rms; }
+
+/// Settings, other methods, the default and the front, as series of a chart.
+void add_front(const std::vector<ChartPoint>& points, const std::vector<bool>& solver,
+               bool label_front, Chart& chart) {
+  ChartSeries settings{"settings of the solver", {}, SeriesStyle::marks, kSettingColour};
+  ChartSeries others{"other methods", {}, SeriesStyle::marks, kOtherColour};
+  ChartSeries chosen{"default", {}, SeriesStyle::circles, kDefaultColour};
+  ChartSeries front{
+      "front", {}, label_front ? SeriesStyle::labelled_line : SeriesStyle::line, kFrontColour};
+  std::vector<CostAndError> places;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    (solver[i] ? settings : others).points.push_back(points[i]);
+    places.push_back({points[i].x, points[i].y});
+  }
+  if (!points.empty()) chosen.points.push_back(points.front());
+  for (const std::size_t i : pareto_front(places)) front.points.push_back(points[i]);
+  chart.series = {front, settings, others, chosen};
+}
+
+Chart level_picture(const SweepScene& scene, const SweepLevel& level, TimeOf time, ErrorOf error,
+                    double bound, const char* what) {
+  Chart chart{formatted("%g photons", level.photons), "ms of processor time", what};
+  chart.logarithmic = true;
+  chart.width = 370;
+  chart.height = 300;
+  std::vector<ChartPoint> points;
+  std::vector<bool> solver;
+  for (std::size_t m = 0; m < scene.methods.size(); ++m) {
+    points.push_back(
+        {time(level.cells[m], level.figures[m]), error(level.figures[m]), scene.methods[m].name});
+    solver.push_back(scene.methods[m].solver);
+  }
+  add_front(points, solver, false, chart);
+  chart.rules = {{"bound", bound, false}};
+  return chart;
+}
+
+std::string pictures(const SweepScene& scene, TimeOf time, ErrorOf error, double SweepLevel::*bound,
+                     const char* what) {
+  std::vector<Chart> charts;
+  for (const SweepLevel& level : scene.levels) {
+    charts.push_back(level_picture(scene, level, time, error, level.*bound, what));
+  }
+  return charts_html(charts);
+}
+
+/// Errors of a few methods over the light.
+std::string by_light(const SweepScene& scene) {
+  Chart error{"error and light", "photons of the object", "median error of the position, m"};
+  Chart fine{"efficiency of the default", "photons of the object", "error over bound, right mode"};
+  error.logarithmic = fine.logarithmic = true;
+  error.width = fine.width = 560;
+  error.height = fine.height = 320;
+  ChartSeries bound{"bound", {}, SeriesStyle::line, "#888"};
+  ChartSeries efficiency{"error over bound (bound below a quarter of the pulse)",
+                         {},
+                         SeriesStyle::marked_line,
+                         kDefaultColour};
+  for (const SweepLevel& level : scene.levels) {
+    bound.points.push_back({level.photons, level.bound_median});
+    const SweepFigures& f = level.figures.front();
+    efficiency.points.push_back({level.photons, f.efficiency,
+                                 formatted("%d captures, %.2f to %.2f", f.efficiency_captures,
+                                           f.efficiency_low, f.efficiency_high)});
+  }
+  error.series.push_back(bound);
+  for (std::size_t m = 0; m < scene.methods.size(); ++m) {
+    if (m > 0 && scene.methods[m].solver) continue;
+    ChartSeries series{scene.methods[m].name, {}, SeriesStyle::marked_line, {}};
+    for (const SweepLevel& level : scene.levels) {
+      series.points.push_back({level.photons, level.figures[m].median});
+    }
+    error.series.push_back(std::move(series));
+  }
+  fine.series = {efficiency};
+  fine.rules = {{"aim: 1.1", 1.1, false}, {"bound", 1.0, false}};
+  return charts_html({error, fine});
+}
+
+Chart ratio_chart(const SweepVerdict& verdict) {
+  Chart chart{"all scenes and levels of light together", "processor time, default = 1",
+              "error, default = 1 (geometric means)"};
+  chart.logarithmic = true;
+  chart.width = 760;
+  chart.height = 440;
+  std::vector<ChartPoint> points;
+  std::vector<bool> solver;
+  for (const SweepRatio& r : verdict.ratios) {
+    if (r.time < kLeastShownTime) continue;
+    points.push_back({r.time, r.error, r.name});
+    solver.push_back(r.solver);
+  }
+  add_front(points, solver, true, chart);
+  return chart;
+}
+
+std::string ratio_or_dash(double value) {
+  return std::isfinite(value) ? formatted("%.3f", value) : std::string("-");
+}
+
+std::string ratio_table(const SweepVerdict& verdict) {
+  std::string html =
+      "<div style=\"overflow-x:auto\"><table><tr><th>method<th>varies<th>time, following<th>time, "
+      "first<th>wall, following<th>error (95 % of all rows together)<th>coverage of 95 %<th>right "
+      "mode<th>captures<th>front</tr>\n";
+  for (std::size_t i = 0; i < verdict.ratios.size(); ++i) {
+    const SweepRatio& r = verdict.ratios[i];
+    const bool on = std::ranges::find(verdict.front, i) != verdict.front.end();
+    html += (i == 0 ? "<tr style=\"font-weight:600\"><td>" : "<tr><td>") + html_safe(r.name) +
+            "<td>" + html_safe(r.varies) +
+            formatted("<td>%.3f<td>%.3f<td>%.3f<td>%.3f (%.3f to %.3f)<td>", r.time, r.first_time,
+                      r.wall, r.error, r.error_low, r.error_high) +
+            ratio_or_dash(r.coverage) + "<td>" + ratio_or_dash(r.right) +
+            formatted("<td>%d<td>%s</tr>\n", r.captures, on ? "yes" : "");
+  }
+  return html + "</table></div>\n";
+}
+
+std::string figure_table(const SweepScene& scene) {
+  std::string html =
+      "<div style=\"overflow-x:auto\"><table style=\"white-space:nowrap;font-size:11px\">"
+      "<tr><th>method<th>photons";
+  for (const SweepColumn& column : kSweepColumns) html += std::string("<th>") + column.name;
+  html += "</tr>\n";
+  for (const SweepLevel& level : scene.levels) {
+    for (std::size_t m = 0; m < scene.methods.size(); ++m) {
+      html += "<tr><td>" + html_safe(scene.methods[m].name) + formatted("<td>%g", level.photons);
+      for (const SweepColumn& column : kSweepColumns) {
+        const double value = column.value(level.cells[m], level.figures[m]);
+        html += std::isfinite(value) ? formatted("<td>%.4g", value) : std::string("<td>-");
+      }
+      html += "</tr>\n";
+    }
+  }
+  return html + "</table></div>\n";
+}
+
+std::string scene_html(const SweepScene& scene) {
+  return "<h2>" + html_safe(scene.name) + "</h2>\n" +
+         formatted("<p>The pulse is %.3f m long (half maximum, as path).</p>\n", scene.pulse) +
+         by_light(scene) + "<p>Median error against the time of a following capture:</p>\n" +
+         pictures(scene, following_ms, median_of, &SweepLevel::bound_median, "median error, m") +
+         "<details><summary>Error that nine of ten captures stay below, against the time of a "
+         "following capture</summary>\n" +
+         pictures(scene, following_ms, p90_of, &SweepLevel::bound_p90, "90 % error, m") +
+         "</details>\n<details><summary>RMS error in the right mode, against the time of a "
+         "following capture</summary>\n" +
+         pictures(scene, following_ms, rms_of_right, &SweepLevel::bound_rms, "RMS, right mode, m") +
+         "</details>\n<details open><summary>Median error against the time of a first capture, all "
+         "that the method prepares included</summary>\n" +
+         pictures(scene, first_ms, median_of, &SweepLevel::bound_median, "median error, m") +
+         "</details>\n<details><summary>All figures</summary>\n" + figure_table(scene) +
+         "</details>\n";
+}
+
+nlohmann::ordered_json ratio_json(const SweepRatio& r) {
+  return {{"method", r.name},
+          {"varies", r.varies},
+          {"time", number_or_null(r.time)},
+          {"first_time", number_or_null(r.first_time)},
+          {"wall", number_or_null(r.wall)},
+          {"error", number_or_null(r.error)},
+          {"error_low", number_or_null(r.error_low)},
+          {"error_high", number_or_null(r.error_high)},
+          {"coverage_95", number_or_null(r.coverage)},
+          {"right_mode", number_or_null(r.right)},
+          {"captures", r.captures}};
+}
+
+}  // namespace
+
+std::string sweep_text(const SweepScene& scene) {
+  std::string text =
+      formatted("%s\n%9s  %-28s %9s %9s %9s %7s %9s %7s %10s %9s %9s\n", scene.name.c_str(),
+                "photons", "method", "median m", "90 % m", "rms m", "right", "in right", "in 95%",
+                "efficiency", "first ms", "next ms");
+  for (const SweepLevel& level : scene.levels) {
+    text += formatted("%9g  %-28s %9.4f %9.4f %9.4f\n", level.photons, "Cramer-Rao bound",
+                      level.bound_median, level.bound_p90, level.bound_rms);
+    for (std::size_t m = 0; m < scene.methods.size(); ++m) {
+      const SweepFigures& f = level.figures[m];
+      text += formatted(
+          "%9g  %-28s %9.4f %9.4f %9.4f %7s %9s %7s %10s %9.3g %9.3g\n", level.photons,
+          scene.methods[m].name.c_str(), f.median, f.p90, f.rms,
+          ratio_or_dash(share_of(f.right, f.claims)).c_str(), ratio_or_dash(f.right_rms).c_str(),
+          ratio_or_dash(share_of(f.held, f.claims)).c_str(), ratio_or_dash(f.efficiency).c_str(),
+          1e3 * level.cells[m].first_cpu, 1e3 * f.following_cpu);
+    }
+  }
+  return text;
+}
+
+std::string sweep_csv(const SweepReport& report) {
+  std::string csv = "scene,wrong,photons,bound_median_m,bound_p90_m,bound_rms_m,method,varies";
+  for (const SweepColumn& column : kSweepColumns) csv += std::string(",") + column.name;
+  csv += "\n";
+  for (const SweepScene& scene : report.scenes) {
+    for (const SweepLevel& level : scene.levels) {
+      for (std::size_t m = 0; m < scene.methods.size(); ++m) {
+        csv += "\"" + scene.name + "\",\"" + report.options.wrong + "\"" +
+               formatted(",%g,%.6g,%.6g,%.6g", level.photons, level.bound_median, level.bound_p90,
+                         level.bound_rms) +
+               ",\"" + scene.methods[m].name + "\",\"" + scene.methods[m].varies + "\"";
+        for (const SweepColumn& column : kSweepColumns) {
+          const double value = column.value(level.cells[m], level.figures[m]);
+          csv += std::isfinite(value) ? formatted(",%.6g", value) : std::string(",");
+        }
+        csv += "\n";
+      }
+    }
+  }
+  return csv;
+}
+
+nlohmann::ordered_json sweep_json(const SweepReport& report) {
+  using Json = nlohmann::ordered_json;
+  Json json;
+  json["format"] = "blindcorner.sweep/1";
+  json["captures"] = report.options.captures;
+  json["seed"] = report.options.seed;
+  json["true_light"] = report.options.light == TrueLight::reference ? "reference" : "sensor";
+  json["wrong"] = report.options.wrong;
+  const SweepVerdict& verdict = report.verdict;
+  json["headline"] = verdict.headline();
+  json["remarks"] = verdict.remarks();
+  json["default_on_front"] = verdict.better.empty();
+  json["pictures"] = verdict.pictures;
+  json["pictures_with_default_on_front"] = verdict.on_front;
+  json["ratios"] = Json::array();
+  for (const SweepRatio& r : verdict.ratios) json["ratios"].push_back(ratio_json(r));
+  json["scenes"] = Json::array();
+  for (const SweepScene& scene : report.scenes) {
+    Json entry{{"scene", scene.name}, {"file", scene.file}, {"pulse_m", scene.pulse}};
+    entry["levels"] = Json::array();
+    for (const SweepLevel& level : scene.levels) {
+      Json one{{"photons", level.photons},
+               {"exposures", level.exposure.exposures},
+               {"ambient_counts_per_bin", level.exposure.ambient},
+               {"bound_median_m", number_or_null(level.bound_median)},
+               {"bound_p90_m", number_or_null(level.bound_p90)},
+               {"bound_rms_m", number_or_null(level.bound_rms)}};
+      one["methods"] = Json::array();
+      for (std::size_t m = 0; m < scene.methods.size(); ++m) {
+        Json method{{"method", scene.methods[m].name}, {"varies", scene.methods[m].varies}};
+        for (const SweepColumn& column : kSweepColumns) {
+          method[column.name] = number_or_null(column.value(level.cells[m], level.figures[m]));
+        }
+        nlohmann::json distances = nlohmann::json::array();
+        for (const SweepTrial& t : level.cells[m].trials) {
+          distances.push_back(number_or_null(t.error.empty() ? t.distance : std::nan("")));
+        }
+        method["errors_m"] = std::move(distances);
+        one["methods"].push_back(std::move(method));
+      }
+      entry["levels"].push_back(std::move(one));
+    }
+    json["scenes"].push_back(std::move(entry));
+  }
+  return json;
+}
+
+std::string sweep_page(const SweepReport& report) {
+  const SweepOptions& options = report.options;
+  std::string body = "<p><b>" + html_safe(report.verdict.headline()) + "</b></p>\n<ul>";
+  for (const std::string& remark : report.verdict.remarks()) {
+    body += "<li>" + html_safe(remark) + "\n";
+  }
+  body += "</ul>\n";
+  body += formatted(
+      "<p>%d captures of each scene at each level of light, the same for all methods, seed %llu. "
+      "Poses and brightness come from the scene's priors, the light from ",
+      options.captures, static_cast<unsigned long long>(options.seed));
+  body += options.light == TrueLight::reference
+              ? "the reference renderer, which sums pair by pair at other points than the fit."
+              : "the simulated sensor, which samples at other points than the fit.";
+  if (!options.wrong.empty()) {
+    body += " The true scene has one effect that no method is told of: <b>" +
+            html_safe(options.wrong) + "</b>.";
+  }
+  body +=
+      "</p>\n<p>The exposure is the same for all captures of a level: objects of the stated "
+      "brightness then send so many photons on average over the search region, over an equal "
+      "background. Times are processor time of all threads, a first capture with all that a method "
+      "prepares for it, a following one in the median. Error is the distance of the answer (of "
+      "the solver: the mean of its posterior) from the truth. The front joins what no other "
+      "method beats in both. The bound's line is what errors would be that are normal with Cramer "
+      "and Rao's bound, the prior counted, as their covariance. Point at a mark to see its "
+      "name.</p>\n";
+  body += charts_html({ratio_chart(report.verdict)}) + ratio_table(report.verdict);
+  for (const SweepScene& scene : report.scenes) body += scene_html(scene);
+  return plain_page("Error against run time", body);
+}
+
+}  // namespace blindcorner

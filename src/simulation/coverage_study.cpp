@@ -1,0 +1,336 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "blindcorner/simulation/coverage_study.h"
+
+#include <tbb/parallel_for.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <boost/math/distributions/chi_squared.hpp>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+
+#include "blindcorner/forward/error.h"
+#include "blindcorner/inverse/bound/error_bound.h"
+#include "blindcorner/inverse/posterior/evaluation.h"
+#include "blindcorner/simulation/reliability_diagram.h"
+#include "forward/support/quantile.h"
+
+namespace blindcorner {
+namespace {
+
+constexpr double kRegions[] = {0.5, 0.9, 0.95};
+constexpr double kWarnedRegion = 0.95;
+/// Region of a mode in which the truth must lie for the mode to be the right one.
+constexpr double kModeRegion = 0.999;
+constexpr int kWeightBins = 10;
+/// Bins with fewer statements say nothing.
+constexpr int kLeastStatements = 10;
+/// Tolerance of the fast model that chooses exposures.
+constexpr double kExposureTolerance = 0.02;
+constexpr std::uint64_t kTrialSeed = 1'000'003, kLightSeed = 7'919'000'017;
+
+std::string percent(const char* pattern, double a, double b = 0) {
+  char text[96];
+  std::snprintf(text, sizeof text, pattern, 100 * a, 100 * b);
+  return text;
+}
+
+/// Log density of a mode's share at a truth, and its squared Mahalanobis distance.
+struct ModeAtTruth {
+  double log_density = 0, square = 0;
+};
+ModeAtTruth at_truth(const Scene& scene, const PoseMode& mode, const PoseVector& truth) {
+  const Eigen::LLT<Eigen::MatrixXd> factor(mode.covariance);
+  const PoseVector d = pose_error(scene, mode.pose, truth);
+  const double square = factor.matrixL().solve(d).squaredNorm();
+  const double half_log_determinant = factor.matrixLLT().diagonal().array().log().sum();
+  return {std::log(mode.weight) - half_log_determinant - 0.5 * square, square};
+}
+
+/// The mode that the truth belongs to; none where it is in no mode's region.
+std::optional<std::size_t> right_mode(const Scene& scene, const PoseMixture& posterior,
+                                      const PoseVector& truth) {
+  const double region = boost::math::quantile(
+      boost::math::chi_squared_distribution<double>(static_cast<double>(truth.size())),
+      kModeRegion);
+  double best = -std::numeric_limits<double>::infinity();
+  std::optional<std::size_t> right;
+  for (std::size_t i = 0; i < posterior.modes.size(); ++i) {
+    const ModeAtTruth at = at_truth(scene, posterior.modes[i], truth);
+    if (!(at.log_density > best) || at.square > region) continue;
+    best = at.log_density;
+    right = i;
+  }
+  return right;
+}
+
+double share_where(std::span<const ClaimTrial> trials, const auto& condition) {
+  if (trials.empty()) return 0;
+  return static_cast<double>(std::ranges::count_if(trials, condition)) /
+         static_cast<double>(trials.size());
+}
+
+std::vector<double> values_of(std::span<const ClaimTrial> trials, double ClaimTrial::*member) {
+  std::vector<double> values;
+  for (const ClaimTrial& t : trials) {
+    if (t.error.empty()) values.push_back(t.*member);
+  }
+  return values;
+}
+
+bool held(const ClaimTrial& trial, double region) {
+  return trial.error.empty() && trial.level <= region;
+}
+
+/// Claims of weights, a bin each. Weights of one are claimed up to the region that a mode must hold
+/// the truth in.
+void add_weight_claims(std::span<const ClaimTrial> trials, std::vector<ClaimTest>& claims) {
+  ReliabilityDiagram diagram(kWeightBins);
+  for (const ClaimTrial& trial : trials) {
+    for (const ModeClaim& mode : trial.modes) diagram.add(std::min(mode.weight, 1.0), mode.right);
+  }
+  for (const ReliabilityBin& bin : diagram.bins()) {
+    if (bin.statements < kLeastStatements) continue;
+    claims.push_back({percent("modes of weight %.0f to %.0f %%", bin.lower, bin.upper),
+                      ClaimKind::share, kModeRegion * bin.mean_predicted, bin.observed,
+                      bin.statements});
+  }
+}
+
+/// The first posterior that says that there is more than one place or an open direction.
+std::optional<AmbiguousExample> ambiguous_example(const Fitter& fitter,
+                                                  std::span<const DrawnObject> objects,
+                                                  std::span<const ClaimTrial> trials,
+                                                  const Exposure& exposure, std::uint64_t seed) {
+  for (const char* flag : {"multimodal", "undetermined"}) {
+    for (std::size_t i = 0; i < trials.size(); ++i) {
+      if (!trials[i].has(flag) || trials[i].has("nothing_detected")) continue;
+      const FitResult result =
+          fitter.fit(capture_of(fitter.scene(), objects[i], exposure, seed + kTrialSeed * (i + 1)));
+      return AmbiguousExample{objects[i].pose, result.posterior, result.flags};
+    }
+  }
+  return std::nullopt;
+}
+
+/// Expected of the object in one capture.
+double photons_of(const Scene& scene, const DrawnObject& object, const Exposure& exposure) {
+  return exposure.exposures * object.amplitude * total_counts(scene, object.three_bounce);
+}
+
+void summarise(const Scene& scene, CoverageLevel& level) {
+  level.claims = claims_of(level.trials, static_cast<int>(scene.unknowns.size()));
+  level.warnings = warnings_of(level.trials);
+  level.median_error = median(values_of(level.trials, &ClaimTrial::distance));
+  level.median_photons = median(values_of(level.trials, &ClaimTrial::photons));
+  level.median_claimed = median(values_of(level.trials, &ClaimTrial::claimed));
+  const std::vector<double> squares = values_of(level.trials, &ClaimTrial::normalised_square);
+  if (squares.size() < 2) return;
+  const MeanInterval interval = mean_interval(squares);
+  const auto unknowns = static_cast<double>(scene.unknowns.size());
+  level.mean_square_low = interval.low / unknowns;
+  level.mean_square_high = interval.high / unknowns;
+}
+
+void study_wrong(const Scene& scene, const CoverageOptions& options, const Fitter& fitter,
+                 std::uint64_t seed, const std::vector<std::vector<DrawnObject>>& wrong_objects,
+                 const std::function<void()>& advance, CoverageLevel& level) {
+  const std::vector<WrongAssumption> assumptions = wrong_assumptions(scene);
+  const auto count =
+      std::min(level.trials.size(), static_cast<std::size_t>(options.wrong_captures));
+  const std::span<const ClaimTrial> right(level.trials.data(), count);
+  for (std::size_t a = 0; a < assumptions.size(); ++a) {
+    const auto trials = claim_trials(fitter, wrong_objects[a], level.exposure, seed, advance);
+    level.wrong.push_back(
+        wrong_figures(assumptions[a], trials, right.subspan(0, std::min(count, trials.size()))));
+  }
+}
+
+}  // namespace
+
+void CoverageOptions::validate() const {
+  const auto require = [](bool condition, const char* field, const char* accepted) {
+    if (!condition)
+      throw Error(std::string("CoverageOptions.") + field, std::string("accepted: ") + accepted);
+  };
+  require(captures >= 2, "captures", "at least 2");
+  require(wrong_captures >= 0 && wrong_captures <= captures, "wrong_captures",
+          "0 to as many as there are captures");
+  require(std::ranges::all_of(photons, [](double p) { return p > 0 && std::isfinite(p); }),
+          "photons", "above 0");
+  fit.validate();
+}
+
+bool ClaimTrial::has(const std::string& flag) const {
+  return std::ranges::find(flags, flag) != flags.end();
+}
+
+bool ClaimTrial::warned() const {
+  return !error.empty() || std::ranges::any_of(flags, [](const auto& f) { return f != "sampled"; });
+}
+
+ClaimTrial judge_fit(const Scene& scene, const FitResult& result, const PoseVector& truth,
+                     std::uint64_t seed) {
+  const PoseMixture& posterior = result.posterior;
+  if (posterior.modes.empty() || !posterior.mean.allFinite() || !posterior.covariance.allFinite()) {
+    throw Error("result", "found a value that is not finite");
+  }
+  ClaimTrial trial;
+  const PoseVector d = pose_error(scene, posterior.mean, truth);
+  trial.level = credible_level(scene, posterior, truth, 2000, seed);
+  trial.normalised_square = d.dot(posterior.covariance.ldlt().solve(d));
+  trial.distance = distance_of(d, unknown_names(scene));
+  trial.claimed = std::sqrt(position_trace(scene, posterior.covariance));
+  const std::optional<std::size_t> right = right_mode(scene, posterior, truth);
+  for (std::size_t i = 0; i < posterior.modes.size(); ++i) {
+    trial.modes.push_back({posterior.modes[i].weight, right == i});
+  }
+  trial.truth = truth;
+  trial.mean = posterior.mean;
+  trial.flags = result.flags;
+  const GoodnessOfFit& fit = result.goodness_of_fit;
+  if (fit.standard_deviation > 0) {
+    trial.deviance_excess = (fit.deviance - fit.expected) / fit.standard_deviation;
+  }
+  if (!std::isfinite(trial.normalised_square + trial.claimed)) {
+    throw Error("result", "found a covariance that is not positive definite");
+  }
+  return trial;
+}
+
+std::vector<ClaimTrial> claim_trials(const Fitter& fitter, std::span<const DrawnObject> objects,
+                                     const Exposure& exposure, std::uint64_t seed,
+                                     const std::function<void()>& advance) {
+  std::vector<ClaimTrial> trials(objects.size());
+  tbb::parallel_for(std::size_t{0}, objects.size(), [&](std::size_t i) {
+    const std::uint64_t own = seed + kTrialSeed * (i + 1);
+    try {
+      const FitResult result = fitter.fit(capture_of(fitter.scene(), objects[i], exposure, own));
+      trials[i] = judge_fit(fitter.scene(), result, objects[i].pose, own);
+      trials[i].photons = photons_of(fitter.scene(), objects[i], exposure);
+    } catch (const std::exception& error) {
+      trials[i].error = error.what();
+    }
+    if (advance) advance();
+  });
+  return trials;
+}
+
+std::vector<ClaimTest> claims_of(std::span<const ClaimTrial> trials, int unknowns) {
+  std::vector<ClaimTest> claims;
+  const auto count = static_cast<int>(trials.size());
+  for (const double region : kRegions) {
+    claims.push_back({percent("truth in the %.0f %% region", region), ClaimKind::share, region,
+                      share_where(trials, [&](const ClaimTrial& t) { return held(t, region); }),
+                      count});
+  }
+  double squares = 0;
+  int answers = 0;
+  for (const ClaimTrial& t : trials) {
+    if (!t.error.empty()) continue;
+    squares += t.normalised_square;
+    ++answers;
+  }
+  const int degrees = answers * unknowns;
+  claims.push_back({"mean squared normalised error", ClaimKind::mean_square, 1,
+                    degrees > 0 ? squares / degrees : 0, degrees});
+  add_weight_claims(trials, claims);
+  return claims;
+}
+
+WarningShares warnings_of(std::span<const ClaimTrial> trials) {
+  const auto with = [&](const char* flag) {
+    return share_where(trials, [&](const ClaimTrial& t) { return t.has(flag); });
+  };
+  WarningShares shares;
+  shares.multimodal = with("multimodal");
+  shares.undetermined = with("undetermined");
+  shares.misfit = with("model_misfit");
+  shares.at_bound = with("at_bound");
+  shares.warned = share_where(trials, [](const ClaimTrial& t) { return t.warned(); });
+  shares.unwarned = share_where(
+      trials, [](const ClaimTrial& t) { return !held(t, kWarnedRegion) && !t.warned(); });
+  return shares;
+}
+
+WrongFigures wrong_figures(const WrongAssumption& assumption, std::span<const ClaimTrial> wrong,
+                           std::span<const ClaimTrial> right) {
+  WrongFigures figures;
+  figures.assumption = assumption;
+  if (wrong.empty()) return figures;
+  figures.captures = static_cast<int>(wrong.size());
+  std::vector<double> growth;
+  for (std::size_t i = 0; i < wrong.size(); ++i) {
+    figures.failures += wrong[i].error.empty() ? 0 : 1;
+    for (std::size_t r = 0; r < std::size(kRegions); ++r) {
+      figures.held[r] += held(wrong[i], kRegions[r]) ? 1 : 0;
+    }
+    figures.unwarned += !held(wrong[i], kWarnedRegion) && !wrong[i].warned() ? 1 : 0;
+    const bool both = i < right.size() && wrong[i].error.empty() && right[i].error.empty();
+    if (both && right[i].claimed > 0) growth.push_back(wrong[i].claimed / right[i].claimed);
+  }
+  figures.claimed_growth = median(growth);
+  figures.median_error = median(values_of(wrong, &ClaimTrial::distance));
+  figures.right_median_error = median(values_of(right, &ClaimTrial::distance));
+  figures.warnings = warnings_of(wrong);
+  const ShareInterval interval = exact_interval(figures.unwarned, figures.captures);
+  figures.holds = interval.low <= 1 - kWarnedRegion;
+  return figures;
+}
+
+CoverageScene study_coverage(const Scene& scene, const CoverageOptions& options,
+                             const std::function<void()>& advance) {
+  options.validate();
+  DrawOptions draw;
+  draw.objects = options.captures;
+  draw.light = options.light;
+  draw.sampling = options.sampling;
+  draw.seed = options.seed;
+  const std::vector<DrawnObject> objects = draw_objects(scene, draw);
+  std::vector<std::vector<DrawnObject>> wrong_objects;
+  if (options.wrong_captures > 0) {
+    draw.objects = options.wrong_captures;
+    for (const WrongAssumption& assumption : wrong_assumptions(scene)) {
+      draw.wrong = assumption.name;
+      wrong_objects.push_back(assumption.left_out.empty() ? draw_objects(scene, draw)
+                                                          : std::vector<DrawnObject>{});
+    }
+  }
+  FastModelOptions fast;
+  fast.tolerance = kExposureTolerance;
+  const auto model = make_fast_model(scene, sensor_placement(scene), fast);
+  CoverageScene study{scene, {}};
+  std::vector<std::optional<double>> lights(options.photons.begin(), options.photons.end());
+  if (lights.empty()) lights.emplace_back();
+  std::uint64_t seed = options.seed;
+  for (const std::optional<double>& photons : lights) {
+    seed += kLightSeed;
+    CoverageLevel level;
+    level.photons = photons;
+    level.exposure =
+        photons ? exposure_for(scene, *model, *photons, options.seed) : own_exposure(scene);
+    const Fitter fitter(scene, options.fit);
+    level.trials = claim_trials(fitter, objects, level.exposure, seed, advance);
+    summarise(scene, level);
+    level.example = ambiguous_example(fitter, objects, level.trials, level.exposure, seed);
+    if (options.wrong_captures > 0) {
+      study_wrong(scene, options, fitter, seed, wrong_objects, advance, level);
+    }
+    study.levels.push_back(std::move(level));
+  }
+  return study;
+}
+
+bool judge_coverage(std::span<CoverageScene> scenes) {
+  std::vector<ClaimTest*> claims;
+  for (CoverageScene& scene : scenes) {
+    for (CoverageLevel& level : scene.levels) {
+      for (ClaimTest& claim : level.claims) claims.push_back(&claim);
+    }
+  }
+  judge_claims(claims);
+  return std::ranges::all_of(claims, [](const ClaimTest* c) { return c->holds; });
+}
+
+}  // namespace blindcorner
