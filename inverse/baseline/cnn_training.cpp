@@ -102,6 +102,7 @@ struct TrainingState {
   std::vector<CnnEpoch> history;
   int best_epoch = 0;  ///< from 1; 0: none yet
   double best = std::numeric_limits<double>::infinity();
+  RunTime run_time;
 
   int epochs() const { return static_cast<int>(history.size()); }
 };
@@ -116,6 +117,8 @@ std::string checkpoint_text(const Json& study, const TrainingState& state) {
   Json json{{"format", kCheckpointFormat},
             {"study", study},
             {"best_epoch", state.best_epoch},
+            {"time_s", state.run_time.wall},
+            {"processor_time_s", state.run_time.processor},
             {"history", Json::array()}};
   for (const CnnEpoch& epoch : state.history) {
     json["history"].push_back({number_json(epoch.training), number_json(epoch.validation)});
@@ -143,6 +146,7 @@ TrainingState parse_checkpoint(const std::string& text, const Json& study) {
       throw Error(kCheckpoint, name + ": found " + json["study"][name].dump() +
                                    ", accepted: that of this training, " + value.dump());
     }
+    state.run_time = {json.value("time_s", 0.0), json.value("processor_time_s", 0.0)};
     for (const Json& epoch : json.at("history")) {
       add_epoch(state, {parse_number(epoch.at(0)), parse_number(epoch.at(1))});
     }
@@ -230,6 +234,7 @@ CnnTrainingResult train_cnn(const Scene& scene, std::span<const Capture> capture
                             const CnnTrainingCallbacks& callbacks, const std::string& checkpoint) {
   options.validate();
   const CnnBackend& backend = cnn_backend();
+  const Stopwatch stopwatch;
   PreparedCaptures prepared = prepare(scene, captures, options);
   const Json study = study_of(prepared, options);
   TrainingState state;
@@ -238,8 +243,10 @@ CnnTrainingResult train_cnn(const Scene& scene, std::span<const Capture> capture
   }
   const auto trainer = backend.trainer(shape_of(prepared.description), prepared.data,
                                        prepared.training, options, checkpoint, kCheckpoint);
+  const RunTime before = state.run_time;
   while (state.epochs() < options.epochs && !stops_early(state, options)) {
     add_epoch(state, trainer->run_epoch(state.epochs() + 1));
+    state.run_time = before + stopwatch.since_start();
     if (options.early_stopping > 0 && state.best_epoch == state.epochs()) trainer->remember();
     if (!callbacks.epoch) continue;
     callbacks.epoch(state.epochs(), state.history.back(),
@@ -249,6 +256,7 @@ CnnTrainingResult train_cnn(const Scene& scene, std::span<const Capture> capture
   CnnTrainingResult result;
   result.history = state.history;
   result.epoch = remembered ? state.best_epoch : state.epochs();
+  result.run_time = state.run_time;
   prepared.description.training.epoch = result.epoch;
   result.weights = trainer->weights(description_text(prepared.description), remembered);
   return result;

@@ -90,29 +90,29 @@ PointPulse RelayPaths::end(const std::vector<Patch>& patches, const Vector3d& po
   return {mean, std::max(0.0, second / sum - mean * mean), sum};
 }
 
-PointPulse RelayPaths::pulse(int zone, const Vector3d& point) const {
-  const auto z = static_cast<std::size_t>(zone);
-  PointPulse pulse = end(seen_[z], point, false);
+PointPulse RelayPaths::shared_light(const Vector3d& point, bool shadows) const {
+  return lit_.size() == 1 ? end(lit_.front(), point, shadows) : PointPulse{};
+}
+
+PointPulse RelayPaths::whole(std::size_t zone, const Vector3d& point, bool shadows,
+                             const PointPulse& shared) const {
+  PointPulse pulse = end(seen_[zone], point, shadows);
   if (comes_back_) return pulse;
-  const PointPulse arriving = end(lit_.size() > 1 ? lit_[z] : lit_.front(), point, false);
+  const PointPulse arriving = lit_.size() > 1 ? end(lit_[zone], point, shadows) : shared;
   pulse.path += arriving.path;
   pulse.variance += arriving.variance;
   pulse.weight *= arriving.weight;
   return pulse;
 }
 
+PointPulse RelayPaths::pulse(int zone, const Vector3d& point) const {
+  return whole(static_cast<std::size_t>(zone), point, false, shared_light(point, false));
+}
+
 void RelayPaths::pulses(const Vector3d& point, bool shadows, std::vector<PointPulse>& out) const {
-  out.assign(seen_.size(), {});
-  PointPulse arriving;
-  if (lit_.size() == 1) arriving = end(lit_.front(), point, shadows);
-  for (std::size_t z = 0; z < seen_.size(); ++z) {
-    out[z] = end(seen_[z], point, shadows);
-    if (comes_back_) continue;
-    if (lit_.size() > 1) arriving = end(lit_[z], point, shadows);
-    out[z].path += arriving.path;
-    out[z].variance += arriving.variance;
-    out[z].weight *= arriving.weight;
-  }
+  const PointPulse shared = shared_light(point, shadows);
+  out.clear();
+  for (std::size_t z = 0; z < seen_.size(); ++z) out.push_back(whole(z, point, shadows, shared));
 }
 
 }  // namespace blindcorner

@@ -46,6 +46,11 @@ class RelayPaths {
   std::vector<Patch> returning(int zone, const RelaySampling& sampling) const;
   PointPulse end(const std::vector<Patch>& patches, const Eigen::Vector3d& point,
                  bool shadows) const;
+  /// The way of the light that all zones share, to the point; none where each is lit by itself.
+  PointPulse shared_light(const Eigen::Vector3d& point, bool shadows) const;
+  /// There and back.
+  PointPulse whole(std::size_t zone, const Eigen::Vector3d& point, bool shadows,
+                   const PointPulse& shared) const;
 
   RelaySetup setup_;
   /// Light comes back to where it fell (retroreflectors): each zone has one end, passed twice.

@@ -17,12 +17,17 @@ PointEstimate cnn_estimate(const Scene& scene, const Capture& capture, const Cnn
                          capture.index,
                          true_pose(scene, capture),
                          {},
+                         {},
                          capture.T_world_sensor.value_or(scene.T_world_sensor)};
   if (!estimate.truth.allFinite()) {
     throw Error(capture.source + " capture " + std::to_string(capture.index),
                 "truth is missing, accepted: the true value of every unknown");
   }
-  estimate.estimate = cnn.predict(capture, estimate.T_world_sensor);
+  const PoseMixture posterior = cnn.posterior(capture, estimate.T_world_sensor);
+  estimate.estimate = posterior.mean;
+  if (posterior.covariance.size() > 0) {
+    estimate.sigma = posterior.covariance.diagonal().cwiseSqrt();
+  }
   return estimate;
 }
 
@@ -34,6 +39,10 @@ std::vector<Capture> held_back_captures(const std::vector<Capture>& captures,
     chosen.push_back(captures[i]);
   }
   return chosen;
+}
+
+nlohmann::ordered_json run_time_json(const RunTime& time) {
+  return {{"wall", time.wall}, {"processor", time.processor}};
 }
 
 void add_cnn_command(CLI::App& app, int& exit_code) {

@@ -4,10 +4,12 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "blindcorner/forward/run_time.h"
 #include "blindcorner/forward/scene/scene.h"
 #include "blindcorner/forward/sensor/capture.h"
 #include "blindcorner/inverse/baseline/cnn.h"
@@ -29,6 +31,7 @@ struct CnnDatasetArguments {
   double sensor_yaw_spread_deg = 2;
   int threads = 0;
   int environments = 0;  ///< > 0: SCENE is a drive file
+  int places = 1;        ///< of such, as of DriveDatasetOptions
   DatasetOptions options;
 };
 int run_cnn_dataset(const CnnDatasetArguments& arguments);
@@ -73,6 +76,9 @@ PointEstimate cnn_estimate(const Scene& scene, const Capture& capture, const Cnn
 /// Of the captures that a network was trained with, in the same order, those held back.
 std::vector<Capture> held_back_captures(const std::vector<Capture>& captures,
                                         const CnnBaseline& cnn);
+
+/// {"wall": ..., "processor": ...}
+nlohmann::ordered_json run_time_json(const RunTime& time);
 
 /// In the directory of a data set, beside its captures.
 inline constexpr const char* kDatasetManifest = "dataset.json";

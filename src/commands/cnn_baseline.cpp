@@ -19,7 +19,7 @@ namespace fs = std::filesystem;
 /// Published: 400 places by 5 poses of the sensor; 30 drives. The ensemble learns ten times that.
 constexpr int kWideCaptures = 20000;
 constexpr int kEnvironments = 30;
-constexpr int kWideEnvironments = 300;
+constexpr int kWidePlaces = 10;  ///< of the hidden object in each frame
 
 struct BaselineArguments {
   std::string source;  ///< scene file or drive file
@@ -28,6 +28,7 @@ struct BaselineArguments {
   std::optional<int> epochs;
   std::optional<int> captures;  ///< of a scene; drawn at random
   std::optional<int> environments;
+  std::optional<int> places;  ///< of a drive file
   std::uint64_t seed = 1;
 
   bool wide() const { return network == "wide"; }
@@ -52,28 +53,47 @@ std::string scene_of_drive(const std::string& path) {
   return (fs::path(path).parent_path() / json["scene"].get<std::string>()).string();
 }
 
-/// Makes the data unless they are there. Throws Error where they are of another scene.
-void provide_data(const BaselineArguments& arguments, const std::string& scene, bool drive,
-                  const std::string& directory) {
-  const std::string manifest = (fs::path(directory) / kDatasetManifest).string();
-  if (fs::exists(manifest)) {
-    const std::string name = read_scene(scene).name;
-    const std::string found = parsed(manifest).value("scene", "");
-    if (found == name) return;
-    throw Error(manifest + ": scene",
-                "found \"" + found + "\", accepted: \"" + name + "\", or another directory");
-  }
+/// The data set that the arguments ask for.
+CnnDatasetArguments data_of(const BaselineArguments& arguments, bool drive,
+                            const std::string& directory) {
   CnnDatasetArguments data;
   data.scene = arguments.source;
   data.output = directory;
   data.options.seed = arguments.seed;
   if (drive) {
-    data.environments =
-        arguments.environments.value_or(arguments.wide() ? kWideEnvironments : kEnvironments);
+    data.environments = arguments.environments.value_or(kEnvironments);
+    data.places = arguments.places.value_or(arguments.wide() ? kWidePlaces : 1);
   } else {
     data.options.random = arguments.captures.value_or(arguments.wide() ? kWideCaptures : 0);
   }
-  run_cnn_dataset(data);
+  return data;
+}
+
+/// Throws Error naming the file where the data that are there are not those that are asked for.
+void check_data(const std::string& path, const std::string& scene,
+                const CnnDatasetArguments& wanted) {
+  const nlohmann::json found = parsed(path);
+  nlohmann::json fields{{"scene", read_scene(scene).name}, {"seed", wanted.options.seed}};
+  if (wanted.environments > 0) {
+    fields["environments"] = wanted.environments;
+    fields["places"] = wanted.places;
+  } else {
+    const DatasetOptions& o = wanted.options;
+    fields["count"] = o.random > 0 ? o.random : o.objects * o.sensors;
+  }
+  for (const auto& [name, value] : fields.items()) {
+    const nlohmann::json there = found.is_object() ? found.value(name, nlohmann::json()) : found;
+    if (there == value) continue;
+    throw Error(path + ": " + name,
+                "found " + there.dump() + ", accepted: " + value.dump() + ", or another directory");
+  }
+}
+
+/// Makes the data unless they are there.
+void provide_data(const std::string& scene, const CnnDatasetArguments& wanted) {
+  const std::string manifest = (fs::path(wanted.output) / kDatasetManifest).string();
+  if (fs::exists(manifest)) return check_data(manifest, scene, wanted);
+  run_cnn_dataset(wanted);
 }
 
 int run_baseline(const BaselineArguments& arguments) {
@@ -81,7 +101,7 @@ int run_baseline(const BaselineArguments& arguments) {
   const std::string named = scene_of_drive(arguments.source);
   const std::string scene = named.empty() ? arguments.source : named;
   const std::string data = arguments.directory(arguments.wide() ? "data_wide" : "data");
-  provide_data(arguments, scene, !named.empty(), data);
+  provide_data(scene, data_of(arguments, !named.empty(), data));
   CnnTrainArguments train;
   train.scene = scene;
   train.captures = {data};
@@ -128,10 +148,13 @@ void add_cnn_baseline(CLI::App& cnn, int& exit_code) {
           "--captures", arguments->captures,
           "of a scene: so many, drawn at random; default: the published grid, of wide 20000")
       ->check(CLI::Range(3, 10000000));
-  command
-      .add_option("--environments", arguments->environments,
-                  "of a drive file; default: 30, of wide 300")
+  command.add_option("--environments", arguments->environments, "of a drive file; default: 30")
       ->check(CLI::Range(1, 100000));
+  command
+      .add_option("--places", arguments->places,
+                  "of a drive file: captures of each frame, the first of what is there, the others "
+                  "of hidden objects elsewhere; default: 1, of wide 10")
+      ->check(CLI::Range(1, 100));
   command.add_option("--seed", arguments->seed, "of data, weights and split")
       ->capture_default_str();
   command.callback([arguments, &exit_code] { exit_code = run_baseline(*arguments); });

@@ -8,6 +8,7 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
+#include "blindcorner/forward/run_time.h"
 #include "blindcorner/forward/scene/orientation.h"
 #include "blindcorner/io/atomic_file.h"
 #include "blindcorner/io/capture_file.h"
@@ -43,39 +44,43 @@ Json sensor_json(const Transform& T_world_sensor) {
           {"yaw_pitch_roll_deg", {angles[0], angles[1], angles[2]}}};
 }
 
-std::string manifest_text(const Scene& scene, const DatasetOptions& options,
-                          const DatasetPlan& plan) {
+/// What data sets of both kinds say.
+Json manifest(const Scene& scene, const CaptureFile& file, int exposures, std::uint64_t seed,
+              const RunTime& run_time) {
   Json json;
   json["format"] = "blindcorner.dataset/1";
   json["scene"] = scene.name;
   json["sensor"] = scene.sensor.name;
   json["captures"] = kCaptures;
-  json["count"] = plan.captures();
-  json["exposures"] = options.exposures;
-  json["seed"] = options.seed;
-  json["split_seed"] = options.seed;
-  if (plan.paired) {
-    json["random"] = true;
-  } else {
-    json["grid"] = {{"columns", plan.side},
-                    {"rows", plan.side},
-                    {"x_m", range_json(scene, Component::x)},
-                    {"y_m", range_json(scene, Component::y)}};
-  }
+  json["count"] = file.captures.size();
+  json["exposures"] = exposures;
+  json["seed"] = seed;
+  json["split_seed"] = seed;
+  json["run_time_s"] = run_time_json(run_time);
+  return json;
+}
+
+void add_plan(const Scene& scene, const DatasetOptions& options, const DatasetPlan& plan,
+              Json& json) {
   json["sensor_spread_m"] = plan.sensor_spread;
   json["sensor_yaw_spread_deg"] = options.sensor_yaw_spread / kDegree;
-  if (plan.paired) return json.dump(1) + "\n";
+  if (plan.paired) {
+    json["random"] = true;
+    return;
+  }
+  json["grid"] = {{"columns", plan.side},
+                  {"rows", plan.side},
+                  {"x_m", range_json(scene, Component::x)},
+                  {"y_m", range_json(scene, Component::y)}};
   json["sensor_poses"] = Json::array();
   for (const Transform& pose : plan.sensors) json["sensor_poses"].push_back(sensor_json(pose));
-  return json.dump(1) + "\n";
 }
 
 /// The manifest goes first and comes last: beside captures of another run it would be wrong.
-void write_dataset(const fs::path& directory, const CaptureFile& file,
-                   const std::string& manifest) {
+void write_dataset(const fs::path& directory, const CaptureFile& file, const Json& manifest) {
   fs::remove(directory / kDatasetManifest);
   write_captures((directory / kCaptures).string(), file);
-  write_atomically((directory / kDatasetManifest).string(), manifest);
+  write_atomically((directory / kDatasetManifest).string(), manifest.dump(1) + "\n");
   std::printf("%s\n%s\n", (directory / kCaptures).c_str(), (directory / kDatasetManifest).c_str());
 }
 
@@ -87,35 +92,25 @@ CaptureFile captures_file(const Scene& scene) {
   return file;
 }
 
-std::string drive_manifest_text(const Drive& drive, const DriveDatasetOptions& options,
-                                std::size_t count) {
-  Json json;
-  json["format"] = "blindcorner.dataset/1";
-  json["scene"] = drive.scene.name;
-  json["drive"] = drive.name;
-  json["light"] = drive.sensor.light;
-  json["sensor"] = drive.scene.sensor.name;
-  json["captures"] = kCaptures;
-  json["count"] = count;
-  json["environments"] = options.environments;
-  json["exposures"] = 1;
-  json["seed"] = options.seed;
-  json["split_seed"] = options.seed;
-  return json.dump(1) + "\n";
-}
-
 /// Frames of drives by the oracle, as published for the street.
 int run_drive_dataset(const CnnDatasetArguments& arguments) {
   const Drive drive = read_lit_drive(arguments.scene, 0);
-  const DriveDatasetOptions options{arguments.environments, arguments.options.seed};
+  const DriveDatasetOptions options{arguments.environments, arguments.options.seed,
+                                    arguments.places};
   const std::vector<Trial> drives = plan_drive_dataset(drive, options);
+  const Stopwatch stopwatch;
   make_directory(arguments.output);
   CaptureFile file = captures_file(drive.scene);
   Progress progress("drives", drives.size());
-  file.captures = record_drives(drive, SimulatedSensor(drive.scene), drives, arguments.threads,
-                                [&progress] { progress.advance(); });
+  file.captures = record_drives(drive, SimulatedSensor(drive.scene), drives, arguments.places,
+                                arguments.threads, [&progress] { progress.advance(); });
   progress.finish();
-  write_dataset(arguments.output, file, drive_manifest_text(drive, options, file.captures.size()));
+  Json json = manifest(drive.scene, file, 1, options.seed, stopwatch.since_start());
+  json["drive"] = drive.name;
+  json["light"] = drive.sensor.light;
+  json["environments"] = options.environments;
+  json["places"] = options.places;
+  write_dataset(arguments.output, file, json);
   return kAllWell;
 }
 
@@ -125,12 +120,15 @@ int run_grid_dataset(CnnDatasetArguments arguments) {
   options.sensor_yaw_spread = arguments.sensor_yaw_spread_deg * kDegree;
   const Scene scene = read_scene(arguments.scene);
   const DatasetPlan plan = plan_dataset(scene, options);
+  const Stopwatch stopwatch;
   make_directory(arguments.output);
   CaptureFile file = captures_file(scene);
   Progress progress("captures", plan.captures());
   file.captures = render_dataset(scene, plan, options, [&progress] { progress.advance(); });
   progress.finish();
-  write_dataset(arguments.output, file, manifest_text(scene, options, plan));
+  Json json = manifest(scene, file, options.exposures, options.seed, stopwatch.since_start());
+  add_plan(scene, options, plan, json);
+  write_dataset(arguments.output, file, json);
   return kAllWell;
 }
 
@@ -191,6 +189,12 @@ void add_cnn_dataset(CLI::App& cnn, int& exit_code) {
           "drives by the oracle, whose frames are recorded until the object comes in sight; "
           "instead of the grid (published: 30)")
       ->check(CLI::Range(1, 100000));
+  command
+      .add_option("--places", arguments->places,
+                  "with --environments: captures of each frame, the first of what is there, the "
+                  "others of hidden objects elsewhere")
+      ->check(CLI::Range(1, 100))
+      ->capture_default_str();
   command.add_option("--seed", arguments->options.seed, "of poses and photons")
       ->capture_default_str();
   command.add_option("--threads", arguments->threads, "0: one per processor")

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 /// `blindcorner cnn train SCENE CAPTURES... -o DIR`.
 #include <CLI/CLI.hpp>
-#include <chrono>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
@@ -28,13 +27,20 @@ using Json = nlohmann::ordered_json;
 
 constexpr const char* kCheckpointFile = "checkpoint.pt";
 
-/// What the manifest of a data set says of its split; empty where there is none.
-std::optional<std::uint64_t> split_seed_of(const std::vector<std::string>& captures) {
-  if (captures.size() != 1) return std::nullopt;
+/// What the manifest of a data set says of its split and of how long it took to make.
+struct Manifest {
+  std::optional<std::uint64_t> split_seed;
+  Json run_time;  ///< null where it does not say
+};
+
+/// Empty where there is none.
+Manifest manifest_of(const std::vector<std::string>& captures) {
+  if (captures.size() != 1) return {};
   const std::string path = (fs::path(captures.front()) / kDatasetManifest).string();
-  if (!fs::exists(path)) return std::nullopt;
+  if (!fs::exists(path)) return {};
   try {
-    return Json::parse(read_bytes(path)).at("split_seed").get<std::uint64_t>();
+    const Json json = Json::parse(read_bytes(path));
+    return {json.at("split_seed").get<std::uint64_t>(), json.value("run_time_s", Json())};
   } catch (const nlohmann::json::exception& error) {
     throw Error(path, one_line(error.what()));
   }
@@ -51,8 +57,8 @@ std::vector<PointEstimate> estimate_held_back(const Scene& scene,
 }
 
 std::string summary_text(const Scene& scene, const CnnTrainArguments& arguments,
-                         const CnnTrainingResult& result, std::size_t captures, double seconds,
-                         const std::vector<PointEstimate>& held_back) {
+                         const CnnTrainingResult& result, std::size_t captures,
+                         const Json& data_run_time, const std::vector<PointEstimate>& held_back) {
   const CnnTrainingOptions& options = arguments.options;
   Json json;
   json["format"] = "blindcorner.training/1";
@@ -70,7 +76,8 @@ std::string summary_text(const Scene& scene, const CnnTrainArguments& arguments,
                      {"split_seed", options.split_seed}};
   json["epochs"] = result.history.size();
   json["epoch_of_weights"] = result.epoch;
-  json["time_s"] = seconds;
+  json["run_time_s"] = run_time_json(result.run_time);
+  json["data_run_time_s"] = data_run_time;
   json["validation"] = Json::object();
   if (!held_back.empty()) {
     json["validation"]["errors"] = point_errors_json(point_errors(scene, held_back));
@@ -121,16 +128,14 @@ void apply_stated(CnnTrainArguments& arguments) {
 }  // namespace
 
 int run_cnn_train(CnnTrainArguments arguments) {
-  const auto start = std::chrono::steady_clock::now();
   const Scene scene = read_scene(arguments.scene);
   apply_stated(arguments);
+  const Manifest manifest = manifest_of(arguments.captures);
   arguments.options.split_seed =
-      arguments.split_seed ? *arguments.split_seed
-                           : split_seed_of(arguments.captures).value_or(arguments.options.seed);
+      arguments.split_seed.value_or(manifest.split_seed.value_or(arguments.options.seed));
   arguments.options.validate();
   const std::vector<Capture> captures = read_all_captures(arguments.captures, scene);
   const CnnTrainingResult result = train(arguments, scene, captures);
-  const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
   const CnnBaseline cnn = CnnBaseline::parse(result.weights, "weights");
   const std::vector<PointEstimate> held_back = estimate_held_back(scene, captures, cnn);
   make_directory(arguments.output);
@@ -138,11 +143,12 @@ int run_cnn_train(CnnTrainArguments arguments) {
   write_atomically(arguments.file("training.csv"), training_csv(result.history));
   write_atomically(
       arguments.file("training.json"),
-      summary_text(scene, arguments, result, captures.size(), seconds.count(), held_back));
+      summary_text(scene, arguments, result, captures.size(), manifest.run_time, held_back));
   write_atomically(arguments.file("index.html"),
                    training_page(scene, arguments.options, result, held_back));
-  std::printf("%zu captures, %zu epochs, %.1f s; weights of epoch %d\n", captures.size(),
-              result.history.size(), seconds.count(), result.epoch);
+  std::printf("%zu captures, %zu epochs, %.1f s (%.1f s of processor time); weights of epoch %d\n",
+              captures.size(), result.history.size(), result.run_time.wall,
+              result.run_time.processor, result.epoch);
   if (!held_back.empty()) {
     std::printf("errors on the %zu captures held back, m and rad:\n%s", held_back.size(),
                 point_errors_text(point_errors(scene, held_back)).c_str());

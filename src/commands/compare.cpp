@@ -40,26 +40,50 @@ struct Network {
   CnnBaseline cnn;
 };
 
-/// How long the training took that left these weights, as the summary beside them says; s.
-std::optional<double> training_time(const std::string& weights, const CnnTrainingRecord& training) {
+/// What the summary beside weights says of their training; null where it is of another one.
+nlohmann::json training_summary(const std::string& weights, const CnnTrainingRecord& training) {
   const fs::path summary = fs::path(weights).parent_path() / "training.json";
-  if (!fs::exists(summary)) return std::nullopt;
+  if (!fs::exists(summary)) return nullptr;
   const auto json = nlohmann::json::parse(read_bytes(summary.string()), nullptr, false);
   if (!json.is_object() || json.value("epoch_of_weights", -1) != training.epoch ||
       json.value("captures", -1) != training.captures) {
-    return std::nullopt;
+    return nullptr;
   }
-  return json.value("time_s", std::numeric_limits<double>::quiet_NaN());
+  return json;
+}
+
+/// "trained in 371 s, 370 s of processor time".
+std::string time_text(const nlohmann::json& summary, const char* field, const char* what) {
+  if (!summary.is_object() || !summary.value(field, nlohmann::json()).is_object()) {
+    return formatted("%s in unknown time", what);
+  }
+  const double none = std::numeric_limits<double>::quiet_NaN();
+  const nlohmann::json& time = summary[field];
+  return formatted("%s in %.0f s, %.0f s of processor time", what, time.value("wall", none),
+                   time.value("processor", none));
 }
 
 std::string training_text(const Network& network) {
   const CnnTrainingRecord& training = network.cnn.description().training;
-  const std::optional<double> time = training_time(network.path, training);
-  return formatted("%s: %d captures, of which %g %% held back; weights after epoch %d; ",
-                   network.path.c_str(), training.captures, 100 * training.validation_share,
-                   training.epoch) +
-         (time ? formatted("trained in %.0f s", *time)
-               : std::string("no training.json beside it says how long it took"));
+  const nlohmann::json summary = training_summary(network.path, training);
+  return formatted("%s: %d captures (", network.path.c_str(), training.captures) +
+         time_text(summary, "data_run_time_s", "made") +
+         formatted("), of which %g %% held back; weights after epoch %d, ",
+                   100 * training.validation_share, training.epoch) +
+         time_text(summary, "run_time_s", "trained");
+}
+
+/// "wide network"; with a number where several of one architecture were trained for one scene.
+std::string name_of(const std::vector<Network>& networks, std::size_t which) {
+  const auto same = [&](const Network& other) {
+    const CnnDescription &a = networks[which].cnn.description(), &b = other.cnn.description();
+    return a.scene == b.scene && a.network == b.network;
+  };
+  const std::string name =
+      cnn_architecture_name(networks[which].cnn.description().network) + " network";
+  if (std::ranges::count_if(networks, same) == 1) return name;
+  const auto before = networks.begin() + static_cast<std::ptrdiff_t>(which);
+  return name + " " + std::to_string(std::count_if(networks.begin(), before, same) + 1);
 }
 
 /// A scene with the networks that were trained for it. Throws Error where one does not suit it.
@@ -71,7 +95,7 @@ std::vector<ComparedMethod> methods_of(const Scene& scene, const std::vector<Net
     const Network& network = networks[i];
     if (network.cnn.description().scene != scene.name) continue;
     network.cnn.check_scene(scene);
-    const std::string name = networks.size() == 1 ? "network" : "network " + std::to_string(i + 1);
+    const std::string name = name_of(networks, i);
     methods.push_back(network_method(scene, network.cnn, name, training_text(network), seed));
     if (!arguments.hybrid) continue;
     std::ranges::move(hybrid_methods(scene, network.cnn, name, seed), std::back_inserter(methods));

@@ -19,8 +19,8 @@ std::vector<LearnedMethod> networks_of(const CompareArguments& arguments) {
     return networks;
   }
   for (const std::string& name : arguments.trained) {
-    LearnedMethod network{"network, " + name,
-                          CnnTrainingOptions::of(parse_cnn_architecture(name, "--networks"))};
+    const CnnArchitecture architecture = parse_cnn_architecture(name, "--train");
+    LearnedMethod network{name + " network", CnnTrainingOptions::of(architecture)};
     network.training.epochs = arguments.epochs;
     network.training.early_stopping = arguments.early_stopping;
     network.training.seed = arguments.options.seed;

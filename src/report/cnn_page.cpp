@@ -20,12 +20,15 @@ constexpr const char* kPicture =
     "<p>Seen from above, y up. Green: true places; orange: estimates, joined to them; large dots: "
     "sensors; dashed: the search region.</p>\n";
 
-Chart loss_chart(const CnnTrainingResult& result) {
-  Chart chart{"loss", "epoch", "mean squared error of the normalised outputs"};
-  chart.logarithmic = true;
+Chart loss_chart(CnnArchitecture network, const CnnTrainingResult& result) {
+  const bool wide = network == CnnArchitecture::wide;
+  Chart chart{"loss", "epoch",
+              wide ? "negative log likelihood of the normalised outputs, mean of the ensemble"
+                   : "mean squared error of the normalised outputs"};
+  chart.logarithmic = !wide;  // the likelihood may be above one
   chart.width = 460;  // a telephone shows it at three quarters of that
   chart.height = 320;
-  ChartSeries training{"training, with dropout"}, validation{"held back"};
+  ChartSeries training{wide ? "training" : "training, with dropout"}, validation{"held back"};
   const std::size_t count = result.history.size();
   // As many points of each factor of epochs, as the axis shows them.
   double next = 1;
@@ -77,10 +80,12 @@ std::string training_page(const Scene& scene, const CnnTrainingOptions& options,
                           const CnnTrainingResult& result,
                           const std::vector<PointEstimate>& held_back) {
   std::string body = formatted(
-      "<p>%zu epochs in batches of %d, Adam at a rate of %g; the weights are those after epoch "
-      "%d.</p>\n",
-      result.history.size(), options.batch, options.learning_rate, result.epoch);
-  body += charts_html({loss_chart(result)});
+      "<p>The %s network: %zu epochs in batches of %d, Adam at a rate of %g, %.0f s (%.0f s of "
+      "processor time); "
+      "the weights are those after epoch %d.</p>\n",
+      cnn_architecture_name(options.network).c_str(), result.history.size(), options.batch,
+      options.learning_rate, result.run_time.wall, result.run_time.processor, result.epoch);
+  body += charts_html({loss_chart(options.network, result)});
   if (held_back.empty()) return plain_page("Training for " + scene.name, "", body);
   body += formatted("<p>Errors on the %zu captures held back:</p>\n", held_back.size()) + kUnits +
           point_errors_html(point_errors(scene, held_back)) + kPicture +

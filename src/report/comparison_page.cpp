@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <optional>
 
 #include "report/formatted.h"
 #include "report/headline.h"
@@ -25,6 +27,14 @@ Json interval_json(const BootstrapInterval& interval) {
           {"high", number(interval.high)}};
 }
 
+Json optional_json(const std::optional<BootstrapInterval>& interval) {
+  return interval ? interval_json(*interval) : Json(nullptr);
+}
+
+BootstrapInterval milliseconds(const BootstrapInterval& seconds) {
+  return {1e3 * seconds.value, 1e3 * seconds.low, 1e3 * seconds.high};
+}
+
 Json method_json(const SceneComparison& scene, const MethodFigures& figures) {
   Json json;
   json["method"] = figures.method;
@@ -32,10 +42,10 @@ Json method_json(const SceneComparison& scene, const MethodFigures& figures) {
   json["failures"] = figures.failures;
   if (figures.failures > 0) json["first_error"] = figures.first_error;
   json["position_median_m"] = interval_json(figures.position);
-  json["position_p90_m"] = number(figures.p90);
+  json["position_p90_m"] = interval_json(figures.p90);
   json["rmse_m"] = interval_json(figures.rmse);
   for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
-    json["mean_absolute"][scene.unknowns[i]] = number(figures.mean_absolute[i]);
+    json["mean_absolute"][scene.unknowns[i]] = interval_json(figures.mean_absolute[i]);
   }
   json["coverage_95"] = nullptr;
   if (figures.claim) {
@@ -44,9 +54,9 @@ Json method_json(const SceneComparison& scene, const MethodFigures& figures) {
                            {"high", figures.claim->interval.high},
                            {"claims", figures.claim->claims}};
   }
-  json["time_ms"] = number(1e3 * figures.time);
-  json["difference_from_solver_m"] =
-      figures.against_first ? interval_json(*figures.against_first) : Json(nullptr);
+  json["time_ms"] = interval_json(milliseconds(figures.time));
+  json["difference_from_solver_m"] = optional_json(figures.against_first);
+  json["yaw_difference_from_solver_rad"] = optional_json(figures.yaw_against_first);
   return json;
 }
 
@@ -76,28 +86,60 @@ std::string position_text(const BootstrapInterval& i) {
 /// "x_m" as a heading: what is in it is the mean absolute error.
 std::string heading(const std::string& unknown) { return "|" + unknown + "|"; }
 
+/// A figure with its interval below it.
+std::string cell(const std::string& value, const std::string& low, const std::string& high) {
+  return "<td>" + value + "<br><small>" + low + " to " + high + "</small>";
+}
+
+std::string cell(const BootstrapInterval& i, const char* pattern = "%.3f") {
+  if (!std::isfinite(i.value)) return "<td>-";
+  return cell(formatted(pattern, i.value), formatted(pattern, i.low), formatted(pattern, i.high));
+}
+
+std::string cell(const std::optional<BootstrapInterval>& i) {
+  return i ? cell(*i, "%+.3f") : "<td>-";
+}
+
+std::string cell(const std::optional<ClaimFigures>& claim) {
+  if (!claim) return "<td>-";
+  return cell(formatted("%.2f", claim->share), formatted("%.2f", claim->interval.low),
+              formatted("%.2f", claim->interval.high));
+}
+
+/// Bold where the method is better than the solver by more than the captures leave open.
+std::string method_cell(const MethodFigures& m) {
+  const auto better = [](const std::optional<BootstrapInterval>& difference) {
+    return difference && difference->high < 0;
+  };
+  const bool bold = better(m.against_first) || better(m.yaw_against_first);
+  return bold ? "<b>" + html_safe(m.method) + "</b>" : html_safe(m.method);
+}
+
+bool yaw_is_known(const SceneComparison& scene) {
+  return std::ranges::find(scene.unknowns, "yaw_rad") == scene.unknowns.end();
+}
+
 std::string table_html(const SceneComparison& scene) {
+  std::string head = "<tr><th>method<th>position, median, m<th>90 % within, m<th>RMSE, m";
+  for (const std::string& unknown : scene.unknowns) head += "<th>" + html_safe(heading(unknown));
+  head += "<th>truth in the 95 % region<th>median less the solver's, m";
+  if (!yaw_is_known(scene)) head += "<th>|yaw_rad| less the solver's";
+  head += "<th>ms a capture<th>failed</tr>\n";
+  const auto columns = std::ranges::count(head, '<') - 2;
   std::string html =
-      "<div style=\"overflow-x:auto\"><table "
-      "style=\"white-space:nowrap;font-size:11px\"><tr><th>condition<th>method<th>position "
-      "median, m (95 "
-      "%)<th>90 %, m<th>RMSE, m (95 %)";
-  for (const std::string& unknown : scene.unknowns) html += "<th>" + html_safe(heading(unknown));
-  html += "<th>coverage of 95 %<th>less solver, m (95 %)<th>ms<th>failed</tr>\n";
+      "<div style=\"overflow-x:auto\"><table style=\"white-space:nowrap;font-size:11px\">" + head;
   for (const ConditionFigures& c : scene.conditions) {
-    std::string name = html_safe(c.condition.name);
-    if (!c.condition.left_out.empty()) {
-      html += "<tr><td>" + name + "<td colspan=\"" + std::to_string(scene.unknowns.size() + 8) +
-              "\">left out: " + html_safe(c.condition.left_out) + "</tr>\n";
-    }
+    html += formatted("<tr><th colspan=\"%td\" style=\"text-align:left\">", columns) +
+            html_safe(c.condition.name) +
+            (c.condition.left_out.empty() ? "" : ": left out: " + html_safe(c.condition.left_out)) +
+            "</tr>\n";
     for (const MethodFigures& m : c.methods) {
-      html += "<tr><td>" + name + "<td>" + html_safe(m.method) + "<td>" +
-              position_text(m.position) + formatted("<td>%.3f<td>", m.p90) + position_text(m.rmse);
-      for (const double mean : m.mean_absolute) html += formatted("<td>%.3f", mean);
-      html += "<td>" + claim_text(m) + "<td>" +
-              (m.against_first ? position_text(*m.against_first) : "-") +
-              formatted("<td>%.3g<td>%d</tr>\n", 1e3 * m.time, m.failures);
-      name.clear();
+      html += "<tr><td style=\"text-align:left\">" + method_cell(m) + cell(m.position) +
+              cell(m.p90) + cell(m.rmse);
+      for (const BootstrapInterval& mean : m.mean_absolute) html += cell(mean);
+      html += cell(m.claim) + cell(m.against_first);
+      if (!yaw_is_known(scene)) html += cell(m.yaw_against_first);
+      html += cell(milliseconds(m.time), "%.3g") + formatted("<td>%d</tr>\n", m.failures);
     }
   }
   return html + "</table></div>\n";
@@ -140,10 +182,12 @@ std::string findings_html(const SceneComparison& scene) {
     for (const std::string& sentence : c.findings) items += "<li>" + html_safe(sentence) + "\n";
   }
   if (items.empty()) {
-    return "<p>Under no condition does another method have a smaller median error than the solver "
-           "by more than the captures leave open.</p>\n";
+    return "<p>Under no condition does another method have a smaller median error, or a smaller "
+           "mean "
+           "error of yaw, than the solver by more than the captures leave open.</p>\n";
   }
-  return "<p>Where another method is better than the solver:</p>\n<ul>" + items + "</ul>\n";
+  return "<p>Where another method is better than the solver (bold in the table):</p>\n<ul>" +
+         items + "</ul>\n";
 }
 
 std::string conditions_html(const SceneComparison& scene) {
@@ -198,20 +242,20 @@ std::vector<std::string> comparison_conventions(const ComparisonReport& report) 
             "are told the scene as it is calibrated with the captures that are learnt; networks "
             "learn these (and samples of fewer exposures of the same places, where there are).";
   return {
-      "Errors per axis and of yaw are mean absolute errors over the captures; yaw is compared "
-      "modulo "
-      "the symmetry of the object's shape.",
-      "The distance of position is Euclidean over all unknown coordinates; its median stands with "
-      "the 95 % interval of 2000 bootstrap draws over places of the object.",
+      "Errors per axis and of yaw, in bars, are mean absolute errors over the captures; yaw is "
+      "compared modulo the symmetry of the object's shape.",
+      "The distance of position is Euclidean over all unknown coordinates.",
+      "Below each figure stands its 95 % interval: of 2000 bootstrap draws over places of the "
+      "object; of shares Wilson's.",
       "RMSE is the root of the mean square over all captures and coordinates of position, as "
       "published for CheapSPAD.",
       "The solver answers the mean of its posterior. Coverage is the share of captures whose true "
-      "pose lies in the 95 % region of highest density, with Wilson's 95 % interval, as is that of "
-      "an ensemble of networks; the other methods claim no region.",
-      "Differences from the solver are between medians of the same captures; each draw takes both.",
+      "pose lies in the 95 % region of highest density, as is that of an ensemble of networks; the "
+      "other methods claim no region.",
+      "Differences from the solver are between medians (of yaw means) of the same captures; each "
+      "draw takes both.",
       "Times are wall clock per capture, medians, captures shared among the threads, preparation "
-      "of "
-      "a new sensor pose included.",
+      "of a new sensor pose included.",
       told};
 }
 
@@ -228,10 +272,12 @@ std::string comparison_text(const SceneComparison& scene) {
       text += formatted("%-33s left out: %s\n", name, c.condition.left_out.c_str());
     }
     for (const MethodFigures& m : c.methods) {
-      text += formatted("%-33s %-20s %-27s %8.4f %-24s", name, m.method.c_str(),
-                        position_text(m.position).c_str(), m.p90, position_text(m.rmse).c_str());
-      for (const double mean : m.mean_absolute) text += formatted(" %9.4f", mean);
-      text += formatted(" %-21s %9.3g %7d\n", claim_text(m).c_str(), 1e3 * m.time, m.failures);
+      text +=
+          formatted("%-33s %-20s %-27s %8.4f %-24s", name, m.method.c_str(),
+                    position_text(m.position).c_str(), m.p90.value, position_text(m.rmse).c_str());
+      for (const BootstrapInterval& mean : m.mean_absolute) text += formatted(" %9.4f", mean.value);
+      text +=
+          formatted(" %-21s %9.3g %7d\n", claim_text(m).c_str(), 1e3 * m.time.value, m.failures);
       name = "";
     }
   }
@@ -242,36 +288,44 @@ std::string comparison_text(const SceneComparison& scene) {
 }
 
 std::string comparison_csv(const std::vector<SceneComparison>& scenes) {
-  std::string csv =
-      "scene,condition,method,answers,failures,position_median_m,position_low_m,position_high_m,"
-      "position_p90_m,rmse_m,rmse_low_m,rmse_high_m";
-  for (const char* unknown : kUnknowns) csv += std::string(",mean_absolute_") + unknown;
-  csv +=
-      ",coverage,coverage_low,coverage_high,time_ms,difference_m,difference_low_m,"
-      "difference_high_m\n";
-  const auto cell = [](double v) {
-    return std::isfinite(v) ? formatted(",%.9g", v) : std::string(",");
+  std::string csv = "scene,condition,method,answers,failures";
+  const auto add_heads = [&csv](const std::string& name, const std::string& unit) {
+    csv += "," + name + unit + "," + name + "_low" + unit + "," + name + "_high" + unit;
+  };
+  add_heads("position_median", "_m");
+  add_heads("position_p90", "_m");
+  add_heads("rmse", "_m");
+  for (const char* unknown : kUnknowns) add_heads(std::string("mean_absolute_") + unknown, "");
+  add_heads("coverage", "");
+  add_heads("time", "_ms");
+  add_heads("difference", "_m");
+  add_heads("yaw_difference", "_rad");
+  csv += "\n";
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  const auto add = [&csv](const std::optional<BootstrapInterval>& interval) {
+    const BootstrapInterval i = interval.value_or(BootstrapInterval{kNone, kNone, kNone});
+    for (const double v : {i.value, i.low, i.high}) {
+      csv += std::isfinite(v) ? formatted(",%.9g", v) : std::string(",");
+    }
   };
   for (const SceneComparison& scene : scenes) {
     for (const ConditionFigures& c : scene.conditions) {
       for (const MethodFigures& m : c.methods) {
         csv += "\"" + scene.scene + "\",\"" + c.condition.name + "\",\"" + m.method + "\"" +
                formatted(",%d,%d", m.answers, m.failures);
-        for (const double v : {m.position.value, m.position.low, m.position.high, m.p90,
-                               m.rmse.value, m.rmse.low, m.rmse.high}) {
-          csv += cell(v);
-        }
+        for (const BootstrapInterval& i : {m.position, m.p90, m.rmse}) add(i);
         for (const char* unknown : kUnknowns) {
           const auto at = std::ranges::find(scene.unknowns, unknown) - scene.unknowns.begin();
           const auto i = static_cast<std::size_t>(at);
-          csv += i < m.mean_absolute.size() ? cell(m.mean_absolute[i]) : ",";
+          add(i < m.mean_absolute.size() ? std::optional(m.mean_absolute[i]) : std::nullopt);
         }
-        csv += m.claim ? cell(m.claim->share) + cell(m.claim->interval.low) +
-                             cell(m.claim->interval.high)
-                       : ",,,";
-        csv += cell(1e3 * m.time);
-        const auto& d = m.against_first;
-        csv += (d ? cell(d->value) + cell(d->low) + cell(d->high) : ",,,") + "\n";
+        add(m.claim ? std::optional(BootstrapInterval{m.claim->share, m.claim->interval.low,
+                                                      m.claim->interval.high})
+                    : std::nullopt);
+        add(milliseconds(m.time));
+        add(m.against_first);
+        add(m.yaw_against_first);
+        csv += "\n";
       }
     }
   }
@@ -280,7 +334,7 @@ std::string comparison_csv(const std::vector<SceneComparison>& scenes) {
 
 nlohmann::ordered_json comparison_json(const ComparisonReport& report) {
   Json json;
-  json["format"] = "blindcorner.comparison/1";
+  json["format"] = "blindcorner.comparison/2";
   json["seed"] = report.seed;
   if (report.simulated) {
     const DatasetOptions& dataset = report.simulated->dataset;
@@ -329,7 +383,7 @@ std::string comparison_page(const ComparisonReport& report) {
     body += "<h2>" + html_safe(scene.scene) + "</h2>\n" + findings_html(scene) + chart(scene) +
             table_html(scene) + published_html(report.published) +
             (report.simulated ? "<p>What was trained:</p>\n"
-                              : "<p>What was trained, for the first of the splits:</p>\n") +
+                              : "<p>What was trained, for one of the splits:</p>\n") +
             methods_html(scene) + "<p>The conditions:</p>\n" + conditions_html(scene);
     if (s < report.pictures.size()) body += pictures_html(report.pictures[s]);
   }

@@ -42,7 +42,7 @@ std::string comparison_text(const SceneComparison& comparison);
 /// lacks an unknown or a method claims no region.
 std::string comparison_csv(const std::vector<SceneComparison>& scenes);
 
-/// "blindcorner.comparison/1" (docs/compare.md). What is not finite is null.
+/// "blindcorner.comparison/2" (docs/compare.md). What is not finite is null.
 nlohmann::ordered_json comparison_json(const ComparisonReport& report);
 
 /// One self-contained page.

@@ -170,9 +170,11 @@ std::string point_errors_headline(const Scene& scene, const std::vector<PointEst
 
 std::string point_estimates_csv(const Scene& scene, const std::vector<PointEstimate>& estimates) {
   const std::vector<std::string> names = unknown_names(scene);
+  const bool stated = !estimates.empty() && estimates.front().sigma.size() > 0;
   std::string csv = "source,index";
   for (const std::string& name : names) {
     csv += "," + name + "," + name + "_estimate," + name + "_error";
+    if (stated) csv += "," + name + "_sigma";
   }
   csv += "\n";
   for (const PointEstimate& e : estimates) {
@@ -180,6 +182,7 @@ std::string point_estimates_csv(const Scene& scene, const std::vector<PointEstim
     csv += "\"" + e.source + "\"," + std::to_string(e.index);
     for (Eigen::Index i = 0; i < error.size(); ++i) {
       csv += formatted(",%.9g,%.9g,%.9g", e.truth[i], e.estimate[i], error[i]);
+      if (stated) csv += formatted(",%.9g", e.sigma[i]);
     }
     csv += "\n";
   }

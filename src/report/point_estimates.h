@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Estimates that state no uncertainty, against the truth.
+/// Estimates against the truth.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -15,6 +15,7 @@ struct PointEstimate {
   int index = 0;       ///< its place there
   PoseVector truth;
   PoseVector estimate;
+  PoseVector sigma{};  ///< standard deviations that are stated of it; empty: none are
   Transform T_world_sensor = Transform::Identity();
 };
 
@@ -43,7 +44,8 @@ std::string point_errors_html(const std::vector<ErrorFigures>& figures);
 /// How far off the estimates are, in a sentence; empty without positions.
 std::string point_errors_headline(const Scene& scene, const std::vector<PointEstimate>& estimates);
 
-/// A row an estimate: source, index, then of each unknown the truth, the estimate and the error.
+/// A row an estimate: source, index, then of each unknown the truth, the estimate and the error,
+/// and where deviations are stated, the deviation.
 std::string point_estimates_csv(const Scene& scene, const std::vector<PointEstimate>& estimates);
 
 /// Bird's-eye view: known surfaces, sensors, a line from each true place to the estimate. Empty for

@@ -208,8 +208,10 @@ std::string mean_text(const std::vector<double>& values) {
 }
 
 std::string corner_differences(const Results& results) {
+  const auto pairs = pairs_of(results);
+  if (pairs.empty()) return "";
   std::string rows = "<table><tr><th>paired by seed<th>difference of mean speeds, m/s</tr>\n";
-  for (const auto& [first, second] : pairs_of(results)) {
+  for (const auto& [first, second] : pairs) {
     rows += formatted("<tr><td>%s - %s<td>", first, second) +
             mean_text(
                 differences(of(results, first), of(results, second), &TrialResult::corner_speed)) +
@@ -323,11 +325,13 @@ std::string clearance_section(const Results& results) {
 }
 
 std::string path_section(const Results& results) {
+  const auto pairs = pairs_of(results);
+  if (pairs.empty()) return "";
   std::string rows =
       "<h2>Way and time, paired by seed</h2>\n<p>Of trials that both drove to the goal: the first "
       "minus the second, means with 95 % intervals (Student).</p>\n"
       "<table><tr><th>pair<th>way, m<th>time, s</tr>\n";
-  for (const auto& [first, second] : kPairs) {
+  for (const auto& [first, second] : pairs) {
     const Results a = of(results, first), b = of(results, second);
     rows += formatted("<tr><td>%s - %s<td>", first, second) +
             mean_text(differences(a, b, &TrialResult::length)) + "<td>" +

@@ -12,6 +12,7 @@
 #include <map>
 #include <memory>
 #include <numeric>
+#include <optional>
 #include <random>
 
 #include "blindcorner/forward/error.h"
@@ -80,16 +81,16 @@ std::vector<std::vector<std::size_t>> places_of(std::size_t count,
   return places;
 }
 
-/// Percentiles of a statistic of captures drawn again; `statistic` takes indices of captures.
-template <class Statistic>
-BootstrapInterval bootstrap(std::size_t count, std::uint64_t seed, const CaptureClusters& clusters,
-                            const Statistic& statistic) {
+/// Percentiles of a figure of captures drawn again; `figure` takes indices of captures.
+template <class Figure>
+BootstrapInterval bootstrap_captures(std::size_t count, std::uint64_t seed,
+                                     const CaptureClusters& clusters, const Figure& figure) {
   const double none = std::numeric_limits<double>::quiet_NaN();
   if (count == 0) return {none, none, none};
   const std::vector<std::vector<std::size_t>> places = places_of(count, clusters);
   std::vector<std::size_t> drawn(count);
   std::iota(drawn.begin(), drawn.end(), std::size_t{0});
-  const double value = statistic(drawn);
+  const double value = figure(drawn);
   if (!std::isfinite(value)) return {none, none, none};
   std::mt19937_64 random(seed);
   std::uniform_int_distribution<std::size_t> pick(0, places.size() - 1);
@@ -100,27 +101,30 @@ BootstrapInterval bootstrap(std::size_t count, std::uint64_t seed, const Capture
       const std::vector<std::size_t>& place = places[pick(random)];
       drawn.insert(drawn.end(), place.begin(), place.end());
     }
-    const double again = statistic(drawn);
+    const double again = figure(drawn);
     if (std::isfinite(again)) values.push_back(again);
   }
   return {value, quantile(values, 0.025), quantile(values, 0.975)};
 }
 
-/// Those of the values that are finite.
-std::vector<double> finite_at(std::span<const double> values,
-                              const std::vector<std::size_t>& indices) {
+/// Of those of the values that are finite; NaN without any.
+double statistic_at(std::span<const double> values, const std::vector<std::size_t>& indices,
+                    const Statistic& statistic) {
   std::vector<double> finite;
   finite.reserve(indices.size());
   for (const std::size_t i : indices) {
     if (std::isfinite(values[i])) finite.push_back(values[i]);
   }
-  return finite;
+  return finite.empty() ? std::numeric_limits<double>::quiet_NaN() : statistic(std::move(finite));
 }
 
-double median_at(std::span<const double> values, const std::vector<std::size_t>& indices) {
-  std::vector<double> finite = finite_at(values, indices);
-  return finite.empty() ? std::numeric_limits<double>::quiet_NaN() : median(std::move(finite));
+double mean(const std::vector<double>& values) {
+  return std::reduce(values.begin(), values.end()) / static_cast<double>(values.size());
 }
+
+double root_mean(const std::vector<double>& values) { return std::sqrt(mean(values)); }
+
+double ninth_decile(std::vector<double> values) { return quantile(std::move(values), 0.9); }
 
 /// Captures of the same true values are of the same place.
 CaptureClusters clusters_of(const std::vector<PoseVector>& truths) {
@@ -149,55 +153,70 @@ double share_with(const std::vector<MethodAnswer>& answers, const char* flag) {
   return count > 0 ? with / count : 0;
 }
 
-/// Errors of position [captures] of one method, NaN where it has no answer.
-std::vector<double> distances(const Scene& scene, const std::vector<PoseVector>& truths,
-                              const std::vector<MethodAnswer>& answers) {
-  std::vector<double> all;
+/// What is wrong with the answers of one method, NaN where there is none.
+struct AnswerErrors {
+  std::vector<std::vector<double>> absolute;  ///< [unknowns][captures] m, rad or 1
+  std::vector<double> lengths;                ///< [captures] of position, m
+};
+
+AnswerErrors answer_errors(const Scene& scene, const std::vector<PoseVector>& truths,
+                           const std::vector<MethodAnswer>& answers) {
+  const double none = std::numeric_limits<double>::quiet_NaN();
+  AnswerErrors errors{std::vector<std::vector<double>>(scene.unknowns.size()), {}};
   for (std::size_t i = 0; i < answers.size(); ++i) {
-    all.push_back(answers[i].error.empty()
-                      ? distance(scene, pose_error(scene, answers[i].pose, truths[i]))
-                      : std::numeric_limits<double>::quiet_NaN());
+    const bool answered = answers[i].error.empty();
+    const PoseVector error =
+        answered ? pose_error(scene, answers[i].pose, truths[i]) : PoseVector();
+    errors.lengths.push_back(answered ? distance(scene, error) : none);
+    for (std::size_t k = 0; k < scene.unknowns.size(); ++k) {
+      errors.absolute[k].push_back(answered ? std::abs(error[static_cast<Eigen::Index>(k)]) : none);
+    }
   }
-  return all;
+  return errors;
 }
 
-MethodFigures figures_of(const Scene& scene, const std::vector<PoseVector>& truths,
-                         const std::vector<MethodAnswer>& answers,
-                         const std::vector<double>& lengths, const CaptureClusters& clusters,
-                         std::uint64_t seed) {
-  MethodFigures figures;
-  figures.mean_absolute.assign(scene.unknowns.size(), 0.0);
-  std::vector<double> known, times;
-  std::vector<double> squares;  // a coordinate's mean, NaN where there is no answer
-  for (const double length : lengths) squares.push_back(length * length / coordinates(scene));
+/// Its place among the unknowns.
+std::optional<std::size_t> yaw_of(const Scene& scene) {
+  for (std::size_t k = 0; k < scene.unknowns.size(); ++k) {
+    if (scene.unknowns[k].component == Component::yaw) return k;
+  }
+  return std::nullopt;
+}
+
+std::optional<ClaimFigures> claims_of(const std::vector<MethodAnswer>& answers) {
   ClaimFigures claim;
-  for (std::size_t i = 0; i < answers.size(); ++i) {
-    const MethodAnswer& answer = answers[i];
-    if (!answer.error.empty()) {
-      if (figures.failures++ == 0) figures.first_error = answer.error;
-      continue;
-    }
-    ++figures.answers;
-    const PoseVector error = pose_error(scene, answer.pose, truths[i]);
-    for (std::size_t k = 0; k < scene.unknowns.size(); ++k) {
-      figures.mean_absolute[k] += std::abs(error[static_cast<Eigen::Index>(k)]);
-    }
-    known.push_back(lengths[i]);
-    times.push_back(answer.time);
-    if (!answer.credible_level) continue;
+  for (const MethodAnswer& answer : answers) {
+    if (!answer.error.empty() || !answer.credible_level) continue;
     ++claim.claims;
     claim.held += *answer.credible_level <= kRegion ? 1 : 0;
   }
-  for (double& sum : figures.mean_absolute) sum /= figures.answers;  // NaN without answers
-  figures.position = bootstrap_median(lengths, seed, clusters);
-  figures.rmse = bootstrap_root_mean(squares, seed, clusters);
-  figures.p90 = known.empty() ? std::numeric_limits<double>::quiet_NaN() : quantile(known, 0.9);
-  figures.time = median(times);
-  if (claim.claims > 0) {
-    claim.share = static_cast<double>(claim.held) / claim.claims;
-    claim.interval = wilson_interval(claim.held, claim.claims);
-    figures.claim = claim;
+  if (claim.claims == 0) return std::nullopt;
+  claim.share = static_cast<double>(claim.held) / claim.claims;
+  claim.interval = wilson_interval(claim.held, claim.claims);
+  return claim;
+}
+
+MethodFigures figures_of(const Scene& scene, const std::vector<MethodAnswer>& answers,
+                         const AnswerErrors& errors, const CaptureClusters& clusters,
+                         std::uint64_t seed) {
+  MethodFigures figures;
+  std::vector<double> times;    // NaN where there is no answer, as below
+  std::vector<double> squares;  // a coordinate's mean
+  for (std::size_t i = 0; i < answers.size(); ++i) {
+    const bool answered = answers[i].error.empty();
+    if (!answered && figures.failures++ == 0) figures.first_error = answers[i].error;
+    times.push_back(answered ? answers[i].time : std::numeric_limits<double>::quiet_NaN());
+    squares.push_back(errors.lengths[i] * errors.lengths[i] / coordinates(scene));
   }
+  figures.answers = static_cast<int>(answers.size()) - figures.failures;
+  for (const std::vector<double>& absolute : errors.absolute) {
+    figures.mean_absolute.push_back(bootstrap(absolute, mean, seed, clusters));
+  }
+  figures.position = bootstrap(errors.lengths, median, seed, clusters);
+  figures.p90 = bootstrap(errors.lengths, ninth_decile, seed, clusters);
+  figures.rmse = bootstrap(squares, root_mean, seed, clusters);
+  figures.time = bootstrap(times, median, seed, clusters);
+  figures.claim = claims_of(answers);
   figures.misfit = share_with(answers, "model_misfit");
   figures.multimodal = share_with(answers, "multimodal");
   figures.at_bound = share_with(answers, "at_bound");
@@ -228,15 +247,34 @@ std::string reason(const Condition& condition, const MethodFigures& first) {
   return why + ".";
 }
 
-std::string finding(const Condition& condition, const MethodFigures& better,
-                    const MethodFigures& first) {
-  return "In \"" + condition.name + "\", " + better.method + " has a smaller median error (" +
-         text("%.4f m) than the ", better.position.value) + first.method +
-         text(" (%.4f m); the difference is %.4f m", first.position.value,
-              better.against_first->value) +
-         text(" (95 %% from %.4f to %.4f m). ", better.against_first->low,
-              better.against_first->high) +
+/// `what`: "median error"; `unit`: "m".
+std::string finding(const Condition& condition, const std::string& what, const char* unit,
+                    const std::string& better, const BootstrapInterval& of_better,
+                    const MethodFigures& first, const BootstrapInterval& of_first,
+                    const BootstrapInterval& difference) {
+  const auto with_unit = [unit](double value) { return text("%.4f ", value) + unit; };
+  return "In \"" + condition.name + "\", " + better + " has a smaller " + what + " (" +
+         with_unit(of_better.value) + ") than the " + first.method + " (" +
+         with_unit(of_first.value) + "); the difference is " + with_unit(difference.value) +
+         text(" (95 %% from %.4f to ", difference.low) + with_unit(difference.high) + "). " +
          reason(condition, first);
+}
+
+/// Where a method is better than the first by more than the captures leave open.
+void add_findings(const Condition& condition, const MethodFigures& figures,
+                  const MethodFigures& first, std::optional<std::size_t> yaw,
+                  std::vector<std::string>& findings) {
+  const auto& position = figures.against_first;
+  if (position && position->high < 0) {
+    findings.push_back(finding(condition, "median error", "m", figures.method, figures.position,
+                               first, first.position, *position));
+  }
+  const auto& turn = figures.yaw_against_first;
+  if (turn && turn->high < 0) {
+    findings.push_back(finding(condition, "mean error of yaw", "rad", figures.method,
+                               figures.mean_absolute[*yaw], first, first.mean_absolute[*yaw],
+                               *turn));
+  }
 }
 
 }  // namespace
@@ -289,19 +327,21 @@ std::vector<std::vector<MethodAnswer>> answer_all(const std::vector<ComparedMeth
   return answers;
 }
 
-BootstrapInterval bootstrap_median(std::span<const double> values, std::uint64_t seed,
-                                   const CaptureClusters& clusters) {
-  return bootstrap(values.size(), seed, clusters,
-                   [&](const std::vector<std::size_t>& drawn) { return median_at(values, drawn); });
+BootstrapInterval bootstrap(std::span<const double> values, const Statistic& statistic,
+                            std::uint64_t seed, const CaptureClusters& clusters) {
+  return bootstrap_captures(values.size(), seed, clusters,
+                            [&](const std::vector<std::size_t>& drawn) {
+                              return statistic_at(values, drawn, statistic);
+                            });
 }
 
-BootstrapInterval bootstrap_median_difference(std::span<const double> first,
-                                              std::span<const double> second, std::uint64_t seed,
-                                              const CaptureClusters& clusters) {
+BootstrapInterval bootstrap_difference(std::span<const double> first,
+                                       std::span<const double> second, const Statistic& statistic,
+                                       std::uint64_t seed, const CaptureClusters& clusters) {
   if (first.size() != second.size()) {
-    throw Error("bootstrap_median_difference", "found " + std::to_string(first.size()) + " and " +
-                                                   std::to_string(second.size()) +
-                                                   " values, accepted: as many of both");
+    throw Error("bootstrap_difference", "found " + std::to_string(first.size()) + " and " +
+                                            std::to_string(second.size()) +
+                                            " values, accepted: as many of both");
   }
   std::vector<double> a(first.begin(), first.end()), b(second.begin(), second.end());
   for (std::size_t i = 0; i < a.size(); ++i) {
@@ -309,17 +349,8 @@ BootstrapInterval bootstrap_median_difference(std::span<const double> first,
       a[i] = b[i] = std::numeric_limits<double>::quiet_NaN();
     }
   }
-  return bootstrap(a.size(), seed, clusters, [&](const std::vector<std::size_t>& drawn) {
-    return median_at(a, drawn) - median_at(b, drawn);
-  });
-}
-
-BootstrapInterval bootstrap_root_mean(std::span<const double> values, std::uint64_t seed,
-                                      const CaptureClusters& clusters) {
-  return bootstrap(values.size(), seed, clusters, [&](const std::vector<std::size_t>& drawn) {
-    const std::vector<double> finite = finite_at(values, drawn);
-    return std::sqrt(std::reduce(finite.begin(), finite.end()) /
-                     static_cast<double>(finite.size()));
+  return bootstrap_captures(a.size(), seed, clusters, [&](const std::vector<std::size_t>& drawn) {
+    return statistic_at(a, drawn, statistic) - statistic_at(b, drawn, statistic);
   });
 }
 
@@ -335,18 +366,22 @@ ConditionFigures compare(const Scene& scene, const Condition& condition,
   std::vector<PoseVector> truths;
   for (const Capture& capture : condition.captures) truths.push_back(truth_of(names, capture));
   const CaptureClusters clusters = clusters_of(truths);
-  std::vector<double> of_first;
+  const std::optional<std::size_t> yaw = yaw_of(scene);
+  AnswerErrors of_first;
   for (std::size_t m = 0; m < methods.size(); ++m) {
-    const std::vector<double> lengths = distances(scene, truths, answers[m]);
-    MethodFigures figures = figures_of(scene, truths, answers[m], lengths, clusters, seed);
+    AnswerErrors errors = answer_errors(scene, truths, answers[m]);
+    MethodFigures figures = figures_of(scene, answers[m], errors, clusters, seed);
     figures.method = methods[m].name;
     if (m == 0) {
-      of_first = lengths;
+      of_first = std::move(errors);
     } else {
-      figures.against_first = bootstrap_median_difference(lengths, of_first, seed, clusters);
-      if (figures.against_first->high < 0) {
-        result.findings.push_back(finding(condition, figures, result.methods.front()));
+      figures.against_first =
+          bootstrap_difference(errors.lengths, of_first.lengths, median, seed, clusters);
+      if (yaw) {
+        figures.yaw_against_first = bootstrap_difference(
+            errors.absolute[*yaw], of_first.absolute[*yaw], mean, seed, clusters);
       }
+      add_findings(condition, figures, result.methods.front(), yaw, result.findings);
     }
     result.methods.push_back(std::move(figures));
   }

@@ -1,8 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "blindcorner/simulation/drive_dataset.h"
 
+#include <algorithm>
+#include <iterator>
+#include <limits>
+
 #include "blindcorner/forward/error.h"
+#include "blindcorner/planner/grid/line_of_sight.h"
 #include "blindcorner/simulation/drive_loop.h"
+#include "blindcorner/simulation/true_world.h"
+#include "simulation/drive_setup.h"
 
 namespace blindcorner {
 namespace {
@@ -10,27 +17,70 @@ namespace {
 /// Trials count their seeds from 1, those with injected errors from a million.
 constexpr std::uint64_t kDatasetSeeds = 1'000'000'000;
 
-std::vector<Capture> captures_of(const Drive& drive, const DriveResult& driven) {
-  const std::vector<std::string> names = unknown_names(drive.scene);
-  std::vector<Capture> captures;
-  for (const DriveFrame& frame : driven.frames) {
-    if (frame.fate != FrameFate::used || !frame.counts || !frame.truth) continue;
-    Capture capture;
-    capture.counts = *frame.counts;
-    capture.T_world_sensor = frame.T_world_sensor;
-    for (std::size_t i = 0; i < names.size(); ++i) {
-      capture.truth[names[i]] = (*frame.truth)[static_cast<Eigen::Index>(i)];
+/// Seeds of a frame's captures begin this far from those of the frame before, and no drive has so
+/// many frames that they meet another's.
+constexpr std::uint64_t kFrameSeeds = 1'000;
+constexpr std::uint64_t kDriveSeeds = 1'000'000'000;
+/// Places that are tried before a frame does without more.
+constexpr int kAttempts = 200;
+constexpr int kMostPlaces = 100;
+
+/// Senses what a drive came by.
+class Recorder {
+ public:
+  Recorder(const Drive& drive, const SimulatedSensor& sensor, int places)
+      : drive_(drive),
+        sensor_(sensor),
+        places_(places),
+        sight_(drive.scene, drive.map, sight_options(drive)) {}
+
+  /// Frames in which no hidden object was in sight.
+  std::vector<Capture> record(const Trial& trial) const {
+    DriveOptions options = options_of(trial);
+    options.keep_pictures = false;  // nothing is sensed: the oracle needs no histograms
+    const DriveResult driven = drive_through(drive_, sensor_, options);
+    std::vector<Capture> captures;
+    std::uint64_t seed = kDriveSeeds * trial.seed;
+    for (const DriveFrame& frame : driven.frames) {
+      seed += kFrameSeeds;
+      if (frame.fate != FrameFate::used || !frame.truth) continue;
+      std::ranges::move(sensor_.sense_each(frame.T_world_sensor, poses_of(frame, seed), seed),
+                        std::back_inserter(captures));
     }
-    captures.push_back(std::move(capture));
+    return captures;
   }
-  return captures;
-}
+
+ private:
+  /// Where the hidden objects are, and where they might have been.
+  std::vector<PoseVector> poses_of(const DriveFrame& frame, std::uint64_t seed) const {
+    std::vector<PoseVector> poses{*frame.truth};
+    const auto wanted = static_cast<std::size_t>(places_);
+    for (std::uint64_t i = 1; i <= kAttempts && poses.size() < wanted; ++i) {
+      const TrueWorld world(drive_, seed + i);
+      const auto pose = world.hidden(frame.time);
+      if (!pose) continue;
+      const auto scan = sight_.scan(frame.T_world_sensor, world.placements(frame.time));
+      if (scan.object_hits.empty()) poses.push_back(*pose);
+    }
+    return poses;
+  }
+
+  const Drive& drive_;
+  const SimulatedSensor& sensor_;
+  int places_;
+  LineOfSight sight_;
+};
 
 }  // namespace
 
 void DriveDatasetOptions::validate() const {
-  if (environments >= 1) return;
-  throw Error("environments", "found " + std::to_string(environments) + ", accepted: >= 1");
+  const auto check = [](const char* field, int value, int most) {
+    if (value >= 1 && value <= most) return;
+    throw Error(field,
+                "found " + std::to_string(value) + ", accepted: 1 to " + std::to_string(most));
+  };
+  check("environments", environments, std::numeric_limits<int>::max());
+  check("places", places, kMostPlaces);
 }
 
 std::vector<Trial> plan_drive_dataset(const Drive& drive, const DriveDatasetOptions& options) {
@@ -43,12 +93,13 @@ std::vector<Trial> plan_drive_dataset(const Drive& drive, const DriveDatasetOpti
 }
 
 std::vector<Capture> record_drives(const Drive& drive, const SimulatedSensor& sensor,
-                                   const std::vector<Trial>& drives, int threads,
+                                   const std::vector<Trial>& drives, int places, int threads,
                                    const std::function<void()>& advance) {
   std::vector<std::vector<Capture>> frames(drives.size());
+  const Recorder recorder(drive, sensor, places);
   const auto record = [&](const Trial& trial) {
     const std::size_t place = static_cast<std::size_t>(trial.seed - drives.front().seed);
-    frames[place] = captures_of(drive, drive_through(drive, sensor, options_of(trial)));
+    frames[place] = recorder.record(trial);
     TrialResult result;
     result.trial = trial;
     return result;

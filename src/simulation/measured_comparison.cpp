@@ -2,9 +2,10 @@
 #include "blindcorner/simulation/measured_comparison.h"
 
 #include <algorithm>
-#include <chrono>
+#include <cmath>
 
 #include "blindcorner/forward/error.h"
+#include "blindcorner/forward/run_time.h"
 
 namespace blindcorner {
 namespace {
@@ -97,14 +98,14 @@ class Comparison {
   std::vector<ComparedMethod> learn(const PositionSplit& split, const std::string& name) {
     std::vector<Capture> known = at(measured_.captures, split.learn);
     say(name + ": calibration");
-    const auto start = std::chrono::steady_clock::now();
+    const Stopwatch stopwatch;
     const Calibration calibration = calibrate(scene_, known, options_.calibration);
     const std::string learnt = std::to_string(known.size()) + " captures";
     std::vector<ComparedMethod> methods =
         untrained_methods(calibration.scene, options_.seed, options_.fit);
     for (ComparedMethod& method : methods) {
       if (&method != &methods.back()) {
-        method.training = "calibrated with " + learnt + " in " + seconds_since(start);
+        method.training = "calibrated with " + learnt + " in " + time_text(stopwatch.since_start());
       }
     }
     std::ranges::move(samples_of(known), std::back_inserter(known));
@@ -130,20 +131,20 @@ class Comparison {
   }
 
   ComparedMethod train(const LearnedMethod& network, const std::vector<Capture>& captures) const {
-    const auto start = std::chrono::steady_clock::now();
+    const Stopwatch stopwatch;
     const CnnTrainingResult result = train_cnn(scene_, captures, network.training);
     const CnnBaseline cnn = CnnBaseline::parse(result.weights, network.name);
     return network_method(scene_, cnn, network.name,
                           std::to_string(captures.size()) + " captures, " +
                               std::to_string(result.history.size()) + " epochs in " +
-                              seconds_since(start) + "; weights after epoch " +
+                              time_text(stopwatch.since_start()) + "; weights after epoch " +
                               std::to_string(result.epoch),
                           options_.seed);
   }
 
-  static std::string seconds_since(std::chrono::steady_clock::time_point start) {
-    const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
-    return std::to_string(static_cast<int>(seconds.count() + 0.5)) + " s";
+  static std::string time_text(const RunTime& time) {
+    const auto seconds = [](double s) { return std::to_string(std::lround(s)) + " s"; };
+    return seconds(time.wall) + " (" + seconds(time.processor) + " of processor time)";
   }
 
   void say(const std::string& what) const {

@@ -21,55 +21,43 @@ std::shared_ptr<const CnnBaseline> network_of(const PerceptionSetup& setup,
   return network->second;
 }
 
-class CnnPerception final : public Perception {
+class NetworkPerception final : public Perception {
  public:
-  explicit CnnPerception(const PerceptionSetup& setup)
-      : scene_(setup.scene), network_(network_of(setup, kPublished)) {}
+  NetworkPerception(const PerceptionSetup& setup, const std::string& name)
+      : scene_(setup.scene), network_(network_of(setup, name)) {}
 
   PerceptionAnswer perceive(const Capture& capture, const Transform& T_world_sensor,
                             double /*time*/) override {
     PerceptionAnswer answer;
     try {
-      answer.mixture = known_pose(scene_, network_->predict(capture, T_world_sensor));
+      const PoseMixture said = network_->posterior(capture, T_world_sensor);
+      answer.mixture = states_no_error() ? known_pose(scene_, said.mean) : said;
     } catch (const std::exception& error) {
       answer.error = error.what();
     }
     return answer;
   }
-  std::optional<double> disc_radius() const override { return kPublishedDisc; }
+
+  std::optional<double> disc_radius() const override {
+    return states_no_error() ? std::optional(kPublishedDisc) : std::nullopt;
+  }
 
  private:
+  /// Of the published network's answer: it is taken for certain.
+  bool states_no_error() const { return perception_of(*network_) == kPublished; }
+
   const Scene& scene_;
-  std::shared_ptr<const CnnBaseline> network_;
-};
-
-class WideCnnPerception final : public Perception {
- public:
-  explicit WideCnnPerception(const PerceptionSetup& setup) : network_(network_of(setup, kWide)) {}
-
-  PerceptionAnswer perceive(const Capture& capture, const Transform& T_world_sensor,
-                            double /*time*/) override {
-    PerceptionAnswer answer;
-    try {
-      answer.mixture = network_->posterior(capture, T_world_sensor);
-    } catch (const std::exception& error) {
-      answer.error = error.what();
-    }
-    return answer;
-  }
-
- private:
   std::shared_ptr<const CnnBaseline> network_;
 };
 
 }  // namespace
 
 std::unique_ptr<Perception> make_wide_cnn_perception(const PerceptionSetup& setup) {
-  return std::make_unique<WideCnnPerception>(setup);
+  return std::make_unique<NetworkPerception>(setup, kWide);
 }
 
 std::unique_ptr<Perception> make_cnn_perception(const PerceptionSetup& setup) {
-  return std::make_unique<CnnPerception>(setup);
+  return std::make_unique<NetworkPerception>(setup, kPublished);
 }
 
 std::vector<std::string> network_names() { return {kPublished, kWide}; }

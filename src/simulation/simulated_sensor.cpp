@@ -88,10 +88,15 @@ struct SimulatedSensor::Impl {
     fast.fidelity->object *= kBetweenSteps;
   }
 
+  /// Null where no relay surface is in view: there is no light by way of the object.
+  std::unique_ptr<ForwardModel> model(const Transform& T_world_sensor) const {
+    if (!sees_relay(scene, T_world_sensor)) return nullptr;
+    return make_fast_model(transport, SensorPlacement{T_world_sensor, {}}, fast);
+  }
+
   HistogramCube three_bounce(const Transform& T_world_sensor, const PoseVector& pose) const {
-    if (!sees_relay(scene, T_world_sensor)) return dark(scene.sensor);
-    return make_fast_model(transport, SensorPlacement{T_world_sensor, {}}, fast)
-        ->three_bounce(pose);
+    const auto light = model(T_world_sensor);
+    return light ? light->three_bounce(pose) : dark(scene.sensor);
   }
 
   HistogramCube static_light(const Transform& T_world_sensor) const {
@@ -102,6 +107,11 @@ struct SimulatedSensor::Impl {
     mix_zones(scene.sensor, light);
     return light;
   }
+
+  /// What the sensor makes of the light: photons, with the truth beside.
+  Capture capture_of(const SensedLight& expected, const Transform& T_world_sensor,
+                     const std::optional<PoseVector>& pose, std::uint64_t seed,
+                     int exposures) const;
 
   const Scene scene;
   std::shared_ptr<const SurfaceRays> rays;
@@ -143,26 +153,48 @@ SensedLight SimulatedSensor::reference_light(const Transform& T_world_sensor,
   return light;
 }
 
+Capture SimulatedSensor::Impl::capture_of(const SensedLight& expected,
+                                          const Transform& T_world_sensor,
+                                          const std::optional<PoseVector>& pose, std::uint64_t seed,
+                                          int exposures) const {
+  const LinearValues linear{scene.linear.fixed_amplitude, scene.linear.fixed_ambient,
+                            scene.linear.fixed_direct};
+  Capture capture;
+  capture.counts = draw_counts(
+      scene, expected_counts(scene, expected.three_bounce, expected.static_light, linear),
+      exposures, seed);
+  capture.exposures = exposures;
+  capture.T_world_sensor = T_world_sensor;
+  if (!pose) return capture;
+  const std::vector<std::string> names = unknown_names(scene);
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    capture.truth[names[i]] = (*pose)[static_cast<Eigen::Index>(i)];
+  }
+  return capture;
+}
+
 SensedFrame SimulatedSensor::sense(const Transform& T_world_sensor,
                                    const std::optional<PoseVector>& pose, std::uint64_t seed,
                                    int exposures) const {
   const SensedLight expected = light(T_world_sensor, pose);
-  const LinearValues linear{scene().linear.fixed_amplitude, scene().linear.fixed_ambient,
-                            scene().linear.fixed_direct};
-  const HistogramCube counts =
-      expected_counts(scene(), expected.three_bounce, expected.static_light, linear);
-  SensedFrame frame;
-  frame.capture.counts = draw_counts(scene(), counts, exposures, seed);
-  frame.capture.exposures = exposures;
-  frame.capture.T_world_sensor = T_world_sensor;
-  frame.object_counts = expected_counts(scene(), expected.three_bounce, dark(scene().sensor),
-                                        {linear.amplitude, 0, 0, 0});
-  if (!pose) return frame;
-  const std::vector<std::string> names = unknown_names(scene());
-  for (std::size_t i = 0; i < names.size(); ++i) {
-    frame.capture.truth[names[i]] = (*pose)[static_cast<Eigen::Index>(i)];
+  return {impl_->capture_of(expected, T_world_sensor, pose, seed, exposures),
+          expected_counts(scene(), expected.three_bounce, dark(scene().sensor),
+                          {scene().linear.fixed_amplitude, 0, 0, 0})};
+}
+
+std::vector<Capture> SimulatedSensor::sense_each(const Transform& T_world_sensor,
+                                                 const std::vector<PoseVector>& poses,
+                                                 std::uint64_t seed) const {
+  std::vector<Capture> captures;
+  if (poses.empty()) return captures;
+  const auto model = impl_->model(T_world_sensor);
+  SensedLight expected{dark(scene().sensor), impl_->static_light(T_world_sensor)};
+  for (const PoseVector& pose : poses) {
+    if (model) expected.three_bounce = model->three_bounce(pose);
+    captures.push_back(
+        impl_->capture_of(expected, T_world_sensor, pose, seed + captures.size(), 1));
   }
-  return frame;
+  return captures;
 }
 
 Scene with_light(const Scene& scene, double factor) {

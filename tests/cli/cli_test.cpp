@@ -1185,6 +1185,19 @@ TEST_F(Cli, TrialsWriteTableAndPage) {
   EXPECT_THAT(text_of(path("study/index.html")), HasSubstr("Success by speed"));
 }
 
+// Pairs of perceptions that were not driven have no row.
+TEST_F(Cli, TrialsPageComparesWhatWasDriven) {
+  ASSERT_EQ(run(trials_of_robot(path("two"), "-n 1")).exit_code, 0);
+  EXPECT_THAT(text_of(path("two/index.html")),
+              AllOf(HasSubstr("<td>oracle - los<td>"), Not(HasSubstr("solver - los")),
+                    Not(HasSubstr("cnn"))));
+  ASSERT_EQ(run("trials '" + std::string(SOURCE_DIR) + "/scenes/robot_drive.json' -o '" +
+                path("one") + "' --perception los --replays 0 -n 1")
+                .exit_code,
+            0);
+  EXPECT_THAT(text_of(path("one/index.html")), Not(HasSubstr("paired by seed")));
+}
+
 TEST_F(Cli, TrialsThatWereKilledGoOnToTheSameBytes) {
   ASSERT_EQ(run(trials_of_robot(path("whole"), "-n 4 --threads 1")).exit_code, 0);
   // Killed once the first trials are on disk, wherever that then happens to be.
@@ -1222,7 +1235,7 @@ TEST_F(Cli, ComparesMethodsOnTheSameCaptures) {
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_THAT(outcome.out, AllOf(HasSubstr("back-projection"), HasSubstr("multilateration")));
   const json comparison = json::parse(text_of(path("out/comparison.json")));
-  EXPECT_EQ(comparison.at("format"), "blindcorner.comparison/1");
+  EXPECT_EQ(comparison.at("format"), "blindcorner.comparison/2");
   const json& conditions = comparison.at("scenes").at(0).at("conditions");
   ASSERT_EQ(conditions.size(), 1u);
   const json& methods = conditions[0].at("methods");
@@ -1349,14 +1362,23 @@ TEST_F(Cli, CnnWithoutLibtorchSaysHowToGetIt) {
   // The library of the network is looked for beside the program.
   fs::copy_file(PROGRAM, path("blindcorner"));
   write_flat("flat.exr", 4);
-  const std::string command = "'" + path("blindcorner") + "' cnn train " + kScene + " " +
-                              path("flat.exr") + " -o " + path("out") + " 2>'" + path("stderr") +
-                              "'";
-  const int status = std::system(command.c_str());
-  EXPECT_EQ(WEXITSTATUS(status), 2);
-  EXPECT_THAT(text_of(path("stderr")),
-              AllOf(HasSubstr("libtorch"), HasSubstr("apt-get install libtorch-dev")));
-  EXPECT_FALSE(fs::exists(path("out")));
+  const std::string robot = std::string(SOURCE_DIR) + "/scenes/robot_drive.json";
+  for (const std::string& arguments :
+       {"cnn train " + kScene + " " + path("flat.exr"),
+        "cnn evaluate " + kScene + " " + path("flat.exr") + " " + path("flat.exr"),
+        "cnn baseline " + kScene, "compare " + kScene + " --network " + path("flat.exr"),
+        "trials " + robot + " --perception cnn --weights " + path("flat.exr"),
+        "drive " + robot + " --perception cnn_wide --weights " + path("flat.exr")}) {
+    SCOPED_TRACE(arguments);
+    const std::string command = "'" + path("blindcorner") + "' " + arguments + " -o " +
+                                path("out") + " 2>'" + path("stderr") + "'";
+    const int status = std::system(command.c_str());
+    EXPECT_EQ(WEXITSTATUS(status), 2);
+    const std::string said = text_of(path("stderr"));
+    EXPECT_THAT(said, AllOf(HasSubstr("libtorch"), HasSubstr("apt-get install libtorch-dev")));
+    EXPECT_EQ(std::ranges::count(said, '\n'), 1) << said;
+    EXPECT_FALSE(fs::exists(path("out")));
+  }
 }
 
 TEST_F(CliCnn, TrainsAndEvaluates) {
@@ -1378,6 +1400,7 @@ TEST_F(CliCnn, TrainsAndEvaluates) {
   EXPECT_THAT(text_of(path("all/index.html")), HasSubstr("<svg"));
   const Outcome some = run(evaluate + captures + " --held-back -o " + path("some"));
   ASSERT_EQ(some.exit_code, 0) << some.err;
+  EXPECT_THAT(text_of(path("some/estimates.csv")), Not(HasSubstr("sigma"))) << "none is claimed";
   const json evaluation = json::parse(text_of(path("some/evaluation.json")));
   EXPECT_EQ(evaluation["captures"], 4);
   EXPECT_EQ(evaluation["errors"], training["validation"]["errors"]);
@@ -1389,6 +1412,7 @@ TEST_F(CliCnn, BaselineMakesDataTrainsAndEvaluatesOnce) {
   const Outcome first = run(command);
   ASSERT_EQ(first.exit_code, 0) << first.err;
   EXPECT_TRUE(fs::exists(path("base/errors_wide/index.html")));
+  EXPECT_THAT(text_of(path("base/errors_wide/estimates.csv")), HasSubstr(",x_m_sigma,"));
   const auto made = fs::last_write_time(path("base/data_wide/captures.exr"));
   ASSERT_EQ(run(command).exit_code, 0);
   EXPECT_EQ(fs::last_write_time(path("base/data_wide/captures.exr")), made);
@@ -1396,6 +1420,16 @@ TEST_F(CliCnn, BaselineMakesDataTrainsAndEvaluatesOnce) {
                             "/scenes/tmf8828_floor.json --network wide -o " + path("base"));
   EXPECT_EQ(other.exit_code, 2);
   EXPECT_THAT(other.err, AllOf(HasSubstr("dataset.json: scene"), HasSubstr("tmf8828_wall")));
+  // Data of another size or seed are not taken for those that are asked for.
+  const Outcome larger =
+      run("cnn baseline " + kScene + " --captures 13 --epochs 1 --network wide -o " + path("base"));
+  EXPECT_EQ(larger.exit_code, 2);
+  EXPECT_THAT(larger.err, HasSubstr("dataset.json: count: found 12, accepted: 13"));
+  EXPECT_EQ(run(command + " --seed 2").exit_code, 2);
+  // A training that has ended is not trained again, and still says how long it took.
+  const json training = json::parse(text_of(path("base/net_wide/training.json")));
+  EXPECT_GT(training.at("run_time_s").at("processor").get<double>(), 0);
+  EXPECT_GT(training.at("data_run_time_s").at("processor").get<double>(), 0);
 }
 
 TEST_F(CliCnn, TrainingGoesOnToTheSameBytes) {

@@ -61,20 +61,19 @@ struct BootstrapInterval {
 /// places. Empty: each by itself.
 using CaptureClusters = std::vector<std::size_t>;
 
-/// Median of values, captures drawn again 2000 times. Values that are not finite are left out; NaN
-/// without others.
-BootstrapInterval bootstrap_median(std::span<const double> values, std::uint64_t seed,
-                                   const CaptureClusters& clusters = {});
+/// A figure of some values, at least one: their median, for example.
+using Statistic = std::function<double(std::vector<double>)>;
 
-/// Median of the first less that of the second, of the same captures: each draw takes both, and
-/// only captures of which both are finite.
-BootstrapInterval bootstrap_median_difference(std::span<const double> first,
-                                              std::span<const double> second, std::uint64_t seed,
-                                              const CaptureClusters& clusters = {});
+/// A statistic of values, captures drawn again 2000 times. Values that are not finite are left out;
+/// NaN without others.
+BootstrapInterval bootstrap(std::span<const double> values, const Statistic& statistic,
+                            std::uint64_t seed, const CaptureClusters& clusters = {});
 
-/// Root of the mean of values, likewise.
-BootstrapInterval bootstrap_root_mean(std::span<const double> values, std::uint64_t seed,
-                                      const CaptureClusters& clusters = {});
+/// That of the first less that of the second, of the same captures: each draw takes both, and only
+/// captures of which both are finite.
+BootstrapInterval bootstrap_difference(std::span<const double> first,
+                                       std::span<const double> second, const Statistic& statistic,
+                                       std::uint64_t seed, const CaptureClusters& clusters = {});
 
 /// Share of captures whose truth lies in the claimed 95 % region.
 struct ClaimFigures {
@@ -83,18 +82,19 @@ struct ClaimFigures {
   ShareInterval interval;
 };
 
-/// One method under one condition.
+/// One method under one condition. Intervals are the bootstrap's, but for that of the claim.
 struct MethodFigures {
   std::string method;
   int answers = 0, failures = 0;
-  std::vector<double> mean_absolute;  ///< [unknowns] m, rad or 1; yaw modulo the symmetry
-  BootstrapInterval position;         ///< m, median Euclidean distance
-  double p90 = 0;                     ///< m
-  BootstrapInterval rmse;             ///< m, over the unknown coordinates of position
+  std::vector<BootstrapInterval> mean_absolute;  ///< [unknowns] m, rad or 1; yaw: its symmetry's
+  BootstrapInterval position;                    ///< m, median Euclidean distance
+  BootstrapInterval p90;                         ///< m, that 90 % stay within
+  BootstrapInterval rmse;                        ///< m, over the unknown coordinates of position
   std::optional<ClaimFigures> claim;
-  double time = 0;  ///< s, median
-  /// Median less the first method's, over captures that both answered; empty for the first.
-  std::optional<BootstrapInterval> against_first;
+  BootstrapInterval time;  ///< s, median
+  /// Median distance less the first method's, and mean absolute error of yaw (where it is unknown)
+  /// less the first method's, over captures that both answered; empty for the first.
+  std::optional<BootstrapInterval> against_first, yaw_against_first;
   /// Shares of the answers that carry the solver's words about itself.
   double misfit = 0, multimodal = 0, at_bound = 0;
   std::string first_error;  ///< of the failures
@@ -103,8 +103,8 @@ struct MethodFigures {
 struct ConditionFigures {
   Condition condition;  ///< its captures left out
   std::vector<MethodFigures> methods;
-  /// Sentences: where another method has a smaller median than the first, with the interval of the
-  /// difference below zero, and why as far as the figures tell.
+  /// Sentences: where another method has a smaller median distance or mean error of yaw than the
+  /// first, with the interval of the difference below zero, and why as far as the figures tell.
   std::vector<std::string> findings;
 };
 

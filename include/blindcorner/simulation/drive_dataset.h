@@ -17,6 +17,9 @@ namespace blindcorner {
 struct DriveDatasetOptions {
   int environments = 30;  ///< drives, each with places and photons of its own
   std::uint64_t seed = 1;
+  /// Captures of each frame: the first of what is there, the others of hidden objects elsewhere,
+  /// drawn anew for each as the drive file says and out of direct sight. At most 100.
+  int places = 1;
 
   /// Throws Error naming the field that is out of range.
   void validate() const;
@@ -27,12 +30,12 @@ struct DriveDatasetOptions {
 std::vector<Trial> plan_drive_dataset(const Drive& drive, const DriveDatasetOptions& options);
 
 /// Every frame of these drives until a hidden object comes in direct sight, with the object's true
-/// pose and the sensor's; frames of a drive side by side, drives in order. Worlds without a hidden
-/// object have none. `threads` drives run at a
-/// time (0: one per processor). `advance` is called after each drive, one call at a time. Throws
-/// Error where no frame is left.
+/// pose and the sensor's; frames of a drive side by side, each with all its places, drives in
+/// order. Worlds without a hidden object have none. `threads` drives run at a time (0: one per
+/// processor). `advance` is called after each drive, one call at a time. Throws Error where no
+/// frame is left.
 std::vector<Capture> record_drives(const Drive& drive, const SimulatedSensor& sensor,
-                                   const std::vector<Trial>& drives, int threads = 0,
-                                   const std::function<void()>& advance = {});
+                                   const std::vector<Trial>& drives, int places = 1,
+                                   int threads = 0, const std::function<void()>& advance = {});
 
 }  // namespace blindcorner

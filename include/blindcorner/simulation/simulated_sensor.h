@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <vector>
 
 #include "blindcorner/forward/scene/scene.h"
 #include "blindcorner/forward/sensor/capture.h"
@@ -53,6 +54,11 @@ class SimulatedSensor {
   /// scene. The same seed gives the same counts.
   SensedFrame sense(const Transform& T_world_sensor, const std::optional<PoseVector>& pose,
                     std::uint64_t seed, int exposures = 1) const;
+
+  /// Single exposures from one sensor pose, one for each pose of the hidden objects. What does not
+  /// depend on these is computed once.
+  std::vector<Capture> sense_each(const Transform& T_world_sensor,
+                                  const std::vector<PoseVector>& poses, std::uint64_t seed) const;
 
   const Scene& scene() const;
 

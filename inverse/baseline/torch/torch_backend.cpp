@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /// The network by libtorch. This file is a shared library of its own (see cnn_backend.h) and the
 /// only one that includes libtorch's headers.
+#include <caffe2/serialize/inline_container.h>
+#include <torch/csrc/jit/serialization/pickler.h>
 #include <torch/torch.h>
 
 #include <algorithm>
@@ -175,9 +177,29 @@ Entries entries_with(const std::string& metadata) {
   return entries;
 }
 
+/// As torch::pickle_save, less the tag of libtorch's own on a dict: torch.load takes it for a call
+/// of code and refuses it unless told not to.
 std::string pickled(const Entries& entries) {
-  const std::vector<char> bytes = torch::pickle_save(c10::IValue(entries));
-  return {bytes.begin(), bytes.end()};
+  std::string pickle;
+  torch::jit::Pickler pickler(
+      [&](const char* data, std::size_t size) { pickle.append(data, size); }, nullptr, nullptr,
+      nullptr, nullptr, /*tag_aggregates=*/false);
+  pickler.protocol();
+  pickler.pushIValue(c10::IValue(entries));
+  pickler.stop();
+  std::string bytes;
+  caffe2::serialize::PyTorchStreamWriter archive([&](const void* data, std::size_t size) {
+    bytes.append(static_cast<const char*>(data), size);
+    return size;
+  });
+  archive.writeRecord("data.pkl", pickle.data(), pickle.size());
+  std::size_t number = 0;
+  for (const Tensor& tensor : pickler.tensorData()) {
+    const auto values = torch::jit::getWriteableTensorData(tensor);
+    archive.writeRecord("data/" + std::to_string(number++), values.data(), values.sizeInBytes());
+  }
+  archive.writeEndOfFile();
+  return bytes;
 }
 
 Entries unpickled(const std::string& bytes, const std::string& where) {

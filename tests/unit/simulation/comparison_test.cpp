@@ -6,10 +6,12 @@
 #include <tbb/global_control.h>
 
 #include <cmath>
+#include <numeric>
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
 #include "blindcorner/io/scene_file.h"
+#include "forward/support/quantile.h"
 #include "unit/error_message.h"
 
 namespace blindcorner {
@@ -96,14 +98,14 @@ TEST(Comparison, IntervalOfAMedianHoldsItAsOftenAsItSays) {
   // the bootstrap's own noise of a rank or two.
   std::vector<double> values;
   for (int i = 0; i < 101; ++i) values.push_back(i);
-  const BootstrapInterval median = bootstrap_median(values, 1);
-  EXPECT_EQ(median.value, 50);
-  EXPECT_NEAR(median.low, 40, 3);
-  EXPECT_NEAR(median.high, 60, 3);
+  const BootstrapInterval middle = bootstrap(values, median, 1);
+  EXPECT_EQ(middle.value, 50);
+  EXPECT_NEAR(middle.low, 40, 3);
+  EXPECT_NEAR(middle.high, 60, 3);
   // The same captures: a constant difference has no spread, however far the values scatter.
   std::vector<double> shifted = values;
   for (double& v : shifted) v += 0.5;
-  const BootstrapInterval difference = bootstrap_median_difference(shifted, values, 1);
+  const BootstrapInterval difference = bootstrap_difference(shifted, values, median, 1);
   EXPECT_DOUBLE_EQ(difference.low, 0.5);
   EXPECT_DOUBLE_EQ(difference.high, 0.5);
 }
@@ -119,25 +121,28 @@ TEST(Comparison, CapturesOfOnePlaceAreDrawnTogether) {
       places.push_back(static_cast<std::size_t>(place));
     }
   }
-  const BootstrapInterval one = bootstrap_root_mean(once, 1);
-  const BootstrapInterval together = bootstrap_root_mean(often, 1, places);
-  const BootstrapInterval apart = bootstrap_root_mean(often, 1);
-  EXPECT_DOUBLE_EQ(one.value, std::sqrt(5));
+  const auto mean = [](const std::vector<double>& values) {
+    return std::reduce(values.begin(), values.end()) / static_cast<double>(values.size());
+  };
+  const BootstrapInterval one = bootstrap(once, mean, 1);
+  const BootstrapInterval together = bootstrap(often, mean, 1, places);
+  const BootstrapInterval apart = bootstrap(often, mean, 1);
+  EXPECT_DOUBLE_EQ(one.value, 5);
   EXPECT_NEAR(together.low, one.low, 1e-9);
   EXPECT_NEAR(together.high, one.high, 1e-9);
   EXPECT_LT(apart.high - apart.low, 0.5 * (one.high - one.low));
   // What has no answer is left out.
   once[3] = std::nan("");
-  EXPECT_NEAR(bootstrap_median(once, 1).value, 5.5, 1e-12);
-  EXPECT_TRUE(std::isnan(bootstrap_median(std::vector<double>{std::nan("")}, 1).value));
+  EXPECT_NEAR(bootstrap(once, median, 1).value, 5.5, 1e-12);
+  EXPECT_TRUE(std::isnan(bootstrap(std::vector<double>{std::nan("")}, median, 1).value));
 }
 
-/// A method that is off by so much along x.
-ComparedMethod off_by(const std::string& name, double metres) {
-  return {name, "none", [metres](const Capture& capture) {
+/// A method that is off by so much along x and in yaw, a turn apart.
+ComparedMethod off_by(const std::string& name, double metres, double radians = 0) {
+  return {name, "none", [metres, radians](const Capture& capture) {
             PoseVector pose(4);
             pose << capture.truth.at("x_m") + metres, capture.truth.at("y_m"),
-                capture.truth.at("z_m"), capture.truth.at("yaw_rad") + 2 * kPi;
+                capture.truth.at("z_m"), capture.truth.at("yaw_rad") + radians + 2 * kPi;
             return MethodAnswer{pose, metres > 0.1 ? 0.99 : 0.5};
           }};
 }
@@ -151,24 +156,25 @@ TEST(Comparison, SaysWhereAnotherMethodIsBetterAndCountsFailures) {
     condition.captures.push_back(capture);
   }
   const std::vector<ComparedMethod> methods = {
-      off_by("solver", 0.2),
-      off_by("other", 0.05),
-      off_by("worse", 0.4),
+      off_by("solver", 0.2, 0.1),
+      off_by("other", 0.05, 0.1),
+      off_by("worse", 0.4, 0.02),
       {"broken", "none", [](const Capture&) -> MethodAnswer { throw Error("no light"); }}};
   const auto answers = answer_all(methods, condition.captures);
   const ConditionFigures figures = compare(scene, condition, methods, answers, 1);
   ASSERT_EQ(figures.methods.size(), 4u);
   EXPECT_NEAR(figures.methods[0].position.value, 0.2, 1e-12);
-  EXPECT_NEAR(figures.methods[1].mean_absolute[0], 0.05, 1e-12);
-  EXPECT_NEAR(figures.methods[1].mean_absolute[3], 0, 1e-12) << "yaw counts modulo a turn";
+  EXPECT_NEAR(figures.methods[1].mean_absolute[0].value, 0.05, 1e-12);
+  EXPECT_NEAR(figures.methods[1].mean_absolute[3].value, 0.1, 1e-12) << "yaw counts modulo a turn";
   EXPECT_EQ(figures.methods[0].claim->share, 0);
   EXPECT_EQ(figures.methods[1].claim->share, 1);
   EXPECT_NEAR(figures.methods[1].against_first->value, -0.15, 1e-12);
   EXPECT_EQ(figures.methods[3].failures, 8);
   EXPECT_EQ(figures.methods[3].first_error, "no light");
-  ASSERT_EQ(figures.findings.size(), 1u);
-  EXPECT_THAT(figures.findings.front(), HasSubstr("other has a smaller median error"));
-  EXPECT_THAT(figures.findings.front(), HasSubstr("the relay is off"));
+  ASSERT_EQ(figures.findings.size(), 2u);
+  EXPECT_THAT(figures.findings[0], HasSubstr("other has a smaller median error (0.0500 m)"));
+  EXPECT_THAT(figures.findings[0], HasSubstr("the relay is off"));
+  EXPECT_THAT(figures.findings[1], HasSubstr("worse has a smaller mean error of yaw (0.0200 rad)"));
 }
 
 }  // namespace

@@ -5,11 +5,15 @@
 
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <random>
+#include <set>
 
 #include "blindcorner/inverse/baseline/cnn_training.h"
+#include "blindcorner/planner/grid/line_of_sight.h"
 #include "blindcorner/simulation/drive_dataset.h"
 #include "blindcorner/simulation/perception.h"
+#include "simulation/drive_setup.h"
 #include "unit/error_message.h"
 
 namespace blindcorner {
@@ -17,6 +21,7 @@ namespace {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
+using ::testing::IsEmpty;
 
 const Drive& robot() {
   static const Drive drive = read_drive(std::string(SOURCE_DIR) + "/scenes/robot_drive.json");
@@ -166,6 +171,46 @@ TEST(DriveDataset, HoldsFramesWithTruthAndSensorPose) {
                 .norm(),
             0.01);
   EXPECT_THAT(message_of([&] { plan_drive_dataset(drive, {0, 1}); }), HasSubstr("environments"));
+  EXPECT_THAT(message_of([&] { plan_drive_dataset(drive, {1, 1, 0}); }), HasSubstr("places"));
+}
+
+// More places of the hidden object in each frame, none of them in sight; what is there comes first
+// and is as it would be without them.
+TEST(DriveDataset, HoldsFurtherPlacesOfEachFrame) {
+  Drive drive = robot();
+  drive.time_limit = 1;
+  const SimulatedSensor sensor(drive.scene);
+  const std::vector<Trial> drives = plan_drive_dataset(drive, {1, 1, 3});
+  const std::vector<Capture> plain = record_drives(drive, sensor, drives);
+  const std::vector<Capture> captures = record_drives(drive, sensor, drives, 3);
+  ASSERT_EQ(captures.size(), 3 * plain.size());
+  std::set<std::map<std::string, double>> places;
+  const LineOfSight sight(drive.scene, drive.map, sight_options(drive));
+  const auto pose_of = [&](const Capture& capture) {
+    PoseVector pose(static_cast<Eigen::Index>(capture.truth.size()));
+    Eigen::Index k = 0;
+    for (const std::string& name : unknown_names(drive.scene)) pose[k++] = capture.truth.at(name);
+    return pose;
+  };
+  for (std::size_t i = 0; i < captures.size(); ++i) {
+    const Capture& capture = captures[i];
+    EXPECT_EQ(capture.index, static_cast<int>(i));
+    check_cnn_capture(drive.scene, capture);
+    EXPECT_TRUE(capture.T_world_sensor->isApprox(*plain[i / 3].T_world_sensor));
+    if (i % 3 == 0) {
+      EXPECT_EQ(capture.counts.values, plain[i / 3].counts.values);
+    } else {
+      EXPECT_TRUE(places.insert(capture.truth).second) << "the same place twice";
+      const PoseVector pose = pose_of(capture);
+      EXPECT_THAT(sight.scan(*capture.T_world_sensor, placements_at(drive.scene, pose)).object_hits,
+                  IsEmpty());
+    }
+  }
+  // One sensor pose's light is computed once, and is what it would be for each place by itself.
+  const Transform& at = *plain.front().T_world_sensor;
+  const PoseVector pose = pose_of(captures[1]);
+  EXPECT_EQ(sensor.sense_each(at, {pose}, 7).front().counts.values,
+            sensor.sense(at, pose, 7).capture.counts.values);
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "blindcorner/forward/run_time.h"
 #include "blindcorner/inverse/baseline/cnn.h"
 
 namespace blindcorner {
@@ -53,6 +54,7 @@ struct CnnTrainingResult {
   std::string weights;            ///< contents of the file of weights
   std::vector<CnnEpoch> history;  ///< [epochs that were run]
   int epoch = 0;                  ///< after which the weights were taken, from 1
+  RunTime run_time;               ///< all runs that led here, interrupted ones included
 };
 
 /// What a caller may want to know or keep while training runs.

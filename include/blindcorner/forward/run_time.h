@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+/// How long something takes.
+#pragma once
+
+#include <chrono>
+#include <ctime>
+
+namespace blindcorner {
+
+/// Times in s: on the clock, and of all of the program's processors together, which other programs
+/// on the machine do not lengthen.
+struct RunTime {
+  double wall = 0, processor = 0;
+
+  RunTime operator+(const RunTime& other) const {
+    return {wall + other.wall, processor + other.processor};
+  }
+};
+
+class Stopwatch {
+ public:
+  RunTime since_start() const {
+    const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - wall_;
+    return {wall.count(), static_cast<double>(std::clock() - processor_) / CLOCKS_PER_SEC};
+  }
+
+ private:
+  std::chrono::steady_clock::time_point wall_ = std::chrono::steady_clock::now();
+  std::clock_t processor_ = std::clock();
+};
+
+}  // namespace blindcorner
