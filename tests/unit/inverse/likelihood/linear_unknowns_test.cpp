@@ -520,6 +520,38 @@ TEST(LinearUnknownsTest, LogVolumeIsLaplaces) {
   EXPECT_NEAR(s.log_prior, log_prior(u, s.amplitude[0]), 1e-12);
 }
 
+// The volume of what cannot be negative ends at zero, so that the evidence is the integral over the
+// ambient light whoever explains the photons, however many exposures were averaged. The worst case
+// is one photon that object and ambient light share: the exact integrand is that of a gamma
+// distribution of shape two, of which a Gaussian lacks 0.25, and 0.37 at the edge.
+TEST(LinearUnknownsTest, EvidenceIntegratesOverTheAmbientLightDownToZero) {
+  for (const double exposures : {1.0, 1e8}) {
+    for (const int photons : {0, 1, 3}) {
+      for (const double light : {0.0, 1e-3, 0.01, 0.02, 0.05, 0.3, 2.0}) {
+        Problem p(PoissonNoise{}, 1, 0, false, 5, 1);
+        for (double& count : p.captures[0].counts.values) count = 0;
+        p.captures[0].counts.zone(0)[35] = photons / exposures;
+        p.captures[0].exposures = exposures;
+        for (double& s : p.object[0]) s *= 0.5 * light / exposures;  // at its peak: light
+        p.look({0, kBins}, false);
+        LinearUnknowns u;
+        u.amplitude = LinearMode::fixed;
+        u.fixed_amplitude = 1;
+        LinearSolution s;
+        LinearSolver(p.observation, u).solve(p.shapes, s, false);
+        const auto f = [&](double c) { return loss(p, u, {1}, {c}, {0}); };
+        const double least = f(s.ambient[0]);
+        constexpr int kSteps = 20'000;
+        const double width = 30.0 * (1 + photons) / (kBins * exposures * kSteps);
+        double sum = 0;
+        for (int k = 0; k < kSteps; ++k) sum += width * std::exp(least - f((k + 0.5) * width));
+        EXPECT_NEAR(s.log_volume, std::log(sum), 0.4)
+            << exposures << " exposures, " << photons << " photons, light " << light;
+      }
+    }
+  }
+}
+
 // Censored zeros pull less than zeros that were measured: the ambient light is found without bias.
 TEST(LinearUnknownsTest, CensoringDoesNotBiasTheAmplitude) {
   const GaussianNoise law{9, 0, true};
