@@ -62,6 +62,16 @@ std::vector<SweptMethod> swept_methods(const Scene& scene,
   return methods;
 }
 
+/// A name that is none is said before anything is written.
+void check_effect(const Scene& scene, const std::string& wrong) {
+  std::string names;
+  for (const WrongAssumption& known : wrong_assumptions(scene)) {
+    if (known.name == wrong) return;
+    names += (names.empty() ? "" : ", ") + known.name;
+  }
+  if (!wrong.empty()) throw Error("--wrong", "found " + wrong + ", accepted: " + names);
+}
+
 /// Says on the standard error stream what failed; returns the number of captures.
 int print_sweep_failures(const SweepScene& scene) {
   int failures = 0;
@@ -130,7 +140,10 @@ int run_sweep(const SweepArguments& arguments, std::vector<std::string> scenes,
   for (const std::string& path : arguments.networks) networks.push_back(CnnBaseline::load(path));
   std::vector<Scene> read;
   for (const std::string& path : scenes) read.push_back(read_scene(path));
-  for (const Scene& scene : read) swept_methods(scene, settings, networks);
+  for (const Scene& scene : read) {
+    check_effect(scene, report.options.wrong);
+    swept_methods(scene, settings, networks);
+  }
   make_directory(output);
   int failures = 0;
   for (const Scene& scene : read) {

@@ -102,7 +102,9 @@ Chart level_picture(const SweepScene& scene, const SweepLevel& level, TimeOf tim
   chart.height = 300;
   std::vector<ChartPoint> points;
   std::vector<bool> solver;
+  const double least = kLeastShownTime * time(level.cells.front(), level.figures.front());
   for (std::size_t m = 0; m < scene.methods.size(); ++m) {
+    if (time(level.cells[m], level.figures[m]) < least) continue;
     points.push_back(
         {time(level.cells[m], level.figures[m]), error(level.figures[m]), scene.methods[m].name});
     solver.push_back(scene.methods[m].solver);
