@@ -29,8 +29,6 @@ constexpr double kYawGrid = kPi / 8;
 constexpr double kYawDifference = 0.01;
 /// Light below this share of the brightest bin does not count as reaching a bin.
 constexpr double kReach = 1e-5;
-/// Tolerance of the models that score and steer; the last steps are taken with the caller's.
-constexpr double kCheapTolerance = 0.1;
 /// Most memory for the scored poses' histograms.
 constexpr double kTemplateBytes = 6e8;
 /// Grid step for a spline, in units of the pulse: its error is then 0.25 %.
@@ -514,7 +512,7 @@ FastModelOptions options_of(int level, const Fidelity& first, bool lobes) {
     fast.fidelity->object = std::min(first.object, kMostObject / std::pow(2.0, level));
     return fast;
   }
-  fast.tolerance = kCheapTolerance;
+  fast.tolerance = kFirstTolerance;
   const double finer = std::pow(2.0, 0.5 * (level - 1));
   Fidelity pairs{std::sqrt(8.0) / finer, 4 / finer, true};
   if (first.lobe_pairs) {
@@ -616,8 +614,8 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
     compiled->widths.push_back(sigma);
   }
   compiled->widths.push_back(0);
-  const double tolerance = options.model_tolerance.value_or(kCheapTolerance);
-  const double cheap = std::max(kCheapTolerance, tolerance);
+  const double tolerance = options.model_tolerance.value_or(kFirstTolerance);
+  const double cheap = std::max(kFirstTolerance, tolerance);
   if (!closed_form) {
     for (const double sigma : compiled->widths) compiled->ladder.push_back(models(sigma, cheap));
   }
