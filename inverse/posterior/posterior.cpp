@@ -25,6 +25,9 @@ constexpr double kUndetermined = 0.8;
 /// this factor, in every direction: its width is then right to the factor's root, 22 %.
 constexpr double kSigmaPoint = 1.5;
 constexpr double kLaplaceFactor = 1.5;
+/// Farther out it must have fallen by 3^2/2 over that factor at least: along ridges of equal paths
+/// it falls like a Gaussian at first and then no more.
+constexpr double kTailPoint = 3;
 /// A mode with less than exp(-7) = 0.1 % of the evidence need not follow Laplace.
 constexpr double kMinorEvidence = 7.0;
 /// A sample this much above the best optimum shows a local optimum that was missed: twenty times
@@ -72,17 +75,22 @@ bool laplace_holds(const PoseObjective& objective, const Refined& optimum, const
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(peak.covariance);
   const LightSource light = light_near(objective, optimum);
   const double top = tempered(optimum.value, inflation);
-  const double expected = 0.5 * kSigmaPoint * kSigmaPoint;
   for (Eigen::Index i = 0; i < peak.center.size(); ++i) {
-    const PoseVector step = kSigmaPoint * std::sqrt(std::max(eigen.eigenvalues()[i], 0.0)) *
-                            eigen.eigenvectors().col(i);
-    for (const double sign : {-1.0, 1.0}) {
-      PoseVector pose = optimum.pose + sign * step;
-      if (!std::isfinite(log_pose_prior(scene, pose))) return false;
+    const PoseVector sigma =
+        std::sqrt(std::max(eigen.eigenvalues()[i], 0.0)) * eigen.eigenvectors().col(i);
+    for (const double away : {-kSigmaPoint, kSigmaPoint, -kTailPoint, kTailPoint}) {
+      const bool tail = std::abs(away) > kSigmaPoint;
+      const double expected = 0.5 * away * away;
+      const PoseVector pose = optimum.pose + away * sigma;
+      if (!std::isfinite(log_pose_prior(scene, pose))) {
+        if (tail) continue;  // a bound there takes less than a hundredth away
+        return false;
+      }
       LinearSolution linear = optimum.linear;
       const PoseValue value = objective.evaluate(light, pose, linear, true);
       const double drop = top - tempered(value, inflation);
-      if (drop > expected * kLaplaceFactor || drop < expected / kLaplaceFactor) return false;
+      if (drop < expected / kLaplaceFactor) return false;
+      if (!tail && drop > expected * kLaplaceFactor) return false;
     }
   }
   return true;
