@@ -78,7 +78,7 @@ TEST(ErrorBound, HoldsForFits) {
   const Fitter fitter(scene, fast);
   std::mt19937_64 random(5);
   double squares = 0;
-  constexpr int kCaptures = 16;
+  constexpr int kCaptures = 48;
   double exposures = 0;
   for (int i = 0; i < kCaptures; ++i) {
     const Capture capture = testing_scenes::reference_capture(scene, truth, photons, random());
