@@ -327,7 +327,7 @@ nlohmann::ordered_json coverage_json(const CoverageReport& report) {
 }
 
 std::string coverage_page(const CoverageReport& report) {
-  std::string body = "<p><b>" + html_safe(coverage_headline(report)) + "</b></p>\n";
+  std::string body;
   body += formatted(
       "<p>%d captures of each scene and level of light, seed %llu. Poses and brightness are drawn "
       "from the priors that the fit is told; the light is ",
@@ -344,7 +344,7 @@ std::string coverage_page(const CoverageReport& report) {
   for (const CoverageScene& scene : report.scenes) {
     for (const CoverageLevel& level : scene.levels) body += level_html(scene, level);
   }
-  return plain_page("Whether the uncertainty is what it says", body);
+  return plain_page("Whether the uncertainty is what it says", coverage_headline(report), body);
 }
 
 }  // namespace blindcorner

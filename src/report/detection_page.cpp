@@ -216,7 +216,6 @@ nlohmann::ordered_json detection_json(const DetectionReport& report) {
 std::string detection_page(const DetectionReport& report) {
   const DetectionOptions& options = report.options;
   std::string body =
-      "<p><b>" + html_safe(detection_headline(report)) + "</b></p>\n" +
       formatted(
           "<p>%d captures with an object and %d empty ones at each level of light, seed %llu. "
           "Poses "
@@ -234,7 +233,7 @@ std::string detection_page(const DetectionReport& report) {
       "(Bonferroni's) with which all rows of this page together hold in 95 of 100 such studies if "
       "all are right.</p>\n";
   for (const DetectionScene& scene : report.scenes) body += detection_scene_html(scene);
-  return plain_page("Detections and false alarms", body);
+  return plain_page("Detections and false alarms", detection_headline(report), body);
 }
 
 }  // namespace blindcorner

@@ -340,7 +340,7 @@ nlohmann::ordered_json sweep_json(const SweepReport& report) {
 
 std::string sweep_page(const SweepReport& report) {
   const SweepOptions& options = report.options;
-  std::string body = "<p><b>" + html_safe(report.verdict.headline()) + "</b></p>\n<ul>";
+  std::string body = "<ul>";
   for (const std::string& remark : report.verdict.remarks()) {
     body += "<li>" + html_safe(remark) + "\n";
   }
@@ -367,7 +367,7 @@ std::string sweep_page(const SweepReport& report) {
       "name.</p>\n";
   body += charts_html({ratio_chart(report.verdict)}) + ratio_table(report.verdict);
   for (const SweepScene& scene : report.scenes) body += scene_html(scene);
-  return plain_page("Error against run time", body);
+  return plain_page("Error against run time", report.verdict.headline(), body);
 }
 
 }  // namespace blindcorner

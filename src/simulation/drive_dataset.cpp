@@ -19,7 +19,7 @@ constexpr std::uint64_t kDatasetSeeds = 1'000'000'000;
 
 /// Seeds of a frame's captures begin this far from those of the frame before, and no drive has so
 /// many frames that they meet another's.
-constexpr std::uint64_t kFrameSeeds = 1'000;
+constexpr std::uint64_t kSeedsApart = 1'000;
 constexpr std::uint64_t kDriveSeeds = 1'000'000'000;
 /// Places that are tried before a frame does without more.
 constexpr int kAttempts = 200;
@@ -42,7 +42,7 @@ class Recorder {
     std::vector<Capture> captures;
     std::uint64_t seed = kDriveSeeds * trial.seed;
     for (const DriveFrame& frame : driven.frames) {
-      seed += kFrameSeeds;
+      seed += kSeedsApart;
       if (frame.fate != FrameFate::used || !frame.truth) continue;
       std::ranges::move(sensor_.sense_each(frame.T_world_sensor, poses_of(frame, seed), seed),
                         std::back_inserter(captures));

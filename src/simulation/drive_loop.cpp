@@ -43,12 +43,14 @@ constexpr std::uint64_t kFrameSeeds = 1'000'003;
 constexpr std::uint64_t kFaultSeed = 0x9e3779b97f4a7c15;
 
 /// Adds the wall-clock time until it is destroyed to a sum, ms.
-class Stopwatch {
+class StageTimer {
  public:
-  explicit Stopwatch(double& sum) : sum_(sum) {}
-  ~Stopwatch() { sum_ += std::chrono::duration<double, std::milli>(Clock::now() - start_).count(); }
-  Stopwatch(const Stopwatch&) = delete;
-  Stopwatch& operator=(const Stopwatch&) = delete;
+  explicit StageTimer(double& sum) : sum_(sum) {}
+  ~StageTimer() {
+    sum_ += std::chrono::duration<double, std::milli>(Clock::now() - start_).count();
+  }
+  StageTimer(const StageTimer&) = delete;
+  StageTimer& operator=(const StageTimer&) = delete;
 
  private:
   double& sum_;
@@ -260,11 +262,11 @@ void DriveLoop::take_frame(const SensedEvent& event) {
   } else {
     SensedFrame sensed;
     if (options_.keep_pictures || perception_->needs_histograms()) {
-      const Stopwatch watch(frame.time_ms.sense);
+      const StageTimer watch(frame.time_ms.sense);
       sensed = sensor_.sense(frame.T_world_sensor, world_.hidden(event.capture_time),
                              options_.seed + kFrameSeeds * (event.frame + 1));
     }
-    const Stopwatch watch(frame.time_ms.perceive);
+    const StageTimer watch(frame.time_ms.perceive);
     sensed_from_ = event.vehicle;
     answer.answer = perception_->perceive(sensed.capture, T_world_believed, event.capture_time);
     busy_until_ = answer.ready;
@@ -285,7 +287,7 @@ void DriveLoop::take_answer(const AnswerEvent& event) {
 }
 
 void DriveLoop::update_map(const LineOfSightScan* scan, const AnswerEvent* event) {
-  const Stopwatch watch(times_.map);
+  const StageTimer watch(times_.map);
   std::optional<HiddenAnswer> answer;
   if (event != nullptr) {
     answer =
@@ -296,7 +298,7 @@ void DriveLoop::update_map(const LineOfSightScan* scan, const AnswerEvent* event
 }
 
 void DriveLoop::plan() {
-  const Stopwatch watch(times_.plan);
+  const StageTimer watch(times_.plan);
   occupancy_ = occupancy();
   const PlanningGrid planning = replanner_.planner().grid(drive_.map, occupancy_);
   const VehicleState at = believed();
@@ -353,7 +355,7 @@ void DriveLoop::limit_speed() {
 
 /// One control period.
 void DriveLoop::step() {
-  const Stopwatch watch(times_.control);
+  const StageTimer watch(times_.control);
   const Vector2d from = state().position;
   const VehicleState before = believed();
   DriveRequest request = safe_stop(before, limits_);

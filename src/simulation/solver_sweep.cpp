@@ -14,6 +14,7 @@
 #include <ctime>
 #include <limits>
 #include <map>
+#include <numeric>
 #include <random>
 
 #include "blindcorner/forward/constants.h"
@@ -346,7 +347,13 @@ SweepFigures figures_of(const SweepCell& cell, const std::vector<double>& bound,
   figures.following_cpu = quantile_or_none(cpu, 0.5);
   figures.following_wall = quantile_or_none(wall, 0.5);
   figures.right_rms = root_mean_square(right);
-  const BootstrapInterval efficiency = bootstrap_root_mean(squared_ratios, seed);
+  const BootstrapInterval efficiency = bootstrap(
+      squared_ratios,
+      [](const std::vector<double>& squares) {
+        return std::sqrt(std::accumulate(squares.begin(), squares.end(), 0.0) /
+                         static_cast<double>(squares.size()));
+      },
+      seed);
   figures.efficiency = efficiency.value;
   figures.efficiency_low = efficiency.low;
   figures.efficiency_high = efficiency.high;
