@@ -541,7 +541,16 @@ class TorchBackend : public CnnBackend {
 
   std::unique_ptr<CnnNetwork> network(const std::string& bytes, const CnnShape& shape,
                                       const std::string& where) const override {
-    return std::make_unique<TorchNetwork>(shape, unpickled(bytes, where), where);
+    const Entries entries = unpickled(bytes, where);
+    // Weights of a network take more than a byte for each zone, bin and output: what claims more is
+    // not made room for.
+    const int largest = std::max({shape.zones, shape.bins, shape.outputs});
+    if (static_cast<std::size_t>(largest) > bytes.size()) {
+      throw Error(where + ": metadata", "zones, bins or unknowns: found " +
+                                            std::to_string(largest) +
+                                            ", accepted: those of the weights in the file");
+    }
+    return std::make_unique<TorchNetwork>(shape, entries, where);
   }
 
   std::unique_ptr<CnnTrainer> trainer(const CnnShape& shape, const CnnData& data,
