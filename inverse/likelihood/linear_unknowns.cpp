@@ -374,8 +374,15 @@ void LinearSolver::solve_shared(std::span<const ZoneShapes> shapes, std::size_t 
   for (std::size_t z = begin; z < end; ++z) {
     const Block& block = blocks[z - begin];
     if (observation_.law(observation_.zones[z]).counts_photons()) {
+      const double ambient = solution.ambient[z];
       if (block.c_held) solution.log_volume += log_half_line(block.gc, block.own_cc);
-      if (block.c_free) solution.log_volume += log_share_above(solution.ambient[z], block.hcc);
+      if (block.c_free && block.own_cc > 0) {
+        solution.log_volume += log_share_above(ambient, block.hcc);
+      } else if (block.c_free && block.gc > 0) {
+        // Without a photon the likelihood falls exponentially from zero on, and Newton's steps,
+        // which have no curvature, stay where they began.
+        solution.log_volume += block.gc * ambient - std::log(block.gc) - 0.5 * std::log(2 * kPi);
+      }
     }
     if (block.b_held) solution.log_volume += log_half_line(block.gb, block.own_bb);
     if (block.b_free) solution.log_volume += log_share_above(solution.direct[z], block.hbb);
