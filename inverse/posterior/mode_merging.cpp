@@ -59,9 +59,12 @@ bool within_better(const Scene& scene, const std::vector<Peak>& better, const Po
 std::vector<std::size_t> connect(const PoseObjective& objective,
                                  const std::vector<const Refined*>& optima, double inflation) {
   const CompiledScene& compiled = objective.compiled();
+  // What samples are weighed with. Closed-form light that is corrected at one end is not right at
+  // the other: its slopes, a noise where nothing depends on an unknown, would dig valleys.
+  const LightSource light =
+      compiled.spline ? LightSource(*compiled.spline) : LightSource(objective.rough_models());
   const auto value = [&](const Refined& near, const PoseVector& pose) {
     LinearSolution linear = near.linear;
-    const LightSource light = light_near(objective, near);
     return tempered(objective.evaluate(light, pose, linear, true, kSampleAccuracy), inflation);
   };
   std::vector<double> ends;
@@ -77,8 +80,7 @@ std::vector<std::size_t> connect(const PoseObjective& objective,
       const bool one = std::all_of(kPlaces.begin(), kPlaces.end(), [&](double place) {
         PoseVector pose = best.pose + place * way;
         wrap_pose(compiled.scene, pose);
-        // A light that is corrected at one end is the less right the farther it is from there.
-        return (1 - place) * value(best, pose) + place * value(*optima[j], pose) >= level;
+        return value(best, pose) >= level;
       });
       if (one) head[j] = heads[h];
     }

@@ -4,6 +4,9 @@
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "blindcorner/forward/error.h"
 #include "blindcorner/io/scene_file.h"
@@ -73,15 +76,17 @@ CnnDatasetArguments data_of(const BaselineArguments& arguments, bool drive,
 void check_data(const std::string& path, const std::string& scene,
                 const CnnDatasetArguments& wanted) {
   const nlohmann::json found = parsed(path);
-  nlohmann::json fields{{"scene", read_scene(scene).name}, {"seed", wanted.options.seed}};
+  // The scene first: whose data they are says more than how many.
+  std::vector<std::pair<std::string, nlohmann::json>> fields{{"scene", read_scene(scene).name},
+                                                             {"seed", wanted.options.seed}};
   if (wanted.environments > 0) {
-    fields["environments"] = wanted.environments;
-    fields["places"] = wanted.places;
+    fields.emplace_back("environments", wanted.environments);
+    fields.emplace_back("places", wanted.places);
   } else {
     const DatasetOptions& o = wanted.options;
-    fields["count"] = o.random > 0 ? o.random : o.objects * o.sensors;
+    fields.emplace_back("count", o.random > 0 ? o.random : o.objects * o.sensors);
   }
-  for (const auto& [name, value] : fields.items()) {
+  for (const auto& [name, value] : fields) {
     const nlohmann::json there = found.is_object() ? found.value(name, nlohmann::json()) : found;
     if (there == value) continue;
     throw Error(path + ": " + name,

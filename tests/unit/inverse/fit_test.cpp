@@ -113,9 +113,16 @@ TEST(Fit, PresenceDecidesWhenFalseAlarmsAreNotAskedFor) {
   const FitResult bright = fitter.fit(reference_capture(scene, middle(scene), 3000, 1));
   EXPECT_GT(bright.posterior.presence_probability, 0.999);
   EXPECT_THAT(bright.flags, Not(Contains("nothing_detected")));
-  const FitResult dim = fitter.fit(reference_capture(scene, middle(scene), 1, 1));
-  EXPECT_LT(dim.posterior.presence_probability, 0.5);
-  EXPECT_THAT(dim.flags, Contains("nothing_detected"));
+  // A photon or two tell next to nothing: about half of such captures leave less than the prior.
+  int absent = 0;
+  for (unsigned seed = 1; seed <= 12; ++seed) {
+    const FitResult dim = fitter.fit(reference_capture(scene, middle(scene), 1, seed));
+    const bool said = std::ranges::find(dim.flags, "nothing_detected") != dim.flags.end();
+    EXPECT_EQ(said, dim.posterior.presence_probability < 0.5) << seed;
+    EXPECT_LT(dim.posterior.presence_probability, 0.9) << seed;
+    absent += said ? 1 : 0;
+  }
+  EXPECT_GE(absent, 2);  // of 12 with even chances fewer come once in 300
 }
 
 TEST(Fit, SameSeedSameAnswer) {
