@@ -25,8 +25,8 @@ using ModelSet = std::vector<std::unique_ptr<ForwardModel>>;  // [captures]
 
 class SceneKnowledge;
 
-/// Tolerance of the models that score and steer, and of the first level of exactness; further levels
-/// follow from the capture.
+/// Tolerance of the models that score and steer, and of the first level of exactness; further
+/// levels follow from the capture.
 inline constexpr double kFirstTolerance = 0.1;
 
 /// Levels of exactness that a fit may go through.
