@@ -73,7 +73,9 @@ CnnDatasetArguments data_of(const BaselineArguments& arguments, bool drive,
 void check_data(const std::string& path, const std::string& scene,
                 const CnnDatasetArguments& wanted) {
   const nlohmann::json found = parsed(path);
-  nlohmann::json fields{{"scene", read_scene(scene).name}, {"seed", wanted.options.seed}};
+  nlohmann::ordered_json fields;
+  fields["scene"] = read_scene(scene).name;
+  fields["seed"] = wanted.options.seed;
   if (wanted.environments > 0) {
     fields["environments"] = wanted.environments;
     fields["places"] = wanted.places;
