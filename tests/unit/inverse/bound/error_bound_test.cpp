@@ -94,9 +94,9 @@ TEST(ErrorBound, HoldsForFits) {
   options.exposures = exposures;
   options.ambient = photons / exposures / (scene.sensor.zone_count() * 20);  // as the capture has
   const PoseBound bound = bound_at_middle(scene, options);
-  // In the middle of the prior the posterior's mean is drawn towards the truth: where data and prior
-  // tell as much, its variance is half of the bound's. Three standard deviations (18 % each, 16
-  // captures) below the root of that is 0.33.
+  // In the middle of the prior the posterior's mean is drawn towards the truth: where data and
+  // prior tell as much, its variance is half of the bound's. Three standard deviations (18 % each,
+  // 16 captures) below the root of that is 0.33.
   EXPECT_GT(std::sqrt(squares), 0.33 * bound.position_error);
   EXPECT_LT(std::sqrt(squares), 2.5 * bound.position_error);
 }
