@@ -128,7 +128,7 @@ void widen_to(Scene& free, const std::vector<std::vector<Placement>>& captures) 
 
 /// What is odd about the poses, a line each on the standard error stream.
 void tell_placement_hints(const std::vector<Scene>& seen,
-                const std::vector<std::vector<Placement>>& placements) {
+                          const std::vector<std::vector<Placement>>& placements) {
   std::set<std::string> told;
   const std::size_t count = std::max(seen.size(), placements.size());
   for (std::size_t i = 0; i < count; ++i) {

@@ -26,7 +26,7 @@ Chart loss_chart(CnnArchitecture network, const CnnTrainingResult& result) {
               wide ? "negative log likelihood of the normalised outputs, mean of the ensemble"
                    : "mean squared error of the normalised outputs"};
   chart.logarithmic = !wide;  // the likelihood may be above one
-  chart.width = 460;  // a telephone shows it at three quarters of that
+  chart.width = 460;          // a telephone shows it at three quarters of that
   chart.height = 320;
   ChartSeries training{wide ? "training" : "training, with dropout"}, validation{"held back"};
   const std::size_t count = result.history.size();
