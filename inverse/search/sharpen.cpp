@@ -11,6 +11,7 @@
 #include <limits>
 
 #include "inverse/posterior/fisher_information.h"
+#include "inverse/posterior/goodness_of_fit.h"
 #include "inverse/posterior/mode_merging.h"
 #include "inverse/posterior/prior_moments.h"
 
@@ -82,8 +83,12 @@ ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima,
   for (int level = 1; level < kModelLevels; ++level) {
     const double before = levels.errors[static_cast<std::size_t>(level) - 1];
     const Refined& top = optima.front();
+    // What the model misses for other reasons than its sampling widens the posterior, and makes as
+    // much of its error as unimportant.
+    const double inflation = goodness_of_fit(objective, top).inflation;
     // No error of this share of the light moves anything by more than this.
-    if (before * std::sqrt(pose_information(objective, top).signal) < kSmallMove) break;
+    const double signal = pose_information(objective, top).signal / inflation;
+    if (before * std::sqrt(signal) < kSmallMove) break;
     const ModelSet& finer = compiled.models_at(level);
     ShapeBuffer now;
     ShapeBuffer then;
@@ -95,13 +100,14 @@ ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima,
       change(r, 0) = then.object[k] - now.object[k];
     }
     const PoseInformation info = pose_information(objective, top, change);
-    const Eigen::MatrixXd precision = info.pose + prior_precision(compiled.scene);
-    const Eigen::VectorXd move = precision.ldlt().solve(info.disturbance.col(0));
+    const Eigen::MatrixXd precision = info.pose / inflation + prior_precision(compiled.scene);
+    const Eigen::VectorXd move = precision.ldlt().solve(info.disturbance.col(0) / inflation);
     const double size = std::sqrt(move.dot(precision * move));
     error.covariance = move * move.transpose();
     LinearSolution linear = top.linear;
     const double shift = std::abs(objective.evaluate(then, top.pose, linear, true).log_posterior -
-                                  top.value.log_posterior);
+                                  top.value.log_posterior) /
+                         inflation;
     if (size < kSmallMove && shift < kSmallShift) break;
     objective.use(finer);
     if (size > levels.large_move || shift > levels.large_shift) {

@@ -183,6 +183,36 @@ TEST(Fit, JointFitIsSharperThanEachCapture) {
   EXPECT_LT(joint.posterior.covariance.trace(), 0.8 * one.posterior.covariance.trace());
 }
 
+/// Captures of one object from as many places of the sensor.
+std::vector<Capture> from_many_places(const Scene& scene, int count, double photons) {
+  std::vector<Capture> captures;
+  for (int i = 0; i < count; ++i) {
+    Scene there = scene;
+    there.T_world_sensor.translation() += Eigen::Vector3d(0.03 * (i % 4), 0.02 * (i / 4), 0);
+    captures.push_back(
+        reference_capture(there, middle(scene), photons, static_cast<std::uint64_t>(i) + 1));
+    captures.back().T_world_sensor = there.T_world_sensor;
+  }
+  return captures;
+}
+
+// A model of every capture at every step of every descent is what a joint fit cannot afford: 36
+// captures of scenes/ams_u.json took minutes. A few captures search, and all of them settle.
+TEST(Fit, JointFitOfManyCapturesSearchesWithAFewOfThem) {
+  const Scene scene = quick_scene();
+  FitOptions options = quick_options();
+  options.empty_captures = 0;
+  const std::vector<Capture> captures = from_many_places(scene, 12, 3000);
+  const FitResult joint = Fitter(scene, options).fit_joint(captures);
+  const PoseMode& mode = joint.posterior.modes.front();
+  const PoseVector d = mode.pose - middle(scene);
+  // chi-square of two unknowns exceeds 18.4 once in ten thousand.
+  EXPECT_LT(d.dot(mode.covariance.inverse() * d), 18.4);
+  EXPECT_LT(joint.posterior.covariance.trace(),
+            0.5 * fit(scene, captures.front(), options).posterior.covariance.trace());
+  EXPECT_LT(joint.renders, kRendersOfJointFit * 12);
+}
+
 TEST(BadCapture, NoPhotonsIsNothingDetectedNotAnError) {
   const Scene scene = quick_scene();
   const FitResult result = fit(scene, blank(scene), quick_options());
