@@ -6,12 +6,14 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cstdio>
 #include <limits>
 
 #include "blindcorner/forward/error.h"
 #include "blindcorner/forward/sensor/photon_noise.h"
 #include "blindcorner/forward/transport/forward_model.h"
 #include "blindcorner/io/scene_file.h"
+#include "inverse/fit_cost.h"
 #include "inverse/search/exhaustive.h"
 #include "unit/error_message.h"
 #include "unit/test_scenes.h"
@@ -183,11 +185,12 @@ TEST(Fit, JointFitIsSharperThanEachCapture) {
   EXPECT_LT(joint.posterior.covariance.trace(), 0.8 * one.posterior.covariance.trace());
 }
 
-/// Captures of one object from as many places of the sensor.
+/// Captures of one object, larger than the scene says, from as many places of the sensor.
 std::vector<Capture> from_many_places(const Scene& scene, int count, double photons) {
   std::vector<Capture> captures;
   for (int i = 0; i < count; ++i) {
     Scene there = scene;
+    there.hidden.placement.size = 1.4;
     there.T_world_sensor.translation() += Eigen::Vector3d(0.03 * (i % 4), 0.02 * (i / 4), 0);
     captures.push_back(
         reference_capture(there, middle(scene), photons, static_cast<std::uint64_t>(i) + 1));
@@ -202,15 +205,18 @@ TEST(Fit, JointFitOfManyCapturesSearchesWithAFewOfThem) {
   const Scene scene = quick_scene();
   FitOptions options = quick_options();
   options.empty_captures = 0;
-  const std::vector<Capture> captures = from_many_places(scene, 12, 3000);
+  const std::vector<Capture> captures = from_many_places(scene, 12, 300000);
+  const long before = renders_of_fits();
   const FitResult joint = Fitter(scene, options).fit_joint(captures);
+  const long renders = renders_of_fits() - before;
+  std::printf("%ld renders of one capture\n", renders);
   const PoseMode& mode = joint.posterior.modes.front();
   const PoseVector d = mode.pose - middle(scene);
-  // chi-square of two unknowns exceeds 18.4 once in ten thousand.
-  EXPECT_LT(d.dot(mode.covariance.inverse() * d), 18.4);
-  EXPECT_LT(joint.posterior.covariance.trace(),
-            0.5 * fit(scene, captures.front(), options).posterior.covariance.trace());
-  EXPECT_LT(joint.renders, kRendersOfJointFit * 12);
+  // What a wrong size moves, by which the other captures of the scene are off alike.
+  EXPECT_LT(d.norm(), 0.03);
+  // Two settling descents of a dozen steps of three renders, and two stages more samples than the
+  // posterior of a Gaussian asks for; by all captures at every start it were 370 of each.
+  EXPECT_LT(renders, 250 * 12);
 }
 
 TEST(BadCapture, NoPhotonsIsNothingDetectedNotAnError) {
