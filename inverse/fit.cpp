@@ -69,8 +69,8 @@ constexpr double kElsewhere = 0.5;
 constexpr int kMaxRounds = 3;
 constexpr std::size_t kPlacesEach = 6;
 /// Captures of a joint fit that search for the rest of them, where there are so many times more;
-/// what they must gain over the empty scene in log posterior, misfit counted: three unknowns of a
-/// good optimum are then known to a tenth of what the pulse resolves; and optima that may be left.
+/// what they must gain over the empty scene in log posterior, misfit counted (a signal-to-noise
+/// ratio of 14); and optima that may be left.
 constexpr std::size_t kFew = 4, kTimesFew = 2;
 constexpr double kClear = 100;
 constexpr std::size_t kFewOptima = 8;
@@ -271,8 +271,8 @@ double roughness_of_closed_form(const PoseObjective& objective, const Refined& o
 /// Samples in proportion to the terms of a covariance, of which three unknowns ask for the options'
 /// number, and one for as many as two. With as many as three unknowns, the six of two spheres had
 /// errors of 1.13, 1.47 and 1.26 times the claims at 1,000, 10,000 and 100,000 photons.
-/// A joint fit of many captures pays for each sample as many times: a quarter of them gives the
-/// standard deviations of four unknowns to a tenth.
+/// A joint fit of many captures pays for each sample as many times: a quarter of them, 27
+/// effective ones of four unknowns, gives standard deviations to a seventh.
 int samples_for(const FitOptions& options, const Scene& scene, std::size_t captures) {
   const std::size_t n = std::max<std::size_t>(scene.unknowns.size(), 2);
   const int dear = captures < kTimesFew * kFew ? 1 : 4;
