@@ -2,6 +2,7 @@
 #include "blindcorner/inverse/bound/error_bound.h"
 
 #include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
@@ -183,10 +184,13 @@ ErrorBound::Impl::Impl(const Scene& scene, const SensorPlacement& placement,
 
 void ErrorBound::Impl::look_around(const Advance& advance) {
   std::call_once(looked_around, [&] {
-    threshold = simulate_empty(*compiled, empty_level(*objective, empty), options.empty_captures,
-                               options.seed)
-                    .exceeded_by(kAlarm);
-    render_test_poses(advance);
+    // Isolated: whoever waits here must not pick up work that waits for this.
+    tbb::this_task_arena::isolate([&] {
+      threshold = simulate_empty(*compiled, empty_level(*objective, empty), options.empty_captures,
+                                 options.seed)
+                      .exceeded_by(kAlarm);
+      render_test_poses(advance);
+    });
   });
 }
 
