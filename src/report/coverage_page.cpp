@@ -32,11 +32,13 @@ std::string share_text(int part, int whole) {
 
 std::string warnings_text(const WarningShares& w) {
   return formatted(
-      "several modes in %.1f %%, an open unknown in %.1f %%, a misfit in %.1f %%, an optimum at a "
-      "bound in %.1f %%, any warning in %.1f %%; outside of the 95 %% region without a warning: "
+      "several modes in %.1f %%, an open unknown in %.1f %%, a misfit in %.1f %%, unexplained "
+      "light in "
+      "%.1f %%, an optimum at a bound in %.1f %%, any warning in %.1f %%; outside of the 95 %% "
+      "region without a warning: "
       "%.1f %%",
-      100 * w.multimodal, 100 * w.undetermined, 100 * w.misfit, 100 * w.at_bound, 100 * w.warned,
-      100 * w.unwarned);
+      100 * w.multimodal, 100 * w.undetermined, 100 * w.misfit, 100 * w.unexplained,
+      100 * w.at_bound, 100 * w.warned, 100 * w.unwarned);
 }
 
 std::string level_text(const CoverageLevel& level) {
@@ -97,18 +99,20 @@ std::string wrong_html(const CoverageLevel& level) {
       "of the claimed uncertainty to that under the right assumption.</p>\n"
       "<div style=\"overflow-x:auto\"><table><tr><th>what the scene is wrong "
       "about<th>captures<th>50 "
-      "%<th>90 %<th>95 %<th>growth<th>median error, m<th>with the right one, m<th>misfit<th>any "
+      "%<th>90 %<th>95 %<th>growth<th>median error, m<th>with the right one, "
+      "m<th>misfit<th>unexplained light<th>any "
       "warning<th>outside of 95 % without a warning<th>grows or warns</tr>\n";
   for (const WrongFigures& w : level.wrong) {
     html += "<tr><td>" + html_safe(w.assumption.name);
     if (w.captures == 0) {
-      html += "<td colspan=\"11\">left out: " + html_safe(w.assumption.left_out) + "</tr>\n";
+      html += "<td colspan=\"12\">left out: " + html_safe(w.assumption.left_out) + "</tr>\n";
       continue;
     }
     html += formatted("<td>%d", w.captures);
     for (const int held : w.held) html += formatted("<td>%.3f", 1.0 * held / w.captures);
-    html += formatted("<td>%.2f<td>%.4f<td>%.4f<td>%.2f<td>%.2f<td>", w.claimed_growth,
-                      w.median_error, w.right_median_error, w.warnings.misfit, w.warnings.warned) +
+    html += formatted("<td>%.2f<td>%.4f<td>%.4f<td>%.2f<td>%.2f<td>%.2f<td>", w.claimed_growth,
+                      w.median_error, w.right_median_error, w.warnings.misfit,
+                      w.warnings.unexplained, w.warnings.warned) +
             share_text(w.unwarned, w.captures) +
             (w.holds ? "<td>yes</tr>\n"
                      : "<td style=\"background:var(--alarm);font-weight:600\">no</tr>\n");
@@ -161,6 +165,7 @@ nlohmann::ordered_json warnings_json(const WarningShares& w) {
   return {{"multimodal", w.multimodal},
           {"undetermined", w.undetermined},
           {"model_misfit", w.misfit},
+          {"unexplained_light", w.unexplained},
           {"at_bound", w.at_bound},
           {"any", w.warned},
           {"outside_of_95_without_warning", w.unwarned}};
@@ -250,9 +255,9 @@ std::string coverage_text(const CoverageScene& scene) {
     text += scene.scene.name + ", " + light_of(level) + "\n" + level_text(level) + "\n" +
             warnings_text(level.warnings) + "\n" + claim_table_text(level.claims);
     if (level.wrong.empty()) continue;
-    text +=
-        formatted("%-30s %8s %6s %6s %6s %7s %9s %9s %7s %7s %9s\n", "wrong", "captures", "50 %",
-                  "90 %", "95 %", "growth", "error m", "(right) m", "misfit", "warned", "unwarned");
+    text += formatted("%-30s %8s %6s %6s %6s %7s %9s %9s %7s %7s %7s %9s\n", "wrong", "captures",
+                      "50 %", "90 %", "95 %", "growth", "error m", "(right) m", "misfit", "light",
+                      "warned", "unwarned");
     for (const WrongFigures& w : level.wrong) {
       if (w.captures == 0) {
         text += formatted("%-30s left out: %s\n", w.assumption.name.c_str(),
@@ -260,11 +265,11 @@ std::string coverage_text(const CoverageScene& scene) {
         continue;
       }
       const double n = w.captures;
-      text +=
-          formatted("%-30s %8d %6.3f %6.3f %6.3f %7.2f %9.4f %9.4f %7.2f %7.2f %9.3f %s\n",
-                    w.assumption.name.c_str(), w.captures, w.held[0] / n, w.held[1] / n,
-                    w.held[2] / n, w.claimed_growth, w.median_error, w.right_median_error,
-                    w.warnings.misfit, w.warnings.warned, w.unwarned / n, w.holds ? "" : "FAILS");
+      text += formatted(
+          "%-30s %8d %6.3f %6.3f %6.3f %7.2f %9.4f %9.4f %7.2f %7.2f %7.2f %9.3f %s\n",
+          w.assumption.name.c_str(), w.captures, w.held[0] / n, w.held[1] / n, w.held[2] / n,
+          w.claimed_growth, w.median_error, w.right_median_error, w.warnings.misfit,
+          w.warnings.unexplained, w.warnings.warned, w.unwarned / n, w.holds ? "" : "FAILS");
     }
   }
   return text;
@@ -275,17 +280,17 @@ std::string coverage_csv(const CoverageReport& report) { return claims_csv(repor
 std::string wrong_assumptions_csv(const CoverageReport& report) {
   std::string csv =
       "scene,photons,wrong,captures,failures,in_50,in_90,in_95,claimed_growth,median_error_m,"
-      "right_median_error_m,misfit,flagged,outside_of_95_without_warning,holds\n";
+      "right_median_error_m,misfit,unexplained_light,flagged,outside_of_95_without_warning,holds\n";
   for (const CoverageScene& scene : report.scenes) {
     for (const CoverageLevel& level : scene.levels) {
       for (const WrongFigures& w : level.wrong) {
         if (w.captures == 0) continue;
         csv += "\"" + scene.scene.name + "\"," + photons_csv(level) + ",\"" + w.assumption.name +
                "\"" +
-               formatted(",%d,%d,%d,%d,%d,%.4g,%.5g,%.5g,%.4g,%.4g,%d,%d\n", w.captures, w.failures,
-                         w.held[0], w.held[1], w.held[2], w.claimed_growth, w.median_error,
-                         w.right_median_error, w.warnings.misfit, w.warnings.warned, w.unwarned,
-                         w.holds ? 1 : 0);
+               formatted(",%d,%d,%d,%d,%d,%.4g,%.5g,%.5g,%.4g,%.4g,%.4g,%d,%d\n", w.captures,
+                         w.failures, w.held[0], w.held[1], w.held[2], w.claimed_growth,
+                         w.median_error, w.right_median_error, w.warnings.misfit,
+                         w.warnings.unexplained, w.warnings.warned, w.unwarned, w.holds ? 1 : 0);
       }
     }
   }

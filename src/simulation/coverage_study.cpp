@@ -233,6 +233,7 @@ WarningShares warnings_of(std::span<const ClaimTrial> trials) {
   shares.multimodal = with("multimodal");
   shares.undetermined = with("undetermined");
   shares.misfit = with("model_misfit");
+  shares.unexplained = with("unexplained_light");
   shares.at_bound = with("at_bound");
   shares.warned = share_where(trials, [](const ClaimTrial& t) { return t.warned(); });
   shares.unwarned = share_where(

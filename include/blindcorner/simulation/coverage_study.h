@@ -64,7 +64,7 @@ std::vector<ClaimTest> claims_of(std::span<const ClaimTrial> trials, int unknown
 
 /// Shares of trials.
 struct WarningShares {
-  double multimodal = 0, undetermined = 0, misfit = 0, at_bound = 0, warned = 0;
+  double multimodal = 0, undetermined = 0, misfit = 0, unexplained = 0, at_bound = 0, warned = 0;
   /// Outside of the 95 % region, and nothing warns of it.
   double unwarned = 0;
 };
