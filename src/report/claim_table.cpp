@@ -16,10 +16,11 @@ std::string claim_table_html(std::span<const ClaimTest> claims) {
       "<div style=\"overflow-x:auto\"><table><tr><th>claim<th>trials<th>claimed<th>found<th>allowed"
       "<th>verdict</tr>\n";
   for (const ClaimTest& c : claims) {
-    html += std::string(c.holds ? "<tr>" : "<tr style=\"background:var(--alarm);font-weight:600\">") +
-            "<td>" + html_safe(c.what) +
-            formatted("<td>%d<td>%.3f<td>%.4f<td>%.4f to %.4f<td>%s</tr>\n", c.trials, c.claimed,
-                      c.found, c.low, c.high, c.holds ? "holds" : "fails");
+    html +=
+        std::string(c.holds ? "<tr>" : "<tr style=\"background:var(--alarm);font-weight:600\">") +
+        "<td>" + html_safe(c.what) +
+        formatted("<td>%d<td>%.3f<td>%.4f<td>%.4f to %.4f<td>%s</tr>\n", c.trials, c.claimed,
+                  c.found, c.low, c.high, c.holds ? "holds" : "fails");
   }
   return html + "</table></div>\n";
 }
