@@ -27,6 +27,7 @@
 #include "inverse/posterior/mode_merging.h"
 #include "inverse/posterior/posterior.h"
 #include "inverse/posterior/prior_moments.h"
+#include "inverse/posterior/unexplained_light.h"
 #include "inverse/search/compiled_scene.h"
 #include "inverse/search/refine.h"
 #include "inverse/search/scoring.h"
@@ -276,7 +277,9 @@ void allow_for_outliers(const Scene& scene, PoseMixture& mixture) {
                        share * (1 - share) * difference * difference.transpose();
 }
 
-void set_flags(const Scene& scene, const Posterior& posterior, FitResult& result) {
+/// `left_over` as of UnexplainedLight::probability().
+void set_flags(const Scene& scene, const Posterior& posterior, double left_over,
+               FitResult& result) {
   const auto flag = [&](bool condition, const char* word) {
     if (condition) result.flags.emplace_back(word);
   };
@@ -287,6 +290,7 @@ void set_flags(const Scene& scene, const Posterior& posterior, FitResult& result
   flag(mixture.modes.size() > 1 && mixture.modes.front().weight < 0.9, "multimodal");
   flag(!mixture.modes.front().undetermined.empty(), "undetermined");
   flag(result.goodness_of_fit.inflation > 1, "model_misfit");
+  flag(left_over < kUnexplained, "unexplained_light");
   flag(posterior.sampled, "sampled");
   flag(posterior.sampled && posterior.effective_samples < 20, "few_effective_samples");
   bool at_bound = false;
@@ -744,6 +748,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   }
   result.posterior = posterior.mixture;
   allow_for_outliers(scene, result.posterior);
+  const double left_over = unexplained_light(objective, optima.front()).probability();
   result.time_ms.uncertainty = stage.lap();
 
   // Is there anything at all?
@@ -761,7 +766,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
 
   result.renders = objective.renders() + found.renders;
 
-  set_flags(scene, posterior, result);
+  set_flags(scene, posterior, left_over, result);
   ShapeBuffer at;
   objective.shapes(light_near(objective, optima.front()), optima.front().pose, at);
   for (std::size_t i = 0; i < captures.size(); ++i) {
@@ -769,6 +774,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
         fitted_histograms(objective, optima.front(), at, captures[i], static_cast<int>(i)));
   }
   std::ranges::copy(fit_hints(scene, result), std::back_inserter(result.hints));
+  if (left_over < kUnexplained) result.hints.push_back(unexplained_hint(left_over));
   result.time_ms.total = total.lap();
   return result;
 }

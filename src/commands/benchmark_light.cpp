@@ -33,6 +33,7 @@
 #include "commands/synthetic_trials.h"
 #include "commands/thread_limit.h"
 #include "forward/support/quantile.h"
+#include "report/colours.h"
 #include "report/formatted.h"
 
 namespace blindcorner {
@@ -307,8 +308,8 @@ std::vector<Chart> charts(const std::vector<Row>& rows) {
     Chart share{rows[first].scene + ": truth in the 95 % region",
                 "log10 of the photons of the object", "share of captures"};
     share.series = {{"posterior", {}, SeriesStyle::marked_line},
-                    {"its 95 % interval", {}, SeriesStyle::line, "#999"},
-                    {"", {}, SeriesStyle::line, "#999"}};
+                    {"its 95 % interval", {}, SeriesStyle::line, colour::kLine},
+                    {"", {}, SeriesStyle::line, colour::kLine}};
     share.rules = {{"95 %", kRegion, false}};
     for (Chart* chart : {&error, &share}) chart->width = 560, chart->height = 330;
     for (std::size_t i = first; i < end; ++i) {
