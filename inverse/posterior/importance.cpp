@@ -36,8 +36,9 @@ constexpr double kGrowth = 1.2;
 constexpr double kShift = 0.4;
 /// Samples about the heaviest one that a component is made of.
 constexpr std::size_t kNeighbours = 40;
-constexpr int kStages = 6;     ///< that make up the samples asked for
-constexpr int kMostTimes = 4;  ///< as many samples as asked for, when few are effective
+constexpr int kStages = 6;       ///< that make up the samples asked for, at least
+constexpr int kMostAtOnce = 40;  ///< samples of a stage: the sooner one learns, the fewer it takes
+constexpr int kMostTimes = 4;    ///< as many samples as asked for, when few are effective
 
 double log_student(const Peak& peak, double distance2) {
   const auto n = static_cast<double>(peak.center.size());
@@ -423,7 +424,7 @@ PosteriorSamples sample_posterior(const PoseObjective& objective, const SampleLi
                                   const std::vector<const Refined*>& optima, const Scored& scored,
                                   const SamplingOptions& options) {
   Sampler sampler(objective, lights, peaks, optima, scored, options);
-  const int stage = std::max(options.samples / kStages, 1);
+  const int stage = std::clamp(options.samples / kStages, 1, kMostAtOnce);
   // The model itself is dear: fewer will do.
   const double enough = options.samples / (lights.far.models == nullptr ? 3.0 : 4.0);
   while (sampler.count() < kMostTimes * options.samples) {

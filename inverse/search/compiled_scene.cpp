@@ -574,7 +574,7 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
       std::hypot(scene.sensor.response.core_sigma(), scene.sensor.bin_width / std::sqrt(12.0));
   compiled->pulse_path = kSpeedOfLight * pulse_time;
   const PoseVector rates = path_rates(scene, relay_sample(scene, placements.front()));
-  const bool closed_form = grid.closed_form && knowledge->coarse() != nullptr;
+  bool closed_form = grid.closed_form && knowledge->coarse() != nullptr;
 
   compiled->knowledge = knowledge;
   compiled->placements = placements;
@@ -590,13 +590,17 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
   };
   const double features =
       static_cast<double>(placements.size()) * scene.sensor.zone_count() * scene.sensor.bins * 0.6;
-  const double most = std::min<double>(grid.max_poses, kTemplateBytes / (4 * features));
+  double most = std::min<double>(grid.max_poses, kTemplateBytes / (4 * features));
   // A grid fine enough for a spline, where that is affordable.
   bool spline = false;
   if (grid.spline && !closed_form && scene.unknowns.size() <= kSplineUnknowns) {
     make_grid(*compiled, rates, kSplineStep / kGridStep * compiled->pulse_path,
               kSplineStep / kGridStep);
     spline = grid_size(*compiled) <= most && 4 * features * grid_size(*compiled) < kSplineBytes;
+  }
+  if (!spline && !closed_form && grid.closed_form_poses > 0 && knowledge->coarse() != nullptr) {
+    closed_form = true;
+    most = grid.closed_form_poses;
   }
   // Else widen the pulse until the grid is small enough.
   double widening = 1;

@@ -116,6 +116,9 @@ struct GridOptions {
   bool sharp = false;  ///< histograms from the model of the wanted tolerance, not the cheap one
   bool closed_form =
       false;  ///< histograms from closed-form models: for few captures of a placement
+  /// Where the grid is too large for a spline, histograms come from closed-form models too, at so
+  /// many poses at most; 0: from the fast model, with a wider pulse.
+  int closed_form_poses = 0;
 };
 
 /// What no sensor placement changes, found once for a scene. Thread safe.
