@@ -292,6 +292,9 @@ class RelaySampler {
 struct SeenFromObject {
   static constexpr std::size_t kLanes = 8;
   std::vector<double> x, y, z, counts;
+  /// m^2: a patch stands for several, which spread by that much. A placement that happens to touch
+  /// the one is no nearer to the light.
+  std::vector<double> nearest2;
   double size = 1;
 };
 
@@ -316,7 +319,7 @@ BLINDCORNER_MULTIVERSION void add_cell(const SurfaceCell& cell, const SeenFromOb
   for (std::size_t i = 0; i < from.x.size(); i += kLanes) {
     for (std::size_t k = 0; k < kLanes; ++k) {
       const double x = from.x[i + k] - cx, y = from.y[i + k] - cy, z = from.z[i + k] - cz;
-      const double inverse2 = 1 / (x * x + y * y + z * z);
+      const double inverse2 = 1 / std::max(x * x + y * y + z * z, from.nearest2[i + k]);
       const double along = std::max(x * nx + y * ny + z * nz, 0.0);
       const double w = from.counts[i + k] * along * along * inverse2 * inverse2 * inverse2;
       const double u = x * ux + y * uy + z * uz;
@@ -348,9 +351,11 @@ std::vector<SeenFromObject> seen_from_probes(const PatchArrays& seen, const Scen
       view.y.push_back(q.y());
       view.z.push_back(q.z());
       view.counts.push_back(1);
+      const double area = 4 * seen.half_u(i).cross(seen.half_v(i)).norm();
+      view.nearest2.push_back(stride * area / (2 * kPi));  // mean square within a disc
     }
     while (view.counts.size() % SeenFromObject::kLanes != 0) {
-      for (auto* v : {&view.x, &view.y, &view.z}) v->push_back(v->back());
+      for (auto* v : {&view.x, &view.y, &view.z, &view.nearest2}) v->push_back(v->back());
       view.counts.push_back(0);
     }
   }

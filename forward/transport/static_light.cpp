@@ -334,10 +334,10 @@ struct Axis {
 };
 
 /// The largest of the widths, and what the others come to together; none below one cell.
-std::array<double, 2> two_widths(std::array<double, 4> half, double cells_per_metre) {
-  const double largest = *std::ranges::max_element(half);
-  double square = 0;
-  for (const double h : half) square += h * h;
+inline std::array<double, 2> two_widths(const std::array<double, 4>& half, double cells_per_metre) {
+  const double largest = std::max(std::max(half[0], half[1]), std::max(half[2], half[3]));
+  const double square =
+      half[0] * half[0] + half[1] * half[1] + half[2] * half[2] + half[3] * half[3];
   return {
       std::max(2 * largest * cells_per_metre, 1.0),
       std::max(2 * std::sqrt(std::max(square - largest * largest, 0.0)) * cells_per_metre, 1.0)};

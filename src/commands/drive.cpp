@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "blindcorner/forward/sensor/photon_noise.h"
 #include "blindcorner/io/atomic_file.h"
 #include "blindcorner/io/drive_file.h"
 #include "blindcorner/report/drive_report.h"
@@ -45,7 +46,26 @@ double relative_difference(const HistogramCube& a, const HistogramCube& b) {
   return size > 0 ? std::sqrt(difference / size) : 0.0;
 }
 
-/// Simulated light against the reference renderer's on frames spread over the drive, relative L2.
+/// How far all counts of a frame are off those of the reference, in standard deviations of their
+/// photon noise together: no estimate from the frame can be off by more of its own.
+double against_noise(const Scene& scene, const SensedLight& light, const SensedLight& reference) {
+  const LinearValues linear{scene.linear.fixed_amplitude, scene.linear.fixed_ambient,
+                            scene.linear.fixed_direct};
+  const HistogramCube sensed =
+      expected_counts(scene, light.three_bounce, light.static_light, linear);
+  const HistogramCube right =
+      expected_counts(scene, reference.three_bounce, reference.static_light, linear);
+  double square = 0;
+  for (std::size_t i = 0; i < right.values.size(); ++i) {
+    if (right.values[i] > 0) {
+      square += std::pow(sensed.values[i] - right.values[i], 2) / right.values[i];
+    }
+  }
+  return std::sqrt(square);
+}
+
+/// Simulated light against the reference renderer's on frames spread over the drive: relative L2,
+/// and against photon noise.
 void check_sensor(const SimulatedSensor& sensor, const DriveResult& result, int count) {
   std::vector<const DriveFrame*> sensed;
   for (const DriveFrame& frame : result.frames) {
@@ -53,14 +73,15 @@ void check_sensor(const SimulatedSensor& sensor, const DriveResult& result, int 
   }
   const std::size_t frames = std::min(static_cast<std::size_t>(count), sensed.size());
   std::printf("simulated sensor against the reference renderer (relative L2)\n");
-  std::printf("  %8s %12s %12s\n", "time s", "three-bounce", "static");
+  std::printf("  %8s %12s %12s %14s\n", "time s", "three-bounce", "static", "/ photon noise");
   for (std::size_t i = 0; i < frames; ++i) {
     const DriveFrame& frame = *sensed[i * sensed.size() / frames];
     const SensedLight light = sensor.light(frame.T_world_sensor, frame.truth);
     const SensedLight reference = sensor.reference_light(frame.T_world_sensor, frame.truth);
-    std::printf("  %8.2f %12.5f %12.6f\n", frame.time,
+    std::printf("  %8.2f %12.5f %12.6f %14.2f\n", frame.time,
                 relative_difference(light.three_bounce, reference.three_bounce),
-                relative_difference(light.static_light, reference.static_light));
+                relative_difference(light.static_light, reference.static_light),
+                against_noise(sensor.scene(), light, reference));
     std::fflush(stdout);
   }
 }

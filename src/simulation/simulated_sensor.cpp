@@ -24,7 +24,7 @@ namespace {
 /// object stands beside what is lit. Where the lobe spreads paths by more than kWideLobe of the
 /// pulse, finer ones gain nothing, because the single sum itself is what is off.
 constexpr Fidelity kNarrowLobeSampling{0.85, 0.85, false};
-constexpr Fidelity kWideLobeSampling{1.7, 1.7, false};
+constexpr Fidelity kWideLobeSampling{1.7, 2.4, false};
 constexpr double kWideLobe = 0.5;
 /// Of other materials: the error at which a sampling is chosen, a share of the light's peak, and
 /// how much coarser than the fit's step it then is.

@@ -895,6 +895,21 @@ TEST(FastModelTest, LightDoesNotJumpWhereShadowsMeetTheHorizon) {
   }
 }
 
+/// A placement beside one of the relay patches that stand for all had asked for 12,616 points.
+TEST(FastModelTest, ObjectsNearTheRelayAreNotDividedForOnePatch) {
+  const Scene scene = read_scene(std::string(SOURCE_DIR) + "/scenes/street_turn.json");
+  const Eigen::AngleAxisd turned(0.13524554450254003, Eigen::Vector3d::UnitZ());
+  Transform T_world_sensor = Transform::Identity();
+  T_world_sensor.translation() = Eigen::Vector3d(8.964083958438168, 2.8459207015902197, 0) +
+                                 turned * Eigen::Vector3d(1.5, 0, 1.2);
+  T_world_sensor.linear() =
+      (turned * Eigen::AngleAxisd(15 * kDegree, Eigen::Vector3d::UnitZ())).toRotationMatrix();
+  FastModelOptions options;
+  options.fidelity = Fidelity{1.7, 1.7, false};
+  const auto model = make_fast_model(scene, SensorPlacement{T_world_sensor, {}}, options);
+  EXPECT_LT(model->size()->object_points, 3000);
+}
+
 // A spot of light that reaches the object at one time takes no convolution, down to the tolerance
 // at which its size shows.
 TEST(FastModelTest, SmallSpotsArriveAtOnce) {
