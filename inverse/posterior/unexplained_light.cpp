@@ -16,13 +16,13 @@ namespace {
 
 /// Places whose light is looked for. Sixteen tell as much as 144: a pulse in a few zones has some
 /// six degrees of freedom.
-constexpr std::size_t kPlaces = 24;
+constexpr std::size_t kLookedFor = 24;
 /// The fraction of the golden ratio: the places that its multiples choose are spread evenly.
 constexpr double kGolden = 0.61803398874989485;
 /// A place whose light the fitted unknowns explain but for this share is not looked at.
 constexpr double kLeastShare = 1e-4;
 /// Of an object's size, up and down.
-constexpr double kGrowth = 0.1;
+constexpr double kSizeStep = 0.1;
 /// Errors of the known light go together over at most so many bins and zones: 15 (robot_corridor),
 /// 36 (tmf8828_wall), 40 (street_corner), as StaticLightModel measures it.
 constexpr double kMostTogether = 40;
@@ -34,7 +34,7 @@ Eigen::MatrixXd light_of_places(const CompiledScene& compiled, int rows) {
     sets.push_back(&object.templates);
   }
   if (sets.empty()) sets.push_back(&compiled.templates());
-  const std::size_t each = std::max<std::size_t>(1, kPlaces / sets.size());
+  const std::size_t each = std::max<std::size_t>(1, kLookedFor / sets.size());
   std::vector<Eigen::VectorXf> columns;
   for (const Templates* set : sets) {
     const std::size_t count = std::min(each, set->poses());
@@ -71,7 +71,7 @@ Eigen::MatrixXd light_of_size(const PoseObjective& objective, const PoseVector& 
     column.setZero();
     for (const double sign : {-1.0, 1.0}) {
       std::vector<Placement> changed = stated;
-      changed[object].size *= 1 + sign * kGrowth;
+      changed[object].size *= 1 + sign * kSizeStep;
       std::size_t rendered = compiled.coarse.size();
       Eigen::Index row = 0;
       for (const ObservedZone& zone : objective.solver().observation().zones) {
