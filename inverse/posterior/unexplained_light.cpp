@@ -20,7 +20,7 @@ constexpr std::size_t kLookedFor = 24;
 /// The fraction of the golden ratio: the places that its multiples choose are spread evenly.
 constexpr double kGolden = 0.61803398874989485;
 /// A place whose light the fitted unknowns explain but for this share is not looked at.
-constexpr double kLeastShare = 1e-4;
+constexpr double kLeastUnexplained = 1e-4;
 /// Of an object's size, up and down.
 constexpr double kSizeStep = 0.1;
 /// Errors of the known light go together over at most so many bins and zones: 15 (robot_corridor),
@@ -169,7 +169,7 @@ UnexplainedLight unexplained_light(const PoseObjective& objective, const Refined
   const auto test = [&](Eigen::Index begin, Eigen::Index end) {
     std::vector<Eigen::Index> seen;
     for (Eigen::Index q = begin; q < end; ++q) {
-      if (own[q] > 0 && left(q, q) > kLeastShare * own[q]) seen.push_back(q);
+      if (own[q] > 0 && left(q, q) > kLeastUnexplained * own[q]) seen.push_back(q);
     }
     return score_test(score(seen), left(seen, seen), spread(seen));
   };
