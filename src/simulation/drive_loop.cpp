@@ -324,7 +324,11 @@ void DriveLoop::follow(const PlanUpdate& update) {
   }
   PathFollowerOptions options = follower_options(limits_);
   options.profile.speed = speed();
-  if (!drive_.vehicle.brakes_for_curves) {
+  // What holds its speed in curves does so on plans that keep to its turning radius at that speed;
+  // on a tighter one, found after a stop, it would slide.
+  if (update.path.flags.curvature_exceeded) {
+    options.profile.cornering = drive_.vehicle.cornering_share.value_or(options.profile.cornering);
+  } else if (!drive_.vehicle.brakes_for_curves) {
     options.profile.cornering = std::numeric_limits<double>::infinity();
   }
   options.profile.end = update.action == PlanAction::stop ? 0.0 : speed();
