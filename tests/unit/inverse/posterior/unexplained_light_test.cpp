@@ -83,7 +83,7 @@ int flagged(const std::string& wrong, int captures) {
 
 // A right scene is flagged in 1 of 200: more than 4 of 100 come once in six thousand such tests.
 // What a larger plate or a second one puts elsewhere is a few standard deviations, which the
-// deviance over all bins does not show: about half of the captures are flagged (docs/benchmark.md);
+// deviance over all bins does not show: about half of the captures are flagged;
 // fewer than 5 of 40, where a half is due, come once in ten million.
 TEST(UnexplainedLight, FlagsWhatTheDevianceDoesNotShow) {
   EXPECT_LE(flagged("", 100), 4);
