@@ -27,6 +27,7 @@
 #include "inverse/posterior/mode_merging.h"
 #include "inverse/posterior/posterior.h"
 #include "inverse/posterior/prior_moments.h"
+#include "inverse/posterior/unexplained_light.h"
 #include "inverse/search/compiled_scene.h"
 #include "inverse/search/refine.h"
 #include "inverse/search/scoring.h"
@@ -59,10 +60,10 @@ constexpr double kNoNoise = 3;
 constexpr double kRoughElsewhere = 1.5;
 constexpr std::size_t kMorePlaces = 8;
 /// Yaws from which the best optimum is looked for anew then, and on splines, whose error is not
-/// known: 30 degrees apart where half a turn brings an object back to itself. A box in the street
+/// known: 45 degrees apart where half a turn brings an object back to itself. A box in the street
 /// at 3,000, 10,000 and 30,000 photons (60 captures each): normalised error 1.16, 2.63, 3.19
-/// without, 1.09, 1.02, 1.03 with them, for a third more time.
-constexpr int kYaws = 6;
+/// without, 1.12, 1.02, 1.03 with them, for half as much time again. Six yaws give no more.
+constexpr int kYaws = 4;
 /// A place this far below the best optimum in log posterior holds less than a per cent of the
 /// posterior, gains of its own descent included.
 constexpr double kWorthDescending = 6;
@@ -72,6 +73,12 @@ constexpr double kElsewhere = 0.5;
 /// each that are followed. Two spheres at 100,000 photons needed one round and two places.
 constexpr int kMaxRounds = 3;
 constexpr std::size_t kPlacesEach = 6;
+/// Captures of a joint fit that search for the rest of them, where there are so many times more;
+/// what they must gain over the empty scene in log posterior, misfit counted (a signal-to-noise
+/// ratio of 14); and optima that may be left.
+constexpr std::size_t kFew = 4, kTimesFew = 2;
+constexpr double kClear = 100;
+constexpr std::size_t kFewOptima = 8;
 /// Finite-difference steps of the sensor's own pose, m and rad.
 constexpr double kSensorStep = 2e-3;
 
@@ -270,7 +277,9 @@ void allow_for_outliers(const Scene& scene, PoseMixture& mixture) {
                        share * (1 - share) * difference * difference.transpose();
 }
 
-void set_flags(const Scene& scene, const Posterior& posterior, FitResult& result) {
+/// `left_over` as of UnexplainedLight::probability().
+void set_flags(const Scene& scene, const Posterior& posterior, double left_over,
+               FitResult& result) {
   const auto flag = [&](bool condition, const char* word) {
     if (condition) result.flags.emplace_back(word);
   };
@@ -281,6 +290,7 @@ void set_flags(const Scene& scene, const Posterior& posterior, FitResult& result
   flag(mixture.modes.size() > 1 && mixture.modes.front().weight < 0.9, "multimodal");
   flag(!mixture.modes.front().undetermined.empty(), "undetermined");
   flag(result.goodness_of_fit.inflation > 1, "model_misfit");
+  flag(left_over < kUnexplained, "unexplained_light");
   flag(posterior.sampled, "sampled");
   flag(posterior.sampled && posterior.effective_samples < 20, "few_effective_samples");
   bool at_bound = false;
@@ -317,9 +327,38 @@ double roughness_of_closed_form(const PoseObjective& objective, const Refined& o
 /// number, and half of it for fewer: the more directions there are, the more of them may have
 /// tails. With twice as many for the six unknowns of two spheres (10,000 photons), the normalised
 /// error is 1.27 where forty times as many have 1.16.
-int samples_for(const FitOptions& options, const Scene& scene) {
+/// A joint fit of many captures pays for each sample as many times: a quarter of them does.
+int samples_for(const FitOptions& options, const Scene& scene, std::size_t captures) {
   const auto n = static_cast<double>(scene.unknowns.size());
-  return static_cast<int>(options.importance_samples * std::max(std::pow(n / 3, 3), 0.5));
+  const double dear = captures < kTimesFew * kFew ? 1 : 4;
+  return static_cast<int>(options.importance_samples * std::max(std::pow(n / 3, 3), 0.5) / dear);
+}
+
+/// Captures whose sensors stand as far apart as possible: each is the farthest one from those
+/// before it, the first the farthest from the middle. Of equal ones the first.
+std::vector<std::size_t> spread_out(const Scene& scene, std::span<const Capture> captures,
+                                    std::size_t count) {
+  std::vector<Eigen::Vector3d> at;
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+  for (const Capture& capture : captures) {
+    at.push_back(sensor_placement(scene, &capture).T_world_sensor.translation());
+    middle += at.back() / static_cast<double>(captures.size());
+  }
+  std::vector<double> away;
+  for (const Eigen::Vector3d& place : at) away.push_back((place - middle).norm());
+  std::vector<std::size_t> chosen;
+  while (chosen.size() < count) {
+    const auto farthest = std::ranges::max_element(away);
+    const auto next = static_cast<std::size_t>(farthest - away.begin());
+    for (std::size_t i = 0; i < at.size(); ++i) {
+      const double distance = (at[i] - at[next]).norm();
+      away[i] = chosen.empty() ? distance : std::min(away[i], distance);
+    }
+    chosen.push_back(next);
+    away[next] = -1;
+  }
+  std::ranges::sort(chosen);
+  return chosen;
 }
 
 /// Of several objects, looks for a better place of one while the others stay, until there is none.
@@ -469,62 +508,24 @@ struct Fitter::Impl {
     std::ranges::stable_sort(scored.starts, std::greater{}, &Candidate::log_posterior);
   }
 
+  struct Search {
+    std::vector<Refined> optima;     ///< best first
+    std::vector<PoseVector> places;  ///< from which better models may search again
+    double negligible = 0;           ///< log posterior below the best that may be dropped
+    double roughness = 0;            ///< of closed form, in log posterior
+    long renders = 0;                ///< of an objective of its own
+  };
+  Search search(const PoseObjective& objective, const Scored& scored) const;
+  std::optional<Search> search_by_few(std::span<const Capture> captures);
+  Search on_all(const PoseObjective& objective, const Search& few) const;
+
   FitResult fit(std::span<const Capture> captures);
 };
 
-/// The method, top to bottom.
-FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
-  Stopwatch total;
-  Stopwatch stage;
-  FitResult result;
-  std::vector<SensorPlacement> placements;
-  for (const Capture& capture : captures) {
-    check_capture(scene, capture);
-    result.sources.push_back(capture.source);
-    result.indices.push_back(capture.index);
-    placements.push_back(sensor_placement(scene, &capture));
-  }
-  if (!captures.empty()) result.truth = captures.front().truth;
-
-  // What no capture changes: models, windows, scored poses.
-  std::call_once(hints_once, [&] { hints = scene_hints(scene, placements.front()); });
-  result.hints = hints;
-  doing("compiling");
-  const std::shared_ptr<Prepared> known = prepare(placements);
-  const CompiledScene& compiled = *known->compiled;
-  const Observation observation = observe(compiled, captures);
-  PoseObjective objective(compiled, observation);
-  result.time_ms.prepare = stage.lap();
-  if (observation.zones.empty()) {
-    throw Error(captures.front().source, "found no zone with valid bins, accepted: at least one");
-  }
-  if (observation.likelihood.front()->counts_photons() && observation.total_count() <= 0) {
-    answer_darkness(compiled, observation, result);
-    for (const Capture& capture : captures) {
-      FittedHistograms dark;
-      dark.measured = capture.counts;
-      dark.model = dark.object =
-          HistogramCube(capture.counts.rows, capture.counts.columns, capture.counts.bins);
-      dark.zone_used.assign(static_cast<std::size_t>(capture.counts.zones()), true);
-      dark.amplitude.assign(dark.zone_used.size(), 0.0);
-      dark.ambient = dark.direct = dark.amplitude;
-      dark.end_bin = capture.counts.bins;
-      result.histograms.push_back(std::move(dark));
-    }
-    result.time_ms.total = total.lap();
-    return result;
-  }
-
-  // The scene without an object; every pose on the grid; the best ones refined.
-  doing("scoring");
-  LinearSolution empty;
-  const PoseValue nothing = objective.evaluate_empty(empty);
-  Scored scored = score(objective, empty, options.max_starts, options.negligible_log_posterior);
-  if (const CompiledScene* part = near_relay(*known)) {
-    add_starts(*part, captures, objective, scored);
-  }
-  result.time_ms.score = stage.lap();
-  doing("refining");
+/// Every basin that the scored poses lead to, and its optimum on the objective's models.
+Fitter::Impl::Search Fitter::Impl::search(const PoseObjective& objective,
+                                          const Scored& scored) const {
+  const CompiledScene& compiled = objective.compiled();
   std::vector<Refined> basins;
   std::vector<PoseVector> approached;  // with a wide pulse
   double best = -std::numeric_limits<double>::infinity();
@@ -581,8 +582,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   if (const auto lost = places_left(compiled, basins, optima); !lost.empty()) {
     optima = descend_all(objective, lost, negligible, std::move(optima));
   }
-  if (optima.empty())
-    throw Error(captures.front().source, "found no finite likelihood at any pose");
+  if (optima.empty()) return {};
   const double roughness = roughness_of_closed_form(objective, optima.front());
   if (roughness > kTooRough) {
     const std::vector<PoseVector> more =
@@ -598,14 +598,130 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   if (roughness > kTooRough || compiled.spline) {
     optima = turn(objective, negligible, std::move(optima));
   }
+  return {std::move(optima), std::move(places), negligible, roughness};
+}
+
+/// The search by a few captures of many, from places as far apart as any: what costs a model of
+/// each capture at every step of every descent is done for a few of them. Nothing where there are
+/// few anyway, or where these do not see the object so clearly that no other place could win.
+std::optional<Fitter::Impl::Search> Fitter::Impl::search_by_few(std::span<const Capture> captures) {
+  if (captures.size() < kTimesFew * kFew) return std::nullopt;
+  std::vector<SensorPlacement> placements;
+  std::vector<Capture> few;
+  for (const std::size_t i : spread_out(scene, captures, kFew)) {
+    few.push_back(captures[i]);
+    placements.push_back(sensor_placement(scene, &captures[i]));
+  }
+  const std::shared_ptr<Prepared> known = prepare(placements);
+  const Observation observation = observe(*known->compiled, few);
+  if (observation.zones.empty()) return std::nullopt;
+  if (observation.likelihood.front()->counts_photons() && observation.total_count() <= 0) {
+    return std::nullopt;
+  }
+  const PoseObjective objective(*known->compiled, observation);
+  LinearSolution empty;
+  const PoseValue nothing = objective.evaluate_empty(empty);
+  Scored scored = score(objective, empty, options.max_starts, options.negligible_log_posterior);
+  if (const CompiledScene* part = near_relay(*known)) add_starts(*part, few, objective, scored);
+  Search found = search(objective, scored);
+  found.renders = objective.renders();
+  if (found.optima.empty()) return std::nullopt;
+  const Refined& top = found.optima.front();
+  const double inflation = goodness_of_fit(objective, top).inflation;
+  const double gain = (top.value.log_posterior - nothing.log_posterior) / inflation;
+  // What misfit costs every place alike makes none of them better.
+  const double least = top.value.log_posterior - inflation * options.negligible_log_posterior;
+  std::erase_if(found.optima,
+                [&](const Refined& other) { return other.value.log_posterior < least; });
+  if (found.optima.size() > kFewOptima) return std::nullopt;
+  known->count_bytes();
+  if (gain < kClear) return std::nullopt;
+  return found;
+}
+
+/// The same places by all captures.
+Fitter::Impl::Search Fitter::Impl::on_all(const PoseObjective& objective, const Search& few) const {
+  Search all = few;
+  all.optima.clear();
+  all.places.clear();
+  for (const Refined& optimum : few.optima) all.places.push_back(optimum.pose);
+  constexpr double kAll = std::numeric_limits<double>::infinity();
+  all.optima = objective.compiled().coarse.empty() ? polish_all(objective, all.places, kAll)
+                                                   : descend_all(objective, all.places, kAll, {});
+  if (!all.optima.empty()) {
+    all.negligible = options.negligible_log_posterior + unexplained(objective, all.optima.front());
+  }
+  return all;
+}
+
+/// The method, top to bottom.
+FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
+  Stopwatch total;
+  Stopwatch stage;
+  FitResult result;
+  std::vector<SensorPlacement> placements;
+  for (const Capture& capture : captures) {
+    check_capture(scene, capture);
+    result.sources.push_back(capture.source);
+    result.indices.push_back(capture.index);
+    placements.push_back(sensor_placement(scene, &capture));
+  }
+  if (!captures.empty()) result.truth = captures.front().truth;
+
+  // What no capture changes: models, windows, scored poses.
+  std::call_once(hints_once, [&] { hints = scene_hints(scene, placements.front()); });
+  result.hints = hints;
+  doing("compiling");
+  const std::shared_ptr<Prepared> known = prepare(placements);
+  const CompiledScene& compiled = *known->compiled;
+  const Observation observation = observe(compiled, captures);
+  PoseObjective objective(compiled, observation);
+  result.time_ms.prepare = stage.lap();
+  if (observation.zones.empty()) {
+    throw Error(captures.front().source, "found no zone with valid bins, accepted: at least one");
+  }
+  if (observation.likelihood.front()->counts_photons() && observation.total_count() <= 0) {
+    answer_darkness(compiled, observation, result);
+    for (const Capture& capture : captures) {
+      FittedHistograms dark;
+      dark.measured = capture.counts;
+      dark.model = dark.object =
+          HistogramCube(capture.counts.rows, capture.counts.columns, capture.counts.bins);
+      dark.zone_used.assign(static_cast<std::size_t>(capture.counts.zones()), true);
+      dark.amplitude.assign(dark.zone_used.size(), 0.0);
+      dark.ambient = dark.direct = dark.amplitude;
+      dark.end_bin = capture.counts.bins;
+      result.histograms.push_back(std::move(dark));
+    }
+    result.time_ms.total = total.lap();
+    return result;
+  }
+
+  // The scene without an object; every pose on the grid; the best ones refined.
+  doing("scoring");
+  LinearSolution empty;
+  const PoseValue nothing = objective.evaluate_empty(empty);
+  Scored scored = score(objective, empty, options.max_starts, options.negligible_log_posterior);
+  if (const CompiledScene* part = near_relay(*known)) {
+    add_starts(*part, captures, objective, scored);
+  }
+  result.time_ms.score = stage.lap();
+  doing("refining");
+  Search found;
+  if (auto few = search_by_few(captures)) found = on_all(objective, *few);
+  if (found.optima.empty()) found = search(objective, scored);
+  if (found.optima.empty()) {
+    throw Error(captures.front().source, "found no finite likelihood at any pose");
+  }
+  std::vector<Refined>& optima = found.optima;
   // Models as good as the light asks for.
   ModelError model_error;
   if (!options.model_tolerance) {
-    model_error = sharpen(objective, optima, places, negligible);
+    model_error = sharpen(objective, optima, found.places, found.negligible);
   }
-  optima = settle_all(objective, std::move(optima), negligible);
-  if (!compiled.objects().empty() && roughness > kTooRough) {
-    optima = rearrange(objective, observation, negligible, std::move(optima));
+  optima = settle_all(objective, std::move(optima), found.negligible);
+  if (!compiled.objects().empty() && found.roughness > kTooRough) {
+    optima = rearrange(objective, observation, found.negligible, std::move(optima));
   }
   result.time_ms.refine = stage.lap();
 
@@ -613,7 +729,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   doing("weighing explanations");
   PosteriorOptions sampling;
   sampling.negligible = options.negligible_log_posterior;
-  sampling.samples = samples_for(options, scene);
+  sampling.samples = samples_for(options, scene, captures.size());
   sampling.seed = options.seed;
   sampling.model_error = model_error.covariance;
   const auto think = [&] {
@@ -627,11 +743,12 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
     const double before = optima.front().value.log_posterior;
     optima = find_more(objective, observation, posterior.promising,
                        options.negligible_log_posterior, std::move(optima));
-    if (optima.front().value.log_posterior < before + kWorthAnother) break;
+    if (optima.front().value.log_posterior < before + kWorthAnother * sampling.inflation) break;
     posterior = think();
   }
   result.posterior = posterior.mixture;
   allow_for_outliers(scene, result.posterior);
+  const double left_over = unexplained_light(objective, optima.front()).probability();
   result.time_ms.uncertainty = stage.lap();
 
   // Is there anything at all?
@@ -647,7 +764,9 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   result.time_ms.detect = stage.lap();
   known->count_bytes();  // what this capture asked for is there now
 
-  set_flags(scene, posterior, result);
+  result.renders = objective.renders() + found.renders;
+
+  set_flags(scene, posterior, left_over, result);
   ShapeBuffer at;
   objective.shapes(light_near(objective, optima.front()), optima.front().pose, at);
   for (std::size_t i = 0; i < captures.size(); ++i) {
@@ -655,6 +774,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
         fitted_histograms(objective, optima.front(), at, captures[i], static_cast<int>(i)));
   }
   std::ranges::copy(fit_hints(scene, result), std::back_inserter(result.hints));
+  if (left_over < kUnexplained) result.hints.push_back(unexplained_hint(left_over));
   result.time_ms.total = total.lap();
   return result;
 }

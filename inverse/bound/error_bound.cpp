@@ -2,10 +2,12 @@
 #include "blindcorner/inverse/bound/error_bound.h"
 
 #include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <mutex>
 #include <numbers>
 #include <numeric>
 
@@ -118,15 +120,19 @@ struct ErrorBound::Impl {
   std::unique_ptr<PoseObjective> objective;
   std::unique_ptr<MatchedFilter> filter;
   std::vector<int> zone_begin;  ///< [zones + 1] rows
-  double threshold = 0;         ///< gain in log likelihood that a fit calls a detection
   Eigen::MatrixXd prior, precision;
+  /// What the whole search region is asked for: looked at once, see look_around().
+  std::once_flag looked_around;
+  double threshold = 0;  ///< gain in log likelihood that a fit calls a detection
   std::vector<PoseVector> test_poses;
   Eigen::VectorXd log_prior;  ///< [test poses]
   TestLight test;
 
   Impl(const Scene& scene, const SensorPlacement& placement, const BoundOptions& wanted,
        const Advance& advance);
+  void look_around(const Advance& advance = {});
   void render_test_poses(const Advance& advance);
+  Eigen::MatrixXd slope_at(const PoseVector& pose, const ShapeBuffer& light) const;
   /// Linear unknowns when the object is so many times as bright as expected.
   LinearSolution with_brightness(double brightness) const;
   Eigen::MatrixXd ambiguity_at(const PoseVector& pose, const ShapeBuffer& light,
@@ -171,12 +177,27 @@ ErrorBound::Impl::Impl(const Scene& scene, const SensorPlacement& placement,
   for (const ObservedZone& zone : observation->zones) {
     zone_begin.push_back(zone_begin.back() + zone.bins());
   }
-  threshold = simulate_empty(*compiled, empty_level(*objective, empty), options.empty_captures,
-                             options.seed)
-                  .exceeded_by(kAlarm);
   precision = prior_precision(scene);
   prior = precision.diagonal().cwiseInverse().asDiagonal();
-  render_test_poses(advance);
+  if (advance) look_around(advance);
+}
+
+void ErrorBound::Impl::look_around(const Advance& advance) {
+  std::call_once(looked_around, [&] {
+    // Isolated: whoever waits here must not pick up work that waits for this.
+    tbb::this_task_arena::isolate([&] {
+      threshold = simulate_empty(*compiled, empty_level(*objective, empty), options.empty_captures,
+                                 options.seed)
+                      .exceeded_by(kAlarm);
+      render_test_poses(advance);
+    });
+  });
+}
+
+Eigen::MatrixXd ErrorBound::Impl::slope_at(const PoseVector& pose, const ShapeBuffer& light) const {
+  Eigen::MatrixXd slope;
+  light_slope(*objective, objective->models(), pose, light, Differences::central, slope);
+  return slope;
 }
 
 void ErrorBound::Impl::render_test_poses(const Advance& advance) {
@@ -282,6 +303,7 @@ ErrorBound::ErrorBound(ErrorBound&&) noexcept = default;
 ErrorBound& ErrorBound::operator=(ErrorBound&&) noexcept = default;
 
 PoseBound ErrorBound::at(const PoseVector& pose, double brightness) const {
+  impl_->look_around();
   const Impl& own = *impl_;
   const LinearSolution linear = own.with_brightness(brightness);
   const Scene& scene = own.compiled->scene;
@@ -295,9 +317,8 @@ PoseBound ErrorBound::at(const PoseVector& pose, double brightness) const {
         std::accumulate(light.shapes[z].object, light.shapes[z].object + zone.bins(), 0.0);
     bound.photons += linear.amplitude[z] * own.options.exposures * sum;
   }
-  Eigen::MatrixXd slope;
-  light_slope(*own.objective, own.objective->models(), pose, light, Differences::central, slope);
-  const Eigen::MatrixXd information = pose_information(*own.objective, light, linear, slope).pose;
+  const Eigen::MatrixXd information =
+      pose_information(*own.objective, light, linear, own.slope_at(pose, light)).pose;
   bound.cramer_rao = covariance_of(information, own.prior);
   bound.with_prior =
       own.options.prior ? covariance_of(information + own.precision, own.prior) : bound.cramer_rao;
@@ -308,6 +329,46 @@ PoseBound ErrorBound::at(const PoseVector& pose, double brightness) const {
   bound.position_error = std::sqrt(std::max(local, elsewhere));
   bound.detection_probability = own.detection_at(light, linear);
   return bound;
+}
+
+Eigen::MatrixXd ErrorBound::cramer_rao(const PoseVector& pose, double brightness) const {
+  const Impl& own = *impl_;
+  ShapeBuffer light;
+  own.objective->shapes(own.objective->models(), pose, light);
+  const PoseInformation info = pose_information(
+      *own.objective, light, own.with_brightness(brightness), own.slope_at(pose, light));
+  return covariance_of(info.pose, own.prior);
+}
+
+// The estimate moves by I^-1 J' W e where the light is off by e, W the inverse of the photons'
+// variance, the linear unknowns eliminated. Errors that are correlated within a zone are sums of
+// independent ones: of the columns of a root of their covariance.
+Eigen::MatrixXd ErrorBound::carried_error(const PoseVector& pose, const HistogramCube& error,
+                                          const Eigen::MatrixXd& correlation,
+                                          double brightness) const {
+  const Impl& own = *impl_;
+  const Eigen::MatrixXd root = correlation.llt().matrixL();
+  ShapeBuffer light;
+  own.objective->shapes(own.objective->models(), pose, light);
+  const LinearSolution linear = own.with_brightness(brightness);
+  const Eigen::MatrixXd slope = own.slope_at(pose, light);
+  Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(pose.size(), pose.size());
+  for (std::size_t z = 0; z < own.observation->zones.size(); ++z) {
+    const ObservedZone& zone = own.observation->zones[z];
+    const double amplitude = linear.amplitude[z];
+    if (amplitude == 0) continue;
+    Eigen::MatrixXd disturbance = Eigen::MatrixXd::Zero(own.objective->rows(), root.cols());
+    for (int k = 0; k < zone.bins(); ++k) {
+      const int bin = zone.first + k;
+      disturbance.row(own.zone_begin[z] + k) =
+          zone.gain / amplitude * error.zone(zone.zone)[bin] * root.row(bin);
+    }
+    const PoseInformation info =
+        pose_information(*own.objective, light, linear, slope, disturbance);
+    const Eigen::MatrixXd moved = covariance_of(info.pose, own.prior) * info.disturbance;
+    sum += moved * moved.transpose();
+  }
+  return sum;
 }
 
 const Eigen::MatrixXd& ErrorBound::prior() const { return impl_->prior; }

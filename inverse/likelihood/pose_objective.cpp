@@ -100,6 +100,7 @@ void PoseObjective::render(const LightSource& light, const PoseVector& pose,
         (*light.coarse)[c].three_bounce(pose, light.extra_pulse_sigma, sparse);
       } else {
         (*light.models)[c]->three_bounce(pose, cube);
+        ++*renders_;
       }
     }
     const double* values =
@@ -122,7 +123,7 @@ void PoseObjective::shapes(const LightSource& light, const PoseVector& pose,
   } else {
     if (light.models == nullptr || !recent_.find(*light.models, pose, buffer.object)) {
       render(light, pose, buffer.object);
-      if (light.models != nullptr) recent_.keep(*light.models, pose, buffer.object);
+      if (light.models != nullptr && !light.once) recent_.keep(*light.models, pose, buffer.object);
     }
   }
   if (light.correction != nullptr) correct(*light.correction, pose, buffer);

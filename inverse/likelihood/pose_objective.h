@@ -4,6 +4,8 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <atomic>
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <utility>
@@ -55,6 +57,7 @@ struct LightSource {
   double extra_pulse_sigma = 0;  ///< s, of the closed-form models
   const Linearisation* linear = nullptr;
   const Correction* correction = nullptr;
+  bool once = false;  ///< nobody asks for the light at these poses again: it is not kept
 
   LightSource(const ModelSet& set) : models(&set) {}      // NOLINT(google-explicit-constructor)
   LightSource(const SplineGrid& grid) : spline(&grid) {}  // NOLINT(google-explicit-constructor)
@@ -65,6 +68,11 @@ struct LightSource {
   LightSource corrected(const Correction& by) const {
     LightSource light = *this;
     light.correction = by.empty() ? nullptr : &by;
+    return light;
+  }
+  LightSource asked_once() const {
+    LightSource light = *this;
+    light.once = true;
     return light;
   }
 };
@@ -143,6 +151,11 @@ class PoseObjective {
   const CompiledScene& compiled() const { return compiled_; }
   int rows() const { return rows_; }
 
+  /// Histograms of one capture that models have rendered for this objective, and for those that
+  /// count with it.
+  long renders() const { return *renders_; }
+  void count_with(const PoseObjective& other) { renders_ = other.renders_; }
+
  private:
   void point(ShapeBuffer& buffer, bool object) const;
   /// Light of models or of closed-form models, gains included.
@@ -156,6 +169,7 @@ class PoseObjective {
   std::vector<std::pair<int, int>> direct_range_;  // [observed zones] lit bins, [first, end)
   int rows_ = 0;
   mutable RecentLight recent_;
+  std::shared_ptr<std::atomic<long>> renders_ = std::make_shared<std::atomic<long>>(0);
 };
 
 }  // namespace blindcorner

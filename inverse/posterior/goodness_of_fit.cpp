@@ -54,9 +54,12 @@ GoodnessOfFit goodness_of_fit(const PoseObjective& objective, const Refined& opt
   if (unknowns.amplitude == LinearMode::per_zone) fitted += zones - 1;
   fit.expected = std::max(fit.expected - fitted, 0.5 * fit.expected);
   fit.standard_deviation = std::sqrt(variance);
-  const double excess = fit.deviance - fit.expected;
-  fit.inflation = excess > 3 * fit.standard_deviation ? fit.deviance / fit.expected : 1.0;
+  fit.inflation = inflation(fit, fit.deviance);
   return fit;
+}
+
+double inflation(const GoodnessOfFit& fit, double deviance) {
+  return deviance - fit.expected > 3 * fit.standard_deviation ? deviance / fit.expected : 1.0;
 }
 
 }  // namespace blindcorner

@@ -10,4 +10,7 @@ namespace blindcorner {
 /// Deviance at an optimum against its expectation for counts as small as these are.
 GoodnessOfFit goodness_of_fit(const PoseObjective& objective, const Refined& optimum);
 
+/// Factor on covariances for another deviance of the same counts.
+double inflation(const GoodnessOfFit& fit, double deviance);
+
 }  // namespace blindcorner

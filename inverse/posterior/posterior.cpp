@@ -120,8 +120,9 @@ SampleLights sample_lights(const PoseObjective& objective,
       lights.corrections[j] = objective.correction(pose, right, rough);
     });
   });
+  lights.far = lights.far.asked_once();
   for (const Correction& correction : lights.corrections) {
-    lights.near.push_back(LightSource(objective.rough_models()).corrected(correction));
+    lights.near.push_back(lights.far.corrected(correction));
   }
   if (!compiled.spline) return lights;
   const LightSource spline(*compiled.spline);
@@ -167,12 +168,14 @@ void finish_mixture(const Scene& scene, PoseMixture& mixture) {
   set_moments(scene, mixture);
 }
 
-/// The best samples at which least squares might end somewhere new.
+/// The best samples at which least squares might end somewhere new. Where the model misfits, log
+/// posteriors differ by as much more for as little.
 std::vector<PoseVector> promising(const PoseObjective& objective, const SampleLights& lights,
                                   const std::vector<const Refined*>& optima,
                                   const std::vector<Peak>& peaks,
-                                  const std::vector<PosteriorSample>& samples) {
+                                  const std::vector<PosteriorSample>& samples, double inflation) {
   const CompiledScene& compiled = objective.compiled();
+  const double better_by = kBetter * inflation;
   // The light may be the spline's: compare with what it says of the optima.
   double known = -std::numeric_limits<double>::infinity();
   std::vector<PoseVector> taken;
@@ -185,18 +188,18 @@ std::vector<PoseVector> promising(const PoseObjective& objective, const SampleLi
     tops.push_back(value.log_posterior);
     taken.push_back(optima[j]->pose);
   }
-  const double least = compiled.spline ? known + kBetter : known - kPromising;
+  const double least = compiled.spline ? known + better_by : known - kPromising * inflation;
   // On the slope of a known optimum a sample has what that one's width leaves it.
   const auto explained = [&](const PosteriorSample& sample) {
     for (std::size_t j = 0; j < peaks.size(); ++j) {
       const double drop = 0.5 * mahalanobis2(compiled.scene, peaks[j], sample.pose);
-      if (sample.log_posterior < tops[j] - drop + kSurprise) return true;
+      if (sample.log_posterior < tops[j] - inflation * (drop - kSurprise)) return true;
     }
     return false;
   };
   std::vector<const PosteriorSample*> order;
   for (const PosteriorSample& sample : samples) {
-    const bool better = sample.log_posterior >= known + kBetter;
+    const bool better = sample.log_posterior >= known + better_by;
     if (sample.log_posterior > least && (better || !explained(sample))) order.push_back(&sample);
   }
   std::stable_sort(order.begin(), order.end(),
@@ -206,7 +209,7 @@ std::vector<PoseVector> promising(const PoseObjective& objective, const SampleLi
     const bool apart = std::none_of(taken.begin(), taken.end(), [&](const PoseVector& other) {
       return within_spacings(compiled, other, sample->pose, 1);
     });
-    if (!apart && sample->log_posterior < known + kBetter) continue;
+    if (!apart && sample->log_posterior < known + better_by) continue;
     result.push_back(sample->pose);
     taken.push_back(sample->pose);
     if (result.size() == kMaxPromising) break;
@@ -273,7 +276,7 @@ Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& 
     const SampleLights lights = sample_lights(objective, tops, peaks, options.inflation);
     drawn = sample_posterior(objective, lights, peaks, tops, *scored,
                              {options.samples, options.inflation, options.seed});
-    result.promising = promising(objective, lights, tops, peaks, drawn.samples);
+    result.promising = promising(objective, lights, tops, peaks, drawn.samples, options.inflation);
   }
   if (!(drawn.effective > 1)) {
     double sum = 0;

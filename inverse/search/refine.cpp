@@ -456,6 +456,7 @@ std::vector<Refined> find_more(const PoseObjective& objective, const Observation
   }
   PoseObjective rough(compiled, observation);
   rough.use(objective.rough_models());
+  rough.count_with(objective);
   LinearSolution linear = optima.front().linear;
   const double best =
       rough.evaluate(rough.models(), optima.front().pose, linear, true).log_posterior;

@@ -11,6 +11,7 @@
 #include <limits>
 
 #include "inverse/posterior/fisher_information.h"
+#include "inverse/posterior/goodness_of_fit.h"
 #include "inverse/posterior/mode_merging.h"
 #include "inverse/posterior/prior_moments.h"
 
@@ -97,11 +98,16 @@ ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima,
     const PoseInformation info = pose_information(objective, top, change);
     const Eigen::MatrixXd precision = info.pose + prior_precision(compiled.scene);
     const Eigen::VectorXd move = precision.ldlt().solve(info.disturbance.col(0));
-    const double size = std::sqrt(move.dot(precision * move));
     error.covariance = move * move.transpose();
     LinearSolution linear = top.linear;
-    const double shift = std::abs(objective.evaluate(then, top.pose, linear, true).log_posterior -
-                                  top.value.log_posterior);
+    const PoseValue value = objective.evaluate(then, top.pose, linear, true);
+    const double square = move.dot(precision * move);
+    // What the finer model misses too, moved there, has other reasons than sampling: it widens the
+    // posterior, against which the move then counts for less.
+    const double wider =
+        inflation(goodness_of_fit(objective, top), -2 * value.log_likelihood - square);
+    const double size = std::sqrt(square / wider);
+    const double shift = std::abs(value.log_posterior - top.value.log_posterior) / wider;
     if (size < kSmallMove && shift < kSmallShift) break;
     objective.use(finer);
     if (size > levels.large_move || shift > levels.large_shift) {

@@ -18,6 +18,7 @@
 
 #include "blindcorner/forward/error.h"
 #include "blindcorner/forward/sensor/photon_noise.h"
+#include "blindcorner/inverse/bound/error_bound.h"
 #include "blindcorner/inverse/fit.h"
 #include "blindcorner/io/atomic_file.h"
 #include "blindcorner/io/capture_file.h"
@@ -32,7 +33,7 @@
 #include "commands/synthetic_trials.h"
 #include "commands/thread_limit.h"
 #include "forward/support/quantile.h"
-#include "inverse/search/difference_steps.h"
+#include "report/colours.h"
 #include "report/formatted.h"
 
 namespace blindcorner {
@@ -118,16 +119,6 @@ struct Row {
 
 bool is_position(const Unknown& unknown) { return unknown.component <= Component::z; }
 
-/// Sum of the variances of all positions, m^2.
-double position_trace(const Scene& scene, const Eigen::MatrixXd& covariance) {
-  double sum = 0;
-  for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
-    const auto k = static_cast<Eigen::Index>(i);
-    if (is_position(scene.unknowns[i])) sum += covariance(k, k);
-  }
-  return sum;
-}
-
 /// Flags other than the one that only says how the posterior was computed.
 bool warns(const FitResult& result) {
   return std::ranges::any_of(result.flags, [](const std::string& f) { return f != "sampled"; });
@@ -171,12 +162,12 @@ Trial run_trial(const Fitter& fitter, const ExhaustiveSearch& judge, const Captu
   return trial;
 }
 
-/// What bounds the position's error at one pose, without priors.
+/// What bounds the position's error, root mean square over the poses.
 struct Bounds {
-  double photon = 0;  ///< m^2 at one exposure: trace of the Cramer-Rao bound of the positions
-  double file = 0;    ///< m^2 at any exposure, of the tracer's own noise
-  /// Mean over the unknowns of the tracer's noise against the photons' at one exposure, as
-  /// variances: it adds this times the exposures to the square of the normalised error.
+  double photon = 0;  ///< m, Cramer-Rao
+  double file = 0;    ///< m, of the tracer's own noise, at any exposure
+  /// Mean over the unknowns of the tracer's noise against the photons', as variances: it adds to
+  /// the square of the normalised error.
   double against = 0;
 };
 
@@ -194,99 +185,24 @@ Eigen::MatrixXd traced_correlation(const Sensor& sensor) {
   return correlation;
 }
 
-/// The maximum-likelihood estimate moves by I^-1 J' W noise, W the inverse of the photons'
-/// variance: with W = 1 / counts the photons give the bound I^-1, and the tracer's standard errors,
-/// which no exposure averages out, their own covariance. Linear unknowns are estimated as well.
-Bounds bounds_at(const Scene& scene, const ForwardModel& model, const TracedCaptures& captures,
-                 std::size_t index) {
-  const PoseVector& pose = captures.traced().poses[index];
-  const HistogramCube& expected = captures.expected(index);
-  const HistogramCube error = captures.standard_error(index);
-  const PoseVector steps = difference_steps(scene, sensor_placement(scene));
-  const LinearUnknowns& linear = scene.linear;
-  const int zones = scene.sensor.zone_count();
-  const auto bins = static_cast<Eigen::Index>(scene.sensor.bins);
-  const auto columns_of = [&](LinearMode mode) {
-    return mode == LinearMode::fixed ? 0 : mode == LinearMode::shared ? 1 : zones;
-  };
-  const int amplitude = static_cast<int>(pose.size());
-  const int ambient = amplitude + columns_of(linear.amplitude);
-  const int direct = ambient + columns_of(linear.ambient);
-  const int count = direct + columns_of(linear.direct);
-  // [zone * bins + bin][parameter], counts of one exposure.
-  Eigen::MatrixXd jacobian = Eigen::MatrixXd::Zero(zones * bins, count);
-  const auto map = [](const HistogramCube& cube) {
-    return Eigen::Map<const Eigen::VectorXd>(cube.values.data(),
-                                             static_cast<Eigen::Index>(cube.values.size()));
-  };
-  for (Eigen::Index i = 0; i < pose.size(); ++i) {
-    PoseVector up = pose, down = pose;
-    up[i] += steps[i];
-    down[i] -= steps[i];
-    const HistogramCube a = model.three_bounce(up), b = model.three_bounce(down);
-    jacobian.col(i) = (map(a) - map(b)) / (2 * steps[i]);
-  }
-  const HistogramCube light = model.three_bounce(pose);
-  Eigen::VectorXd weight = Eigen::VectorXd::Zero(zones * bins);
-  Eigen::VectorXd error_counts = weight;
-  for (int z = 0; z < zones; ++z) {
-    const Zone& zone = scene.sensor.zones[static_cast<std::size_t>(z)];
-    const auto own = [&](LinearMode mode) { return mode == LinearMode::per_zone ? z : 0; };
-    for (int k = 0; k < scene.sensor.bins; ++k) {
-      const Eigen::Index row = z * bins + k;
-      jacobian.row(row).head(pose.size()) *= zone.gain;
-      if (ambient > amplitude) {
-        jacobian(row, amplitude + own(linear.amplitude)) = zone.gain * light.zone(z)[k];
-      }
-      if (direct > ambient) jacobian(row, ambient + z) = 1;
-      if (count > direct) {
-        jacobian(row, direct + own(linear.direct)) = zone.gain * model.direct_return().zone(z)[k];
-      }
-      if (zone.dead || k < zone.first_valid_bin || k >= scene.sensor.valid_end(z)) continue;
-      const double counts = expected.zone(z)[k];
-      weight[row] = counts > 0 ? 1 / counts : 0;
-      error_counts[row] = zone.gain * error.zone(z)[k];
-    }
-  }
-  const Eigen::MatrixXd weighted = weight.asDiagonal() * jacobian;
-  // Columns in units of what the counts tell about each: W/m^2 and metres differ by many decades,
-  // and what is small beside others would be taken for nothing.
-  const Eigen::MatrixXd information = jacobian.transpose() * weighted;
-  const Eigen::VectorXd unit =
-      information.diagonal().unaryExpr([](double i) { return i > 0 ? 1 / std::sqrt(i) : 0.0; });
-  const Eigen::MatrixXd inverse = unit.asDiagonal() *
-                                  (unit.asDiagonal() * information * unit.asDiagonal())
-                                      .completeOrthogonalDecomposition()
-                                      .pseudoInverse() *
-                                  unit.asDiagonal();
-  const Eigen::MatrixXd moved = weighted * inverse;
-  Eigen::MatrixXd traced = Eigen::MatrixXd::Zero(count, count);
-  const Eigen::MatrixXd together = traced_correlation(scene.sensor);
-  for (int z = 0; z < zones; ++z) {
-    const Eigen::MatrixXd own =
-        error_counts.segment(z * bins, bins).asDiagonal() * moved.middleRows(z * bins, bins);
-    traced += own.transpose() * together * own;
-  }
-  const Eigen::Index n = pose.size();
-  const double against = inverse.topLeftCorner(n, n)
-                             .completeOrthogonalDecomposition()
-                             .solve(traced.topLeftCorner(n, n))
-                             .trace() /
-                         static_cast<double>(n);
-  return {position_trace(scene, inverse), position_trace(scene, traced), against};
-}
-
-/// Both bounds, root mean square over the poses.
-Bounds bounds_of(const Scene& scene, const TracedCaptures& captures, std::size_t poses) {
-  const auto model = make_fast_model(scene, sensor_placement(scene), at_tolerance(kJudge));
+Bounds bounds_of(const Scene& scene, const TracedCaptures& captures, std::size_t poses,
+                 double photons) {
+  BoundOptions options;
+  options.exposures = captures.exposures(photons);
+  options.ambient = captures.ambient();
+  const ErrorBound bound(scene, sensor_placement(scene), options);
+  const Eigen::MatrixXd correlation = traced_correlation(scene.sensor);
+  const double share = 1 / static_cast<double>(poses);
   Bounds mean;
   for (std::size_t i = 0; i < poses; ++i) {
-    const Bounds one = bounds_at(scene, *model, captures, i);
-    mean.photon += one.photon / static_cast<double>(poses);
-    mean.file += one.file / static_cast<double>(poses);
-    mean.against += one.against / static_cast<double>(poses);
+    const PoseVector& pose = captures.traced().poses[i];
+    const Eigen::MatrixXd photon = bound.cramer_rao(pose);
+    const Eigen::MatrixXd file = bound.carried_error(pose, captures.standard_error(i), correlation);
+    mean.photon += share * position_trace(scene, photon);
+    mean.file += share * position_trace(scene, file);
+    mean.against += share * photon.ldlt().solve(file).trace() / static_cast<double>(pose.size());
   }
-  return mean;
+  return {std::sqrt(mean.photon), std::sqrt(mean.file), mean.against};
 }
 
 /// The file of a scene's traced light: `reference_NAME.json` belongs to NAME.npz.
@@ -392,8 +308,8 @@ std::vector<Chart> charts(const std::vector<Row>& rows) {
     Chart share{rows[first].scene + ": truth in the 95 % region",
                 "log10 of the photons of the object", "share of captures"};
     share.series = {{"posterior", {}, SeriesStyle::marked_line},
-                    {"its 95 % interval", {}, SeriesStyle::line, "#999"},
-                    {"", {}, SeriesStyle::line, "#999"}};
+                    {"its 95 % interval", {}, SeriesStyle::line, colour::kLine},
+                    {"", {}, SeriesStyle::line, colour::kLine}};
     share.rules = {{"95 %", kRegion, false}};
     for (Chart* chart : {&error, &share}) chart->width = 560, chart->height = 330;
     for (std::size_t i = first; i < end; ++i) {
@@ -420,7 +336,8 @@ const StudyFiles kFiles{
     "Captures of scenes whose light an independent path tracer computed, photon noise added; "
     "photons are those of the object, averaged over the poses, over an equal background. The "
     "photon "
-    "bound is the Cramer-Rao bound without priors, root mean square over the poses: it falls with "
+    "bound is the Cramer-Rao bound without priors of the pose, root mean square over the poses: it "
+    "falls with "
     "the root of the photons. The noise of the traced light is the error that the files' own "
     "standard errors cause, which no number of photons averages out. The 95 % region is that of "
     "highest density of the whole posterior, its interval Wilson's."};
@@ -515,7 +432,6 @@ int run_light(const LightArguments& arguments) {
     const std::size_t poses =
         arguments.poses > 0 ? std::min(truth.poses(), static_cast<std::size_t>(arguments.poses))
                             : truth.poses();
-    const Bounds bounds = bounds_of(scene, truth, poses);
     ExhaustiveOptions judging;
     judging.model_tolerance = kJudge;
     judging.max_poses = 1;  // it only descends
@@ -524,9 +440,10 @@ int run_light(const LightArguments& arguments) {
       if (Interruptible::asked()) return kSomeFailed;
       rows.push_back(study(arguments, scene, truth, poses, judge, photons));
       if (rows.back().trials.empty()) return kSomeFailed;
-      rows.back().bound = std::sqrt(bounds.photon / truth.exposures(photons));
-      rows.back().file_limit = std::sqrt(bounds.file);
-      rows.back().expected_ratio = std::sqrt(1 + bounds.against * truth.exposures(photons));
+      const Bounds bounds = bounds_of(scene, truth, poses, photons);
+      rows.back().bound = bounds.photon;
+      rows.back().file_limit = bounds.file;
+      rows.back().expected_ratio = std::sqrt(1 + bounds.against);
       print_row(rows.back());
       failed += rows.back().failed();
       for (const Trial& t : rows.back().trials) {

@@ -396,13 +396,16 @@ std::vector<Chart> charts(const std::vector<Run>& runs) {
   return list;
 }
 
-const StudyFiles kFiles{
-    "moving", "A sensor that stands elsewhere in every frame",
-    "Captures of the reference renderer along a path of the sensor, photon noise added, each "
-    "fitted "
-    "by itself and tracked, one after the other in one process on all its cores. Times count "
-    "everything that a new pose of the sensor costs. Errors of the exhaustive search are those of "
-    "its heaviest mode."};
+StudyFiles files_of(const MovingArguments& arguments) {
+  std::string text =
+      "Captures of the reference renderer along a path of the sensor, photon noise added, each "
+      "fitted by itself and tracked, one after the other in one process on all its cores. Times "
+      "count everything that a new pose of the sensor costs.";
+  if (arguments.exhaustive_every > 0) {
+    text += " Errors of the exhaustive search are those of its heaviest mode.";
+  }
+  return {"moving", "A sensor that stands elsewhere in every frame", text};
+}
 
 int run_moving(const MovingArguments& arguments) {
   const ThreadLimit threads(arguments.threads);
@@ -418,9 +421,9 @@ int run_moving(const MovingArguments& arguments) {
       std::fprintf(stderr, "blindcorner: frame %zu: %s\n", i, error.c_str());
       ++failed;
     }
-    write_study(arguments, kFiles, csv(runs), charts(runs));
+    write_study(arguments, files_of(arguments), csv(runs), charts(runs));
   }
-  print_study_files(arguments, kFiles);
+  print_study_files(arguments, files_of(arguments));
   return failed > 0 ? kSomeFailed : kAllWell;
 }
 

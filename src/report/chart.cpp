@@ -17,6 +17,7 @@ constexpr double kLeft = 58, kRight = 12, kTop = 24, kBottom = 38;
 constexpr double kLegendRow = 14, kLegendGap = 14;
 /// Width of a letter, pixels, rather more than less: for breaking the legend into rows.
 constexpr double kLetter = 6.8;
+constexpr double kLetterHeight = 13;
 /// About as many ticks fit on an axis.
 constexpr int kTicks = 4;
 constexpr int kMostDecades = 8;
@@ -102,12 +103,38 @@ std::string colour_of(const Chart& chart, std::size_t i) {
   return own.empty() ? colour::of_series(i) : own;
 }
 
-/// Names in their series' colours, in rows from the left; returns the height that they take.
+bool is_joined(SeriesStyle style) {
+  return style == SeriesStyle::line || style == SeriesStyle::marked_line ||
+         style == SeriesStyle::labelled_line;
+}
+
+struct Pixel {
+  double x = 0, y = 0;
+};
+
+/// Where the points of a series that can be drawn lie.
+std::vector<Pixel> pixels_of(const ChartSeries& series, const Axis& x, const Axis& y) {
+  std::vector<Pixel> pixels;
+  for (const ChartPoint& p : series.points) {
+    if (x.shows(p.x) && y.shows(p.y)) pixels.push_back({x.pixel(p.x), y.pixel(p.y)});
+  }
+  return pixels;
+}
+
+/// Whether a chart shows anything of a series.
+bool is_drawn(const Chart& chart, const ChartSeries& series) {
+  const Axis any(chart.logarithmic);
+  return std::ranges::any_of(series.points,
+                             [&](const ChartPoint& p) { return any.shows(p.x) && any.shows(p.y); });
+}
+
+/// Names of what is drawn in their series' colours, in rows from the left; returns the height that
+/// they take.
 double add_legend(const Chart& chart, std::string& svg) {
   double x = 0, height = 0;
   for (std::size_t i = 0; i < chart.series.size(); ++i) {
     const std::string& name = chart.series[i].name;
-    if (name.empty()) continue;
+    if (name.empty() || !is_drawn(chart, chart.series[i])) continue;
     const double width = kLegendGap + kLetter * static_cast<double>(name.size());
     const bool new_row = x == 0 || kLeft + x + width > chart.width;
     if (new_row) {
@@ -156,16 +183,71 @@ void add_rule(const Chart& chart, const ChartRule& rule, const Axis& x, const Ax
   constexpr const char* kDashes = "stroke=\"var(--line,#8b949d)\" stroke-dasharray=\"5 4\"";
   const double right = chart.width - kRight, bottom = chart.height - kBottom;
   if (!(rule.vertical ? x : y).shows(rule.at)) return;
+  svg +=
+      rule.vertical
+          ? formatted("<path d=\"M%.1f %.1fV%.1f\" %s/>", x.pixel(rule.at), top, bottom, kDashes)
+          : formatted("<path d=\"M%.1f %.1fH%.1f\" %s/>", kLeft, y.pixel(rule.at), right, kDashes);
+}
+
+/// A rectangle of pixels, from its lower left corner.
+struct Box {
+  double left = 0, base = 0, width = 0;
+
+  bool holds(const Pixel& p) const {
+    return p.x > left && p.x < left + width && p.y > base - kLetterHeight && p.y < base + 2;
+  }
+};
+
+/// How much of what is drawn goes through a box: points, and places along lines.
+int crossings(const Chart& chart, const Axis& x, const Axis& y, const Box& box) {
+  constexpr int kPlaces = 64;  // along a line from one point to the next
+  int count = 0;
+  for (const ChartSeries& series : chart.series) {
+    const std::vector<Pixel> pixels = pixels_of(series, x, y);
+    for (std::size_t i = 0; i < pixels.size(); ++i) {
+      count += box.holds(pixels[i]) ? kPlaces : 0;
+      if (i == 0 || !is_joined(series.style)) continue;
+      for (int k = 1; k < kPlaces; ++k) {
+        const double share = static_cast<double>(k) / kPlaces;
+        const Pixel &from = pixels[i - 1], &to = pixels[i];
+        const Pixel at{from.x + share * (to.x - from.x), from.y + share * (to.y - from.y)};
+        count += box.holds(at) ? 1 : 0;
+      }
+    }
+  }
+  return count;
+}
+
+/// The rule's name where the fewest curves go, with an edge in the colour of the paper.
+void add_rule_name(const Chart& chart, const ChartRule& rule, const Axis& x, const Axis& y,
+                   double top, std::string& svg) {
+  if (!(rule.vertical ? x : y).shows(rule.at)) return;
+  const double right = chart.width - kRight, bottom = chart.height - kBottom;
+  const double width = kLetter * static_cast<double>(rule.name.size());
+  std::vector<Box> places;
   if (rule.vertical) {
     const double at = x.pixel(rule.at);
-    svg += formatted("<path d=\"M%.1f %.1fV%.1f\" %s/>", at, top, bottom, kDashes) +
-           formatted("<text x=\"%.1f\" y=\"%.1f\">", at + 3, top + 10);
+    for (const double base : {top + 10, bottom - 4, (top + bottom) / 2}) {
+      if (at + 3 + width < right) places.push_back({at + 3, base, width});
+      if (at - 3 - width > kLeft) places.push_back({at - 3 - width, base, width});
+    }
   } else {
     const double at = y.pixel(rule.at);
-    svg += formatted("<path d=\"M%.1f %.1fH%.1f\" %s/>", kLeft, at, right, kDashes) +
-           formatted("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"end\">", right - 3, at - 4);
+    for (const double base : {at - 4, at + kLetterHeight}) {
+      if (base - kLetterHeight < top || base > bottom) continue;
+      for (const double left : {right - 3 - width, kLeft + 3, (kLeft + right - width) / 2}) {
+        places.push_back({left, base, width});
+      }
+    }
   }
-  svg += html_safe(rule.name) + "</text>";
+  if (places.empty()) places.push_back({kLeft + 3, top + 10, width});
+  const Box best = *std::ranges::min_element(
+      places, {}, [&](const Box& box) { return crossings(chart, x, y, box); });
+  svg += formatted(
+             "<text x=\"%.1f\" y=\"%.1f\" stroke=\"%s\" stroke-width=\"3\" "
+             "paint-order=\"stroke\" stroke-linejoin=\"round\">",
+             best.left, best.base, colour::kPaper) +
+         html_safe(rule.name) + "</text>";
 }
 
 /// Shown when the point is pointed at.
@@ -198,10 +280,7 @@ void add_series(const Chart& chart, std::size_t i, const Axis& x, const Axis& y,
     }
     marks += series.style == SeriesStyle::dots ? "/>" : point_title(chart, series, p) + "</circle>";
   }
-  const bool joined = series.style == SeriesStyle::line ||
-                      series.style == SeriesStyle::marked_line ||
-                      series.style == SeriesStyle::labelled_line;
-  if (joined) {
+  if (is_joined(series.style)) {
     svg +=
         "<path fill=\"none\" stroke-width=\"1.5\" stroke=\"" + colour + "\" d=\"" + path + "\"/>";
   }
@@ -232,6 +311,7 @@ std::string chart_svg(const Chart& chart) {
   add_axes(chart, x, y, top, svg);
   for (const ChartRule& rule : chart.rules) add_rule(chart, rule, x, y, top, svg);
   for (std::size_t i = 0; i < chart.series.size(); ++i) add_series(chart, i, x, y, svg);
+  for (const ChartRule& rule : chart.rules) add_rule_name(chart, rule, x, y, top, svg);
   return svg + "</svg>";
 }
 

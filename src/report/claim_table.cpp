@@ -6,15 +6,21 @@
 
 namespace blindcorner {
 
+const char* const kJudgedTogether =
+    "equal tails of the binomial distribution, of a mean square those of chi-square, at a "
+    "confidence (Bonferroni's) with which all rows of this page together hold in 95 of 100 such "
+    "studies if all claims are true.";
+
 std::string claim_table_html(std::span<const ClaimTest> claims) {
   std::string html =
       "<div style=\"overflow-x:auto\"><table><tr><th>claim<th>trials<th>claimed<th>found<th>allowed"
       "<th>verdict</tr>\n";
   for (const ClaimTest& c : claims) {
-    html += std::string(c.holds ? "<tr>" : "<tr style=\"background:#fde7e2;font-weight:600\">") +
-            "<td>" + html_safe(c.what) +
-            formatted("<td>%d<td>%.3f<td>%.4f<td>%.4f to %.4f<td>%s</tr>\n", c.trials, c.claimed,
-                      c.found, c.low, c.high, c.holds ? "holds" : "fails");
+    html +=
+        std::string(c.holds ? "<tr>" : "<tr style=\"background:var(--alarm);font-weight:600\">") +
+        "<td>" + html_safe(c.what) +
+        formatted("<td>%d<td>%.3f<td>%.4f<td>%.4f to %.4f<td>%s</tr>\n", c.trials, c.claimed,
+                  c.found, c.low, c.high, c.holds ? "holds" : "fails");
   }
   return html + "</table></div>\n";
 }
@@ -29,20 +35,49 @@ std::string claim_table_text(std::span<const ClaimTest> claims) {
   return text;
 }
 
-std::string claim_csv_header() {
-  return "claim,trials,claimed,found,allowed_low,allowed_high,holds";
+nlohmann::ordered_json claims_json(std::span<const ClaimTest> claims) {
+  nlohmann::ordered_json json = nlohmann::ordered_json::array();
+  for (const ClaimTest& c : claims) {
+    json.push_back({{"claim", c.what},
+                    {"trials", c.trials},
+                    {"claimed", c.claimed},
+                    {"found", c.found},
+                    {"allowed_low", c.low},
+                    {"allowed_high", c.high},
+                    {"holds", c.holds}});
+  }
+  return json;
 }
 
-std::string claim_csv(const ClaimTest& c) {
-  return "\"" + c.what + "\"" +
-         formatted(",%d,%.6g,%.6g,%.6g,%.6g,%d", c.trials, c.claimed, c.found, c.low, c.high,
-                   c.holds ? 1 : 0);
+std::string photons_csv(const ClaimLevel& level) {
+  return level.photons ? formatted("%g", *level.photons) : std::string();
 }
 
-nlohmann::ordered_json claim_json(const ClaimTest& c) {
-  return {{"claim", c.what},  {"trials", c.trials},   {"claimed", c.claimed},
-          {"found", c.found}, {"allowed_low", c.low}, {"allowed_high", c.high},
-          {"holds", c.holds}};
+std::string claim_rows_csv(const Scene& scene, const ClaimLevel& level) {
+  std::string csv;
+  for (const ClaimTest& c : level.claims) {
+    csv += "\"" + scene.name + "\"," + photons_csv(level) + ",\"" + c.what + "\"" +
+           formatted(",%d,%.6g,%.6g,%.6g,%.6g,%d\n", c.trials, c.claimed, c.found, c.low, c.high,
+                     c.holds ? 1 : 0);
+  }
+  return csv;
+}
+
+nlohmann::ordered_json study_json(const std::string& format, const ClaimStudyOptions& options,
+                                  const std::string& headline) {
+  return {{"format", format},
+          {"captures", options.captures},
+          {"seed", options.seed},
+          {"true_light", options.light == TrueLight::reference ? "reference" : "sensor"},
+          {"headline", headline}};
+}
+
+nlohmann::ordered_json level_json(const ClaimLevel& level) {
+  using Json = nlohmann::ordered_json;
+  return {{"photons", level.photons ? Json(*level.photons) : Json(nullptr)},
+          {"exposures", level.exposure.exposures},
+          {"ambient_counts_per_bin", level.exposure.ambient},
+          {"failures", level.failures}};
 }
 
 }  // namespace blindcorner

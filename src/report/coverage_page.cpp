@@ -8,6 +8,7 @@
 
 #include "report/chart.h"
 #include "report/claim_table.h"
+#include "report/colours.h"
 #include "report/formatted.h"
 #include "report/html.h"
 #include "report/json_values.h"
@@ -31,22 +32,22 @@ std::string share_text(int part, int whole) {
 
 std::string warnings_text(const WarningShares& w) {
   return formatted(
-      "several modes in %.1f %%, an open unknown in %.1f %%, a misfit in %.1f %%, an optimum at a "
-      "bound in %.1f %%, any warning in %.1f %%; outside of the 95 %% region without a warning: "
+      "several modes in %.1f %%, an open unknown in %.1f %%, a misfit in %.1f %%, unexplained "
+      "light in "
+      "%.1f %%, an optimum at a bound in %.1f %%, any warning in %.1f %%; outside of the 95 %% "
+      "region without a warning: "
       "%.1f %%",
-      100 * w.multimodal, 100 * w.undetermined, 100 * w.misfit, 100 * w.at_bound, 100 * w.warned,
-      100 * w.unwarned);
+      100 * w.multimodal, 100 * w.undetermined, 100 * w.misfit, 100 * w.unexplained,
+      100 * w.at_bound, 100 * w.warned, 100 * w.unwarned);
 }
 
 std::string level_text(const CoverageLevel& level) {
-  int failures = 0;
-  for (const ClaimTrial& t : level.trials) failures += t.error.empty() ? 0 : 1;
   return formatted(
       "%d captures, %d of them without an answer; photons of the object: median %.3g; median error "
       "%.4f m, median claimed %.4f m; mean squared normalised error by Student's t, which does not "
       "take errors for normal: %.3f to %.3f. ",
-      static_cast<int>(level.trials.size()), failures, level.median_photons, level.median_error,
-      level.median_claimed, level.mean_square_low, level.mean_square_high);
+      static_cast<int>(level.trials.size()), level.failures, level.median_photons,
+      level.median_error, level.median_claimed, level.mean_square_low, level.mean_square_high);
 }
 
 /// The modes' stated weights against the shares of right ones.
@@ -54,10 +55,10 @@ Chart weight_chart(const CoverageLevel& level) {
   Chart chart{"weights of modes", "stated", "right"};
   chart.width = 380;
   chart.height = 340;
-  ChartSeries honest{"honest", {{0, 0}, {1, 1}}, SeriesStyle::line, "#888"};
-  ChartSeries found{"found", {}, SeriesStyle::marked_line, "#d55e00"};
-  ChartSeries low{"allowed", {}, SeriesStyle::line, "#9fc5e8"};
-  ChartSeries high{"", {}, SeriesStyle::line, "#9fc5e8"};
+  ChartSeries honest{"honest", {{0, 0}, {1, 1}}, SeriesStyle::line, colour::kLine};
+  ChartSeries found{"found", {}, SeriesStyle::marked_line, colour::kFound};
+  ChartSeries low{"allowed", {}, SeriesStyle::line, "var(--series-5,#3a8fd0)"};
+  ChartSeries high{"", {}, SeriesStyle::line, "var(--series-5,#3a8fd0)"};
   for (const ClaimTest& c : level.claims) {
     if (c.what.find("weight") == std::string::npos) continue;
     found.points.push_back({c.claimed, c.found, formatted("%d modes", c.trials)});
@@ -73,8 +74,8 @@ Chart level_chart(const CoverageLevel& level) {
   Chart chart{"regions", "claimed", "share of truths inside"};
   chart.width = 380;
   chart.height = 340;
-  ChartSeries honest{"honest", {{0, 0}, {1, 1}}, SeriesStyle::line, "#888"};
-  ChartSeries found{"found", {{0, 0}}, SeriesStyle::line, "#d55e00"};
+  ChartSeries honest{"honest", {{0, 0}, {1, 1}}, SeriesStyle::line, colour::kLine};
+  ChartSeries found{"found", {{0, 0}}, SeriesStyle::line, colour::kFound};
   std::vector<double> levels;
   for (const ClaimTrial& t : level.trials) {
     if (t.error.empty()) levels.push_back(t.level);
@@ -98,21 +99,23 @@ std::string wrong_html(const CoverageLevel& level) {
       "of the claimed uncertainty to that under the right assumption.</p>\n"
       "<div style=\"overflow-x:auto\"><table><tr><th>what the scene is wrong "
       "about<th>captures<th>50 "
-      "%<th>90 %<th>95 %<th>growth<th>median error, m<th>with the right one, m<th>misfit<th>any "
+      "%<th>90 %<th>95 %<th>growth<th>median error, m<th>with the right one, "
+      "m<th>misfit<th>unexplained light<th>any "
       "warning<th>outside of 95 % without a warning<th>grows or warns</tr>\n";
   for (const WrongFigures& w : level.wrong) {
     html += "<tr><td>" + html_safe(w.assumption.name);
     if (w.captures == 0) {
-      html += "<td colspan=\"11\">left out: " + html_safe(w.assumption.left_out) + "</tr>\n";
+      html += "<td colspan=\"12\">left out: " + html_safe(w.assumption.left_out) + "</tr>\n";
       continue;
     }
     html += formatted("<td>%d", w.captures);
     for (const int held : w.held) html += formatted("<td>%.3f", 1.0 * held / w.captures);
-    html +=
-        formatted("<td>%.2f<td>%.4f<td>%.4f<td>%.2f<td>%.2f<td>", w.claimed_growth, w.median_error,
-                  w.right_median_error, w.warnings.misfit, w.warnings.warned) +
-        share_text(w.unwarned, w.captures) +
-        (w.holds ? "<td>yes</tr>\n" : "<td style=\"background:#fde7e2;font-weight:600\">no</tr>\n");
+    html += formatted("<td>%.2f<td>%.4f<td>%.4f<td>%.2f<td>%.2f<td>%.2f<td>", w.claimed_growth,
+                      w.median_error, w.right_median_error, w.warnings.misfit,
+                      w.warnings.unexplained, w.warnings.warned) +
+            share_text(w.unwarned, w.captures) +
+            (w.holds ? "<td>yes</tr>\n"
+                     : "<td style=\"background:var(--alarm);font-weight:600\">no</tr>\n");
   }
   return html + "</table></div>\n";
 }
@@ -125,9 +128,9 @@ Chart posterior_chart(const Scene& scene, const AmbiguousExample& example) {
               names.front(), two ? names[1] : "number of the sample"};
   chart.width = 380;
   chart.height = 340;
-  ChartSeries samples{"samples of the posterior", {}, SeriesStyle::dots, "#0072b2"};
-  ChartSeries modes{"modes", {}, SeriesStyle::marks, "#d55e00"};
-  ChartSeries truth{"truth", {}, SeriesStyle::circles, "#009e73"};
+  ChartSeries samples{"samples of the posterior", {}, SeriesStyle::dots, colour::kModel};
+  ChartSeries modes{"modes", {}, SeriesStyle::marks, colour::kFound};
+  ChartSeries truth{"truth", {}, SeriesStyle::circles, colour::kTruth};
   std::mt19937_64 random(1);
   std::normal_distribution<double> normal;
   std::vector<double> weights;
@@ -162,6 +165,7 @@ nlohmann::ordered_json warnings_json(const WarningShares& w) {
   return {{"multimodal", w.multimodal},
           {"undetermined", w.undetermined},
           {"model_misfit", w.misfit},
+          {"unexplained_light", w.unexplained},
           {"at_bound", w.at_bound},
           {"any", w.warned},
           {"outside_of_95_without_warning", w.unwarned}};
@@ -188,14 +192,45 @@ nlohmann::ordered_json wrong_json(const WrongFigures& w) {
   return json;
 }
 
+nlohmann::ordered_json trial_json(const ClaimTrial& t) {
+  if (!t.error.empty()) return {{"error", t.error}};
+  std::vector<double> weights;
+  for (const ModeClaim& mode : t.modes) weights.push_back(mode.weight);
+  return {{"truth", std::vector<double>(t.truth.begin(), t.truth.end())},
+          {"mean", std::vector<double>(t.mean.begin(), t.mean.end())},
+          {"photons", number_or_null(t.photons)},
+          {"level", t.level},
+          {"normalised_square", number_or_null(t.normalised_square)},
+          {"error_m", number_or_null(t.distance)},
+          {"claimed_m", number_or_null(t.claimed)},
+          {"deviance_excess", number_or_null(t.deviance_excess)},
+          {"weights", weights},
+          {"flags", t.flags}};
+}
+
+nlohmann::ordered_json coverage_level_json(const CoverageLevel& level) {
+  nlohmann::ordered_json json = level_json(level);
+  json["median_photons"] = level.median_photons;
+  json["median_error_m"] = number_or_null(level.median_error);
+  json["median_claimed_m"] = number_or_null(level.median_claimed);
+  json["mean_square_low"] = number_or_null(level.mean_square_low);
+  json["mean_square_high"] = number_or_null(level.mean_square_high);
+  json["claims"] = claims_json(level.claims);
+  json["flagged"] = warnings_json(level.warnings);
+  json["wrong"] = nlohmann::ordered_json::array();
+  for (const WrongFigures& w : level.wrong) json["wrong"].push_back(wrong_json(w));
+  json["trials"] = nlohmann::ordered_json::array();
+  for (const ClaimTrial& t : level.trials) json["trials"].push_back(trial_json(t));
+  return json;
+}
+
 }  // namespace
 
 std::string coverage_headline(const CoverageReport& report) {
-  int claims = 0, holding = 0, wrong = 0, warned = 0;
+  const ClaimCount count = count_claims(report.scenes);
+  int wrong = 0, warned = 0;
   for (const CoverageScene& scene : report.scenes) {
     for (const CoverageLevel& level : scene.levels) {
-      claims += static_cast<int>(level.claims.size());
-      holding += static_cast<int>(std::ranges::count_if(level.claims, &ClaimTest::holds));
       for (const WrongFigures& w : level.wrong) {
         wrong += w.captures > 0 ? 1 : 0;
         warned += w.captures > 0 && w.holds ? 1 : 0;
@@ -205,7 +240,7 @@ std::string coverage_headline(const CoverageReport& report) {
   std::string text = formatted(
       "With the model right, %d of %d claims hold; all would, with 95 %%, if every claim were "
       "true.",
-      holding, claims);
+      count.holding, count.claims);
   if (wrong > 0) {
     text += formatted(
         " With something wrong in the scene, uncertainty grows or the fit warns in %d of %d rows.",
@@ -220,9 +255,9 @@ std::string coverage_text(const CoverageScene& scene) {
     text += scene.scene.name + ", " + light_of(level) + "\n" + level_text(level) + "\n" +
             warnings_text(level.warnings) + "\n" + claim_table_text(level.claims);
     if (level.wrong.empty()) continue;
-    text +=
-        formatted("%-30s %8s %6s %6s %6s %7s %9s %9s %7s %7s %9s\n", "wrong", "captures", "50 %",
-                  "90 %", "95 %", "growth", "error m", "(right) m", "misfit", "warned", "unwarned");
+    text += formatted("%-30s %8s %6s %6s %6s %7s %9s %9s %7s %7s %7s %9s\n", "wrong", "captures",
+                      "50 %", "90 %", "95 %", "growth", "error m", "(right) m", "misfit", "light",
+                      "warned", "unwarned");
     for (const WrongFigures& w : level.wrong) {
       if (w.captures == 0) {
         text += formatted("%-30s left out: %s\n", w.assumption.name.c_str(),
@@ -230,45 +265,32 @@ std::string coverage_text(const CoverageScene& scene) {
         continue;
       }
       const double n = w.captures;
-      text +=
-          formatted("%-30s %8d %6.3f %6.3f %6.3f %7.2f %9.4f %9.4f %7.2f %7.2f %9.3f %s\n",
-                    w.assumption.name.c_str(), w.captures, w.held[0] / n, w.held[1] / n,
-                    w.held[2] / n, w.claimed_growth, w.median_error, w.right_median_error,
-                    w.warnings.misfit, w.warnings.warned, w.unwarned / n, w.holds ? "" : "FAILS");
+      text += formatted(
+          "%-30s %8d %6.3f %6.3f %6.3f %7.2f %9.4f %9.4f %7.2f %7.2f %7.2f %9.3f %s\n",
+          w.assumption.name.c_str(), w.captures, w.held[0] / n, w.held[1] / n, w.held[2] / n,
+          w.claimed_growth, w.median_error, w.right_median_error, w.warnings.misfit,
+          w.warnings.unexplained, w.warnings.warned, w.unwarned / n, w.holds ? "" : "FAILS");
     }
   }
   return text;
 }
 
-std::string coverage_csv(const CoverageReport& report) {
-  std::string csv = "scene,photons," + claim_csv_header() + "\n";
-  for (const CoverageScene& scene : report.scenes) {
-    for (const CoverageLevel& level : scene.levels) {
-      for (const ClaimTest& claim : level.claims) {
-        csv += "\"" + scene.scene.name + "\"," +
-               (level.photons ? formatted("%g", *level.photons) : std::string()) + "," +
-               claim_csv(claim) + "\n";
-      }
-    }
-  }
-  return csv;
-}
+std::string coverage_csv(const CoverageReport& report) { return claims_csv(report.scenes); }
 
 std::string wrong_assumptions_csv(const CoverageReport& report) {
   std::string csv =
       "scene,photons,wrong,captures,failures,in_50,in_90,in_95,claimed_growth,median_error_m,"
-      "right_median_error_m,misfit,flagged,outside_of_95_without_warning,holds\n";
+      "right_median_error_m,misfit,unexplained_light,flagged,outside_of_95_without_warning,holds\n";
   for (const CoverageScene& scene : report.scenes) {
     for (const CoverageLevel& level : scene.levels) {
       for (const WrongFigures& w : level.wrong) {
         if (w.captures == 0) continue;
-        csv += "\"" + scene.scene.name + "\"," +
-               (level.photons ? formatted("%g", *level.photons) : std::string()) + ",\"" +
-               w.assumption.name + "\"" +
-               formatted(",%d,%d,%d,%d,%d,%.4g,%.5g,%.5g,%.4g,%.4g,%d,%d\n", w.captures, w.failures,
-                         w.held[0], w.held[1], w.held[2], w.claimed_growth, w.median_error,
-                         w.right_median_error, w.warnings.misfit, w.warnings.warned, w.unwarned,
-                         w.holds ? 1 : 0);
+        csv += "\"" + scene.scene.name + "\"," + photons_csv(level) + ",\"" + w.assumption.name +
+               "\"" +
+               formatted(",%d,%d,%d,%d,%d,%.4g,%.5g,%.5g,%.4g,%.4g,%.4g,%d,%d\n", w.captures,
+                         w.failures, w.held[0], w.held[1], w.held[2], w.claimed_growth,
+                         w.median_error, w.right_median_error, w.warnings.misfit,
+                         w.warnings.unexplained, w.warnings.warned, w.unwarned, w.holds ? 1 : 0);
       }
     }
   }
@@ -276,53 +298,9 @@ std::string wrong_assumptions_csv(const CoverageReport& report) {
 }
 
 nlohmann::ordered_json coverage_json(const CoverageReport& report) {
-  using Json = nlohmann::ordered_json;
-  Json json{{"format", "blindcorner.coverage/1"},
-            {"captures", report.options.captures},
-            {"seed", report.options.seed},
-            {"true_light", report.options.light == TrueLight::reference ? "reference" : "sensor"},
-            {"headline", coverage_headline(report)}};
-  json["scenes"] = Json::array();
-  for (const CoverageScene& scene : report.scenes) {
-    Json entry{{"scene", scene.scene.name}, {"file", scene.scene.path}};
-    entry["levels"] = Json::array();
-    for (const CoverageLevel& level : scene.levels) {
-      Json one{{"photons", level.photons ? Json(*level.photons) : Json(nullptr)},
-               {"exposures", level.exposure.exposures},
-               {"ambient_counts_per_bin", level.exposure.ambient},
-               {"median_photons", level.median_photons},
-               {"median_error_m", number_or_null(level.median_error)},
-               {"median_claimed_m", number_or_null(level.median_claimed)},
-               {"mean_square_low", number_or_null(level.mean_square_low)},
-               {"mean_square_high", number_or_null(level.mean_square_high)}};
-      one["claims"] = Json::array();
-      for (const ClaimTest& claim : level.claims) one["claims"].push_back(claim_json(claim));
-      one["flagged"] = warnings_json(level.warnings);
-      one["wrong"] = Json::array();
-      for (const WrongFigures& w : level.wrong) one["wrong"].push_back(wrong_json(w));
-      one["trials"] = Json::array();
-      for (const ClaimTrial& t : level.trials) {
-        if (!t.error.empty()) {
-          one["trials"].push_back({{"error", t.error}});
-          continue;
-        }
-        std::vector<double> weights;
-        for (const ModeClaim& mode : t.modes) weights.push_back(mode.weight);
-        one["trials"].push_back({{"truth", std::vector<double>(t.truth.begin(), t.truth.end())},
-                                 {"mean", std::vector<double>(t.mean.begin(), t.mean.end())},
-                                 {"photons", number_or_null(t.photons)},
-                                 {"level", t.level},
-                                 {"normalised_square", number_or_null(t.normalised_square)},
-                                 {"error_m", number_or_null(t.distance)},
-                                 {"claimed_m", number_or_null(t.claimed)},
-                                 {"deviance_excess", number_or_null(t.deviance_excess)},
-                                 {"weights", weights},
-                                 {"flags", t.flags}});
-      }
-      entry["levels"].push_back(std::move(one));
-    }
-    json["scenes"].push_back(std::move(entry));
-  }
+  nlohmann::ordered_json json =
+      study_json("blindcorner.coverage/1", report.options, coverage_headline(report));
+  json["scenes"] = scenes_json(report.scenes, coverage_level_json);
   return json;
 }
 
@@ -335,12 +313,10 @@ std::string coverage_page(const CoverageReport& report) {
   body += report.options.light == TrueLight::reference
               ? "the reference renderer's, which is not the fit's model.</p>\n"
               : "the simulated sensor's, which is off by 1 to 2 %.</p>\n";
-  body +=
-      "<p>A claim holds where what was found lies within what is allowed: equal tails of the "
-      "binomial distribution, of a mean square those of chi-square, at a confidence (Bonferroni's) "
-      "with which all rows of this page together hold in 95 of 100 such studies if all claims are "
-      "true. Captures without an answer count as outside. A mode is right where the truth most "
-      "likely comes from it and lies in its 99.9 % region.</p>\n";
+  body += std::string("<p>A claim holds where what was found lies within what is allowed: ") +
+          kJudgedTogether +
+          " Captures without an answer count as outside. A mode is right where the truth most "
+          "likely comes from it and lies in its 99.9 % region.</p>\n";
   for (const CoverageScene& scene : report.scenes) {
     for (const CoverageLevel& level : scene.levels) body += level_html(scene, level);
   }

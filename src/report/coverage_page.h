@@ -4,16 +4,10 @@
 
 #include <nlohmann/json.hpp>
 #include <string>
-#include <vector>
 
 #include "blindcorner/simulation/coverage_study.h"
 
 namespace blindcorner {
-
-struct CoverageReport {
-  CoverageOptions options;
-  std::vector<CoverageScene> scenes;  ///< judged
-};
 
 /// The sentence that stands first: how many claims hold.
 std::string coverage_headline(const CoverageReport& report);

@@ -6,6 +6,7 @@
 
 #include "report/chart.h"
 #include "report/claim_table.h"
+#include "report/colours.h"
 #include "report/formatted.h"
 #include "report/html.h"
 
@@ -21,12 +22,12 @@ struct Statistic {
   std::vector<RocPoint> DetectionLevel::*curve;
 };
 const Statistic kStatistics[] = {
-    {"presence probability", "#0072b2", &DetectionLevel::by_presence},
-    {"false-alarm probability", "#d55e00", &DetectionLevel::by_false_alarm},
+    {"presence probability", colour::kModel, &DetectionLevel::by_presence},
+    {"false-alarm probability", colour::kFound, &DetectionLevel::by_false_alarm},
 };
 
 Chart roc_chart(const DetectionLevel& level) {
-  Chart chart{formatted("%g photons", level.photons), "share of empty captures",
+  Chart chart{formatted("%g photons", *level.photons), "share of empty captures",
               "share of captures with an object"};
   chart.width = 370;
   chart.height = 330;
@@ -37,7 +38,7 @@ Chart roc_chart(const DetectionLevel& level) {
     }
     chart.series.push_back(std::move(series));
   }
-  chart.series.push_back({"chance", {{0, 0}, {1, 1}}, SeriesStyle::line, "#bbb"});
+  chart.series.push_back({"chance", {{0, 0}, {1, 1}}, SeriesStyle::line, colour::kLine});
   return chart;
 }
 
@@ -51,8 +52,9 @@ Chart light_chart(const DetectionScene& scene) {
     ChartSeries series{
         formatted("false alarms in %g %%", 100 * told), {}, SeriesStyle::marked_line, {}};
     for (const DetectionLevel& level : scene.levels) {
-      series.points.push_back({std::log10(level.photons), true_share_at(level.by_false_alarm, told),
-                               formatted("%g photons", level.photons)});
+      series.points.push_back({std::log10(*level.photons),
+                               true_share_at(level.by_false_alarm, told),
+                               formatted("%g photons", *level.photons)});
     }
     chart.series.push_back(std::move(series));
   }
@@ -74,7 +76,7 @@ std::string level_table(const DetectionScene& scene) {
   for (const double told : kToldShares) html += formatted("<th>detected at %g %%", 100 * told);
   html += "<th>failed</tr>\n";
   for (const DetectionLevel& l : scene.levels) {
-    html += formatted("<tr><td>%g<td>%d<td>%d<td>", l.photons, static_cast<int>(l.with.size()),
+    html += formatted("<tr><td>%g<td>%d<td>%d<td>", *l.photons, static_cast<int>(l.with.size()),
                       static_cast<int>(l.without.size())) +
             share_html(l.reported_with, l.with.size()) + "<td>" +
             share_html(l.reported_without, l.without.size()) +
@@ -90,36 +92,40 @@ std::string level_table(const DetectionScene& scene) {
 std::string detection_scene_html(const DetectionScene& scene) {
   std::vector<Chart> charts{light_chart(scene)};
   for (const DetectionLevel& level : scene.levels) charts.push_back(roc_chart(level));
-  std::string html = "<h2>" + html_safe(scene.name) + "</h2>\n" + level_table(scene) +
+  std::string html = "<h2>" + html_safe(scene.scene.name) + "</h2>\n" + level_table(scene) +
                      charts_html(charts) + "<p>Stated false-alarm probabilities:</p>\n";
   for (const DetectionLevel& level : scene.levels) {
-    html += formatted("<p>%g photons:</p>\n", level.photons) + claim_table_html(level.false_alarms);
+    html += formatted("<p>%g photons:</p>\n", *level.photons) + claim_table_html(level.claims);
   }
   return html;
+}
+
+nlohmann::ordered_json detection_level_json(const DetectionLevel& level) {
+  nlohmann::ordered_json json = level_json(level);
+  json["reported_with"] = level.reported_with;
+  json["reported_empty"] = level.reported_without;
+  json["area_presence"] = area_below(level.by_presence);
+  json["area_false_alarm"] = area_below(level.by_false_alarm);
+  json["false_alarms"] = claims_json(level.claims);
+  return json;
 }
 
 }  // namespace
 
 std::string detection_headline(const DetectionReport& report) {
-  int claims = 0, holding = 0;
-  for (const DetectionScene& scene : report.scenes) {
-    for (const DetectionLevel& level : scene.levels) {
-      claims += static_cast<int>(level.false_alarms.size());
-      holding += static_cast<int>(std::ranges::count_if(level.false_alarms, &ClaimTest::holds));
-    }
-  }
+  const ClaimCount count = count_claims(report.scenes);
   return formatted(
       "%d of %d stated false-alarm probabilities hold on empty captures that calibrated nothing; "
       "all would, with 95 %%, if they were right.",
-      holding, claims);
+      count.holding, count.claims);
 }
 
 std::string detection_text(const DetectionScene& scene) {
   std::string text = formatted("%s\n%9s %8s %8s %10s %10s %8s %8s %8s %8s %8s\n",
-                               scene.name.c_str(), "photons", "with", "empty", "reported",
+                               scene.scene.name.c_str(), "photons", "with", "empty", "reported",
                                "in empty", "area p", "area f", "at 1 %", "at 5 %", "at 10 %");
   for (const DetectionLevel& l : scene.levels) {
-    text += formatted("%9g %8d %8d %10.3f %10.3f %8.3f %8.3f", l.photons,
+    text += formatted("%9g %8d %8d %10.3f %10.3f %8.3f %8.3f", *l.photons,
                       static_cast<int>(l.with.size()), static_cast<int>(l.without.size()),
                       l.reported_with / static_cast<double>(l.with.size()),
                       l.reported_without / static_cast<double>(l.without.size()),
@@ -130,7 +136,7 @@ std::string detection_text(const DetectionScene& scene) {
     text += "\n";
   }
   for (const DetectionLevel& l : scene.levels) {
-    text += formatted("%g photons\n", l.photons) + claim_table_text(l.false_alarms);
+    text += formatted("%g photons\n", *l.photons) + claim_table_text(l.claims);
   }
   return text;
 }
@@ -141,8 +147,8 @@ std::string detection_csv(const DetectionReport& report) {
       "area_false_alarm,detected_at_0.01,detected_at_0.05,detected_at_0.1\n";
   for (const DetectionScene& scene : report.scenes) {
     for (const DetectionLevel& l : scene.levels) {
-      csv += "\"" + scene.name + "\"" +
-             formatted(",%g,%d,%d,%d,%d,%d,%.5g,%.5g", l.photons, static_cast<int>(l.with.size()),
+      csv += "\"" + scene.scene.name + "\"" +
+             formatted(",%g,%d,%d,%d,%d,%d,%.5g,%.5g", *l.photons, static_cast<int>(l.with.size()),
                        static_cast<int>(l.without.size()), l.failures, l.reported_with,
                        l.reported_without, area_below(l.by_presence), area_below(l.by_false_alarm));
       for (const double told : kToldShares) {
@@ -154,17 +160,7 @@ std::string detection_csv(const DetectionReport& report) {
   return csv;
 }
 
-std::string false_alarms_csv(const DetectionReport& report) {
-  std::string csv = "scene,photons," + claim_csv_header() + "\n";
-  for (const DetectionScene& scene : report.scenes) {
-    for (const DetectionLevel& l : scene.levels) {
-      for (const ClaimTest& claim : l.false_alarms) {
-        csv += "\"" + scene.name + "\"" + formatted(",%g,", l.photons) + claim_csv(claim) + "\n";
-      }
-    }
-  }
-  return csv;
-}
+std::string false_alarms_csv(const DetectionReport& report) { return claims_csv(report.scenes); }
 
 std::string roc_csv(const DetectionReport& report) {
   std::string csv = "scene,photons,statistic,false_share,true_share\n";
@@ -172,8 +168,8 @@ std::string roc_csv(const DetectionReport& report) {
     for (const DetectionLevel& l : scene.levels) {
       for (const Statistic& statistic : kStatistics) {
         for (const RocPoint& p : l.*statistic.curve) {
-          csv += "\"" + scene.name + "\"" +
-                 formatted(",%g,\"%s\",%.6g,%.6g\n", l.photons, statistic.name, p.false_share,
+          csv += "\"" + scene.scene.name + "\"" +
+                 formatted(",%g,\"%s\",%.6g,%.6g\n", *l.photons, statistic.name, p.false_share,
                            p.true_share);
         }
       }
@@ -183,33 +179,10 @@ std::string roc_csv(const DetectionReport& report) {
 }
 
 nlohmann::ordered_json detection_json(const DetectionReport& report) {
-  using Json = nlohmann::ordered_json;
-  Json json{{"format", "blindcorner.detection/1"},
-            {"captures", report.options.captures},
-            {"empty_captures", report.options.empty_captures},
-            {"seed", report.options.seed},
-            {"headline", detection_headline(report)}};
-  json["scenes"] = Json::array();
-  for (const DetectionScene& scene : report.scenes) {
-    Json entry{{"scene", scene.name}, {"file", scene.file}};
-    entry["levels"] = Json::array();
-    for (const DetectionLevel& l : scene.levels) {
-      Json one{{"photons", l.photons},
-               {"exposures", l.exposure.exposures},
-               {"ambient_counts_per_bin", l.exposure.ambient},
-               {"failures", l.failures},
-               {"reported_with", l.reported_with},
-               {"reported_empty", l.reported_without},
-               {"area_presence", area_below(l.by_presence)},
-               {"area_false_alarm", area_below(l.by_false_alarm)}};
-      one["false_alarms"] = Json::array();
-      for (const ClaimTest& claim : l.false_alarms) {
-        one["false_alarms"].push_back(claim_json(claim));
-      }
-      entry["levels"].push_back(std::move(one));
-    }
-    json["scenes"].push_back(std::move(entry));
-  }
+  nlohmann::ordered_json json =
+      study_json("blindcorner.detection/1", report.options, detection_headline(report));
+  json["empty_captures"] = report.options.empty_captures;
+  json["scenes"] = scenes_json(report.scenes, detection_level_json);
   return json;
 }
 
@@ -226,12 +199,9 @@ std::string detection_page(const DetectionReport& report) {
           options.captures, options.empty_captures, static_cast<unsigned long long>(options.seed)) +
       "<p>A curve goes through all thresholds of a statistic: to its right are the empty captures "
       "that are taken for an object, upwards the objects that are found. <i>Reported</i> means "
-      "that "
-      "the fit is not flagged nothing_detected. A stated probability holds where the share of "
-      "empty "
-      "captures below it lies within equal tails of the binomial distribution, at a confidence "
-      "(Bonferroni's) with which all rows of this page together hold in 95 of 100 such studies if "
-      "all are right.</p>\n";
+      "that the fit is not flagged nothing_detected. A stated probability holds where the share "
+      "of empty captures below it lies within what is allowed: " +
+      kJudgedTogether + "</p>\n";
   for (const DetectionScene& scene : report.scenes) body += detection_scene_html(scene);
   return plain_page("Detections and false alarms", detection_headline(report), body);
 }

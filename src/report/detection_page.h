@@ -4,16 +4,10 @@
 
 #include <nlohmann/json.hpp>
 #include <string>
-#include <vector>
 
 #include "blindcorner/simulation/detection_study.h"
 
 namespace blindcorner {
-
-struct DetectionReport {
-  DetectionOptions options;
-  std::vector<DetectionScene> scenes;  ///< judged
-};
 
 /// The sentence that stands first: how many stated false-alarm probabilities hold.
 std::string detection_headline(const DetectionReport& report);

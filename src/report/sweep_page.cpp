@@ -7,6 +7,7 @@
 #include "blindcorner/simulation/credible_level.h"
 #include "blindcorner/simulation/pareto_front.h"
 #include "report/chart.h"
+#include "report/colours.h"
 #include "report/formatted.h"
 #include "report/html.h"
 #include "report/json_values.h"
@@ -14,10 +15,10 @@
 namespace blindcorner {
 namespace {
 
-const char* const kSettingColour = "#0072b2";
-const char* const kOtherColour = "#e69f00";
-const char* const kDefaultColour = "#d55e00";
-const char* const kFrontColour = "#009e73";
+const char* const kSettingColour = colour::kModel;
+const char* const kOtherColour = "var(--object,#e69f00)";
+const char* const kDefaultColour = colour::kFound;
+const char* const kFrontColour = colour::kTruth;
 
 /// Methods that take a smaller share of the default's time than this do not look at the capture.
 constexpr double kLeastShownTime = 1e-2;
@@ -130,7 +131,7 @@ std::string by_light(const SweepScene& scene) {
   error.logarithmic = fine.logarithmic = true;
   error.width = fine.width = 560;
   error.height = fine.height = 320;
-  ChartSeries bound{"bound", {}, SeriesStyle::line, "#888"};
+  ChartSeries bound{"bound", {}, SeriesStyle::line, colour::kLine};
   ChartSeries efficiency{"error over bound (bound below a quarter of the pulse)",
                          {},
                          SeriesStyle::marked_line,
@@ -177,20 +178,29 @@ std::string ratio_or_dash(double value) {
   return std::isfinite(value) ? formatted("%.3f", value) : std::string("-");
 }
 
+/// What the intervals say of a method beside the default.
+std::string beside_default(const SweepRatio& r) {
+  const std::string time = r.cheaper() ? "cheaper" : r.time_low > 1 ? "dearer" : "as dear";
+  const std::string error = r.better()  ? "smaller error"
+                            : r.worse() ? "larger error"
+                                        : "error not told apart";
+  return time + ", " + error + (r.holds_less() ? ", holds the truth less often" : "");
+}
+
 std::string ratio_table(const SweepVerdict& verdict) {
   std::string html =
-      "<div style=\"overflow-x:auto\"><table><tr><th>method<th>varies<th>time, following<th>time, "
-      "first<th>wall, following<th>error (95 % of all rows together)<th>coverage of 95 %<th>right "
-      "mode<th>captures<th>front</tr>\n";
+      "<div style=\"overflow-x:auto\"><table><tr><th>method<th>varies<th>time, following (95 % of "
+      "all rows together)<th>time, first<th>wall, following<th>error (likewise)<th>coverage of "
+      "95 %<th>right mode<th>captures<th>beside the default</tr>\n";
   for (std::size_t i = 0; i < verdict.ratios.size(); ++i) {
     const SweepRatio& r = verdict.ratios[i];
-    const bool on = std::ranges::find(verdict.front, i) != verdict.front.end();
     html += (i == 0 ? "<tr style=\"font-weight:600\"><td>" : "<tr><td>") + html_safe(r.name) +
             "<td>" + html_safe(r.varies) +
-            formatted("<td>%.3f<td>%.3f<td>%.3f<td>%.3f (%.3f to %.3f)<td>", r.time, r.first_time,
-                      r.wall, r.error, r.error_low, r.error_high) +
+            formatted("<td>%.3f (%.3f to %.3f)<td>%.3f<td>%.3f<td>%.3f (%.3f to %.3f)<td>", r.time,
+                      r.time_low, r.time_high, r.first_time, r.wall, r.error, r.error_low,
+                      r.error_high) +
             ratio_or_dash(r.coverage) + "<td>" + ratio_or_dash(r.right) +
-            formatted("<td>%d<td>%s</tr>\n", r.captures, on ? "yes" : "");
+            formatted("<td>%d<td>", r.captures) + (i == 0 ? "" : beside_default(r)) + "</tr>\n";
   }
   return html + "</table></div>\n";
 }
@@ -236,6 +246,8 @@ nlohmann::ordered_json ratio_json(const SweepRatio& r) {
   return {{"method", r.name},
           {"varies", r.varies},
           {"time", number_or_null(r.time)},
+          {"time_low", number_or_null(r.time_low)},
+          {"time_high", number_or_null(r.time_high)},
           {"first_time", number_or_null(r.first_time)},
           {"wall", number_or_null(r.wall)},
           {"error", number_or_null(r.error)},
@@ -243,6 +255,8 @@ nlohmann::ordered_json ratio_json(const SweepRatio& r) {
           {"error_high", number_or_null(r.error_high)},
           {"coverage_95", number_or_null(r.coverage)},
           {"right_mode", number_or_null(r.right)},
+          {"held_alone", r.held_alone},
+          {"default_alone", r.default_alone},
           {"captures", r.captures}};
 }
 
@@ -362,7 +376,8 @@ std::string sweep_page(const SweepReport& report) {
       "background. Times are processor time of all threads, a first capture with all that a method "
       "prepares for it, a following one in the median. Error is the distance of the answer (of "
       "the solver: the mean of its posterior) from the truth. The front joins what no other "
-      "method beats in both. The bound's line is what errors would be that are normal with Cramer "
+      "method beats in both, as the figures stand; whether the default is on it is judged within "
+      "their intervals. The bound's line is what errors would be that are normal with Cramer "
       "and Rao's bound, the prior counted, as their covariance. Point at a mark to see its "
       "name.</p>\n";
   body += charts_html({ratio_chart(report.verdict)}) + ratio_table(report.verdict);

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "blindcorner/simulation/coverage_study.h"
 
-#include <tbb/parallel_for.h>
-
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <boost/math/distributions/chi_squared.hpp>
@@ -26,9 +24,7 @@ constexpr double kModeRegion = 0.999;
 constexpr int kWeightBins = 10;
 /// Bins with fewer statements say nothing.
 constexpr int kLeastStatements = 10;
-/// Tolerance of the fast model that chooses exposures.
-constexpr double kExposureTolerance = 0.02;
-constexpr std::uint64_t kTrialSeed = 1'000'003, kLightSeed = 7'919'000'017;
+constexpr std::uint64_t kTrialSeed = 1'000'003;
 
 std::string percent(const char* pattern, double a, double b = 0) {
   char text[96];
@@ -121,6 +117,7 @@ double photons_of(const Scene& scene, const DrawnObject& object, const Exposure&
 
 void summarise(const Scene& scene, CoverageLevel& level) {
   level.claims = claims_of(level.trials, static_cast<int>(scene.unknowns.size()));
+  level.failures = failures_of(level.trials);
   level.warnings = warnings_of(level.trials);
   level.median_error = median(values_of(level.trials, &ClaimTrial::distance));
   level.median_photons = median(values_of(level.trials, &ClaimTrial::photons));
@@ -134,14 +131,14 @@ void summarise(const Scene& scene, CoverageLevel& level) {
 }
 
 void study_wrong(const Scene& scene, const CoverageOptions& options, const Fitter& fitter,
-                 std::uint64_t seed, const std::vector<std::vector<DrawnObject>>& wrong_objects,
+                 const std::vector<std::vector<DrawnObject>>& wrong_objects,
                  const std::function<void()>& advance, CoverageLevel& level) {
   const std::vector<WrongAssumption> assumptions = wrong_assumptions(scene);
   const auto count =
       std::min(level.trials.size(), static_cast<std::size_t>(options.wrong_captures));
   const std::span<const ClaimTrial> right(level.trials.data(), count);
   for (std::size_t a = 0; a < assumptions.size(); ++a) {
-    const auto trials = claim_trials(fitter, wrong_objects[a], level.exposure, seed, advance);
+    const auto trials = claim_trials(fitter, wrong_objects[a], level.exposure, level.seed, advance);
     level.wrong.push_back(
         wrong_figures(assumptions[a], trials, right.subspan(0, std::min(count, trials.size()))));
   }
@@ -150,16 +147,11 @@ void study_wrong(const Scene& scene, const CoverageOptions& options, const Fitte
 }  // namespace
 
 void CoverageOptions::validate() const {
-  const auto require = [](bool condition, const char* field, const char* accepted) {
-    if (!condition)
-      throw Error(std::string("CoverageOptions.") + field, std::string("accepted: ") + accepted);
-  };
-  require(captures >= 2, "captures", "at least 2");
-  require(wrong_captures >= 0 && wrong_captures <= captures, "wrong_captures",
-          "0 to as many as there are captures");
-  require(std::ranges::all_of(photons, [](double p) { return p > 0 && std::isfinite(p); }),
-          "photons", "above 0");
-  fit.validate();
+  ClaimStudyOptions::validate();
+  if (captures < 2) throw Error("CoverageOptions.captures", "accepted: at least 2");
+  if (wrong_captures < 0 || wrong_captures > captures) {
+    throw Error("CoverageOptions.wrong_captures", "accepted: 0 to as many as there are captures");
+  }
 }
 
 bool ClaimTrial::has(const std::string& flag) const {
@@ -202,19 +194,13 @@ ClaimTrial judge_fit(const Scene& scene, const FitResult& result, const PoseVect
 std::vector<ClaimTrial> claim_trials(const Fitter& fitter, std::span<const DrawnObject> objects,
                                      const Exposure& exposure, std::uint64_t seed,
                                      const std::function<void()>& advance) {
-  std::vector<ClaimTrial> trials(objects.size());
-  tbb::parallel_for(std::size_t{0}, objects.size(), [&](std::size_t i) {
+  return answered_trials(objects.size(), advance, [&](std::size_t i) {
     const std::uint64_t own = seed + kTrialSeed * (i + 1);
-    try {
-      const FitResult result = fitter.fit(capture_of(fitter.scene(), objects[i], exposure, own));
-      trials[i] = judge_fit(fitter.scene(), result, objects[i].pose, own);
-      trials[i].photons = photons_of(fitter.scene(), objects[i], exposure);
-    } catch (const std::exception& error) {
-      trials[i].error = error.what();
-    }
-    if (advance) advance();
+    const FitResult result = fitter.fit(capture_of(fitter.scene(), objects[i], exposure, own));
+    ClaimTrial trial = judge_fit(fitter.scene(), result, objects[i].pose, own);
+    trial.photons = photons_of(fitter.scene(), objects[i], exposure);
+    return trial;
   });
-  return trials;
 }
 
 std::vector<ClaimTest> claims_of(std::span<const ClaimTrial> trials, int unknowns) {
@@ -247,6 +233,7 @@ WarningShares warnings_of(std::span<const ClaimTrial> trials) {
   shares.multimodal = with("multimodal");
   shares.undetermined = with("undetermined");
   shares.misfit = with("model_misfit");
+  shares.unexplained = with("unexplained_light");
   shares.at_bound = with("at_bound");
   shares.warned = share_where(trials, [](const ClaimTrial& t) { return t.warned(); });
   shares.unwarned = share_where(
@@ -282,11 +269,7 @@ WrongFigures wrong_figures(const WrongAssumption& assumption, std::span<const Cl
 CoverageScene study_coverage(const Scene& scene, const CoverageOptions& options,
                              const std::function<void()>& advance) {
   options.validate();
-  DrawOptions draw;
-  draw.objects = options.captures;
-  draw.light = options.light;
-  draw.sampling = options.sampling;
-  draw.seed = options.seed;
+  DrawOptions draw = draw_options(options);
   const std::vector<DrawnObject> objects = draw_objects(scene, draw);
   std::vector<std::vector<DrawnObject>> wrong_objects;
   if (options.wrong_captures > 0) {
@@ -297,40 +280,20 @@ CoverageScene study_coverage(const Scene& scene, const CoverageOptions& options,
                                                           : std::vector<DrawnObject>{});
     }
   }
-  FastModelOptions fast;
-  fast.tolerance = kExposureTolerance;
-  const auto model = make_fast_model(scene, sensor_placement(scene), fast);
   CoverageScene study{scene, {}};
-  std::vector<std::optional<double>> lights(options.photons.begin(), options.photons.end());
-  if (lights.empty()) lights.emplace_back();
-  std::uint64_t seed = options.seed;
-  for (const std::optional<double>& photons : lights) {
-    seed += kLightSeed;
+  for (const ClaimLevel& light : light_levels(scene, options)) {
     CoverageLevel level;
-    level.photons = photons;
-    level.exposure =
-        photons ? exposure_for(scene, *model, *photons, options.seed) : own_exposure(scene);
+    static_cast<ClaimLevel&>(level) = light;
     const Fitter fitter(scene, options.fit);
-    level.trials = claim_trials(fitter, objects, level.exposure, seed, advance);
+    level.trials = claim_trials(fitter, objects, level.exposure, level.seed, advance);
     summarise(scene, level);
-    level.example = ambiguous_example(fitter, objects, level.trials, level.exposure, seed);
+    level.example = ambiguous_example(fitter, objects, level.trials, level.exposure, level.seed);
     if (options.wrong_captures > 0) {
-      study_wrong(scene, options, fitter, seed, wrong_objects, advance, level);
+      study_wrong(scene, options, fitter, wrong_objects, advance, level);
     }
     study.levels.push_back(std::move(level));
   }
   return study;
-}
-
-bool judge_coverage(std::span<CoverageScene> scenes) {
-  std::vector<ClaimTest*> claims;
-  for (CoverageScene& scene : scenes) {
-    for (CoverageLevel& level : scene.levels) {
-      for (ClaimTest& claim : level.claims) claims.push_back(&claim);
-    }
-  }
-  judge_claims(claims);
-  return std::ranges::all_of(claims, [](const ClaimTest* c) { return c->holds; });
 }
 
 }  // namespace blindcorner

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "blindcorner/simulation/detection_study.h"
 
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -15,36 +13,18 @@ namespace {
 
 /// Stated false-alarm probabilities that are checked.
 constexpr double kStated[] = {0.5, 0.1, 0.05, 0.01};
-constexpr double kLightTolerance = 0.02;  ///< of the fast model that chooses exposures
-constexpr std::uint64_t kShownSeed = 1'000'003, kEmptySeed = 2'147'483'659,
-                        kDetectionLevelSeed = 7'919'000'017;
+constexpr std::uint64_t kShownSeed = 1'000'003, kEmptySeed = 2'147'483'659;
 
 DetectionTrial detect(const Fitter& fitter, const Capture& capture) {
+  const FitResult result = fitter.fit(capture);
   DetectionTrial trial;
-  try {
-    const FitResult result = fitter.fit(capture);
-    trial.presence = result.posterior.presence_probability;
-    trial.false_alarm = result.false_alarm_probability.value_or(1);
-    trial.reported = std::ranges::find(result.flags, "nothing_detected") == result.flags.end();
-    if (!std::isfinite(trial.presence) || !std::isfinite(trial.false_alarm)) {
-      throw Error("result", "found a value that is not finite");
-    }
-  } catch (const std::exception& error) {
-    trial.error = error.what();
+  trial.presence = result.posterior.presence_probability;
+  trial.false_alarm = result.false_alarm_probability.value_or(1);
+  trial.reported = std::ranges::find(result.flags, "nothing_detected") == result.flags.end();
+  if (!std::isfinite(trial.presence) || !std::isfinite(trial.false_alarm)) {
+    throw Error("result", "found a value that is not finite");
   }
   return trial;
-}
-
-template <class MakeCapture>
-std::vector<DetectionTrial> detect_all(const Fitter& fitter, std::size_t count,
-                                       const std::function<void()>& advance,
-                                       const MakeCapture& make) {
-  std::vector<DetectionTrial> trials(count);
-  tbb::parallel_for(std::size_t{0}, count, [&](std::size_t i) {
-    trials[i] = detect(fitter, make(i));
-    if (advance) advance();
-  });
-  return trials;
 }
 
 std::vector<double> scores_of(std::span<const DetectionTrial> trials,
@@ -66,15 +46,10 @@ int reported_among(std::span<const DetectionTrial> trials) {
       trials, [](const DetectionTrial& t) { return t.error.empty() && t.reported; }));
 }
 
-int failed_among(std::span<const DetectionTrial> trials) {
-  return static_cast<int>(
-      std::ranges::count_if(trials, [](const DetectionTrial& t) { return !t.error.empty(); }));
-}
-
 void summarise_detection(DetectionLevel& level) {
   level.by_presence = curve_of(level, [](const DetectionTrial& t) { return t.presence; });
   level.by_false_alarm = curve_of(level, [](const DetectionTrial& t) { return -t.false_alarm; });
-  level.failures = failed_among(level.with) + failed_among(level.without);
+  level.failures = failures_of(level.with) + failures_of(level.without);
   level.reported_with = reported_among(level.with);
   level.reported_without = reported_among(level.without);
   const std::vector<double> stated =
@@ -84,7 +59,7 @@ void summarise_detection(DetectionLevel& level) {
     const auto below = std::ranges::count_if(stated, [p](double value) { return value < p; });
     char what[64];
     std::snprintf(what, sizeof what, "false-alarm probability below %g", p);
-    level.false_alarms.push_back(
+    level.claims.push_back(
         {what, ClaimKind::share, p, count > 0 ? static_cast<double>(below) / count : 0, count});
   }
 }
@@ -92,18 +67,15 @@ void summarise_detection(DetectionLevel& level) {
 }  // namespace
 
 void DetectionOptions::validate() const {
+  ClaimStudyOptions::validate();
   const auto require = [](bool condition, const char* field, const char* accepted) {
     if (!condition)
       throw Error(std::string("DetectionOptions.") + field, std::string("accepted: ") + accepted);
   };
-  require(captures >= 1, "captures", "at least 1");
   require(empty_captures >= 1, "empty_captures", "at least 1");
   require(!photons.empty(), "photons", "at least one");
-  require(std::ranges::all_of(photons, [](double p) { return p > 0 && std::isfinite(p); }),
-          "photons", "above 0");
   require(fit.empty_captures > 0, "fit.empty_captures",
           "above 0: without, no false-alarm probability is stated");
-  fit.validate();
 }
 
 std::vector<RocPoint> roc_curve(std::span<const double> with, std::span<const double> without) {
@@ -153,46 +125,26 @@ double true_share_at(std::span<const RocPoint> curve, double false_share) {
 DetectionScene study_detection(const Scene& scene, const DetectionOptions& options,
                                const std::function<void()>& advance) {
   options.validate();
-  DrawOptions draw;
-  draw.objects = options.captures;
-  draw.light = options.light;
-  draw.sampling = options.sampling;
-  draw.seed = options.seed;
-  const std::vector<DrawnObject> objects = draw_objects(scene, draw);
+  const std::vector<DrawnObject> objects = draw_objects(scene, draw_options(options));
   const HistogramCube empty_light = empty_static_light(scene);
-  FastModelOptions fast;
-  fast.tolerance = kLightTolerance;
-  const auto model = make_fast_model(scene, sensor_placement(scene), fast);
+  const auto empty = static_cast<std::size_t>(options.empty_captures);
   const Fitter fitter(scene, options.fit);
-  DetectionScene study{scene.name, scene.path, {}};
-  std::uint64_t seed = options.seed;
-  for (const double photons : options.photons) {
-    seed += kDetectionLevelSeed;
+  DetectionScene study{scene, {}};
+  for (const ClaimLevel& light : light_levels(scene, options)) {
     DetectionLevel level;
-    level.photons = photons;
-    level.exposure = exposure_for(scene, *model, photons, options.seed);
-    level.with = detect_all(fitter, objects.size(), advance, [&](std::size_t i) {
-      return capture_of(scene, objects[i], level.exposure, seed + kShownSeed * (i + 1));
+    static_cast<ClaimLevel&>(level) = light;
+    level.with = answered_trials(objects.size(), advance, [&](std::size_t i) {
+      return detect(
+          fitter, capture_of(scene, objects[i], level.exposure, level.seed + kShownSeed * (i + 1)));
     });
-    level.without = detect_all(
-        fitter, static_cast<std::size_t>(options.empty_captures), advance, [&](std::size_t i) {
-          return empty_capture(scene, empty_light, level.exposure, seed + kEmptySeed * (i + 1));
-        });
+    level.without = answered_trials(empty, advance, [&](std::size_t i) {
+      return detect(fitter, empty_capture(scene, empty_light, level.exposure,
+                                          level.seed + kEmptySeed * (i + 1)));
+    });
     summarise_detection(level);
     study.levels.push_back(std::move(level));
   }
   return study;
-}
-
-bool judge_detection(std::span<DetectionScene> scenes) {
-  std::vector<ClaimTest*> claims;
-  for (DetectionScene& scene : scenes) {
-    for (DetectionLevel& level : scene.levels) {
-      for (ClaimTest& claim : level.false_alarms) claims.push_back(&claim);
-    }
-  }
-  judge_claims(claims);
-  return std::ranges::all_of(claims, [](const ClaimTest* c) { return c->holds; });
 }
 
 }  // namespace blindcorner

@@ -6,6 +6,7 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <boost/math/distributions/binomial.hpp>
 #include <boost/math/distributions/chi_squared.hpp>
 #include <boost/math/distributions/students_t.hpp>
 #include <chrono>
@@ -37,9 +38,8 @@ constexpr int kDrawnErrors = 200;
 constexpr double kClaimedRegion = 0.95, kRightRegion = 0.99;
 /// All ratios of errors to the default's hold together with this probability of being wrong.
 constexpr double kFamily = 0.05;
-/// A share of the default's time below which a method is called cheaper: medians of run times on a
-/// machine that does other work differ by some per cent from run to run.
-constexpr double kCheaper = 0.95;
+/// Of the sign test that says that regions hold the truth less often than the default's.
+constexpr double kHoldsLess = 0.01;
 /// m; a smaller error is as good as none.
 constexpr double kNoDistance = 1e-9;
 /// Seeds of captures are far apart.
@@ -218,8 +218,8 @@ ClusteredMean clustered_mean(const std::vector<std::vector<double>>& clusters, d
 /// Logarithms of ratios to the default, gathered over scenes and levels.
 struct RatioSums {
   SweepRatio ratio;
-  std::vector<std::vector<double>> error;  ///< [objects of all scenes][levels]
-  std::vector<double> time, wall, first;
+  std::vector<std::vector<double>> error, time;  ///< [objects of all scenes][levels]
+  std::vector<double> wall, first;
   int claims = 0, held = 0, right = 0;
 };
 
@@ -231,6 +231,7 @@ void add_cell(const SweepCell& cell, const SweepCell& of_default, std::size_t ob
   add(cell.first_cpu, of_default.first_cpu, sums.first);
   if (sums.error.size() < objects_before + cell.trials.size()) {
     sums.error.resize(objects_before + cell.trials.size());
+    sums.time.resize(objects_before + cell.trials.size());
   }
   for (std::size_t i = 0; i < cell.trials.size(); ++i) {
     const SweepTrial &own = cell.trials[i], &base = of_default.trials[i];
@@ -238,12 +239,16 @@ void add_cell(const SweepCell& cell, const SweepCell& of_default, std::size_t ob
     ++sums.ratio.captures;
     sums.error[objects_before + i].push_back(
         std::log(std::max(own.distance, kNoDistance) / std::max(base.distance, kNoDistance)));
-    add(own.cpu, base.cpu, sums.time);
+    add(own.cpu, base.cpu, sums.time[objects_before + i]);
     add(own.wall, base.wall, sums.wall);
     if (!own.level) continue;
     ++sums.claims;
-    sums.held += *own.level <= kClaimedRegion ? 1 : 0;
+    const bool held = *own.level <= kClaimedRegion;
+    const bool base_held = base.level && *base.level <= kClaimedRegion;
+    sums.held += held ? 1 : 0;
     sums.right += own.right ? 1 : 0;
+    sums.ratio.held_alone += held && !base_held ? 1 : 0;
+    sums.ratio.default_alone += !held && base_held ? 1 : 0;
   }
 }
 
@@ -259,7 +264,10 @@ SweepRatio ratio_of(const RatioSums& sums, double confidence) {
   ratio.error = std::exp(error.mean);
   ratio.error_low = std::exp(error.low);
   ratio.error_high = std::exp(error.high);
-  ratio.time = geometric_mean(sums.time);
+  const ClusteredMean time = clustered_mean(sums.time, confidence);
+  ratio.time = std::exp(time.mean);
+  ratio.time_low = std::exp(time.low);
+  ratio.time_high = std::exp(time.high);
   ratio.wall = geometric_mean(sums.wall);
   ratio.first_time = geometric_mean(sums.first);
   ratio.coverage = sums.claims > 0 ? static_cast<double>(sums.held) / sums.claims : kNone;
@@ -267,10 +275,14 @@ SweepRatio ratio_of(const RatioSums& sums, double confidence) {
   return ratio;
 }
 
-bool default_on_front(const SweepLevel& level) {
-  std::vector<CostAndError> points;
-  for (const SweepFigures& f : level.figures) points.push_back({f.following_cpu, f.median});
-  return std::ranges::count(pareto_front(points), std::size_t{0}) > 0;
+/// Whether nothing at this level of light is cheaper with a smaller error beyond the intervals.
+bool default_on_front(const SweepLevel& level, double confidence) {
+  return std::ranges::none_of(level.cells, [&](const SweepCell& cell) {
+    RatioSums sums;
+    add_cell(cell, level.cells.front(), 0, sums);
+    const SweepRatio ratio = ratio_of(sums, confidence);
+    return ratio.cheaper() && ratio.better();
+  });
 }
 
 }  // namespace
@@ -361,6 +373,14 @@ SweepFigures figures_of(const SweepCell& cell, const std::vector<double>& bound,
   return figures;
 }
 
+bool SweepRatio::holds_less() const {
+  // The chance of so few of its own among the captures in which the two differ, if both were alike.
+  const int differing = held_alone + default_alone;
+  if (differing == 0) return false;
+  const boost::math::binomial_distribution<double> alike(differing, 0.5);
+  return boost::math::cdf(alike, held_alone) < kHoldsLess;
+}
+
 SweepVerdict verdict_of(const std::vector<SweepScene>& scenes) {
   SweepVerdict verdict;
   std::vector<RatioSums> sums;
@@ -380,49 +400,54 @@ SweepVerdict verdict_of(const std::vector<SweepScene>& scenes) {
         add_cell(level.cells[m], level.cells.front(), objects, sums[place->second]);
       }
     }
-    for (const SweepLevel& level : scene.levels) {
-      ++verdict.pictures;
-      verdict.on_front += default_on_front(level) ? 1 : 0;
-    }
+    verdict.pictures += static_cast<int>(scene.levels.size());
     if (!scene.levels.empty()) objects += scene.levels.front().bound.size();
   }
-  const double confidence = bonferroni(1 - kFamily, static_cast<int>(sums.size()) - 1);
+  // A time and an error of each method but the default.
+  const int intervals = 2 * (static_cast<int>(sums.size()) - 1);
+  for (const SweepScene& scene : scenes) {
+    for (const SweepLevel& level : scene.levels) {
+      const double confidence = bonferroni(1 - kFamily, intervals * verdict.pictures);
+      verdict.on_front += default_on_front(level, confidence) ? 1 : 0;
+    }
+  }
   std::vector<CostAndError> points;
   for (const RatioSums& one : sums) {
-    verdict.ratios.push_back(ratio_of(one, confidence));
+    verdict.ratios.push_back(ratio_of(one, bonferroni(1 - kFamily, intervals)));
     points.push_back({verdict.ratios.back().time, verdict.ratios.back().error});
   }
   verdict.front = pareto_front(points);
   for (std::size_t i = 1; i < verdict.ratios.size(); ++i) {
     const SweepRatio& ratio = verdict.ratios[i];
-    if (!(ratio.time < kCheaper)) continue;
-    if (ratio.error_high < 1) verdict.better.push_back(i);
-    if (ratio.error_low <= 1 && ratio.error_high >= 1) verdict.level.push_back(i);
+    if (!ratio.cheaper()) continue;
+    if (ratio.better()) verdict.better.push_back(i);
+    if (!ratio.better() && !ratio.worse()) verdict.level.push_back(i);
   }
   return verdict;
 }
 
 std::string SweepVerdict::headline() const {
-  std::string beaten_by;  // by the figures as they stand
-  for (std::size_t i = 1; i < ratios.size(); ++i) {
-    const SweepRatio& r = ratios[i];
-    if (r.time < 1 && r.error < 1) beaten_by += (beaten_by.empty() ? "" : ", ") + r.name;
-  }
+  const auto names = [&](const std::vector<std::size_t>& places) {
+    std::string list;
+    for (const std::size_t i : places) list += (list.empty() ? "" : ", ") + ratios[i].name;
+    return list;
+  };
   std::string text;
   if (!better.empty()) {
-    text = "The default is not on the front: there are cheaper ones with a smaller error.";
-  } else if (beaten_by.empty()) {
-    text = "The default is on the front: nothing that costs less has a smaller error.";
+    text =
+        "The default is not on the front: " + names(better) + " costs less with a smaller error.";
+  } else if (level.empty()) {
+    text = "The default is on the front: whatever costs less has a larger error.";
   } else {
     text =
-        "The captures do not tell the default from the front: what costs less and has a smaller "
-        "error (" +
-        beaten_by + ") has it within what they leave open.";
+        "The default is on the front within the intervals: nothing that costs less has a smaller "
+        "error beyond them. Not told from it: " +
+        names(level) + "; what else costs less has a larger error.";
   }
   char counts[160];
   std::snprintf(counts, sizeof counts,
-                " By the figures of single levels of light, noise included, it is on the front in "
-                "%d of %d pictures.",
+                " At single levels of light, within the wider intervals of each, it is on the "
+                "front in %d of %d.",
                 on_front, pictures);
   return text + counts;
 }
@@ -433,13 +458,17 @@ std::vector<std::string> SweepVerdict::remarks() const {
     for (const std::size_t i : places) {
       const SweepRatio &r = ratios[i], &own = ratios.front();
       char line[320];
-      std::snprintf(line, sizeof line, "%s: %s; %.2f of the time, %.3f of the error (%.3f to %.3f)",
-                    r.name.c_str(), what, r.time, r.error, r.error_low, r.error_high);
+      std::snprintf(line, sizeof line,
+                    "%s: %s; %.2f of the time (%.2f to %.2f), %.3f of the error (%.3f to %.3f)",
+                    r.name.c_str(), what, r.time, r.time_low, r.time_high, r.error, r.error_low,
+                    r.error_high);
       lines.emplace_back(line);
       if (!std::isfinite(r.coverage)) continue;
       std::snprintf(line, sizeof line,
-                    "; its 95 %% regions held the truth in %.1f %% (the default's: %.1f %%)",
-                    100 * r.coverage, 100 * own.coverage);
+                    "; its 95 %% regions held the truth in %.1f %% (the default's: %.1f %%; only "
+                    "its own in %d captures, only the default's in %d%s)",
+                    100 * r.coverage, 100 * own.coverage, r.held_alone, r.default_alone,
+                    r.holds_less() ? ": less often, beyond chance" : "");
       lines.back() += line;
     }
   };

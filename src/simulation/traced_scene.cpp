@@ -109,6 +109,7 @@ TracedCaptures::TracedCaptures(const Scene& scene, TracedScene traced,
   if (!(mean_counts_ > 0)) {
     throw Error(scene_place(scene_), "its traced light does not show the object");
   }
+  ambient_ = linear.ambient;
   for (std::size_t i = 0; i < poses(); ++i) {
     expected_.push_back(expected_counts(scene_, object_light(traced_, i), own, linear));
     // The tracer's noise about a mean of zero.

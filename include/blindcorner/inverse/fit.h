@@ -111,6 +111,7 @@ struct FitResult {
   std::map<std::string, double> truth;
   std::string error;  ///< empty when the fit went well
   StageTimes time_ms;
+  long renders = 0;  ///< histograms of one capture rendered by fast models: what it cost anywhere
   std::vector<FittedHistograms> histograms;  ///< per capture
   std::optional<TrackSummary> track;         ///< of a tracker
 };

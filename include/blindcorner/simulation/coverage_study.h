@@ -10,22 +10,14 @@
 #include <string>
 #include <vector>
 
-#include "blindcorner/inverse/fit.h"
-#include "blindcorner/simulation/claim_tests.h"
-#include "blindcorner/simulation/drawn_objects.h"
+#include "blindcorner/simulation/claim_study.h"
 
 namespace blindcorner {
 
-struct CoverageOptions {
-  int captures = 2000;       ///< of each scene and level of light, the model right
+struct CoverageOptions : ClaimStudyOptions {
+  CoverageOptions() { captures = 2000; }
+
   int wrong_captures = 200;  ///< of each wrong assumption; 0: none is tried
-  /// Photons of the third bounce on average over the search region, as exposure_for(); empty: the
-  /// scene's own exposure.
-  std::vector<double> photons;
-  TrueLight light = TrueLight::reference;
-  double sampling = 1.0;  ///< of the reference renderer, as DrawOptions::sampling
-  FitOptions fit;
-  std::uint64_t seed = 1;
 
   /// Throws Error naming the field that is out of range.
   void validate() const;
@@ -72,7 +64,7 @@ std::vector<ClaimTest> claims_of(std::span<const ClaimTrial> trials, int unknown
 
 /// Shares of trials.
 struct WarningShares {
-  double multimodal = 0, undetermined = 0, misfit = 0, at_bound = 0, warned = 0;
+  double multimodal = 0, undetermined = 0, misfit = 0, unexplained = 0, at_bound = 0, warned = 0;
   /// Outside of the 95 % region, and nothing warns of it.
   double unwarned = 0;
 };
@@ -101,12 +93,9 @@ struct AmbiguousExample {
 };
 
 /// One scene at one level of light.
-struct CoverageLevel {
-  std::optional<double> photons;  ///< empty: the scene's own exposure
-  Exposure exposure;
+struct CoverageLevel : ClaimLevel {
   double median_photons = 0;  ///< expected of the objects drawn
   std::vector<ClaimTrial> trials;
-  std::vector<ClaimTest> claims;
   WarningShares warnings;
   double median_error = 0, median_claimed = 0;       ///< m
   double mean_square_low = 0, mean_square_high = 0;  ///< Student's 95 % interval of that mean
@@ -114,16 +103,11 @@ struct CoverageLevel {
   std::optional<AmbiguousExample> example;
 };
 
-struct CoverageScene {
-  Scene scene;
-  std::vector<CoverageLevel> levels;
-};
+using CoverageScene = StudyScene<CoverageLevel>;
+using CoverageReport = StudyReport<CoverageOptions, CoverageLevel>;
 
-/// Runs the study on one scene; claims are judged by judge_coverage() over all scenes.
+/// Runs the study on one scene; claims are judged by judge_study() over all scenes.
 CoverageScene study_coverage(const Scene& scene, const CoverageOptions& options,
                              const std::function<void()>& advance = {});
-
-/// Judges all claims of all scenes together, with 95 %. Returns whether all hold.
-bool judge_coverage(std::span<CoverageScene> scenes);
 
 }  // namespace blindcorner

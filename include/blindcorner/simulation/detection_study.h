@@ -8,22 +8,15 @@
 #include <string>
 #include <vector>
 
-#include "blindcorner/inverse/fit.h"
-#include "blindcorner/simulation/claim_tests.h"
-#include "blindcorner/simulation/drawn_objects.h"
+#include "blindcorner/simulation/claim_study.h"
 
 namespace blindcorner {
 
-struct DetectionOptions {
-  int captures = 200;         ///< with an object, at each level of light
-  int empty_captures = 1000;  ///< without one, at each level of light, drawn apart from those that
-                              ///< fits calibrate themselves with
-  /// Photons of the third bounce on average over the search region, as exposure_for().
-  std::vector<double> photons = {3, 10, 30, 100, 300, 1000};
-  TrueLight light = TrueLight::reference;
-  double sampling = 1.0;  ///< of the reference renderer, as DrawOptions::sampling
-  FitOptions fit;
-  std::uint64_t seed = 1;
+struct DetectionOptions : ClaimStudyOptions {
+  DetectionOptions() { photons = {3, 10, 30, 100, 300, 1000}; }
+
+  int empty_captures = 1000;  ///< without an object, at each level of light, drawn apart from those
+                              ///< that fits calibrate themselves with
 
   /// Throws Error naming the field that is out of range.
   void validate() const;
@@ -51,29 +44,20 @@ double area_below(std::span<const RocPoint> curve);
 /// Share of detections at a share of false alarms, linear between points.
 double true_share_at(std::span<const RocPoint> curve, double false_share);
 
-/// One level of light of a scene.
-struct DetectionLevel {
-  double photons = 0;
-  Exposure exposure;
+/// One level of light of a scene. Its claims: the share of empty captures whose false-alarm
+/// probability is below p.
+struct DetectionLevel : ClaimLevel {
   std::vector<DetectionTrial> with, without;
   /// Presence (its odds) and the false-alarm probability (the smaller the higher) as statistics.
   std::vector<RocPoint> by_presence, by_false_alarm;
-  /// Share of empty captures whose false-alarm probability is below p.
-  std::vector<ClaimTest> false_alarms;
-  int failures = 0;
   int reported_with = 0, reported_without = 0;  ///< not flagged nothing_detected
 };
 
-struct DetectionScene {
-  std::string name, file;
-  std::vector<DetectionLevel> levels;
-};
+using DetectionScene = StudyScene<DetectionLevel>;
+using DetectionReport = StudyReport<DetectionOptions, DetectionLevel>;
 
+/// Runs the study on one scene; claims are judged by judge_study() over all scenes.
 DetectionScene study_detection(const Scene& scene, const DetectionOptions& options,
                                const std::function<void()>& advance = {});
-
-/// Judges the stated false-alarm probabilities of all scenes and levels together, with 95 %.
-/// Returns whether all hold.
-bool judge_detection(std::span<DetectionScene> scenes);
 
 }  // namespace blindcorner

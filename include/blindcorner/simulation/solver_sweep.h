@@ -124,30 +124,45 @@ SweepFigures figures_of(const SweepCell& cell, const std::vector<double>& bound,
                         std::uint64_t seed);
 
 /// Error and time of one method over those of the default, geometric means over all captures of all
-/// scenes and levels that both answered.
+/// scenes and levels that both answered. The intervals hold for times and errors of all methods
+/// together with 95 %: Student's over the objects, whose captures at all levels go together.
 struct SweepRatio {
   std::string name, varies;
   bool solver = false;
-  double time = 1, first_time = 1;  ///< processor time of a following and of a first capture
+  double time = 1;  ///< processor time of a following capture
+  double time_low = 1, time_high = 1;
+  double first_time = 1;  ///< processor time of a first capture
   double error = 1;
-  double error_low = 1, error_high = 1;  ///< holds for all methods together with 95 %
-  double wall = 1;                       ///< of a following capture
+  double error_low = 1, error_high = 1;
+  double wall = 1;  ///< of a following capture
   int captures = 0;
   /// Over all captures; NaN where none is claimed.
   double coverage = 0, right = 0;
+  /// Captures whose truth only its own, or only the default's, 95 % region holds.
+  int held_alone = 0, default_alone = 0;
+
+  /// Costs less, beyond what the captures leave open.
+  bool cheaper() const { return time_high < 1; }
+  /// Its error is smaller, or larger, beyond what the captures leave open.
+  bool better() const { return error_high < 1; }
+  bool worse() const { return error_low > 1; }
+  /// Its regions hold the truth less often than the default's beyond chance: a sign test of the
+  /// captures in which the two differ, one-sided, at 1 %.
+  bool holds_less() const;
 };
 
-/// Where the default stands among all methods.
+/// Where the default stands among all methods, within the intervals.
 struct SweepVerdict {
   std::vector<SweepRatio> ratios;  ///< [methods], the default first
-  std::vector<std::size_t> front;  ///< by time and error of the ratios
+  std::vector<std::size_t> front;  ///< by time and error of the ratios as they stand
   /// Cheaper ones whose error is smaller beyond what the captures leave open: the default is not on
   /// the front.
   std::vector<std::size_t> better;
   /// Cheaper ones whose error the captures do not tell from the default's.
   std::vector<std::size_t> level;
   int pictures = 0;  ///< scenes times levels of light
-  int on_front = 0;  ///< of these, by the median error and the time of a following capture
+  /// Of these, where nothing is cheaper with a smaller error beyond the intervals of that picture.
+  int on_front = 0;
   /// Whether it is on the front, in a sentence.
   std::string headline() const;
   /// One line for each method of `better` and of `level`: what it costs and what it loses.

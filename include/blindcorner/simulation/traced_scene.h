@@ -53,6 +53,9 @@ class TracedCaptures {
   /// Exposures after which the object's light has this many photons in the mean over the poses.
   double exposures(double photons) const { return photons / mean_counts_; }
 
+  /// Counts per bin of one exposure.
+  double ambient() const { return ambient_; }
+
   /// A capture of that many exposures, with an ambient light (the same at all poses) as strong as
   /// the object's light within the bins that hold 90 % of it; truth included. The same seed gives
   /// the same counts.
@@ -63,6 +66,7 @@ class TracedCaptures {
   TracedScene traced_;
   std::vector<HistogramCube> expected_;
   double mean_counts_ = 0;
+  double ambient_ = 0;
   bool objects_alone_ = false;  ///< the empty scene's traced light was taken away
 };
 

@@ -53,17 +53,17 @@ TEST(DetectionStudy, FindsBrightObjectsAndJudgesTheStatedRate) {
   options.light = TrueLight::sensor;
   options.fit.importance_samples = 0;
   options.fit.max_starts = 2;
-  DetectionScene study = study_detection(scene, options);
-  judge_detection({&study, 1});
-  const DetectionLevel& level = study.levels.front();
+  std::vector<DetectionScene> study{study_detection(scene, options)};
+  judge_study(study);
+  const DetectionLevel& level = study.front().levels.front();
   EXPECT_EQ(level.failures, 0);
-  ASSERT_EQ(level.false_alarms.size(), 4U);
-  EXPECT_EQ(level.false_alarms[0].trials, 12);
+  ASSERT_EQ(level.claims.size(), 4U);
+  EXPECT_EQ(level.claims[0].trials, 12);
   // Thousands of photons over an equal background stand out; half of the empty captures are below
   // their median with all but certainty in some of twelve.
   EXPECT_EQ(level.reported_with, 4);
   EXPECT_GT(area_below(level.by_false_alarm), 0.95);
-  EXPECT_TRUE(level.false_alarms[0].holds);
+  EXPECT_TRUE(level.claims[0].holds);
 }
 
 }  // namespace

@@ -54,7 +54,8 @@ double position_trace(const Scene& scene, const Eigen::MatrixXd& covariance);
 /// The bounds of one scene and one place of its sensor.
 class ErrorBound {
  public:
-  /// Called after each test pose, from any thread.
+  /// Called after each test pose, from any thread. With it they are looked at when this is made,
+  /// else when somebody asks for what needs them.
   using Advance = std::function<void()>;
 
   ErrorBound(const Scene& scene, const SensorPlacement& placement, const BoundOptions& options = {},
@@ -66,6 +67,16 @@ class ErrorBound {
   /// With an object `brightness` times as bright as the scene states (the median of its prior where
   /// the brightness is unknown). Thread safe.
   PoseBound at(const PoseVector& pose, double brightness = 1.0) const;
+
+  /// Cramer-Rao bound alone, [n, n]: what at() gives as `cramer_rao`, without what takes its time.
+  Eigen::MatrixXd cramer_rao(const PoseVector& pose, double brightness = 1.0) const;
+
+  /// [n, n] Covariance of the estimate about errors of the light that it is made from, which no
+  /// number of photons averages out. `error`: their standard deviation in W/m^2 [zones][bins];
+  /// `correlation` [bins, bins], positive definite: of those of one zone; zones have errors of
+  /// their own.
+  Eigen::MatrixXd carried_error(const PoseVector& pose, const HistogramCube& error,
+                                const Eigen::MatrixXd& correlation, double brightness = 1.0) const;
 
   /// [n, n] Covariance of the prior.
   const Eigen::MatrixXd& prior() const;

@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Studies of claims as commands: `benchmark coverage` and `benchmark detection`.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "blindcorner/io/atomic_file.h"
+#include "blindcorner/io/scene_file.h"
+#include "blindcorner/simulation/claim_study.h"
+#include "commands/commands.h"
+#include "commands/output_directory.h"
+#include "commands/progress.h"
+#include "commands/thread_limit.h"
+
+namespace blindcorner {
+
+/// What every study of claims is told beside its options.
+struct ClaimStudyArguments {
+  std::vector<std::string> scenes;
+  std::string output = "out/benchmark", light = "reference";
+  int threads = 0;
+};
+
+/// Declares the arguments and options that all such commands have.
+void add_claim_study_options(CLI::App& command, ClaimStudyArguments& arguments,
+                             ClaimStudyOptions& options);
+
+/// What one of these studies is: its name, also of its files; the fits that a scene takes, for the
+/// progress bar; the study of a scene; what is said of it; the sentence that ends the output; and
+/// files by name, the page among them.
+template <class Options, class Level>
+struct ClaimStudy {
+  using Report = StudyReport<Options, Level>;
+
+  const char* name;
+  std::size_t (*fits)(const Scene&, const Options&);
+  StudyScene<Level> (*study)(const Scene&, const Options&, const std::function<void()>&);
+  std::string (*text)(const StudyScene<Level>&);
+  std::string (*headline)(const Report&);
+  std::vector<std::pair<std::string, std::string>> (*files)(const Report&);
+};
+
+/// Runs it on all scenes, judges their claims together, and writes and says what came of it.
+template <class Options, class Level>
+int run_claim_study(const ClaimStudy<Options, Level>& study, const ClaimStudyArguments& arguments,
+                    Options options) {
+  const ThreadLimit threads(arguments.threads);
+  options.light = arguments.light == "sensor" ? TrueLight::sensor : TrueLight::reference;
+  options.validate();
+  StudyReport<Options, Level> report{options, {}};
+  std::vector<Scene> scenes;
+  for (const std::string& path : arguments.scenes) scenes.push_back(read_scene(path));
+  make_directory(arguments.output);
+  for (const Scene& scene : scenes) {
+    Progress progress(scene.name, study.fits(scene, options));
+    report.scenes.push_back(study.study(scene, options, [&] { progress.advance(); }));
+  }
+  const bool all_hold = judge_study(report.scenes);
+  int failures = 0;
+  for (const StudyScene<Level>& scene : report.scenes) {
+    std::printf("%s\n", study.text(scene).c_str());
+    for (const Level& level : scene.levels) failures += level.failures;
+  }
+  const std::filesystem::path directory(arguments.output);
+  for (const auto& [name, text] : study.files(report)) {
+    write_atomically((directory / name).string(), text);
+  }
+  std::printf("%s\n%s\n", (directory / (std::string(study.name) + ".html")).string().c_str(),
+              study.headline(report).c_str());
+  return all_hold && failures == 0 ? kAllWell : kSomeFailed;
+}
+
+}  // namespace blindcorner
