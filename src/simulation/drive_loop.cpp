@@ -35,6 +35,8 @@ constexpr double kStep = 0.02;
 constexpr double kGivesUpAfter = 3.0;
 /// A vehicle slower than this stands, m/s: 6 cm until it gives up.
 constexpr double kStands = 0.02;
+/// Share of the wanted speed below which a vehicle has lost it.
+constexpr double kHeldSpeed = 0.9;
 /// Log likelihood ratio of a cell in which the known scene has a wall: a thousand to one.
 constexpr double kWallEvidence = 6.9;
 /// Frames of one drive draw their photons from seeds this far apart: a prime beyond their number.
@@ -324,11 +326,13 @@ void DriveLoop::follow(const PlanUpdate& update) {
   }
   PathFollowerOptions options = follower_options(limits_);
   options.profile.speed = speed();
-  // What holds its speed in curves does so on plans that keep to its turning radius at that speed;
-  // on a tighter one, found after a stop, it would slide.
-  if (update.path.flags.curvature_exceeded) {
+  // What holds its speed in curves does so; but where it has lost it in a stop, it does not gain it
+  // on a plan that is tighter than friction allows at that speed.
+  const bool holds = !drive_.vehicle.brakes_for_curves;
+  const bool slowed = believed().speed < kHeldSpeed * speed();
+  if (holds && slowed && update.path.flags.curvature_exceeded) {
     options.profile.cornering = drive_.vehicle.cornering_share.value_or(options.profile.cornering);
-  } else if (!drive_.vehicle.brakes_for_curves) {
+  } else if (holds) {
     options.profile.cornering = std::numeric_limits<double>::infinity();
   }
   options.profile.end = update.action == PlanAction::stop ? 0.0 : speed();
