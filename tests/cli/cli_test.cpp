@@ -990,9 +990,12 @@ TEST_F(Cli, LightBenchmarkTellsErrorsAndClaims) {
     EXPECT_GT(row["first_ms"], 0);
     EXPECT_GT(row["file_limit_m"], 0);
   }
-  // A hundred times the photons: a tenth of the error.
-  EXPECT_NEAR(rows[0]["photon_bound_m"].get<double>() / rows[1]["photon_bound_m"].get<double>(), 10,
-              1e-6);
+  // A hundred times the photons: a tenth of the error, but for what the brightness's prior tells of
+  // the dim ones and what the known light may be off by in the bright ones.
+  const double falls =
+      rows[0]["photon_bound_m"].get<double>() / rows[1]["photon_bound_m"].get<double>();
+  EXPECT_LT(falls, 10);
+  EXPECT_GT(falls, 5);
   for (const json& trial : rows[1]["trials"]) {
     EXPECT_LT(trial["position_error_m"].get<double>(), 8 * rows[1]["photon_bound_m"].get<double>());
   }
