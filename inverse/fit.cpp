@@ -14,6 +14,7 @@
 #include <list>
 #include <memory>
 #include <mutex>
+#include <utility>
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
@@ -784,7 +785,7 @@ Fitter::Fitter(Scene scene, FitOptions options) : impl_(std::make_unique<Impl>()
   validate_scene(scene);
   impl_->scene = std::move(scene);
   impl_->knowledge = std::make_shared<const SceneKnowledge>(impl_->scene);
-  impl_->options = options;
+  impl_->options = std::move(options);
 }
 Fitter::~Fitter() = default;
 Fitter::Fitter(Fitter&&) noexcept = default;
