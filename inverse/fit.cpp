@@ -70,8 +70,9 @@ constexpr int kYaws = 4;
 constexpr double kWorthDescending = 6;
 /// Optima farther than this from a place, in grid spacings along some unknown, are not its own.
 constexpr double kElsewhere = 0.5;
-/// Of several objects: times that one's place is looked for while the others stay, and places of
-/// each that are followed. Two spheres at 100,000 photons needed one round and two places.
+/// Times that the best optimum is looked for anew: turned, or, of several objects, one's place
+/// while the others stay; and places of each that are followed. Two spheres at 100,000 photons
+/// needed one round and two places.
 constexpr int kMaxRounds = 3;
 constexpr std::size_t kPlacesEach = 6;
 /// Captures of a joint fit that search for the rest of them, where there are so many times more;
@@ -120,6 +121,17 @@ std::vector<PoseVector> turned(const CompiledScene& compiled, const PoseVector& 
   return others;
 }
 
+/// Where the last parts of descents from these places end, side by side.
+std::vector<Refined> approach_all(const PoseObjective& objective,
+                                  const std::vector<PoseVector>& places) {
+  std::vector<Refined> reached(places.size());
+  tbb::this_task_arena::isolate([&] {
+    tbb::parallel_for(std::size_t{0}, places.size(),
+                      [&](std::size_t i) { reached[i] = approach_closely(objective, places[i]); });
+  });
+  return reached;
+}
+
 /// Looks for a better place of the best optimum when it is turned, until there is none. On the
 /// spline where there is one; closed-form light, which is too rough here, led astray.
 std::vector<Refined> turn(const PoseObjective& objective, double negligible,
@@ -130,14 +142,9 @@ std::vector<Refined> turn(const PoseObjective& objective, double negligible,
     if (places.empty()) break;
     const double before = optima.front().value.log_posterior;
     if (compiled.spline) {
-      std::vector<Refined> reached(places.size());
-      tbb::this_task_arena::isolate([&] {
-        tbb::parallel_for(std::size_t{0}, places.size(), [&](std::size_t i) {
-          reached[i] = approach_closely(objective, places[i]);
-        });
-      });
+      const auto reached = merge(compiled, approach_all(objective, places), negligible);
       places.clear();
-      for (const Refined& place : merge(compiled, std::move(reached), negligible)) {
+      for (const Refined& place : reached) {
         if (place.value.log_posterior > before - 1.5 * negligible) places.push_back(place.pose);
       }
       optima = polish_all(objective, places, negligible, std::move(optima));
@@ -556,12 +563,9 @@ Fitter::Impl::Search Fitter::Impl::search(const PoseObjective& objective,
       approached.push_back(places[i]);
       apart.push_back(i);
     }
-    std::vector<Refined> reached(apart.size());
-    tbb::this_task_arena::isolate([&] {
-      tbb::parallel_for(std::size_t{0}, apart.size(), [&](std::size_t i) {
-        reached[i] = approach_closely(objective, places[apart[i]]);
-      });
-    });
+    std::vector<PoseVector> left;
+    for (const std::size_t i : apart) left.push_back(places[i]);
+    std::vector<Refined> reached = approach_all(objective, left);
     for (std::size_t i = 0; i < apart.size(); ++i) {
       const double here = reached[i].value.log_posterior;
       best = std::max(best, here);

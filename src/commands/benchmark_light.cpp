@@ -335,10 +335,10 @@ const StudyFiles kFiles{
     "light", "Errors and claims at every level of light",
     "Captures of scenes whose light an independent path tracer computed, photon noise added; "
     "photons are those of the object, averaged over the poses, over an equal background. The "
-    "photon "
-    "bound is the Cramer-Rao bound without priors of the pose, root mean square over the poses: it "
-    "falls with "
-    "the root of the photons. The noise of the traced light is the error that the files' own "
+    "photon bound is the Cramer-Rao bound without priors of the pose, root mean square over the "
+    "poses: it falls with the root of the photons, but for what the brightness's prior tells and "
+    "what the known light may be off by. The noise of the traced light is the error that the "
+    "files' own "
     "standard errors cause, which no number of photons averages out. The 95 % region is that of "
     "highest density of the whole posterior, its interval Wilson's."};
 

@@ -38,8 +38,8 @@ struct FitOptions {
   /// A candidate or mode is dropped when its log posterior is this far below the best one.
   double negligible_log_posterior = 12.0;
   /// Samples of the importance sampler that replaces Laplace's approximation where that fails, for
-  /// three unknowns; others get them in proportion to the terms of a covariance, one unknown as
-  /// many as two. 0 keeps Laplace everywhere.
+  /// three unknowns; more get them in proportion to the cube of their number, fewer half of them,
+  /// and joint fits of eight captures and more a quarter. 0 keeps Laplace everywhere.
   int importance_samples = 256;
   /// Empty captures simulated per scene to calibrate the false-alarm probability; 0: leave it out.
   int empty_captures = 128;

@@ -221,8 +221,8 @@ TEST_P(LargeRegion, ShowsTheObjectNearTheWall) {
 }
 
 // Where many captures share a placement, tables of exact histograms take the closed form's place,
-// and there is no light to score another grid with.
-TEST(LargeRegionOfManyCaptures, IsFittedWithoutClosedForm) {
+// unless the region is too large for them, as here.
+TEST(LargeRegionOfManyCaptures, IsFitted) {
   Scene scene = tmf_wall();
   scene.unknowns = {unknown(Component::x, -9.45, 0.55), unknown(Component::y, 0.35, 10.35)};
   FitOptions options;
