@@ -30,8 +30,10 @@ constexpr double kLeastGridShare = 0.1;
 constexpr double kGridTemper = 0.4;
 /// Accuracy of a sample's log posterior.
 constexpr double kAccuracy = 1e-2;
-/// Growth of a standard deviation, and move of the mean in standard deviations, that a stage may
-/// still bring.
+/// Growth of a standard deviation, and move of the mean in standard deviations, that the later half
+/// of the samples may still bring. Compared with the stage before, ridges that grew by less at each
+/// stage passed for settled: on a ridge with two arms (mirror_wall, 1000 captures) .927 of truths
+/// were in the 95 % region and .936 now, mean squared normalised error 1.15 and 1.05.
 constexpr double kGrowth = 1.2;
 constexpr double kShift = 0.4;
 /// Samples about the heaviest one that a component is made of.
@@ -218,16 +220,21 @@ class Sampler {
 
   double effective() const { return effective_; }
 
-  /// Takes the samples' moments; whether the last stage hardly changed these. What still grows has
-  /// an end that no sample has seen: a ridge that bends away from its peak.
+  /// Takes the samples' moments; whether these have hardly changed since there were half as many.
+  /// What still grows has an end that no sample has seen: a ridge that bends away from its peak.
   bool settled() {
     std::vector<const PosteriorSample*> weighty;
     for (const PosteriorSample& sample : samples_) {
       if (sample.weight > 0) weighty.push_back(&sample);
     }
     if (weighty.empty()) return false;
-    const Peak before = std::exchange(own_, peak_of(weighty));
-    if (before.center.size() == 0) return false;
+    own_ = peak_of(weighty);
+    past_.push_back({samples_.size(), own_});
+    const auto half = std::find_if(past_.rbegin(), past_.rend(), [&](const Past& past) {
+      return 2 * past.samples <= samples_.size();
+    });
+    if (half == past_.rend()) return false;
+    const Peak& before = half->moments;
     const Eigen::MatrixXd change = before.root.triangularView<Eigen::Lower>().solve(own_.root);
     const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> growth(change * change.transpose(),
                                                                 Eigen::EigenvaluesOnly);
@@ -367,6 +374,12 @@ class Sampler {
     return here;
   }
 
+  /// The moments of so many samples.
+  struct Past {
+    std::size_t samples;
+    Peak moments;
+  };
+
   const PoseObjective& objective_;
   const Scene& scene_;
   const SampleLights& lights_;
@@ -381,7 +394,8 @@ class Sampler {
   std::vector<PosteriorSample> samples_;
   std::vector<bool> near_;                      // [sample] to a peak
   std::vector<std::vector<double>> densities_;  // [sample][grid, components]
-  Peak own_;  // moments of the samples at the end of the last stage
+  Peak own_;                // moments of the samples at the end of the last stage
+  std::vector<Past> past_;  // and of all stages
   double log_evidence_ = 0;
   double effective_ = 0;
 };

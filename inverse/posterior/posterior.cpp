@@ -7,6 +7,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -22,12 +23,16 @@ namespace {
 /// than a third of a bit was learned about it (log2 of 0.8 is -0.32).
 constexpr double kUndetermined = 0.8;
 /// Laplace holds when the posterior 1.5 sigma from the optimum has fallen by 1.5^2/2, give or take
-/// this factor, in every direction: its width is then right to the factor's root, 22 %.
+/// this factor, in every direction: its width is then right to the factor's root, 16 %. Of a plate
+/// and board's captures (2000) those that Laplace held for had a mean squared normalised error of
+/// 1.14 with a factor of 1.5 and 1.08 with this one and the moments along the axes; 1.25 gives 1.06
+/// and makes a frame of the street a seventh dearer.
 constexpr double kSigmaPoint = 1.5;
-constexpr double kLaplaceFactor = 1.5;
+constexpr double kLaplaceFactor = 1.35;
 /// Farther out it must have fallen by 3^2/2 over that factor at least: along ridges of equal paths
 /// it falls like a Gaussian at first and then no more.
 constexpr double kTailPoint = 3;
+constexpr std::array kAway{-kTailPoint, -kSigmaPoint, 0.0, kSigmaPoint, kTailPoint};
 /// A mode with less than exp(-7) = 0.1 % of the evidence need not follow Laplace.
 constexpr double kMinorEvidence = 7.0;
 /// A sample this much above the best optimum shows a local optimum that was missed: twenty times
@@ -68,32 +73,77 @@ Peak make_peak(const PoseObjective& objective, const Refined& optimum, const Mov
   return peak;
 }
 
-/// Whether the posterior falls as the Gaussian says, in every principal direction.
-bool laplace_holds(const PoseObjective& objective, const Refined& optimum, const Peak& peak,
-                   double inflation) {
+/// Integrals over a direction in which the log posterior falls by `ratio(t) t^2 / 2` at `t`
+/// standard deviations of its Gaussian.
+struct AlongAxis {
+  double mass = 0, mean = 0, variance = 0;  ///< in units of the Gaussian's
+};
+AlongAxis integrate(const std::array<double, std::size(kAway)>& ratios) {
+  constexpr double kEnd = 6, kStep = 0.05;
+  const auto ratio = [&](double t) {
+    const auto above = std::ranges::upper_bound(kAway, t);
+    if (above == std::begin(kAway)) return ratios.front();
+    if (above == std::end(kAway)) return ratios.back();
+    const auto i = static_cast<std::size_t>(above - std::begin(kAway));
+    const double part = (t - kAway[i - 1]) / (kAway[i] - kAway[i - 1]);
+    return std::lerp(ratios[i - 1], ratios[i], part);
+  };
+  AlongAxis sums;
+  for (double t = -kEnd; t <= kEnd; t += kStep) {
+    const double density = std::exp(-0.5 * ratio(t) * t * t);
+    sums.mass += density;
+    sums.mean += density * t;
+    sums.variance += density * t * t;
+  }
+  sums.mean /= sums.mass;
+  sums.variance = sums.variance / sums.mass - sums.mean * sums.mean;
+  sums.mass *= kStep / std::sqrt(2 * kPi);
+  return sums;
+}
+
+/// The peak with the moments and the evidence of a posterior that falls along each principal axis
+/// as it was found to, and is the product of these; nothing where it falls otherwise than the
+/// Gaussian by more than its factor. What bends away from the axes is not seen so.
+std::optional<Peak> corrected_laplace(const PoseObjective& objective, const Refined& optimum,
+                                      const Peak& peak, double inflation) {
   const Scene& scene = objective.compiled().scene;
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(peak.covariance);
   const LightSource light = light_near(objective, optimum);
   const double top = tempered(optimum.value, inflation);
+  Peak corrected = peak;
+  corrected.covariance.setZero();
   for (Eigen::Index i = 0; i < peak.center.size(); ++i) {
     const PoseVector sigma =
         std::sqrt(std::max(eigen.eigenvalues()[i], 0.0)) * eigen.eigenvectors().col(i);
-    for (const double away : {-kSigmaPoint, kSigmaPoint, -kTailPoint, kTailPoint}) {
+    std::array<double, std::size(kAway)> ratios;
+    ratios.fill(1);
+    for (std::size_t k = 0; k < std::size(kAway); ++k) {
+      const double away = kAway[k];
+      if (away == 0) continue;
       const bool tail = std::abs(away) > kSigmaPoint;
-      const double expected = 0.5 * away * away;
       const PoseVector pose = optimum.pose + away * sigma;
       if (!std::isfinite(log_pose_prior(scene, pose))) {
         if (tail) continue;  // a bound there takes less than a hundredth away
-        return false;
+        return std::nullopt;
       }
       LinearSolution linear = optimum.linear;
       const PoseValue value = objective.evaluate(light, pose, linear, true);
-      const double drop = top - tempered(value, inflation);
-      if (drop < expected / kLaplaceFactor) return false;
-      if (!tail && drop > expected * kLaplaceFactor) return false;
+      ratios[k] = (top - tempered(value, inflation)) / (0.5 * away * away);
+      if (ratios[k] < 1 / kLaplaceFactor) return std::nullopt;
+      if (!tail && ratios[k] > kLaplaceFactor) return std::nullopt;
     }
+    const AlongAxis along = integrate(ratios);
+    corrected.center += along.mean * sigma;
+    corrected.covariance += along.variance * sigma * sigma.transpose();
+    corrected.log_evidence += std::log(along.mass);
   }
-  return true;
+  return corrected;
+}
+
+double best_evidence(const std::vector<Peak>& peaks) {
+  double best = -std::numeric_limits<double>::infinity();
+  for (const Peak& peak : peaks) best = std::max(best, peak.log_evidence);
+  return best;
 }
 
 /// What samples about each peak are evaluated with: the rough models, corrected by what they lack
@@ -250,13 +300,15 @@ Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& 
     tops.push_back(&optimum);
     sensor_part.push_back(std::move(extra));
   }
-  double best = -std::numeric_limits<double>::infinity();
-  for (const Peak& peak : peaks) best = std::max(best, peak.log_evidence);
+  double best = best_evidence(peaks);
   const bool may_sample = scored != nullptr && options.samples > 0;
   bool laplace = true;
+  std::vector<Peak> corrected = peaks;
   for (std::size_t j = 0; may_sample && j < peaks.size() && laplace; ++j) {
     if (peaks[j].log_evidence < best - kMinorEvidence) continue;
-    laplace = laplace_holds(objective, *tops[j], peaks[j], options.inflation);
+    std::optional<Peak> peak = corrected_laplace(objective, *tops[j], peaks[j], options.inflation);
+    laplace = peak.has_value();
+    if (peak) corrected[j] = std::move(*peak);
   }
 
   const auto add_mode = [&](std::size_t j, double weight, const PoseVector& mean,
@@ -279,7 +331,9 @@ Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& 
     result.promising = promising(objective, lights, tops, peaks, drawn.samples, options.inflation);
   }
   if (!(drawn.effective > 1)) {
+    if (laplace) peaks = std::move(corrected);
     double sum = 0;
+    best = best_evidence(peaks);
     for (const Peak& peak : peaks) sum += std::exp(peak.log_evidence - best);
     result.log_evidence = best + std::log(sum);
     for (std::size_t j = 0; j < peaks.size(); ++j) {

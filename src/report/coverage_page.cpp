@@ -42,12 +42,16 @@ std::string warnings_text(const WarningShares& w) {
 }
 
 std::string level_text(const CoverageLevel& level) {
+  const auto far = std::ranges::count_if(
+      level.trials, [](const ClaimTrial& t) { return !t.error.empty() || t.level > 0.99; });
+  const double outside = static_cast<double>(far) / static_cast<double>(level.trials.size());
   return formatted(
       "%d captures, %d of them without an answer; photons of the object: median %.3g; median error "
       "%.4f m, median claimed %.4f m; mean squared normalised error by Student's t, which does not "
-      "take errors for normal: %.3f to %.3f. ",
+      "take errors for normal: %.3f to %.3f; outside of the 99 %% region: %.1f %%. ",
       static_cast<int>(level.trials.size()), level.failures, level.median_photons,
-      level.median_error, level.median_claimed, level.mean_square_low, level.mean_square_high);
+      level.median_error, level.median_claimed, level.mean_square_low, level.mean_square_high,
+      100 * outside);
 }
 
 /// The modes' stated weights against the shares of right ones.
@@ -316,7 +320,8 @@ std::string coverage_page(const CoverageReport& report) {
   body += std::string("<p>A claim holds where what was found lies within what is allowed: ") +
           kJudgedTogether +
           " Captures without an answer count as outside. A mode is right where the truth most "
-          "likely comes from it and lies in its 99.9 % region.</p>\n";
+          "likely comes from it and lies in its 99.9 % region, by Student's t: modes need not be "
+          "normal.</p>\n";
   for (const CoverageScene& scene : report.scenes) {
     for (const CoverageLevel& level : scene.levels) body += level_html(scene, level);
   }

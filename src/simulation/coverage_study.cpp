@@ -3,7 +3,7 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
-#include <boost/math/distributions/chi_squared.hpp>
+#include <boost/math/distributions/fisher_f.hpp>
 #include <cmath>
 #include <cstdio>
 #include <limits>
@@ -19,8 +19,10 @@ namespace {
 
 constexpr double kRegions[] = {0.5, 0.9, 0.95};
 constexpr double kWarnedRegion = 0.95;
-/// Region of a mode in which the truth must lie for the mode to be the right one.
-constexpr double kModeRegion = 0.999;
+/// Region of a mode in which the truth must lie for the mode to be the right one: of Student's t
+/// with the mode's moments, because a mode that is skewed or bent is no less the right one; whether
+/// its shape is, the regions of the mixture tell.
+constexpr double kModeRegion = 0.999, kModeFreedom = 5;
 constexpr int kWeightBins = 10;
 /// Bins with fewer statements say nothing.
 constexpr int kLeastStatements = 10;
@@ -47,9 +49,10 @@ ModeAtTruth at_truth(const Scene& scene, const PoseMode& mode, const PoseVector&
 /// The mode that the truth belongs to; none where it is in no mode's region.
 std::optional<std::size_t> right_mode(const Scene& scene, const PoseMixture& posterior,
                                       const PoseVector& truth) {
-  const double region = boost::math::quantile(
-      boost::math::chi_squared_distribution<double>(static_cast<double>(truth.size())),
-      kModeRegion);
+  const auto n = static_cast<double>(truth.size());
+  const boost::math::fisher_f_distribution<double> ratio(n, kModeFreedom);
+  const double region =
+      boost::math::quantile(ratio, kModeRegion) * n * (kModeFreedom - 2) / kModeFreedom;
   double best = -std::numeric_limits<double>::infinity();
   std::optional<std::size_t> right;
   for (std::size_t i = 0; i < posterior.modes.size(); ++i) {

@@ -48,7 +48,8 @@ struct ClaimTrial {
 };
 
 /// Judges a fit by the truth. A mode is the right one where the truth most likely comes from it and
-/// lies in its 99.9 % region; it may be that none is.
+/// lies in its 99.9 % region, by Student's t of five degrees of freedom: modes need not be normal.
+/// It may be that none is.
 ClaimTrial judge_fit(const Scene& scene, const FitResult& result, const PoseVector& truth,
                      std::uint64_t seed);
 
