@@ -310,10 +310,11 @@ bool touches_obstacle(const PlanningGrid& grid, const VehicleFootprint& footprin
 /// the vehicle moves by more than `spacing` between two of them.
 void add_turn(const PathPoint& from, double heading, double reach, double spacing,
               std::vector<PathPoint>& poses) {
-  const double turn = turn_between(from.heading, heading);
+  const PathPoint start = from;  // which may be one of `poses`, and these move as they grow
+  const double turn = turn_between(start.heading, heading);
   const auto steps = static_cast<int>(std::ceil(std::abs(turn) * reach / spacing));
   for (int i = 1; i < steps; ++i) {
-    PathPoint pose = from;
+    PathPoint pose = start;
     pose.heading += turn * i / steps;
     poses.push_back(pose);
   }
