@@ -13,6 +13,13 @@
 namespace blindcorner {
 namespace {
 
+/// How much longer sanitizers may take.
+#ifdef __SANITIZE_ADDRESS__
+constexpr double kSlower = 5;
+#else
+constexpr double kSlower = 1;
+#endif
+
 class StabilityRowOf : public testing::TestWithParam<std::size_t> {};
 
 TEST_P(StabilityRowOf, Holds) {
@@ -22,8 +29,9 @@ TEST_P(StabilityRowOf, Holds) {
     EXPECT_FALSE(result.holds) << "it turned: take the reason off";
     return;
   }
-  EXPECT_TRUE(result.holds) << row.action << ": " << result.measured.value << " against "
-                            << row.limit << " " << result.measured.detail;
+  const bool late = kSlower > 1 && row.unit == "s" && result.measured.value <= kSlower * row.limit;
+  EXPECT_TRUE(result.holds || late) << row.action << ": " << result.measured.value << " against "
+                                    << row.limit << " " << result.measured.detail;
 }
 
 std::string test_name(const testing::TestParamInfo<std::size_t>& info) {
