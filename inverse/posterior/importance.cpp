@@ -228,24 +228,26 @@ class Sampler {
       if (sample.weight > 0) weighty.push_back(&sample);
     }
     if (weighty.empty()) return false;
-    own_ = peak_of(weighty);
-    past_.push_back({samples_.size(), own_});
+    past_.push_back({samples_.size(), peak_of(weighty)});
     const auto half = std::find_if(past_.rbegin(), past_.rend(), [&](const Past& past) {
       return 2 * past.samples <= samples_.size();
     });
     if (half == past_.rend()) return false;
     const Peak& before = half->moments;
-    const Eigen::MatrixXd change = before.root.triangularView<Eigen::Lower>().solve(own_.root);
+    const Eigen::MatrixXd change = before.root.triangularView<Eigen::Lower>().solve(own().root);
     const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> growth(change * change.transpose(),
                                                                 Eigen::EigenvaluesOnly);
     return growth.eigenvalues().maxCoeff() < kGrowth * kGrowth &&
-           mahalanobis2(scene_, before, own_.center) < kShift * kShift;
+           mahalanobis2(scene_, before, own().center) < kShift * kShift;
   }
   int count() const { return static_cast<int>(samples_.size()); }
 
   PosteriorSamples result() && { return {std::move(samples_), log_evidence_, effective_}; }
 
  private:
+  /// The samples' moments at the end of the last stage.
+  const Peak& own() const { return past_.back().moments; }
+
   double total_drawn() const { return static_cast<double>(samples_.size()); }
 
   void draw() {
@@ -331,7 +333,7 @@ class Sampler {
   /// mixture falls short of the posterior most (Raftery and Bao 2010).
   void extend() {
     if (effective_ < 2.0 * static_cast<double>(scene_.unknowns.size() + 1)) return;
-    add_component(own_);
+    add_component(own());
     add_component(about_heaviest());
   }
 
@@ -351,7 +353,7 @@ class Sampler {
   Peak about_heaviest() const {
     const PosteriorSample& heaviest =
         *std::ranges::max_element(samples_, {}, &PosteriorSample::weight);
-    Peak here = own_;
+    Peak here = own();
     here.center = heaviest.pose;
     std::vector<std::pair<double, std::size_t>> order;
     for (std::size_t i = 0; i < samples_.size(); ++i) {
@@ -394,8 +396,7 @@ class Sampler {
   std::vector<PosteriorSample> samples_;
   std::vector<bool> near_;                      // [sample] to a peak
   std::vector<std::vector<double>> densities_;  // [sample][grid, components]
-  Peak own_;                // moments of the samples at the end of the last stage
-  std::vector<Past> past_;  // and of all stages
+  std::vector<Past> past_;                      // at the end of each stage
   double log_evidence_ = 0;
   double effective_ = 0;
 };

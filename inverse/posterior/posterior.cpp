@@ -10,6 +10,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "blindcorner/forward/constants.h"
 #include "inverse/posterior/importance.h"
@@ -32,6 +33,7 @@ constexpr double kLaplaceFactor = 1.35;
 /// Farther out it must have fallen by 3^2/2 over that factor at least: along ridges of equal paths
 /// it falls like a Gaussian at first and then no more.
 constexpr double kTailPoint = 3;
+/// Where the fall is looked at, in standard deviations, ascending.
 constexpr std::array kAway{-kTailPoint, -kSigmaPoint, 0.0, kSigmaPoint, kTailPoint};
 /// A mode with less than exp(-7) = 0.1 % of the evidence need not follow Laplace.
 constexpr double kMinorEvidence = 7.0;
@@ -104,6 +106,7 @@ AlongAxis integrate(const std::array<double, std::size(kAway)>& ratios) {
 /// The peak with the moments and the evidence of a posterior that falls along each principal axis
 /// as it was found to, and is the product of these; nothing where it falls otherwise than the
 /// Gaussian by more than its factor. What bends away from the axes is not seen so.
+/// Root and determinant stay the Gaussian's.
 std::optional<Peak> corrected_laplace(const PoseObjective& objective, const Refined& optimum,
                                       const Peak& peak, double inflation) {
   const Scene& scene = objective.compiled().scene;
@@ -137,6 +140,7 @@ std::optional<Peak> corrected_laplace(const PoseObjective& objective, const Refi
     corrected.covariance += along.variance * sigma * sigma.transpose();
     corrected.log_evidence += std::log(along.mass);
   }
+  wrap_pose(scene, corrected.center);
   return corrected;
 }
 

@@ -35,9 +35,10 @@ struct Posterior {
 };
 
 /// Modes with weights, means and covariances from refined optima (best first, duplicates merged).
-/// Laplace's approximation is kept where the posterior at the sigma points agrees with it;
-/// elsewhere (bounds, flat directions, skew, overlapping modes) the posterior is sampled. Optima
-/// with no valley between them are one mode. Without `scored`, Laplace everywhere, one mode each.
+/// Laplace's approximation, its moments corrected by the posterior at the sigma points, is kept
+/// where that agrees with it; elsewhere (bounds, flat directions, skew, overlapping modes) the
+/// posterior is sampled. Optima with no valley between them are one mode. Without `scored`, Laplace
+/// everywhere, one mode each.
 Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& optima,
                     const Scored* scored, const MovedModels* moved,
                     const PosteriorOptions& options);
