@@ -17,7 +17,8 @@ function(blindcorner_flags target)
     target_compile_options(${target} PRIVATE -O1 -fsanitize=address,undefined
                                              -fno-sanitize-recover=all -fno-omit-frame-pointer)
     target_compile_definitions(${target} PRIVATE BLINDCORNER_SANITIZE)
-    target_link_options(${target} PRIVATE -fsanitize=address,undefined)
+    # The sanitizer calls dlopen for the program, so that only an inherited run path finds the network.
+    target_link_options(${target} PRIVATE -fsanitize=address,undefined -Wl,--disable-new-dtags)
   endif()
 endfunction()
 

@@ -40,7 +40,7 @@ constexpr double kMostCells = 2000;
 constexpr int kRoundSegments = 96;
 
 /// Sampling of the known scene's later bounces.
-constexpr StaticLightSampling kDenseBounces{2, 12, 0.25, 1, 0.6, 0.15, 0.025, 0.006};
+constexpr StaticLightSampling kDenseBounces{2, 2, 12, 0.25, 1, 0.6, 0.15, 0.025, 0.006};
 
 /// One of the hidden objects where a pose puts it.
 struct PlacedObject {

@@ -17,12 +17,13 @@ namespace blindcorner {
 /// How finely the light that bounces on within the known scene is sampled. Cells get smaller with
 /// their distance to what they face, down to a least edge.
 struct StaticLightSampling {
-  int zone_divisions = 1;       ///< cells along each side of a zone, at least
-  int field_divisions = 8;      ///< cells along each side of the field, at least
+  int zone_divisions = 1;       ///< patches of two bounces along each side of a zone, at least
+  int outer_divisions = 2;      ///< the same of three bounces
+  int field_divisions = 8;      ///< patches along each side of the field, at least
   double patch_angle = 0.4;     ///< edge of the patches of two bounces against that distance
   double least_patch = 4;       ///< their least edge in standard deviations of the pulse's path
   double outer_angle = 2.0;     ///< edge of the patches of three bounces against that distance
-  double middle_angle = 0.6;    ///< edge of the cells between these against that distance
+  double middle_angle = 0.45;   ///< edge of the cells between these against that distance
   double middle_edge = 0.12;    ///< their largest edge against the largest surface's extent
   double least_middle = 0.008;  ///< their least edge against the same
 };
@@ -44,6 +45,8 @@ class KnownBounces {
 
   /// Whether any two reflecting surfaces face each other.
   bool any() const { return !middle_.empty(); }
+  /// Legs between patches and the cells in the middle, which three bounces cost.
+  std::size_t legs(const RelaySetup& setup) const;
   /// Adds two and three bounces to the cube, W/m^2 per bin.
   /// `bodies` block some of them.
   void add(const RelaySetup& setup, const PulseTable& pulses, HistogramCube& cube,
@@ -72,9 +75,13 @@ class KnownBounces {
   /// Largest edge of a cell in the middle at that distance from what it faces.
   double allowed_edge(double distance) const;
   void add_middle(const Piece& piece);
+  /// Least edge of the patches of two bounces, m.
+  double least_patch() const;
   /// The coarsest cells that what the ends light and see allows.
   std::vector<const Middle*> middle_for(const Ends& ends) const;
-  Ends ends(const RelaySetup& setup, double angle, double least) const;
+  Ends ends_of_two(const RelaySetup& setup) const;
+  Ends ends_of_three(const RelaySetup& setup) const;
+  Ends ends(const RelaySetup& setup, int zone_divisions, double angle, double least) const;
   /// One part of the sums.
   void add_two(const Ends& ends, const std::vector<OccluderFace>& blockers, std::size_t part,
                TimeRows& rows) const;
@@ -113,6 +120,7 @@ class StaticLightModel {
   const Shares& shares() const;
 
   const Scene& scene_;
+  StaticLightSampling sampling_;
   KnownBounces bounces_;
   PulseTable pulses_;
   mutable std::once_flag measured_;

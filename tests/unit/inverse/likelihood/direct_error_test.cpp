@@ -105,12 +105,16 @@ TEST(DirectError, IsNoObjectHoweverBrightTheRoom) {
   const auto reference = make_reference_renderer(scene, sensor_placement(scene));
   const HistogramCube nothing(scene.sensor.rows, scene.sensor.columns, scene.sensor.bins);
   const Fitter fitter(scene);
-  for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+  constexpr std::uint64_t kSeeds = 12;
+  std::uint64_t alarms = 0;
+  for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
     const FitResult result =
         fitter.fit(drawn(scene, nothing, reference->direct_return(), 10'000, seed));
     EXPECT_LT(result.posterior.presence_probability, 0.5);
-    EXPECT_GT(std::ranges::count(result.flags, "nothing_detected"), 0);
+    if (std::ranges::count(result.flags, "nothing_detected") == 0) ++alarms;
   }
+  // One in twenty is what the alarm allows itself: three of twelve are not exceeded in 0.998.
+  EXPECT_LE(alarms, kSeeds / 4);
 }
 
 }  // namespace
