@@ -37,6 +37,9 @@ namespace blindcorner {
 namespace {
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+/// Tolerance of the exhaustive search's model: finer than any that the fit of a capture asks for,
+/// or what is missed would be the judge's own error.
+constexpr double kJudge = 0.02;
 /// Times that a fresh fitter's first answer is measured.
 constexpr int kFirstAnswers = 3;
 /// In the endurance run, every so many frames one is also fitted without a prediction.
@@ -494,7 +497,7 @@ void add_moving_benchmark(CLI::App& benchmark, int& exit_code) {
   command.add_option("--seed", arguments->seed, "of poses and photons")->capture_default_str();
   add_capture_directories(command, arguments->directories);
   command.callback([arguments, &exit_code] {
-    arguments->exhaustive.model_tolerance = arguments->fit.model_tolerance.value_or(0.1);
+    arguments->exhaustive.model_tolerance = arguments->fit.model_tolerance.value_or(kJudge);
     arguments->fit.validate();
     exit_code = run_moving(*arguments);
   });
