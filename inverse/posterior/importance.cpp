@@ -152,8 +152,9 @@ PoseVector draw_student(const Peak& peak, const Eigen::VectorXd& u) {
 class Sampler {
  public:
   Sampler(const PoseObjective& objective, const SampleLights& lights,
-          const std::vector<Peak>& peaks, const std::vector<const Refined*>& optima,
-          const Scored& scored, const SamplingOptions& options)
+          const std::vector<Peak>& peaks, const std::vector<Peak>& ridges,
+          const std::vector<const Refined*>& optima, const Scored& scored,
+          const SamplingOptions& options)
       : objective_(objective),
         scene_(objective.compiled().scene),
         lights_(lights),
@@ -163,11 +164,12 @@ class Sampler {
         points_(scene_.unknowns.size() + 2, options.seed),
         grid_(objective.compiled(), scored, options.inflation),
         components_(peaks) {
+    components_.insert(components_.end(), ridges.begin(), ridges.end());
     double best = -std::numeric_limits<double>::infinity();
-    for (const Peak& peak : peaks) best = std::max(best, peak.log_evidence);
+    for (const Peak& peak : components_) best = std::max(best, peak.log_evidence);
     double total = 0;
     shares_.push_back(0);
-    for (const Peak& peak : peaks) {
+    for (const Peak& peak : components_) {
       // No mode is starved: its Laplace evidence may be far off.
       shares_.push_back(std::max(std::exp(peak.log_evidence - best), 1e-2));
       total += shares_.back();
@@ -390,7 +392,7 @@ class Sampler {
   double inflation_;
   EvenPoints points_;
   GridProposal grid_;
-  std::vector<Peak> components_;  // Student t: the peaks, then the samples' moments
+  std::vector<Peak> components_;  // Student t: the peaks, their ridges, the samples' moments
   std::vector<double> shares_;    // of the grid, then of the components; sums to one
   std::vector<double> drawn_;     // expected number of samples from each so far
   std::vector<PosteriorSample> samples_;
@@ -435,10 +437,10 @@ void moments(const Scene& scene, const std::vector<const PosteriorSample*>& samp
 }
 
 PosteriorSamples sample_posterior(const PoseObjective& objective, const SampleLights& lights,
-                                  const std::vector<Peak>& peaks,
+                                  const std::vector<Peak>& peaks, const std::vector<Peak>& ridges,
                                   const std::vector<const Refined*>& optima, const Scored& scored,
                                   const SamplingOptions& options) {
-  Sampler sampler(objective, lights, peaks, optima, scored, options);
+  Sampler sampler(objective, lights, peaks, ridges, optima, scored, options);
   const int stage = std::clamp(options.samples / kStages, 1, kMaxAtOnce);
   // The model itself is dear: fewer will do.
   const double enough = options.samples / (lights.far.models == nullptr ? 3.0 : 4.0);

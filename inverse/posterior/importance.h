@@ -67,15 +67,16 @@ struct SamplingOptions {
   std::uint64_t seed = 1;
 };
 
-/// Draws from a mixture of Student t about the peaks and of the scored grid's cells, each about as
-/// often as the filter's score says that the posterior lives there; the points are those of a
-/// sequence that fills space evenly. After each stage the mixture gets two more t, with the
-/// samples' own moments and about the heaviest sample (incremental mixture importance sampling),
-/// and its shares are adapted (population Monte Carlo); all samples are weighted by the density of
-/// the whole mixture, so every stage counts. Stops when enough samples are effective and their
-/// moments have settled, at the latest after four times as many as asked for.
+/// Draws from a mixture of Student t about the peaks and along their ridges (`ridges`, also peaks)
+/// and of the scored grid's cells, each about as often as the filter's score says that the
+/// posterior lives there; the points are those of a sequence that fills space evenly. After each
+/// stage the mixture gets two more t, with the samples' own moments and about the heaviest sample
+/// (incremental mixture importance sampling), and its shares are adapted (population Monte Carlo);
+/// all samples are weighted by the density of the whole mixture, so every stage counts. Stops when
+/// enough samples are effective and their moments have settled, at the latest after four times as
+/// many as asked for.
 PosteriorSamples sample_posterior(const PoseObjective& objective, const SampleLights& lights,
-                                  const std::vector<Peak>& peaks,
+                                  const std::vector<Peak>& peaks, const std::vector<Peak>& ridges,
                                   const std::vector<const Refined*>& optima, const Scored& scored,
                                   const SamplingOptions& options);
 

@@ -16,6 +16,7 @@
 #include "inverse/posterior/importance.h"
 #include "inverse/posterior/mode_merging.h"
 #include "inverse/posterior/prior_moments.h"
+#include "inverse/posterior/ridge.h"
 
 namespace blindcorner {
 namespace {
@@ -203,6 +204,36 @@ SampleLights sample_lights(const PoseObjective& objective,
   return lights;
 }
 
+/// Components along the ridges of all peaks that may matter, side by side.
+std::vector<Peak> all_ridges(const PoseObjective& objective, const SampleLights& lights,
+                             const std::vector<const Refined*>& optima,
+                             const std::vector<Peak>& peaks, double inflation) {
+  const Scene& scene = objective.compiled().scene;
+  const double least = best_evidence(peaks) - kMinorEvidence;
+  std::vector<std::vector<Peak>> found(peaks.size());
+  tbb::this_task_arena::isolate([&] {
+    tbb::parallel_for(std::size_t{0}, peaks.size(), [&](std::size_t j) {
+      if (peaks[j].log_evidence < least) return;
+      found[j] = ridge_components(scene, peaks[j], [&](PoseVector pose) {
+        wrap_pose(scene, pose);
+        if (!std::isfinite(log_pose_prior(scene, pose))) {
+          return -std::numeric_limits<double>::infinity();
+        }
+        const bool near = mahalanobis2(scene, peaks[j], pose) < lights.reach * lights.reach;
+        LinearSolution linear = optima[j]->linear;
+        return tempered(objective.evaluate(near ? lights.near[j] : lights.far, pose, linear, true,
+                                           kSampleAccuracy),
+                        inflation);
+      });
+    });
+  });
+  std::vector<Peak> ridges;
+  for (std::vector<Peak>& of_one : found) {
+    std::ranges::move(of_one, std::back_inserter(ridges));
+  }
+  return ridges;
+}
+
 void finish_mixture(const Scene& scene, PoseMixture& mixture) {
   double total = 0;
   for (const PoseMode& mode : mixture.modes) total += mode.weight;
@@ -330,7 +361,8 @@ Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& 
   PosteriorSamples drawn;
   if (may_sample && !laplace) {
     const SampleLights lights = sample_lights(objective, tops, peaks, options.inflation);
-    drawn = sample_posterior(objective, lights, peaks, tops, *scored,
+    const std::vector<Peak> ridges = all_ridges(objective, lights, tops, peaks, options.inflation);
+    drawn = sample_posterior(objective, lights, peaks, ridges, tops, *scored,
                              {options.samples, options.inflation, options.seed});
     result.promising = promising(objective, lights, tops, peaks, drawn.samples, options.inflation);
   }
