@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <random>
 
 #include "blindcorner/io/scene_file.h"
@@ -77,6 +78,32 @@ TEST(BackgroundError, NegligibleOnesLeaveBinsAsTheyAre) {
   for (const ObservedZone& zone : observe(*compiled, {&faint, 1}).zones) {
     EXPECT_TRUE(zone.weight.empty());
   }
+}
+
+// A floor whose own light is eighty times the object's. Its squared error over its photon noise,
+// summed over bins, is to a capture with N photons of the object N times this: below 1 for each
+// bin up to some thousand photons. What is carried for it must be no less than it is.
+TEST(BackgroundError, OfABrightCornerIsSmallAndCarried) {
+  const Scene scene = read_scene(SOURCE_DIR "/scenes/reference_floor_corner_light.json");
+  const auto reference = make_reference_renderer(scene, sensor_placement(scene));
+  const HistogramCube& dense = reference->static_background();
+  const HistogramCube object = reference->three_bounce(stated_pose(scene));
+  const double photons = std::accumulate(object.values.begin(), object.values.end(), 0.0);
+  const auto compiled = compiled_for_one_fit(scene);
+  const HistogramCube& fast = compiled->models().front()->static_background();
+  double square = 0, carried = 0;
+  std::size_t row = 0;
+  for (int z = 0; z < fast.zones(); ++z) {
+    const TimeGate& gate = compiled->gates.front()[static_cast<std::size_t>(z)];
+    for (int k = gate.first; k < gate.end; ++k, ++row) {
+      const double level = dense.zone(z)[k];
+      if (!(level > 0)) continue;
+      square += std::pow(fast.zone(z)[k] - level, 2) / level;
+      carried += std::pow(compiled->background_error[row], 2) / level;
+    }
+  }
+  EXPECT_LT(square / photons, 0.04);
+  EXPECT_GT(carried, square);
 }
 
 // Some ten thousand photons from the object and more, and a wall that sends nearly all light on.
