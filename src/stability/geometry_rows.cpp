@@ -36,7 +36,7 @@ enum class Seen { yes, no };
 StabilityMeasurement bad_bins(const Scene& scene, Seen seen) {
   const auto model = make_fast_model(scene, sensor_placement(scene));
   const HistogramCube fast = model->three_bounce(stated_pose(scene));
-  const HistogramCube reference = reference_light(scene), direct = model->direct_return();
+  const HistogramCube reference = reference_light(scene), direct = model->static_background();
   double bad = 0;
   for (const HistogramCube* light : {&fast, &reference, &direct}) {
     bad += static_cast<double>(std::ranges::count_if(

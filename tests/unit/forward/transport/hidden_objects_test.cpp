@@ -303,9 +303,10 @@ TEST(SeveralObjects, PlanAndSamplingSuitEveryObject) {
   EXPECT_DOUBLE_EQ(both->plan().decision(Term::dim_patches).bound,
                    first->plan().decision(Term::dim_patches).bound +
                        second->plan().decision(Term::dim_patches).bound);
-  EXPECT_EQ(both->fidelity()->relay, std::min(first->fidelity()->relay, second->fidelity()->relay));
-  EXPECT_EQ(both->fidelity()->object,
-            std::min(first->fidelity()->object, second->fidelity()->object));
+  EXPECT_EQ(both->sampling_step()->relay,
+            std::min(first->sampling_step()->relay, second->sampling_step()->relay));
+  EXPECT_EQ(both->sampling_step()->object,
+            std::min(first->sampling_step()->object, second->sampling_step()->object));
 }
 
 TEST(SeveralObjects, PosesGoToTheirObjects) {
