@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -160,6 +161,18 @@ bool stops_early(const TrainingState& state, const CnnTrainingOptions& options) 
   return options.early_stopping > 0 && state.epochs() - state.best_epoch >= options.early_stopping;
 }
 
+/// Steps too long for the data drive the weights out of all bounds: a file that nobody can read
+/// must not come of hours of training. Throws Error, unless good weights are remembered.
+void check_loss(const TrainingState& state, const CnnTrainingOptions& options) {
+  if (std::isfinite(state.history.back().training)) return;
+  if (options.early_stopping > 0 && state.best_epoch > 0) return;
+  char rate[32];
+  std::snprintf(rate, sizeof rate, "%g", options.learning_rate);
+  throw Error("CnnTrainingOptions.learning_rate",
+              std::string("found ") + rate + ", with which the loss of epoch " +
+                  std::to_string(state.epochs()) + " is no number, accepted: a smaller one");
+}
+
 }  // namespace
 
 CnnTrainingOptions CnnTrainingOptions::of(CnnArchitecture network) {
@@ -246,6 +259,7 @@ CnnTrainingResult train_cnn(const Scene& scene, std::span<const Capture> capture
   const RunTime before = state.run_time;
   while (state.epochs() < options.epochs && !stops_early(state, options)) {
     add_epoch(state, trainer->run_epoch(state.epochs() + 1));
+    check_loss(state, options);
     state.run_time = before + stopwatch.since_start();
     if (options.early_stopping > 0 && state.best_epoch == state.epochs()) trainer->remember();
     if (!callbacks.epoch) continue;

@@ -4,6 +4,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <boost/math/distributions/fisher_f.hpp>
+#include <boost/math/distributions/normal.hpp>
 #include <cmath>
 #include <cstdio>
 #include <limits>
@@ -27,6 +28,8 @@ constexpr int kWeightBins = 10;
 /// Bins with fewer statements say nothing.
 constexpr int kMinStatements = 10;
 constexpr std::uint64_t kTrialSeed = 1'000'003;
+/// Of right captures that the best test flags: about what the fit's own flags cost together.
+constexpr double kBestTestAlarms = 0.01;
 
 std::string percent(const char* pattern, double a, double b = 0) {
   char text[96];
@@ -140,8 +143,16 @@ void study_wrong(const Scene& scene, const CoverageOptions& options, const Fitte
   const auto count =
       std::min(level.trials.size(), static_cast<std::size_t>(options.wrong_captures));
   const std::span<const ClaimTrial> right(level.trials.data(), count);
+  FitOptions pose_only = options.fit;
+  pose_only.importance_samples = pose_only.empty_captures = 0;
+  const Fitter explains(scene, pose_only);
   for (std::size_t a = 0; a < assumptions.size(); ++a) {
-    const auto trials = claim_trials(fitter, wrong_objects[a], level.exposure, level.seed, advance);
+    auto trials = claim_trials(fitter, wrong_objects[a], level.exposure, level.seed, advance);
+    run_trials(trials.size(), {}, [&](std::size_t i) {
+      if (!trials[i].error.empty()) return;
+      trials[i].unexplained_distance =
+          unexplained_distance(explains, wrong_objects[a][i], level.exposure);
+    });
     level.wrong.push_back(
         wrong_figures(assumptions[a], trials, right.subspan(0, std::min(count, trials.size()))));
   }
@@ -206,6 +217,17 @@ std::vector<ClaimTrial> claim_trials(const Fitter& fitter, std::span<const Drawn
   });
 }
 
+double unexplained_distance(const Fitter& fitter, const DrawnObject& object,
+                            const Exposure& exposure) {
+  const FitResult fit = fitter.fit(expected_capture_of(fitter.scene(), object, exposure));
+  return std::sqrt(std::max(fit.goodness_of_fit.deviance, 0.0));
+}
+
+double power_of_best_test(double distance) {
+  const boost::math::normal normal;
+  return boost::math::cdf(normal, distance - boost::math::quantile(normal, 1 - kBestTestAlarms));
+}
+
 std::vector<ClaimTest> claims_of(std::span<const ClaimTrial> trials, int unknowns) {
   std::vector<ClaimTest> claims;
   const auto count = static_cast<int>(trials.size());
@@ -256,7 +278,12 @@ WrongFigures wrong_figures(const WrongAssumption& assumption, std::span<const Cl
     for (std::size_t r = 0; r < std::size(kRegions); ++r) {
       figures.held[r] += held(wrong[i], kRegions[r]) ? 1 : 0;
     }
-    figures.unwarned += !held(wrong[i], kWarnedRegion) && !wrong[i].warned() ? 1 : 0;
+    const bool outside = !held(wrong[i], kWarnedRegion);
+    figures.unwarned += outside && !wrong[i].warned() ? 1 : 0;
+    const double power =
+        wrong[i].error.empty() ? power_of_best_test(wrong[i].unexplained_distance) : 1.0;
+    figures.best_warned += power / figures.captures;
+    figures.best_unwarned += outside ? (1 - power) / figures.captures : 0.0;
     const bool both = i < right.size() && wrong[i].error.empty() && right[i].error.empty();
     if (both && right[i].claimed > 0) growth.push_back(wrong[i].claimed / right[i].claimed);
   }

@@ -77,6 +77,14 @@ double draw_amplitude(const LinearUnknowns& linear, std::mt19937_64& random) {
   return std::exp(log(random));
 }
 
+LinearValues linear_of(const Scene& scene, const DrawnObject& object, const Exposure& exposure) {
+  LinearValues linear;
+  linear.amplitude = object.amplitude;
+  linear.ambient = exposure.ambient;
+  linear.direct = scene.linear.fixed_direct;
+  return linear;
+}
+
 }  // namespace
 
 void DrawOptions::validate() const {
@@ -121,12 +129,19 @@ std::vector<DrawnObject> draw_objects(const Scene& scene, const DrawOptions& opt
 
 Capture capture_of(const Scene& scene, const DrawnObject& object, const Exposure& exposure,
                    std::uint64_t seed) {
-  LinearValues linear;
-  linear.amplitude = object.amplitude;
-  linear.ambient = exposure.ambient;
-  linear.direct = scene.linear.fixed_direct;
-  Capture capture = capture_of_light(scene, object.three_bounce, object.static_background, linear,
-                                     exposure.exposures, seed);
+  Capture capture = capture_of_light(scene, object.three_bounce, object.static_background,
+                                     linear_of(scene, object, exposure), exposure.exposures, seed);
+  set_truth(scene, object.pose, capture);
+  return capture;
+}
+
+Capture expected_capture_of(const Scene& scene, const DrawnObject& object,
+                            const Exposure& exposure) {
+  Capture capture;
+  capture.exposures = exposure.exposures;
+  capture.counts = expected_counts(scene, object.three_bounce, object.static_background,
+                                   linear_of(scene, object, exposure));
+  capture.T_world_sensor = scene.T_world_sensor;
   set_truth(scene, object.pose, capture);
   return capture;
 }

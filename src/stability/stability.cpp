@@ -18,8 +18,8 @@ std::string limit_origin_name(LimitOrigin origin) {
 const std::vector<StabilityRow>& stability_rows() {
   static const std::vector<StabilityRow> all = [] {
     std::vector<StabilityRow> rows;
-    for (auto* theme :
-         {&pulse_rows, &geometry_rows, &scale_rows, &photon_rows, &inference_rows, &driving_rows}) {
+    for (auto* theme : {&pulse_rows, &geometry_rows, &scale_rows, &photon_rows, &inference_rows,
+                        &learning_rows, &driving_rows}) {
       std::vector<StabilityRow> more = theme();
       rows.insert(rows.end(), std::make_move_iterator(more.begin()),
                   std::make_move_iterator(more.end()));

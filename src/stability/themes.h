@@ -13,6 +13,7 @@ std::vector<StabilityRow> geometry_rows();
 std::vector<StabilityRow> scale_rows();
 std::vector<StabilityRow> photon_rows();
 std::vector<StabilityRow> inference_rows();
+std::vector<StabilityRow> learning_rows();
 std::vector<StabilityRow> driving_rows();
 
 }  // namespace blindcorner

@@ -41,6 +41,9 @@ struct ClaimTrial {
   std::vector<ModeClaim> modes;  ///< heaviest first
   std::vector<std::string> flags;
   double deviance_excess = 0;  ///< in standard deviations
+  /// How far what is expected is from all that the scene can explain, in standard deviations of
+  /// the photon noise, as of unexplained_distance(); 0: nobody has looked.
+  double unexplained_distance = 0;
 
   bool has(const std::string& flag) const;
   /// Any flag but the one that only says how the posterior was computed.
@@ -57,6 +60,16 @@ ClaimTrial judge_fit(const Scene& scene, const FitResult& result, const PoseVect
 std::vector<ClaimTrial> claim_trials(const Fitter& fitter, std::span<const DrawnObject> objects,
                                      const Exposure& exposure, std::uint64_t seed,
                                      const std::function<void()>& advance = {});
+
+/// Root of the deviance that the best fit leaves of a capture without noise. Any test of whether
+/// the scene is right sees at most a shift of a normal variable by so many standard deviations, and
+/// only a test that knows in which way the scene is wrong, and where the object is, sees all of it.
+double unexplained_distance(const Fitter& fitter, const DrawnObject& object,
+                            const Exposure& exposure);
+
+/// The share of captures that a test which does sees, of which it flags one in a hundred where the
+/// scene is right.
+double power_of_best_test(double distance);
 
 /// Claims that trials with a right model must meet: the 50, 90 and 95 % regions, the mean squared
 /// normalised error, and the modes' weights in bins of a tenth. Not judged yet. Captures without an
@@ -80,6 +93,8 @@ struct WrongFigures {
   double median_error = 0, right_median_error = 0;  ///< m
   WarningShares warnings;
   int unwarned = 0;
+  double best_warned = 0;    ///< share that a test which knows what is wrong would see
+  double best_unwarned = 0;  ///< share outside of the 95 % region that it would not see
   /// Not more captures are wrong without a warning than 5 %, as far as these captures tell.
   bool holds = false;
 };

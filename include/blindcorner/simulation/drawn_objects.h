@@ -59,6 +59,10 @@ std::vector<DrawnObject> draw_objects(const Scene& scene, const DrawOptions& opt
 Capture capture_of(const Scene& scene, const DrawnObject& object, const Exposure& exposure,
                    std::uint64_t seed);
 
+/// The same without noise.
+Capture expected_capture_of(const Scene& scene, const DrawnObject& object,
+                            const Exposure& exposure);
+
 /// A capture of the scene without an object.
 Capture empty_capture(const Scene& scene, const HistogramCube& static_background,
                       const Exposure& exposure, std::uint64_t seed);

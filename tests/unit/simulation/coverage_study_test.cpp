@@ -145,6 +145,37 @@ TEST(CoverageStudy, WrongAssumptionsMustGrowOrWarn) {
   EXPECT_EQ(bad.warnings.warned, 0);
 }
 
+// One in a hundred by chance, a half where the shift is the threshold itself.
+TEST(CoverageStudy, TheBestTestSeesAShiftOfANormalVariable) {
+  EXPECT_NEAR(power_of_best_test(0), 0.01, 1e-12);
+  EXPECT_NEAR(power_of_best_test(2.3263479), 0.5, 1e-6);
+  std::vector<ClaimTrial> outside(10, trial_of(1, 0.1, {}));
+  for (int i = 0; i < 5; ++i) outside[static_cast<std::size_t>(i)].unexplained_distance = 20;
+  const WrongFigures figures = wrong_figures({"a", "", ""}, outside, outside);
+  EXPECT_NEAR(figures.best_warned, 0.5 * (1 + 0.01), 1e-9);
+  EXPECT_NEAR(figures.best_unwarned, 0.5 * 0.99, 1e-9);
+}
+
+// A right scene explains its own expected counts but for the models' difference, which fits keep
+// below a part of the photon noise. Nothing explains those of a relay that stands otherwise: this
+// is the wrong assumption of which every capture is flagged.
+TEST(CoverageStudy, OnlyAWrongSceneLeavesExpectedCountsUnexplained) {
+  const Scene scene = read_scene(std::string(SOURCE_DIR) + "/scenes/denali_like.json");
+  FitOptions options;
+  options.importance_samples = options.empty_captures = 0;
+  const Fitter fitter(scene, options);
+  DrawOptions draw;
+  draw.objects = 3;
+  draw.sampling = 0.4;
+  for (const DrawnObject& object : draw_objects(scene, draw)) {
+    EXPECT_LT(unexplained_distance(fitter, object, own_exposure(scene)), 1);
+  }
+  draw.wrong = "relay tilted by 2 degrees";
+  for (const DrawnObject& object : draw_objects(scene, draw)) {
+    EXPECT_GT(unexplained_distance(fitter, object, own_exposure(scene)), 5);
+  }
+}
+
 TEST(CoverageStudy, RunsAsToldAndWithEachWrongAssumption) {
   const Scene scene = read_scene(std::string(SOURCE_DIR) + "/scenes/denali_like.json");
   CoverageOptions options;
