@@ -21,7 +21,7 @@
 #include "blindcorner/forward/scene/validate.h"
 #include "blindcorner/forward/transport/transport_plan.h"
 #include "blindcorner/inverse/hints.h"
-#include "inverse/likelihood/direct_error.h"
+#include "inverse/likelihood/background_error.h"
 #include "inverse/posterior/detection.h"
 #include "inverse/posterior/fitted_histograms.h"
 #include "inverse/posterior/goodness_of_fit.h"
@@ -39,7 +39,7 @@ namespace blindcorner {
 namespace {
 
 /// How often sampling may send the fit back to refinement.
-constexpr int kMostReturns = 3;
+constexpr int kMaxReturns = 3;
 /// Gain in log posterior that changes the answer.
 constexpr double kWorthAnother = 0.01;
 /// Captures of one sensor placement for which tables of exact histograms pay: they cost seconds,
@@ -214,7 +214,7 @@ std::unique_ptr<MovedModels> move_sensor(const std::vector<SensorPlacement>& pla
     for (const double sign : {1.0, -1.0}) {
       ModelSet& set = sign > 0 ? moved->plus[i] : moved->minus[i];
       FastModelOptions fast;
-      fast.fidelity = compiled.models().front()->fidelity();
+      fast.sampling_step = compiled.models().front()->sampling_step();
       for (SensorPlacement placement : placements) {
         if (i < 3) {
           placement.T_world_sensor.translation()[static_cast<int>(i)] += sign * kSensorStep;
@@ -680,7 +680,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   }
   if (!captures.empty()) result.truth = captures.front().truth;
 
-  // What no capture changes: models, windows, scored poses.
+  // What no capture changes: models, gates, scored poses.
   std::call_once(hints_once, [&] { hints = scene_hints(scene, placements.front()); });
   result.hints = hints;
   doing("compiling");
@@ -750,7 +750,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
     return blindcorner::posterior(objective, optima, &scored, known->moved.get(), sampling);
   };
   Posterior posterior = think();
-  for (int again = 0; again < kMostReturns && !posterior.promising.empty(); ++again) {
+  for (int again = 0; again < kMaxReturns && !posterior.promising.empty(); ++again) {
     // Sampling came upon places that may be better: refine from there and, if so, think again.
     const double before = optima.front().value.log_posterior;
     optima = find_more(objective, observation, posterior.promising,

@@ -20,11 +20,11 @@ inline const NumberRange kNotNegative = NumberRange::at_least(0);
 inline const NumberRange kInside01 = NumberRange::inside(0, 1);
 
 // Instruments, far outside any.
-inline constexpr int kMostZonesPerSide = 256;
+inline constexpr int kMaxZonesPerSide = 256;
 /// Of a capture: more take minutes a fit. Sums go over zones, relay patches and object points.
-inline constexpr int kMostZones = 4096;
-inline constexpr int kMostCounts = 1 << 22;
-inline constexpr int kMostBins = 1 << 17;
+inline constexpr int kMaxZones = 4096;
+inline constexpr int kMaxCounts = 1 << 22;
+inline constexpr int kMaxBins = 1 << 17;
 inline const NumberRange kDuration{.lower = 0, .upper = 1e9, .above_lower = true};  // ps
 inline const NumberRange kTime = NumberRange::between(-1e9, 1e9);                   // ps
 inline const NumberRange kAngle = NumberRange::inside(-90, 90);                     // degrees

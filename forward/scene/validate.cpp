@@ -158,16 +158,16 @@ bool check_layout(const Sensor& sensor, Problems& problems) {
                      NumberRange::between(1, upper).text("a whole number"));
     return good;
   };
-  const bool rows = whole("rows", sensor.rows, kMostZonesPerSide);
-  const bool columns = whole("columns", sensor.columns, kMostZonesPerSide);
-  if (!whole("bins", sensor.bins, kMostBins) || !rows || !columns) return false;
+  const bool rows = whole("rows", sensor.rows, kMaxZonesPerSide);
+  const bool columns = whole("columns", sensor.columns, kMaxZonesPerSide);
+  if (!whole("bins", sensor.bins, kMaxBins) || !rows || !columns) return false;
   const int zones = sensor.zone_count();
-  problems.require(zones <= kMostZones, "sensor.rows",
+  problems.require(zones <= kMaxZones, "sensor.rows",
                    std::to_string(zones) + " zones (rows * columns)",
-                   "at most " + std::to_string(kMostZones));
-  problems.require(zones <= kMostCounts / sensor.bins, "sensor.bins",
+                   "at most " + std::to_string(kMaxZones));
+  problems.require(zones <= kMaxCounts / sensor.bins, "sensor.bins",
                    std::to_string(zones) + " zones of " + std::to_string(sensor.bins) + " bins",
-                   "at most " + std::to_string(kMostCounts) + " bins together");
+                   "at most " + std::to_string(kMaxCounts) + " bins together");
   const bool all = sensor.zones.size() == static_cast<std::size_t>(zones);
   problems.require(all, "sensor.zones", "an array of " + std::to_string(sensor.zones.size()),
                    "an array of " + std::to_string(zones) + " zones (rows * columns)");

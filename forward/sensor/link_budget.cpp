@@ -60,7 +60,7 @@ std::pair<double, double> light_at(Scene scene, const SensorPlacement& sensor,
   FastModelOptions options;
   options.tolerance = kExponentTolerance;
   const auto model = make_fast_model(scene, sensor, options);
-  return {total(model->direct_return()), total(model->three_bounce(PoseVector()))};
+  return {total(model->static_background()), total(model->three_bounce(PoseVector()))};
 }
 
 double exponent(double before, double after) {
@@ -119,7 +119,7 @@ std::vector<ZoneBudget> link_budget(const Scene& scene, const ForwardModel& mode
                                     const PoseVector& pose) {
   validate(scene);
   const HistogramCube light = model.three_bounce(pose);
-  const HistogramCube& direct = model.direct_return();
+  const HistogramCube& direct = model.static_background();
   const Sensor& sensor = scene.sensor;
   std::vector<ZoneBudget> budgets(static_cast<std::size_t>(sensor.zone_count()));
   for (int z = 0; z < sensor.zone_count(); ++z) {

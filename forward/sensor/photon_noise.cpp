@@ -44,7 +44,7 @@ constexpr double kNormalVariance = 1e9;
 /// More tries than this are beyond the binomial method's logarithms (1e-16 of ln n! = 2e11). Then
 /// variances above kManyTriesVariance are normal to 7e-5, and below it a binomial number is Poisson
 /// distributed but for the rarer outcome's share of the tries, at most 1e-4.
-constexpr double kMostTries = 1e10;
+constexpr double kMaxTries = 1e10;
 constexpr double kManyTriesVariance = 1e6;
 
 double draw_normal_counts(double mean, double variance, std::mt19937_64& random) {
@@ -61,10 +61,10 @@ double draw_photons(double mean, std::mt19937_64& random) {
 /// Of `tries`, a whole number, those that hit.
 double draw_hits(double tries, double hit, std::mt19937_64& random) {
   const double variance = tries * hit * (1 - hit);
-  if (variance > kNormalVariance || (tries > kMostTries && variance > kManyTriesVariance)) {
+  if (variance > kNormalVariance || (tries > kMaxTries && variance > kManyTriesVariance)) {
     return std::min(draw_normal_counts(tries * hit, variance, random), tries);
   }
-  if (tries > kMostTries) {
+  if (tries > kMaxTries) {
     const bool rare = hit < 0.5;
     const double rarer = std::min(draw_photons(tries * (rare ? hit : 1 - hit), random), tries);
     return rare ? rarer : tries - rarer;
@@ -103,14 +103,14 @@ void draw_piled_up(double cycles, double exposures, double* counts, int bins,
 }  // namespace
 
 HistogramCube expected_counts(const Scene& scene, const HistogramCube& three_bounce,
-                              const HistogramCube& direct_return, const LinearValues& linear) {
+                              const HistogramCube& static_background, const LinearValues& linear) {
   HistogramCube counts(three_bounce.rows, three_bounce.columns, three_bounce.bins);
   for (int z = 0; z < counts.zones(); ++z) {
     const Zone& zone = scene.sensor.zones[static_cast<std::size_t>(z)];
     if (zone.dead) continue;
     for (int k = 0; k < counts.bins; ++k) {
       counts.zone(z)[k] = zone.gain * (linear.amplitude * three_bounce.zone(z)[k] +
-                                       linear.direct * direct_return.zone(z)[k]) +
+                                       linear.direct * static_background.zone(z)[k]) +
                           linear.ambient + linear.background * zone.background_at(k);
     }
     if (scene.sensor.pile_up_cycles > 0) {
@@ -120,13 +120,13 @@ HistogramCube expected_counts(const Scene& scene, const HistogramCube& three_bou
   return counts;
 }
 
-bool has_static_light(const Scene& scene) {
+bool has_static_background(const Scene& scene) {
   return scene.linear.direct == LinearMode::per_zone || scene.linear.fixed_direct > 0 ||
          scene.sensor.has_background();
 }
 
-HistogramCube static_light(const Scene& scene, const HistogramCube& direct_return) {
-  HistogramCube counts = direct_return;
+HistogramCube static_background(const Scene& scene, const HistogramCube& static_background) {
+  HistogramCube counts = static_background;
   const LinearUnknowns& linear = scene.linear;
   const double scale = linear.direct == LinearMode::fixed ? linear.fixed_direct : 1.0;
   for (int z = 0; z < counts.zones(); ++z) {

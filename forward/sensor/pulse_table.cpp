@@ -27,7 +27,7 @@ PulseTable::PulseTable(const ImpulseResponse& response, double bin_width, double
       static_cast<std::size_t>(levels_) * (kPhases + 1) * 2 * static_cast<std::size_t>(length_),
       0.0);
   const double step = 1.0 / kPhases;
-  const double h = 1e-3 * std::clamp(response.core_sigma() / bin_width, kLeastPulseBins, 1.0);
+  const double h = 1e-3 * std::clamp(response.core_sigma() / bin_width, kMinPulseBins, 1.0);
   for (int l = 0; l < levels_; ++l) {
     const double blur = variances_[static_cast<std::size_t>(l)] + least_blur;
     const auto integral = [&](double bin_edge, double phase) {

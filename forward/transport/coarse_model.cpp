@@ -27,7 +27,7 @@ constexpr double kWidest = 8;
 /// the fourth cumulant: 1.2 / 24 of (2 * 3 / sqrt(12))^4 / (1 + 3)^2, 3 % of the peak.
 constexpr double kObjectEdge = 9;
 /// Most cells of an object; larger ones are taken together.
-constexpr std::size_t kMostCells = 12;
+constexpr std::size_t kMaxCells = 12;
 /// Paths of a zone's patches that one pulse may stand for, in the same unit.
 constexpr double kRunSpread = 3;
 /// Footprint of a lobe against the lit spot above which light comes back from elsewhere.
@@ -73,7 +73,7 @@ std::vector<SurfaceCell> cells_of(const Shape& shape, double edge) {
   std::vector<SurfaceCell> cells;
   for (int doubling = 0; doubling < 4; ++doubling, edge *= 2) {
     cells = divide(shape, here, 1.0, edge, 1);
-    if (cells.size() <= kMostCells) return cells;
+    if (cells.size() <= kMaxCells) return cells;
   }
   std::vector<std::vector<SurfaceCell>> facing(27);
   for (const SurfaceCell& c : cells) {

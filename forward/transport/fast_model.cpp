@@ -52,17 +52,17 @@ bool faces_relay(const Sampling& sampling, const Vector3d& center, const Vector3
   });
 }
 
-/// Pairs where the lobe asks for them, or the fidelity does; relay points have no lobe.
+/// Pairs where the lobe asks for them, or the sampling_step does; relay points have no lobe.
 Kernel FastModel::kernel_for(const SensorView& view, const FastModelOptions& options,
-                             const Fidelity& fidelity) {
-  const bool pairs = view.kernel == Kernel::retro_single && fidelity.lobe_pairs &&
+                             const SamplingStep& sampling_step) {
+  const bool pairs = view.kernel == Kernel::retro_single && sampling_step.lobe_pairs &&
                      !view.setup.uses_points() &&
                      !options.overrides.switched_off(Term::patch_pairs);
   return pairs ? Kernel::retro_pairs : view.kernel;
 }
 
 FastModel::FastModel(std::shared_ptr<const SensorView> view, const FastModelOptions& options,
-                     FoundFidelity found)
+                     FoundSampling found)
     : view_(std::move(view)),
       scene_(view_->transport->scene),
       setup_(view_->setup),
@@ -71,9 +71,9 @@ FastModel::FastModel(std::shared_ptr<const SensorView> view, const FastModelOpti
       extra_variance_(options.extra_pulse_sigma * options.extra_pulse_sigma),
       pulse_sigma_(view_->transport->pulse_sigma(extra_variance_)),
       axis_bins_(unwrapped_bins(scene_.sensor)),
-      kernel_(kernel_for(*view_, options, found_.fidelity)),
+      kernel_(kernel_for(*view_, options, found_.sampling_step)),
       sampling_(std::make_shared<Sampling>(
-          sample(*view_, {kernel_, found_.fidelity, options.tolerance, pulse_sigma_,
+          sample(*view_, {kernel_, found_.sampling_step, options.tolerance, pulse_sigma_,
                           options.overrides.switched_on(Term::dim_patches)}))),
       sum_(make_kernel(kernel_, {*view_, sampling_, options.tolerance, extra_variance_,
                                  options.overrides.switched_on(Term::patch_pairs),
@@ -300,21 +300,21 @@ std::pair<int, int> FastModel::reachable_bins() const {
 }
 
 /// Made when somebody asks: models that only score never do.
-const HistogramCube& FastModel::direct_return() const {
+const HistogramCube& FastModel::static_background() const {
   std::call_once(direct_once_, [this] {
     const Sensor& sensor = scene_.sensor;
     direct_ = HistogramCube(sensor.rows, sensor.columns, sensor.bins);
     if (!holds_known_light()) return;
-    direct_ = view_->transport->static_light()->light(setup_, bounces(), first_bounce_);
+    direct_ = view_->transport->static_background()->light(setup_, bounces(), first_bounce_);
   });
   return direct_;
 }
 
-HistogramCube FastModel::direct_error() const {
+HistogramCube FastModel::background_error() const {
   const Sensor& sensor = scene_.sensor;
   if (!holds_known_light()) return {sensor.rows, sensor.columns, sensor.bins};
-  const HistogramCube& light = direct_return();
-  return view_->transport->static_light()->error(light, first_bounce_);
+  const HistogramCube& light = static_background();
+  return view_->transport->static_background()->error(light, first_bounce_);
 }
 
 /// Whether captures hold light of the known scene.
@@ -325,7 +325,7 @@ bool FastModel::holds_known_light() const {
 /// What bounces on within the known scene is left out only where there is nothing of it: how bright
 /// it is beside an object says nothing about how it compares with the photon noise.
 bool FastModel::bounces() const {
-  return view_->transport->static_light()->any_bounces() && !setup_.uses_points() &&
+  return view_->transport->static_background()->any_bounces() && !setup_.uses_points() &&
          !options_.overrides.switched_off(Term::known_bounces);
 }
 
@@ -396,7 +396,7 @@ FastModelOptions share_of(FastModelOptions options, const SceneTransport& all) {
 }
 
 /// What suits both.
-Fidelity finer(const std::optional<Fidelity>& a, const Fidelity& b) {
+SamplingStep finer(const std::optional<SamplingStep>& a, const SamplingStep& b) {
   if (!a) return b;
   return {std::min(a->relay, b.relay), std::min(a->object, b.object),
           a->lobe_pairs || b.lobe_pairs};
@@ -406,12 +406,12 @@ std::unique_ptr<FastModel> make_part(const std::shared_ptr<const SceneTransport>
                                      const SensorPlacement& placement,
                                      const FastModelOptions& options, double pairs_from) {
   const auto view = std::make_shared<SensorView>(transport, placement, options.overrides);
-  FoundFidelity found;
-  if (!options.fidelity) {
-    found = find_fidelity(view, options, pairs_from);
+  FoundSampling found;
+  if (!options.sampling_step) {
+    found = find_sampling(view, options, pairs_from);
   } else {
-    found.fidelity = *options.fidelity;
-    if (found.fidelity.lobe_pairs) found.pairs_reason = "; pairs, as the fidelity given says";
+    found.sampling_step = *options.sampling_step;
+    if (found.sampling_step.lobe_pairs) found.pairs_reason = "; pairs, as the sampling given says";
   }
   return std::make_unique<FastModel>(view, options, std::move(found));
 }
@@ -444,16 +444,18 @@ class FastObjects final : public ForwardModel {
       for (std::size_t k = 0; k < out.values.size(); ++k) out.values[k] += light.values[k];
     }
   }
-  const HistogramCube& direct_return() const override { return parts_.front()->direct_return(); }
-  HistogramCube direct_error() const override { return parts_.front()->direct_error(); }
+  const HistogramCube& static_background() const override {
+    return parts_.front()->static_background();
+  }
+  HistogramCube background_error() const override { return parts_.front()->background_error(); }
   const TransportPlan& plan() const override {
     std::call_once(plan_once_, [this] { join_plans(); });
     return plan_;
   }
   /// The finest of any object: what suits it suits the others.
-  std::optional<Fidelity> fidelity() const override {
-    std::optional<Fidelity> all;
-    for (const auto& part : parts_) all = finer(all, *part->fidelity());
+  std::optional<SamplingStep> sampling_step() const override {
+    std::optional<SamplingStep> all;
+    for (const auto& part : parts_) all = finer(all, *part->sampling_step());
     return all;
   }
 
@@ -500,8 +502,8 @@ void FastModelOptions::validate() const {
   if (!(extra_pulse_sigma >= 0)) {
     throw Error("FastModelOptions.extra_pulse_sigma", "accepted: at least 0 s");
   }
-  if (fidelity && !(fidelity->relay > 0 && fidelity->object > 0)) {
-    throw Error("FastModelOptions.fidelity", "accepted: both above 0");
+  if (sampling_step && !(sampling_step->relay > 0 && sampling_step->object > 0)) {
+    throw Error("FastModelOptions.sampling_step", "accepted: both above 0");
   }
 }
 
@@ -523,19 +525,19 @@ std::unique_ptr<ForwardModel> make_fast_model(const Scene& scene, const SensorPl
   return make_fast_model(make_scene_transport(scene), placement, options);
 }
 
-std::optional<Fidelity> choose_fidelity(const std::shared_ptr<const SceneTransport>& transport,
-                                        const SensorPlacement& placement,
-                                        const FastModelOptions& options) {
+std::optional<SamplingStep> choose_sampling(const std::shared_ptr<const SceneTransport>& transport,
+                                            const SensorPlacement& placement,
+                                            const FastModelOptions& options) {
   options.validate();
   if (std::holds_alternative<MeasuredLawMaterial>(transport->scene.hidden.material)) {
     return std::nullopt;
   }
   const auto find = [&](const std::shared_ptr<const SceneTransport>& object) {
     const auto view = std::make_shared<SensorView>(object, placement, options.overrides);
-    return find_fidelity(view, share_of(options, *transport), options.tolerance).fidelity;
+    return find_sampling(view, share_of(options, *transport), options.tolerance).sampling_step;
   };
   if (transport->objects.empty()) return find(transport);
-  std::optional<Fidelity> all;
+  std::optional<SamplingStep> all;
   for (const auto& object : transport->objects) all = finer(all, find(object));
   return all;
 }

@@ -17,18 +17,18 @@
 
 namespace blindcorner {
 
-/// A fidelity, and what the search for it learned.
-struct FoundFidelity {
-  Fidelity fidelity;
+/// A sampling step, and what the search for it learned.
+struct FoundSampling {
+  SamplingStep sampling_step;
   double unresolved = 0;     ///< change of a bin where the search gave up
   std::string pairs_reason;  ///< why pairs are summed, or are not
 };
 
 class FastModel final : public ForwardModel {
  public:
-  /// `options.fidelity` is not looked at.
+  /// `options.sampling_step` is not looked at.
   FastModel(std::shared_ptr<const SensorView> view, const FastModelOptions& options,
-            FoundFidelity found);
+            FoundSampling found);
 
   using ForwardModel::three_bounce;
   void three_bounce(const PoseVector& pose, HistogramCube& out) const override {
@@ -37,11 +37,11 @@ class FastModel final : public ForwardModel {
   /// The same for a placement of the object, with other bodies in the way. Returns how many pairs
   /// of patches were looked at.
   double render(const Placement& placement, const MovingBodies& bodies, HistogramCube& out) const;
-  const HistogramCube& direct_return() const override;
-  HistogramCube direct_error() const override;
+  const HistogramCube& static_background() const override;
+  HistogramCube background_error() const override;
   /// Reasons are found when somebody asks for them.
   const TransportPlan& plan() const override;
-  std::optional<Fidelity> fidelity() const override { return found_.fidelity; }
+  std::optional<SamplingStep> sampling_step() const override { return found_.sampling_step; }
   std::optional<ModelSize> size() const override {
     return ModelSize{sampling_->lit.size(), sampling_->seen.size(), sampling_->object_nodes};
   }
@@ -52,7 +52,7 @@ class FastModel final : public ForwardModel {
 
  private:
   static Kernel kernel_for(const SensorView& view, const FastModelOptions& options,
-                           const Fidelity& fidelity);
+                           const SamplingStep& sampling_step);
   std::vector<Eigen::Vector3d> relay_corners() const;
   void complete_plan() const;
   bool bounces() const;
@@ -65,7 +65,7 @@ class FastModel final : public ForwardModel {
   const Scene& scene_;
   const RelaySetup& setup_;
   FastModelOptions options_;
-  FoundFidelity found_;
+  FoundSampling found_;
   double extra_variance_;  ///< s^2
   double pulse_sigma_;     ///< m of path, pulse, bin and extra blur together
   int axis_bins_;
@@ -78,9 +78,9 @@ class FastModel final : public ForwardModel {
   mutable HistogramCube direct_, first_bounce_;
 };
 
-/// The cheapest fidelity that meets `options.tolerance`. Pairs of patches replace one sum where
+/// The coarsest sampling that meets `options.tolerance`. Pairs of patches replace one sum where
 /// that changes a bin by more than `pairs_from`, as a share of the peak of this object's light.
-FoundFidelity find_fidelity(const std::shared_ptr<const SensorView>& view,
+FoundSampling find_sampling(const std::shared_ptr<const SensorView>& view,
                             const FastModelOptions& options, double pairs_from);
 
 }  // namespace blindcorner

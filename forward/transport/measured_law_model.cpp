@@ -19,8 +19,8 @@ using Eigen::Vector3d;
 
 /// A law falls without end at right angles to its axis and at its spot; beyond these it stays
 /// constant.
-constexpr double kLeastCosine = 0.02;
-constexpr double kLeastDistance = 0.05;  // m
+constexpr double kMinCosine = 0.02;
+constexpr double kMinDistance = 0.05;  // m
 
 class MeasuredLawModel final : public ForwardModel {
  public:
@@ -62,8 +62,8 @@ class MeasuredLawModel final : public ForwardModel {
       if (zone.dead) continue;
       const Spot& spot = spots_[static_cast<std::size_t>(z)];
       const Vector3d way = q - spot.point;
-      const double distance = std::max(way.norm(), kLeastDistance);
-      const double cosine = std::max(way.dot(spot.axis) / distance, kLeastCosine);
+      const double distance = std::max(way.norm(), kMinDistance);
+      const double cosine = std::max(way.dot(spot.axis) / distance, kMinCosine);
       const double light = scene_.hidden.albedo * std::pow(cosine, law_.cosine_exponent) *
                            std::pow(distance, -law_.distance_exponent);
       std::fill(row.begin(), row.end(), 0.0);
@@ -74,7 +74,7 @@ class MeasuredLawModel final : public ForwardModel {
     }
   }
 
-  const HistogramCube& direct_return() const override { return direct_; }
+  const HistogramCube& static_background() const override { return direct_; }
   const TransportPlan& plan() const override { return plan_; }
 
  private:

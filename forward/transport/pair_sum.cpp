@@ -20,7 +20,7 @@ constexpr double kPulseTail = 1e-8;
 /// Lobes are cut here, in standard deviations: exp(-4.5^2 / 2) = 4e-5 of the light is beyond.
 constexpr double kLobeCut = 4.5;
 /// Cosines below this are rounding of single precision hits, not light.
-constexpr double kLeastCosine = 1e-9;
+constexpr double kMinCosine = 1e-9;
 
 /// Consecutive legs, with a ball about their directions: lobes skip what is out of reach.
 struct Run {
@@ -235,7 +235,7 @@ std::vector<Leg> legs_to(const SurfaceCell& cell, const std::vector<WeightedPatc
     leg.direction = way / length;
     leg.cosine = leg.direction.dot(cell.normal);
     const double relay_cosine = -leg.direction.dot(p.patch.normal);
-    if (!(leg.cosine > kLeastCosine && relay_cosine > kLeastCosine)) continue;
+    if (!(leg.cosine > kMinCosine && relay_cosine > kMinCosine)) continue;
     const double area = 4 * p.patch.half_u.cross(p.patch.half_v).norm();
     leg.weight = p.weight * relay_cosine / (length * length + (soften ? area / kPi : 0.0));
     leg.length = p.leg + length;

@@ -23,7 +23,7 @@ constexpr double kOutside = 1e-5;
 constexpr double kCoarsest = 1.0;
 constexpr double kFinest = 0.1;
 /// Most cells to the bin.
-constexpr int kMostPhases = 64;
+constexpr int kMaxPhases = 64;
 constexpr double kRefinement = 0.8;
 /// Zeros around light that is convolved, so that four cells can be taken at once.
 constexpr int kBlock = 4;
@@ -206,8 +206,8 @@ PathGrid::CellWidth PathGrid::coarsest_cell(const Sensor& sensor, Paths paths,
   const auto whole = [](double bins) {
     return CellWidth{bins >= 1 ? std::floor(bins) : 1 / std::ceil(1 / bins - 1e-9)};
   };
-  CellWidth width = whole(std::max(kCoarsest * sigma / bin, 1.0 / kMostPhases));
-  while (width.bins * bin > kFinest * sigma && width.bins * kRefinement * kMostPhases >= 1 &&
+  CellWidth width = whole(std::max(kCoarsest * sigma / bin, 1.0 / kMaxPhases));
+  while (width.bins * bin > kFinest * sigma && width.bins * kRefinement * kMaxPhases >= 1 &&
          error_between_cells(sensor, paths, extra_variance, width) > kShare * tolerance) {
     width = whole(kRefinement * width.bins);
   }
@@ -369,7 +369,7 @@ void PathGrid::add(const Splines& splines, std::size_t begin, std::size_t end,
 void PathGrid::add_to_row(int zone, const PathLight& pairs, double* row) const {
   if (pairs.dark()) return;
   const auto z = static_cast<std::size_t>(zone);
-  std::array<Tap, kMostPhases> taps{};
+  std::array<Tap, kMaxPhases> taps{};
   int earliest = axis_bins_, latest = -axis_bins_;
   for (std::size_t p = 0; p < static_cast<std::size_t>(phases_); ++p) {
     const Filter& filter = filters_[static_cast<std::size_t>(kind_[z])][p];

@@ -16,7 +16,7 @@
 #include "forward/scene/shapes/shape_geometry.h"
 #include "forward/transport/measured_law_model.h"
 #include "forward/transport/pair_sum.h"
-#include "forward/transport/static_light.h"
+#include "forward/transport/static_background.h"
 
 namespace blindcorner {
 namespace {
@@ -35,7 +35,7 @@ constexpr double kPathError = 0.1;
 constexpr double kEdgePulses = 3.0;
 constexpr double kEdgeDistance = 0.25;
 /// Most cells along an object; more would take minutes and gigabytes.
-constexpr double kMostCells = 2000;
+constexpr double kMaxCells = 2000;
 /// Steps around a curved body that blocks: its inscribed polygon is then 0.07 % too small in area.
 constexpr int kRoundSegments = 96;
 
@@ -101,22 +101,22 @@ class ReferenceRenderer final : public ForwardModel {
 
   using ForwardModel::three_bounce;
   void three_bounce(const PoseVector& pose, HistogramCube& out) const override;
-  const HistogramCube& direct_return() const override { return known_light().direct; }
-  HistogramCube static_return(const PoseVector& pose) const override;
+  const HistogramCube& static_background() const override { return background().direct; }
+  HistogramCube shadowed_background(const PoseVector& pose) const override;
   const TransportPlan& plan() const override { return plan_; }
 
  private:
   /// Light of the known scene alone.
-  struct KnownLight {
+  struct StaticBackground {
     PulseTable pulses;
     KnownBounces bounces;
     HistogramCube first_bounce;
     HistogramCube direct;  ///< all bounces
 
-    KnownLight(const Scene& scene, const RelaySetup& setup, int divisions);
+    StaticBackground(const Scene& scene, const RelaySetup& setup, int divisions);
   };
   /// Summed when it is first asked for: it may take longer than many poses.
-  const KnownLight& known_light() const;
+  const StaticBackground& background() const;
 
   using Patches = std::vector<std::vector<WeightedPatch>>;
   /// Lit patches: one list for all zones, or one for each (confocal).
@@ -136,11 +136,11 @@ class ReferenceRenderer final : public ForwardModel {
   TransportPlan plan_;
   bool occluded_;  ///< some surface blocks light
   mutable std::once_flag known_once_;
-  mutable std::optional<KnownLight> known_;
+  mutable std::optional<StaticBackground> known_;
 };
 
-ReferenceRenderer::KnownLight::KnownLight(const Scene& scene, const RelaySetup& setup,
-                                          int divisions)
+ReferenceRenderer::StaticBackground::StaticBackground(const Scene& scene, const RelaySetup& setup,
+                                                      int divisions)
     : pulses(scene.sensor.response, scene.sensor.bin_width,
              std::pow(scene.sensor.response.core_sigma(), 2), kPulseTail),
       bounces(scene, kDenseBounces) {
@@ -150,7 +150,7 @@ ReferenceRenderer::KnownLight::KnownLight(const Scene& scene, const RelaySetup& 
   mix_zones(scene.sensor, direct);
 }
 
-const ReferenceRenderer::KnownLight& ReferenceRenderer::known_light() const {
+const ReferenceRenderer::StaticBackground& ReferenceRenderer::background() const {
   std::call_once(known_once_,
                  [this] { known_.emplace(scene_, setup_, 4 * options_.zone_divisions); });
   return *known_;
@@ -246,10 +246,10 @@ double ReferenceRenderer::longest_edge(const PlacedObject& placed) const {
   }
   const double edge = std::max(options_.object_edge * placed.size,
                                std::min(kEdgePulses * pulse, kEdgeDistance * distance));
-  if (2 * radius > kMostCells * edge) {
+  if (2 * radius > kMaxCells * edge) {
     throw Error("reference renderer",
                 "found an object of " + std::to_string(2 * radius) + " m, accepted: at most " +
-                    std::to_string(kMostCells * edge) + " m at this pulse and distance");
+                    std::to_string(kMaxCells * edge) + " m at this pulse and distance");
   }
   return edge / placed.size;
 }
@@ -301,8 +301,8 @@ void ReferenceRenderer::three_bounce(const PoseVector& pose, HistogramCube& out)
   mix_zones(scene_.sensor, out);
 }
 
-HistogramCube ReferenceRenderer::static_return(const PoseVector& pose) const {
-  const KnownLight& known = known_light();
+HistogramCube ReferenceRenderer::shadowed_background(const PoseVector& pose) const {
+  const StaticBackground& known = background();
   if (!known.bounces.any()) return known.direct;
   std::vector<OccluderFace> bodies;
   for (const PlacedObject& o : placed_objects(scene_, pose)) {

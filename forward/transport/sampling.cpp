@@ -32,7 +32,7 @@ constexpr double kRelayRuleAngle = 0.5;
 constexpr double kObjectRuleAngle = 1.8;
 /// Most points along an edge of a relay cell; larger cells are halved, so that dim ones can do with
 /// fewer points.
-constexpr double kMostRulePoints = 8;
+constexpr double kMaxRulePoints = 8;
 /// Quarterings of a cell that straddles a border; what is left of it is shared between the
 /// surfaces, and deeper ones change no shipped scene's error by 1e-4 of the light.
 constexpr int kEdgeDepth = 2;
@@ -196,7 +196,7 @@ class RelaySampler {
  public:
   RelaySampler(const SensorView& view, const SamplingNeeds& needs)
       : view_(view),
-        limits_(needs, needs.fidelity.relay, view.transport->scene.hidden),
+        limits_(needs, needs.sampling_step.relay, view.transport->scene.hidden),
         objects_(view.transport->T_world_probes),
         single_(needs.kernel == Kernel::retro_single),
         rules_(needs.kernel == Kernel::lambertian),
@@ -239,7 +239,7 @@ class RelaySampler {
     relay.edge_depth = kEdgeDepth;
     relay.with_radiance = false;
     relay.split = [&](const RelayPatch& patch) {
-      const double most = rules_ && patch.whole ? kMostRulePoints : 1.0;
+      const double most = rules_ && patch.whole ? kMaxRulePoints : 1.0;
       const auto [u, v] = excess(patch, brightness);
       if (std::max(u, v) <= most) return 0;
       return u >= v ? 1 : 2;
@@ -384,7 +384,7 @@ void sample_anchors(const Shape& shape, double edge, Sampling& into) {
 /// would exchange with the relay sampled.
 void sample_object(const SensorView& view, const SamplingNeeds& needs, Sampling& into) {
   const HiddenObject& hidden = view.transport->scene.hidden;
-  const Limits limits(needs, needs.fidelity.object, hidden);
+  const Limits limits(needs, needs.sampling_step.object, hidden);
   const bool rules = needs.kernel == Kernel::lambertian;
   const double extent = 2 * bounding_radius(hidden.shape, Anchor::center);
   const auto seen_from = seen_from_probes(into.seen, *view.transport);

@@ -38,7 +38,7 @@ struct SensorView {
 /// How finely to sample, and for which sum.
 struct SamplingNeeds {
   Kernel kernel;
-  Fidelity fidelity;
+  SamplingStep sampling_step;
   double tolerance;
   double pulse_sigma;             ///< m of path
   bool keep_dim_patches = false;  ///< leaves none out

@@ -12,7 +12,7 @@
 #include "forward/relay/relay_setup.h"
 #include "forward/sensor/pulse_table.h"
 #include "forward/transport/path_grid.h"
-#include "forward/transport/static_light.h"
+#include "forward/transport/static_background.h"
 
 namespace blindcorner {
 
@@ -60,8 +60,9 @@ class SceneTransport {
   std::shared_ptr<const PathGrid> grid(PathGrid::Paths paths, double extra, double way_back,
                                        double tolerance) const;
   /// The known scene's own light.
-  std::shared_ptr<const StaticLightModel> static_light() const {
-    return static_light_.get(0, [this] { return std::make_shared<const StaticLightModel>(scene); });
+  std::shared_ptr<const StaticBackgroundModel> static_background() const {
+    return static_background_.get(
+        0, [this] { return std::make_shared<const StaticBackgroundModel>(scene); });
   }
   /// Standard deviation of pulse, bin and extra pulse together, m of path.
   double pulse_sigma(double extra) const;
@@ -79,7 +80,7 @@ class SceneTransport {
   };
   mutable MadeOnce<PulseKey, PulseTable> pulses_;
   mutable MadeOnce<GridKey, PathGrid> grids_;
-  mutable MadeOnce<int, StaticLightModel> static_light_;
+  mutable MadeOnce<int, StaticBackgroundModel> static_background_;
 };
 
 }  // namespace blindcorner

@@ -17,7 +17,7 @@ namespace {
 /// Change of the log likelihood along an axis below which the axis is left open.
 constexpr double kTells = 0.5;
 /// Most moves from voxel to voxel at one distance of voxels.
-constexpr int kMostMoves = 20;
+constexpr int kMaxMoves = 20;
 /// Rounds of parabolas, each at half the step of the one before.
 constexpr int kRefinements = 3;
 
@@ -90,7 +90,7 @@ void climb(const Scene& scene, const Score& score, const std::vector<std::size_t
   int neighbours = 1;
   for (std::size_t a = 0; a < axes.size(); ++a) neighbours *= 3;
   double best = score(pose, blur);
-  for (int moves = 0; moves < kMostMoves; ++moves) {
+  for (int moves = 0; moves < kMaxMoves; ++moves) {
     PoseVector best_pose = pose;
     for (int n = 0, code = 0; n < neighbours; code = ++n) {
       PoseVector moved = pose;

@@ -114,11 +114,11 @@ void check_fields(const CnnDescription& d, const std::string& where) {
     throw Error(where + ": metadata." + field, "accepted: " + accepted);
   };
   // As of a scene: a file cannot ask for a network of any size.
-  constexpr int kMostZones = 256 * 256, kMostBins = 131072;
-  if (d.zones < 1 || d.zones > kMostZones) fail("zones", "1 to " + std::to_string(kMostZones));
+  constexpr int kMaxZones = 256 * 256, kMaxBins = 131072;
+  if (d.zones < 1 || d.zones > kMaxZones) fail("zones", "1 to " + std::to_string(kMaxZones));
   const int fewest = fewest_bins(d.network);
-  if (d.bins < fewest || d.bins > kMostBins) {
-    fail("bins", std::to_string(fewest) + " to " + std::to_string(kMostBins));
+  if (d.bins < fewest || d.bins > kMaxBins) {
+    fail("bins", std::to_string(fewest) + " to " + std::to_string(kMaxBins));
   }
   if (!(d.bin_width >= 0)) fail("bin_width_ps", "a number >= 0");
   if (!(d.input_scale > 0)) fail("input_scale", "a number > 0");

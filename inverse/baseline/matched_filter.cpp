@@ -6,7 +6,7 @@
 #include "blindcorner/forward/error.h"
 #include "blindcorner/forward/scene/validate.h"
 #include "blindcorner/inverse/baseline/back_projection.h"
-#include "inverse/likelihood/direct_error.h"
+#include "inverse/likelihood/background_error.h"
 #include "inverse/search/scoring.h"
 
 namespace blindcorner {

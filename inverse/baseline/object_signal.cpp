@@ -18,16 +18,16 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Sampling of the model that gives the known light, which depends on it no more.
-constexpr Fidelity kAnySampling{2, 2, false};
+/// Sampling of the model that gives the static background, which depends on it no more.
+constexpr SamplingStep kAnySampling{2, 2, false};
 /// Steps along the longest range in which the search region is probed for its time gate.
 constexpr int kProbeSteps = 5;
-constexpr int kMostProbes = 216;
+constexpr int kMaxProbes = 216;
 /// Standard deviations of a path that belong to the time gate.
 constexpr double kGateDeviations = 2;
 /// Share of the pulse's energy that may lie before or behind the gate.
 constexpr double kGateTail = 0.01;
-/// Fewest bins without the object's light that the known light is fitted in.
+/// Fewest bins without the object's light that the static background is fitted in.
 constexpr int kFewestBins = 6;
 
 double square(double x) { return x * x; }
@@ -177,7 +177,7 @@ void SignalScene::find_gates(const RelayPaths& paths, std::vector<ZoneSignal>& s
     if (u.component <= Component::z) widest = std::max(widest, u.range());
   }
   // Both ends of each range are probed: light from there is the earliest and the latest.
-  const PositionGrid probes = position_grid(scene_, widest / kProbeSteps, kMostProbes);
+  const PositionGrid probes = position_grid(scene_, widest / kProbeSteps, kMaxProbes);
   std::vector<double> lit(signals.size(), 0);
   std::vector<PointPulse> pulses;
   PoseVector pose = middle_of_prior(scene_);
@@ -260,10 +260,10 @@ std::vector<ZoneSignal> SignalScene::extract(const Capture& capture,
   std::vector<ZoneSignal> signals(static_cast<std::size_t>(scene_.sensor.zone_count()));
   find_gates(paths, signals);
   FastModelOptions options;
-  options.fidelity = kAnySampling;
+  options.sampling_step = kAnySampling;
   const auto model = make_fast_model(transport_, sensor_placement(scene_, &capture), options);
-  const HistogramCube known = static_light(scene_, model->direct_return());
-  const HistogramCube error = model->direct_error();
+  const HistogramCube known = static_background(scene_, model->static_background());
+  const HistogramCube error = model->background_error();
   for (int z = 0; z < scene_.sensor.zone_count(); ++z) {
     take_off_known_light(capture, known, error, z, signals[static_cast<std::size_t>(z)]);
   }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// What a capture holds beside the known light: where the classical baselines look for the object.
+/// What a capture holds beside the static background: where the classical baselines look for the
+/// object.
 #pragma once
 
 #include <memory>
@@ -13,7 +14,7 @@
 
 namespace blindcorner {
 
-/// One zone's counts less the known light, its time gate and how far the counts scatter.
+/// One zone's counts less the static background, its time gate and how far the counts scatter.
 struct ZoneSignal {
   bool used = false;           ///< neither dead nor without exposures or light
   double earliest = 0;         ///< bins, arrival of the shortest mean path from the region
@@ -43,7 +44,7 @@ PositionGrid cell_centers(const Scene& scene, int count);
 /// Point (m, world) that stands for the hidden object at a pose: the centre of its shape.
 Eigen::Vector3d scattering_point(const Scene& scene, const PoseVector& pose);
 
-/// What belongs to a scene and not to a capture: known light, tabulated pulses.
+/// What belongs to a scene and not to a capture: static background, tabulated pulses.
 class SignalScene {
  public:
   /// Throws Error for a scene that classical methods cannot answer: several hidden objects, or no

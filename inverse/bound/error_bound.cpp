@@ -14,7 +14,7 @@
 #include "blindcorner/forward/error.h"
 #include "inverse/bound/ambiguity.h"
 #include "inverse/bound/look_alike.h"
-#include "inverse/likelihood/direct_error.h"
+#include "inverse/likelihood/background_error.h"
 #include "inverse/likelihood/light_slope.h"
 #include "inverse/posterior/detection.h"
 #include "inverse/posterior/fisher_information.h"
@@ -28,7 +28,7 @@ namespace {
 constexpr double kNegligible = 1e-6;
 /// Most poses whose mutual confusion is worked out; of more, this many are taken in proportion to
 /// their weights.
-constexpr std::size_t kMostPoses = 128;
+constexpr std::size_t kMaxPoses = 128;
 /// Information below this share of the prior's is none: the error is then a million times the
 /// prior's.
 constexpr double kNoInformation = 1e-12;
@@ -56,7 +56,7 @@ Observation blank_observation(const CompiledScene& compiled, const BoundOptions&
   Capture capture;
   capture.counts = HistogramCube(sensor.rows, sensor.columns, sensor.bins);
   capture.exposures = options.exposures;
-  Observation observation = observe(compiled.scene, {&capture, 1}, compiled.windows);
+  Observation observation = observe(compiled.scene, {&capture, 1}, compiled.gates);
   if (expected != nullptr) weigh(compiled, *expected, observation);
   return observation;
 }
@@ -250,10 +250,10 @@ Eigen::MatrixXd ErrorBound::Impl::ambiguity_at(const PoseVector& pose, const Sha
     points.col(k) = pose_difference(scene, pose, test_poses[static_cast<std::size_t>(index)]);
     weights[k] = std::exp(log_prior[index] - here - confused.roots.col(k).squaredNorm());
   }
-  if (static_cast<std::size_t>(count) <= kMostPoses) {
+  if (static_cast<std::size_t>(count) <= kMaxPoses) {
     return ambiguity_bound(points, weights / weights.sum(), confused.roots);
   }
-  const std::vector<std::size_t> chosen = in_proportion(weights, kMostPoses);
+  const std::vector<std::size_t> chosen = in_proportion(weights, kMaxPoses);
   const auto kept = static_cast<Eigen::Index>(chosen.size());
   Eigen::MatrixXd some(pose.size(), kept), roots(confused.roots.rows(), kept);
   for (Eigen::Index k = 0; k < kept; ++k) {
@@ -280,14 +280,14 @@ double ErrorBound::Impl::detection_at(const ShapeBuffer& light,
   double noise = 0, empty_noise = 0;
   for (std::size_t z = 0; z < observation->zones.size(); ++z) {
     const ObservedZone& zone = observation->zones[z];
-    const BinLikelihood& law = observation->law(zone);
+    const BinLikelihood& noise_model = observation->noise_model(zone);
     for (int k = 0; k < zone.bins(); ++k) {
       const Eigen::Index row = zone_begin[z] + k;
       const double mean = std::max(static_cast<double>(filter->mean()[row]), 1e-12);
-      const double variance = law.variance(mean);
+      const double variance = noise_model.variance(mean);
       const double share = zone.weight_of(k) * object[row] * object[row] / variance;
       empty_noise += share;
-      noise += share * law.variance(mean + object[row]) / variance;
+      noise += share * noise_model.variance(mean + object[row]) / variance;
     }
   }
   const double sigma = empty_noise > 0 ? std::sqrt(noise / empty_noise) : 1.0;

@@ -26,7 +26,7 @@ LookAlike::LookAlike(const LinearSolver& solver, std::span<const ZoneShapes> sha
   int row = 0;
   for (std::size_t z = 0; z < observation.zones.size(); ++z) {
     const ObservedZone& zone = observation.zones[z];
-    const BinLikelihood& law = observation.law(zone);
+    const BinLikelihood& noise_model = observation.noise_model(zone);
     OfZone own;
     own.row = row;
     own.bins = zone.bins();
@@ -40,7 +40,7 @@ LookAlike::LookAlike(const LinearSolver& solver, std::span<const ZoneShapes> sha
     own.basis = Eigen::MatrixXd::Zero(own.bins, 2);
     for (int k = 0; k < own.bins; ++k) {
       own.weight[k] =
-          zone.weight_of(k) / std::max(law.variance(std::max(own.truth[k], kDark)), kDark);
+          zone.weight_of(k) / std::max(noise_model.variance(std::max(own.truth[k], kDark)), kDark);
       if (unknowns.ambient == LinearMode::per_zone) own.basis(k, 0) = 1;
       if (unknowns.direct == LinearMode::per_zone && shapes[z].direct != nullptr) {
         own.basis(k, 1) = shapes[z].direct[k];
@@ -50,7 +50,7 @@ LookAlike::LookAlike(const LinearSolver& solver, std::span<const ZoneShapes> sha
     Eigen::Matrix2d information = own.basis.transpose() * own.weight.asDiagonal() * own.basis;
     if (unknowns.ambient == LinearMode::per_zone) {
       information(0, 0) +=
-          zone.outside_bins / std::max(law.variance(std::max(own.ambient, kDark)), kDark);
+          zone.outside_bins / std::max(noise_model.variance(std::max(own.ambient, kDark)), kDark);
       if (!unknowns.ambient_prior.empty()) {
         information(0, 0) +=
             std::pow(unknowns.ambient_prior[static_cast<std::size_t>(zone.zone)].sigma, -2);
@@ -122,10 +122,10 @@ double LookAlike::amplitude_for(double norm, double projection, double truth) co
 // taken for known.
 double LookAlike::root(std::size_t z, double counts) const {
   const Observation& observation = solver_.observation();
-  const BinLikelihood& law = observation.law(observation.zones[z]);
+  const BinLikelihood& noise_model = observation.noise_model(observation.zones[z]);
   const double m = std::max(counts, 0.0);
-  const double none = law.counts_photons() ? 0.0 : law.variance(0);
-  const double per_count = law.variance(1) - none;
+  const double none = noise_model.counts_photons() ? 0.0 : noise_model.variance(0);
+  const double per_count = noise_model.variance(1) - none;
   if (per_count > 0) return std::sqrt(none + per_count * m) / per_count;
   return m / (2 * std::sqrt(none));
 }
@@ -147,7 +147,7 @@ Eigen::VectorXd LookAlike::roots_of(const TestLight& test, const Fit& fit, Eigen
     const double a = amplitude[own_amplitude ? static_cast<Eigen::Index>(z) : 0];
     const Eigen::Vector2d moved =
         zone.inverse * (zone.explained - a * fit.explained[z].col(column));
-    const double least = observation.law(observed).counts_photons() ? kDark : -1e300;
+    const double least = observation.noise_model(observed).counts_photons() ? kDark : -1e300;
     const double ambient = std::max(zone.ambient + moved[0], least) - zone.ambient;
     const double direct = std::max(zone.direct + moved[1], 0.0) - zone.direct;
     const auto light = test.light.col(column).segment(zone.row, zone.bins);

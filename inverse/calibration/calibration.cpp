@@ -154,7 +154,7 @@ void pose_problem(CalibrationState& state) {
   state.start = state.u;
 }
 
-void learn_static_light(CalibrationState& state) {
+void learn_static_background(CalibrationState& state) {
   if (!state.options.background) return;
   Scene base = state.problem->base();
   state.result.background = learn_background(*state.problem, state.evaluate(), state.keep,
@@ -177,7 +177,7 @@ void fit_round(CalibrationState& state) {
   }
   if (state.options.noise) learn_noise(problem, evaluations, state.keep, base);
   problem.set_base(base);
-  learn_static_light(state);
+  learn_static_background(state);
 }
 
 /// Valid bins anew from the stated ones, with the noise model and the parameters known so far.
@@ -192,7 +192,7 @@ void find_valid_bins(CalibrationState& state) {
     base.sensor.zones[z].dead = stated.dead;
   }
   problem.set_base(base);
-  learn_static_light(state);  // once more: the noise of a bin is known once its mean is
+  learn_static_background(state);  // once more: the noise of a bin is known once its mean is
   base = problem.base();
   leave_out_unusable_bins(problem, state.evaluate(), state.keep, base);
   problem.set_base(base);

@@ -199,7 +199,8 @@ CalibrationProblem::CalibrationProblem(const Scene& scene, std::vector<Capture> 
     : captures_(std::move(captures)), poses_(std::move(poses)), parameters_(std::move(parameters)) {
   set_base(scene);
   if (!captures_.empty()) {
-    fidelity_ = make_fast_model(base_, sensor_placement(base_, &captures_.front()))->fidelity();
+    sampling_step_ =
+        make_fast_model(base_, sensor_placement(base_, &captures_.front()))->sampling_step();
   }
 }
 
@@ -215,16 +216,16 @@ void CalibrationProblem::set_base(const Scene& scene) {
 
 void CalibrationProblem::observe_all() {
   const Sensor& sensor = base_.sensor;
-  std::vector<std::vector<BinWindow>> windows(1);
+  std::vector<std::vector<TimeGate>> gates(1);
   for (int z = 0; z < sensor.zone_count(); ++z) {
     const bool dead = sensor.zones[static_cast<std::size_t>(z)].dead;
-    windows[0].push_back(dead ? BinWindow{}
-                              : BinWindow{sensor.zones[static_cast<std::size_t>(z)].first_valid_bin,
-                                          sensor.valid_end(z)});
+    gates[0].push_back(dead ? TimeGate{}
+                            : TimeGate{sensor.zones[static_cast<std::size_t>(z)].first_valid_bin,
+                                       sensor.valid_end(z)});
   }
   observations_.clear();
   for (const Capture& capture : captures_) {
-    observations_.push_back(observe(base_, {&capture, 1}, windows));
+    observations_.push_back(observe(base_, {&capture, 1}, gates));
   }
 }
 
@@ -260,14 +261,15 @@ std::vector<CalibrationProblem::Evaluation> CalibrationProblem::evaluate(const S
     if (m == placements.size()) {
       placements.push_back(placement);
       FastModelOptions fast;
-      fast.fidelity = fidelity_;
+      fast.sampling_step = sampling_step_;
       models.push_back(make_fast_model(scene, placement, fast));
     }
     model_of[c] = m;
   }
   std::vector<HistogramCube> known;  // static light of each model
   for (const auto& model : models) {
-    if (has_static_light(scene)) known.push_back(static_light(scene, model->direct_return()));
+    if (has_static_background(scene))
+      known.push_back(static_background(scene, model->static_background()));
   }
   tbb::parallel_for(std::size_t{0}, captures_.size(), [&](std::size_t c) {
     const Observation& observation = observations_[c];
@@ -310,7 +312,8 @@ std::vector<CalibrationProblem::Evaluation> CalibrationProblem::evaluate(const S
                       result.linear.direct[i], result.mean[i].data());
       for (std::size_t k = 0; k < zone.counts.size(); ++k) {
         const double s = result.linear.amplitude[i] * result.object[i][k];
-        information += s * s / observation.law(zone).variance(std::max(result.mean[i][k], 1e-12));
+        information +=
+            s * s / observation.noise_model(zone).variance(std::max(result.mean[i][k], 1e-12));
       }
     }
     result.log_amplitude =

@@ -81,7 +81,7 @@ class CalibrationProblem {
   Eigen::Index index_of(const std::string& name) const;
   std::vector<InstrumentParameter>& parameters() { return parameters_; }
   const std::vector<InstrumentParameter>& parameters() const { return parameters_; }
-  /// Noise law and linear unknowns are taken from here.
+  /// Noise model and linear unknowns are taken from here.
   const Scene& base() const { return base_; }
   void set_base(const Scene& scene);
 
@@ -98,7 +98,7 @@ class CalibrationProblem {
   std::vector<InstrumentParameter> parameters_;
   std::vector<Observation> observations_;  // [captures]
   /// Sampling of the fast model: the same at all parameters, or differences would see it change.
-  std::optional<Fidelity> fidelity_;
+  std::optional<SamplingStep> sampling_step_;
 };
 
 /// [captures]

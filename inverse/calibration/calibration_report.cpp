@@ -27,7 +27,8 @@ std::string worst_bin_text(const Observation& observation,
       early = early && light[k] <= least;
       const double mean = evaluation.mean[i][k];
       const double off = zone.counts[k] - mean;
-      const double square = off * off / observation.law(zone).variance(std::max(mean, 1e-12));
+      const double square =
+          off * off / observation.noise_model(zone).variance(std::max(mean, 1e-12));
       if (square <= worst) continue;
       worst = square;
       char line[160];

@@ -11,7 +11,7 @@ namespace blindcorner {
 
 bool has_data(const Observation& observation, const ObservedZone& zone, double level) {
   constexpr double kProportion = 1e4;
-  return observation.law(zone).variance(level) <=
+  return observation.noise_model(zone).variance(level) <=
          kProportion * observation.likelihood.front()->variance(level);
 }
 

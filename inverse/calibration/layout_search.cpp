@@ -43,7 +43,7 @@ CalibrationProblem few_captures(const Scene& scene, const std::vector<Capture>& 
 
 /// One zone in one capture.
 struct Row {
-  const BinLikelihood* law;
+  const BinLikelihood* noise_model;
   Eigen::ArrayXd counts;  ///< less the static light
   Eigen::ArrayXd known;   ///< the static light
   Eigen::ArrayXd light;   ///< of the object, at the stated gain
@@ -57,7 +57,7 @@ struct Misfit {
   Misfit(const Row& row, double gain) {
     const Eigen::ArrayXd mean = row.ambient + gain * row.light;
     variance = (mean + row.known).cwiseMax(1e-12).unaryExpr([&](double m) {
-      return row.law->variance(m);
+      return row.noise_model->variance(m);
     });
     squares = (row.counts - mean).square() / variance;
   }
@@ -106,7 +106,8 @@ std::vector<double> zone_deviances(const CalibrationProblem& problem, const Scen
       const ObservedZone& zone = observation.zones[i];
       if (!has_data(observation, zone, 1.0)) continue;
       const Eigen::Index bins = zone.bins();
-      Row row{&observation.law(zone), Eigen::Map<const Eigen::ArrayXd>(zone.counts.data(), bins),
+      Row row{&observation.noise_model(zone),
+              Eigen::Map<const Eigen::ArrayXd>(zone.counts.data(), bins),
               Eigen::ArrayXd::Zero(bins),
               Eigen::Map<const Eigen::ArrayXd>(at.object[i].data(), bins), at.linear.ambient[i]};
       if (!at.known.empty()) {

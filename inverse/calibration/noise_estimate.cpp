@@ -56,9 +56,9 @@ std::vector<Square> squared_residuals(const CalibrationProblem& problem,
       // What the fitted ambient light took away.
       double lost = 0;
       if (scene.linear.ambient == LinearMode::per_zone) {
-        const double own =
-            observation.law(zone).variance(std::max(evaluations[c].linear.ambient[i], 1e-12)) /
-            zone.bins();
+        const double own = observation.noise_model(zone).variance(
+                               std::max(evaluations[c].linear.ambient[i], 1e-12)) /
+                           zone.bins();
         const auto& priors = scene.linear.ambient_prior;
         const double prior = priors.empty() ? 1e300 : std::pow(priors[index].sigma, 2);
         lost = prior / (prior + own);
@@ -162,8 +162,8 @@ void learn_ambient(const CalibrationProblem& problem, const Evaluations& flat,
       const double lit = std::max(level, 1e-12);
       if (!has_data(observation, zone, lit)) continue;
       levels[static_cast<std::size_t>(zone.zone)].push_back(level);
-      variances[static_cast<std::size_t>(zone.zone)].push_back(observation.law(zone).variance(lit) /
-                                                               zone.bins());
+      variances[static_cast<std::size_t>(zone.zone)].push_back(
+          observation.noise_model(zone).variance(lit) / zone.bins());
     }
   }
   std::vector<NormalPrior> priors(zones, NormalPrior{0, 1e6});

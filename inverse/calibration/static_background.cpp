@@ -85,7 +85,7 @@ std::vector<DarkBins> dark_bins(const CalibrationProblem& problem, const Evaluat
     }
     if (!own) continue;
     const ObservedZone& observed = observation.zones[*own];
-    const BinLikelihood& law = observation.law(observed);
+    const BinLikelihood& noise_model = observation.noise_model(observed);
     const std::size_t count = observed.counts.size();
     const auto first = static_cast<std::size_t>(observed.first);
     DarkBins dark;
@@ -108,10 +108,10 @@ std::vector<DarkBins> dark_bins(const CalibrationProblem& problem, const Evaluat
       one.bin = first + k;
       one.count = n - direct[k] - evaluation.linear.amplitude[*own] * evaluation.object[*own][k];
       one.direct = direct[k];
-      one.variance = law.variance(mean);
-      one.cautious = law.variance(std::max(mean, n));
-      one.photons = law.counts_photons() ? mean * law.scale() : 0.0;
-      one.clip = kClip * std::sqrt(law.counts_photons() ? one.cautious : one.variance);
+      one.variance = noise_model.variance(mean);
+      one.cautious = noise_model.variance(std::max(mean, n));
+      one.photons = noise_model.counts_photons() ? mean * noise_model.scale() : 0.0;
+      one.clip = kClip * std::sqrt(noise_model.counts_photons() ? one.cautious : one.variance);
       dark.bins.push_back(one);
     }
     list.push_back(std::move(dark));
@@ -265,11 +265,11 @@ std::vector<double> object_light(const CalibrationProblem& problem, const Evalua
 
 /// The run of bins in [first, end) without an unusable one that holds most light; the longest if
 /// none holds any.
-BinWindow best_run(const std::vector<bool>& unusable, const std::vector<double>& light, int first,
-                   int end) {
-  BinWindow best;
+TimeGate best_run(const std::vector<bool>& unusable, const std::vector<double>& light, int first,
+                  int end) {
+  TimeGate best;
   std::pair<double, int> most{-1, 0};
-  BinWindow run{first, first};
+  TimeGate run{first, first};
   double sum = 0;
   for (int k = first; k < end; ++k) {
     if (unusable[static_cast<std::size_t>(k)]) {
@@ -345,7 +345,7 @@ void leave_out_unusable_bins(const CalibrationProblem& problem, const Evaluation
     }
     const int first = zone.first_valid_bin;
     const int end = sensor.valid_end(z);
-    const BinWindow kept = best_run(unusable, object_light(problem, evaluations, z), first, end);
+    const TimeGate kept = best_run(unusable, object_light(problem, evaluations, z), first, end);
     zone.dead = kept.first == kept.end;
     if (zone.dead || kept.end - kept.first == end - first) continue;
     zone.first_valid_bin = kept.first;

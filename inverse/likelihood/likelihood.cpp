@@ -319,40 +319,41 @@ class PoissonLikelihood final : public BinLikelihood {
   double value(double n, double m) const override {
     return scale() * (n > 0 ? m - n * std::log(m) : m);
   }
-  double information(double m) const override { return scale() / std::max(m, kLeastInformed); }
+  double information(double m) const override { return scale() / std::max(m, kMinInformed); }
   double best(double n) const override { return n; }
-  double least(double n) const override { return n > 0 ? value(n, n) : 0.0; }
+  double saturated(double n) const override { return n > 0 ? value(n, n) : 0.0; }
   double half_deviance(double n, double m, double /*least_value*/) const override {
-    return scale() * (n > 0 ? m - n + n * std::log(n / std::max(m, kLeastMean)) : m);
+    return scale() * (n > 0 ? m - n + n * std::log(n / std::max(m, kMinMean)) : m);
   }
 
   double residual(double n, double mean, double /*least_value*/, double best_mean) const override {
-    const double m = std::max(mean, kLeastMean);
+    const double m = std::max(mean, kMinMean);
     // Without cancellation where m is close to n.
     if (near(n, m)) return (m - n) * std::sqrt(2 * scale() * log_remainder((m - n) / n) / n);
     const double root = std::sqrt(std::max(2 * half_deviance(n, m, 0), 0.0));
     return m >= best_mean ? root : -root;
   }
 
-  void residuals(const CountRow& row, const double* m, const double* least, const double* best,
+  void residuals(const CountRow& row, const double* m, const double* saturated, const double* best,
                  double* out) const override {
     int far = poisson_residuals(row.counts, m, row.bins, scale(), out);
     for (int i = 0; i < row.bins && far > 0; ++i) {
       if (near(row.counts[i], m[i])) continue;
-      out[i] = PoissonLikelihood::residual(row.counts[i], m[i], least[i], best[i]);
+      out[i] = PoissonLikelihood::residual(row.counts[i], m[i], saturated[i], best[i]);
       --far;
     }
   }
 
   void slopes(const CountRow& row, const double* m, double* first, double* second) const override {
     for (int i = 0; i < row.bins; ++i) {
-      const double inverse = 1 / std::max(m[i], kLeastMean);
+      const double inverse = 1 / std::max(m[i], kMinMean);
       first[i] = scale() * (1 - row.counts[i] * inverse);
       second[i] = scale() * row.counts[i] * inverse * inverse;
     }
   }
 
-  double half_deviance(const CountRow& row, const double* m, double /*least_sum*/) const override {
+  double half_deviance(const CountRow& row, const double* m,
+                       double /*saturated_sum*/) const override {
     int far = 0;
     const double* weight = weights_of(row);
     double sum = scale() * poisson_half_deviance(row.counts, m, weight, row.bins, &far);
@@ -373,7 +374,7 @@ class PoissonLikelihood final : public BinLikelihood {
     LinearTerms sum;
     poisson_terms(row.counts, weights_of(row), light.object != nullptr ? light.object : dark.data(),
                   light.direct != nullptr ? light.direct : dark.data(), row.bins, light.amplitude,
-                  light.direct_scale, light.ambient, kLeastMean, &sum);
+                  light.direct_scale, light.ambient, kMinMean, &sum);
     const double k = scale();
     terms.ga += k * sum.ga;
     terms.gc += k * sum.gc;
@@ -387,7 +388,7 @@ class PoissonLikelihood final : public BinLikelihood {
   }
 
   Terms equal_bins(double bins, double sum, double /*squares*/, double mean) const override {
-    const double m = std::max(mean, kLeastMean);
+    const double m = std::max(mean, kMinMean);
     return {scale() * (bins * m - (sum > 0 ? sum * std::log(m) : 0.0)), scale() * (bins - sum / m),
             scale() * (sum / m) / m};
   }
@@ -406,8 +407,8 @@ class PoissonLikelihood final : public BinLikelihood {
   /// As the loops over rows decide it.
   static bool near(double n, double m) { return std::abs((m - n) / std::max(n, 1e-300)) < kNear; }
 
-  static constexpr double kLeastMean = 1e-300;
-  static constexpr double kLeastInformed = 1e-12;  ///< below it the information says no more
+  static constexpr double kMinMean = 1e-300;
+  static constexpr double kMinInformed = 1e-12;  ///< below it the information says no more
 };
 
 class GaussianLikelihood final : public BinLikelihood {
@@ -423,11 +424,11 @@ class GaussianLikelihood final : public BinLikelihood {
   Terms terms(double n, double m) const override;
   double information(double m) const override;
   double best(double n) const override;
-  double least(double n) const override {
+  double saturated(double n) const override {
     return censored_ && n <= 0 ? 0 : value(n, best(n));  // P(N <= 0) tends to one
   }
   void slopes(const CountRow& row, const double* m, double* first, double* second) const override;
-  double half_deviance(const CountRow& row, const double* m, double least_sum) const override;
+  double half_deviance(const CountRow& row, const double* m, double saturated_sum) const override;
   using BinLikelihood::half_deviance;
   Terms equal_bins(double bins, double sum, double squares, double m) const override;
   void add_deviance_moments(std::span<const double> means, double& expected,
@@ -518,13 +519,14 @@ void GaussianLikelihood::slopes(const CountRow& row, const double* m, double* fi
 }
 
 double GaussianLikelihood::half_deviance(const CountRow& row, const double* m,
-                                         double least_sum) const {
+                                         double saturated_sum) const {
   if (row.weight != nullptr) {
-    double sum = -least_sum;
+    double sum = -saturated_sum;
     for (int i = 0; i < row.bins; ++i) sum += row.weight[i] * value(row.counts[i], m[i]);
     return sum;
   }
-  double total = gaussian_sum(row.counts, m, row.counted, row.bins, floor_, per_count_) - least_sum;
+  double total =
+      gaussian_sum(row.counts, m, row.counted, row.bins, floor_, per_count_) - saturated_sum;
   for (const int i : row.censored) total -= log_normal_tail(-m[i] / std::sqrt(variance(m[i])));
   return total;
 }
@@ -553,7 +555,7 @@ void GaussianLikelihood::add_deviance_moments(std::span<const double> means, dou
       const double u = 8.0 * i / kPoints - 4;
       const double weight = std::exp(-0.5 * u * u);
       const double n = quantile(m, u);
-      const double d = 2 * (value(n, m) - least(n));
+      const double d = 2 * (value(n, m) - saturated(n));
       first += weight * d;
       second += weight * d * d;
       total += weight;
@@ -578,9 +580,9 @@ double BinLikelihood::residual(double n, double m, double least_value, double be
   return m >= best_mean ? root : -root;
 }
 
-void BinLikelihood::residuals(const CountRow& row, const double* m, const double* least,
+void BinLikelihood::residuals(const CountRow& row, const double* m, const double* saturated,
                               const double* best, double* out) const {
-  for (int i = 0; i < row.bins; ++i) out[i] = residual(row.counts[i], m[i], least[i], best[i]);
+  for (int i = 0; i < row.bins; ++i) out[i] = residual(row.counts[i], m[i], saturated[i], best[i]);
 }
 
 void BinLikelihood::add_linear_terms(const CountRow& row, const LinearLight& light,

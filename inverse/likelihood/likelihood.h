@@ -36,7 +36,8 @@ struct LinearTerms {
 
 /// Negative log likelihood of a count n when m is expected, its derivatives in m, and the Fisher
 /// information of m. Constants that depend on n alone are chosen so that the deviance is
-/// 2 (value(n, m) - least(n)) >= 0. Means of photons below the smallest number are taken for that.
+/// 2 (value(n, m) - saturated(n)) >= 0. Means of photons below the smallest number are taken for
+/// that.
 ///
 /// Poisson:  value = k (m - n log m), k = exposures / dispersion.
 /// Gaussian: value = (n - m)^2 / (2 V) + log(V) / 2 with V = (floor + per_count * max(m, 0)) /
@@ -69,12 +70,12 @@ class BinLikelihood {
   /// The m that explains n best; the lowest double for a censored count (any m far below zero).
   virtual double best(double n) const = 0;
   /// min over m of value(n, m).
-  virtual double least(double n) const = 0;
+  virtual double saturated(double n) const = 0;
   /// value(n, m) - least_value without loss of digits.
   virtual double half_deviance(double n, double m, double least_value) const {
     return value(n, m) - least_value;
   }
-  /// sign(m - best(n)) sqrt(2 (value - least)).
+  /// sign(m - best(n)) sqrt(2 (value - saturated)).
   virtual double residual(double n, double m, double least_value, double best_mean) const;
 
   // Rows of bins are what the solver spends its time on.
@@ -83,12 +84,14 @@ class BinLikelihood {
   /// (far from the data) the information stands for the second.
   virtual void slopes(const CountRow& row, const double* m, double* first,
                       double* second) const = 0;
-  /// residual() of each bin, [bins], without the row's weights; `least` and `best` are those of the
-  /// counts.
-  virtual void residuals(const CountRow& row, const double* m, const double* least,
+  /// residual() of each bin, [bins], without the row's weights; `saturated` and `best` are those of
+  /// the counts.
+  virtual void residuals(const CountRow& row, const double* m, const double* saturated,
                          const double* best, double* out) const;
-  /// Sum of the half deviances; `least_sum` is that of the least values, weighted as the row is.
-  virtual double half_deviance(const CountRow& row, const double* m, double least_sum) const = 0;
+  /// Sum of the half deviances; `saturated_sum` is that of the saturated values, weighted as the
+  /// row is.
+  virtual double half_deviance(const CountRow& row, const double* m,
+                               double saturated_sum) const = 0;
   /// Adds the derivatives of the row's value in the linear unknowns, curvatures as by slopes().
   virtual void add_linear_terms(const CountRow& row, const LinearLight& light,
                                 LinearTerms& terms) const;

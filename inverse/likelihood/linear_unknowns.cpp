@@ -71,10 +71,10 @@ LinearSolver::LinearSolver(const Observation& observation, const LinearUnknowns&
       unknowns_(unknowns),
       has_direct_(unknowns.direct == LinearMode::per_zone) {
   for (const ObservedZone& zone : observation_.zones) {
-    const BinLikelihood& law = observation_.law(zone);
+    const BinLikelihood& noise_model = observation_.noise_model(zone);
     const double all_bins = zone.bins() + zone.outside_bins;
-    ambient_floor_.push_back(law.counts_photons() ? kAmbientFloor / (all_bins * law.scale())
-                                                  : -1e300);
+    ambient_floor_.push_back(
+        noise_model.counts_photons() ? kAmbientFloor / (all_bins * noise_model.scale()) : -1e300);
     residual_count_ += zone.bins() + (zone.outside_bins > 0 ? 1 : 0);
     std::vector<Prefix> prefix(1);
     for (std::size_t k = 0; k < zone.counts.size(); ++k) {
@@ -84,9 +84,10 @@ LinearSolver::LinearSolver(const Observation& observation, const LinearUnknowns&
       next.bins += weight;
       next.count += weight * n;
       next.square += weight * n * n;
-      next.least += weight * zone.least[k];
+      next.saturated += weight * zone.saturated[k];
       if (unknowns_.ambient == LinearMode::fixed) {
-        next.fixed += weight * law.half_deviance(n, unknowns_.fixed_ambient, zone.least[k]);
+        next.fixed +=
+            weight * noise_model.half_deviance(n, unknowns_.fixed_ambient, zone.saturated[k]);
       }
       prefix.push_back(next);
     }
@@ -113,7 +114,7 @@ LinearSolver::LinearSolver(const Observation& observation, const LinearUnknowns&
 }
 
 bool LinearSolver::summable(const ObservedZone& zone) const {
-  return unknowns_.ambient == LinearMode::fixed || !observation_.law(zone).censored();
+  return unknowns_.ambient == LinearMode::fixed || !observation_.noise_model(zone).censored();
 }
 
 LinearSolver::Lit LinearSolver::lit(std::size_t zone, const ZoneShapes& shapes) const {
@@ -143,7 +144,7 @@ LinearSolver::Lit LinearSolver::lit(std::size_t zone, const ZoneShapes& shapes) 
     result.rest.bins -= end.bins - begin.bins;
     result.rest.count -= end.count - begin.count;
     result.rest.square -= end.square - begin.square;
-    result.rest.least -= end.least - begin.least;
+    result.rest.saturated -= end.saturated - begin.saturated;
     result.rest.fixed -= end.fixed - begin.fixed;
   }
   return result;
@@ -153,17 +154,17 @@ LinearTerms LinearSolver::local(std::size_t z, const ZoneShapes& shapes, double 
                                 double ambient, double direct) const {
   LinearTerms h;
   const ObservedZone& zone = observation_.zones[z];
-  const BinLikelihood& law = observation_.law(zone);
+  const BinLikelihood& noise_model = observation_.noise_model(zone);
   const Lit bins = lit(z, shapes);
   for (std::size_t r = 0; r < bins.count; ++r) {
     const auto [begin, end] = bins.ranges[r];
-    law.add_linear_terms(row_of(zone, begin, end),
-                         light_of(shapes, begin, amplitude, ambient, direct), h);
+    noise_model.add_linear_terms(row_of(zone, begin, end),
+                                 light_of(shapes, begin, amplitude, ambient, direct), h);
   }
   const double dark_bins = zone.outside_bins + bins.rest.bins;
   if (dark_bins > 0 && unknowns_.ambient == LinearMode::per_zone) {
-    const BinLikelihood::Terms dark =
-        law.equal_bins(dark_bins, zone.outside_count + bins.rest.count, bins.rest.square, ambient);
+    const BinLikelihood::Terms dark = noise_model.equal_bins(
+        dark_bins, zone.outside_count + bins.rest.count, bins.rest.square, ambient);
     h.gc += dark.first;
     h.hcc += dark.second;
   }
@@ -185,9 +186,9 @@ void LinearSolver::start(std::span<const ZoneShapes> shapes, LinearSolution& sol
       const double all = zone.bins() + zone.outside_bins;
       const double level = lower_half_[z];
       solution.ambient[z] =
-          std::max({level, 0.5 / (all * std::max(observation_.law(zone).scale(), 1e-12)),
+          std::max({level, 0.5 / (all * std::max(observation_.noise_model(zone).scale(), 1e-12)),
                     ambient_floor_[z]});
-      if (!observation_.law(zone).counts_photons()) solution.ambient[z] = level;
+      if (!observation_.noise_model(zone).counts_photons()) solution.ambient[z] = level;
     }
     if (shapes[z].object == nullptr || unknowns_.amplitude == LinearMode::fixed) continue;
     double zone_numerator = 0;
@@ -197,7 +198,8 @@ void LinearSolver::start(std::span<const ZoneShapes> shapes, LinearSolution& sol
       const double s = shapes[z].object[i];
       const double n = zone.counts[static_cast<std::size_t>(i)];
       const double base = solution.ambient[z] + (t != nullptr ? solution.direct[z] * t[i] : 0.0);
-      const double weight = 1 / std::max(observation_.law(zone).variance(std::max(base, n)), 1e-30);
+      const double weight =
+          1 / std::max(observation_.noise_model(zone).variance(std::max(base, n)), 1e-30);
       zone_numerator += s * (n - base) * weight;
       zone_denominator += s * s * weight;
     }
@@ -332,7 +334,7 @@ void LinearSolver::solve_shared(std::span<const ZoneShapes> shapes, std::size_t 
       const double rb = block.b_free ? block.gb + block.hab * du : 0;
       const double dc = -(block.hcc * rc + block.hcb * rb);
       const double db = -(block.hcb * rc + block.hbb * rb);
-      if (observation_.law(observation_.zones[z]).counts_photons()) {
+      if (observation_.noise_model(observation_.zones[z]).counts_photons()) {
         if (block.c_free) largest = std::max(largest, std::abs(dc) / (0.7 * solution.ambient[z]));
         if (block.b_free)
           largest = std::max(largest, std::abs(db) / (0.7 * std::max(solution.direct[z], 1e-3)));
@@ -345,7 +347,7 @@ void LinearSolver::solve_shared(std::span<const ZoneShapes> shapes, std::size_t 
       const double rb = block.b_free ? block.gb + block.hab * du : 0;
       if (block.c_free) {
         const double moved = solution.ambient[z] - step * (block.hcc * rc + block.hcb * rb);
-        const bool positive_only = observation_.law(observation_.zones[z]).counts_photons();
+        const bool positive_only = observation_.noise_model(observation_.zones[z]).counts_photons();
         solution.ambient[z] =
             positive_only ? std::max({moved, 0.1 * solution.ambient[z], ambient_floor_[z]}) : moved;
         if (positive_only && solution.ambient[z] < 4 * ambient_floor_[z] && moved < 0) {
@@ -373,7 +375,7 @@ void LinearSolver::solve_shared(std::span<const ZoneShapes> shapes, std::size_t 
   // exposures.
   for (std::size_t z = begin; z < end; ++z) {
     const Block& block = blocks[z - begin];
-    if (observation_.law(observation_.zones[z]).counts_photons()) {
+    if (observation_.noise_model(observation_.zones[z]).counts_photons()) {
       const double ambient = solution.ambient[z];
       if (block.c_held) solution.log_volume += log_half_line(block.gc, block.own_cc);
       if (block.c_free && block.own_cc > 0) {
@@ -413,7 +415,7 @@ void LinearSolver::solve(std::span<const ZoneShapes> shapes, LinearSolution& sol
       solution.log_prior -= 0.5 * u * u + std::log(prior->sigma * std::sqrt(2 * kPi));
     }
     const ObservedZone& zone = observation_.zones[z];
-    const BinLikelihood& law = observation_.law(zone);
+    const BinLikelihood& noise_model = observation_.noise_model(zone);
     const double a = solution.amplitude[z];
     const double b = solution.direct[z];
     const double c = solution.ambient[z];
@@ -425,17 +427,19 @@ void LinearSolver::solve(std::span<const ZoneShapes> shapes, LinearSolution& sol
       light_of(shapes[z], begin, a, c, b).expected(end - begin, mean.data());
       const Prefix& before = prefix_[z][static_cast<std::size_t>(begin)];
       const Prefix& after = prefix_[z][static_cast<std::size_t>(end)];
-      loss += law.half_deviance(row_of(zone, begin, end), mean.data(), after.least - before.least);
+      loss += noise_model.half_deviance(row_of(zone, begin, end), mean.data(),
+                                        after.saturated - before.saturated);
     }
     if (bins.rest.bins > 0) {
-      loss += unknowns_.ambient == LinearMode::fixed
-                  ? bins.rest.fixed
-                  : law.equal_bins(bins.rest.bins, bins.rest.count, bins.rest.square, c).value -
-                        bins.rest.least;
+      loss +=
+          unknowns_.ambient == LinearMode::fixed
+              ? bins.rest.fixed
+              : noise_model.equal_bins(bins.rest.bins, bins.rest.count, bins.rest.square, c).value -
+                    bins.rest.saturated;
     }
     if (zone.outside_bins > 0) {
-      loss += law.half_deviance(zone.outside_count, zone.outside_bins * c,
-                                law.least(zone.outside_count));
+      loss += noise_model.half_deviance(zone.outside_count, zone.outside_bins * c,
+                                        noise_model.saturated(zone.outside_count));
     }
   }
   solution.log_likelihood = -loss;
@@ -453,7 +457,7 @@ void LinearSolver::residuals(std::span<const ZoneShapes> shapes, const LinearSol
   const double sigma = unknowns_.amplitude_prior.sigma_log;
   for (std::size_t z = 0; z < observation_.zones.size(); ++z) {
     const ObservedZone& zone = observation_.zones[z];
-    const BinLikelihood& law = observation_.law(zone);
+    const BinLikelihood& noise_model = observation_.noise_model(zone);
     mean.resize(zone.counts.size());
     expected(zone, shapes[z], solution.amplitude[z], solution.ambient[z], solution.direct[z],
              mean.data());
@@ -463,8 +467,8 @@ void LinearSolver::residuals(std::span<const ZoneShapes> shapes, const LinearSol
         shapes[z].object != nullptr ? static_cast<std::size_t>(shapes[z].object_first) : 0;
     const std::size_t lit_end =
         shapes[z].object != nullptr ? static_cast<std::size_t>(shapes[z].object_end) : 0;
-    law.residuals(row_of(zone, 0, zone.bins()), mean.data(), zone.least.data(), zone.best.data(),
-                  out);
+    noise_model.residuals(row_of(zone, 0, zone.bins()), mean.data(), zone.saturated.data(),
+                          zone.best.data(), out);
     for (std::size_t k = 0; k < zone.weight.size(); ++k) out[k] *= std::sqrt(zone.weight[k]);
     for (std::size_t k = 0; k < zone.counts.size() && known_dark; ++k) {
       if (k >= lit_first && k < lit_end) continue;
@@ -475,7 +479,8 @@ void LinearSolver::residuals(std::span<const ZoneShapes> shapes, const LinearSol
     out += zone.bins();
     if (zone.outside_bins > 0) {
       const double n = zone.outside_count;
-      *out++ = law.residual(n, zone.outside_bins * solution.ambient[z], law.least(n), law.best(n));
+      *out++ = noise_model.residual(n, zone.outside_bins * solution.ambient[z],
+                                    noise_model.saturated(n), noise_model.best(n));
     }
     if (const NormalPrior* prior = ambient_prior(z)) {
       *out++ = (solution.ambient[z] - prior->mean) / prior->sigma;
@@ -501,7 +506,7 @@ void LinearSolver::zone_jacobian(std::size_t z, const ZoneShapes& shapes,
                                  const Eigen::Ref<const Eigen::MatrixXd>& slope,
                                  const double* residuals, Eigen::MatrixXd& out) const {
   const ObservedZone& zone = observation_.zones[z];
-  const BinLikelihood& law = observation_.law(zone);
+  const BinLikelihood& noise_model = observation_.noise_model(zone);
   const Eigen::Index bins = zone.bins();
   const Eigen::Index n = slope.cols();
   const double a = solution.amplitude[z];
@@ -509,18 +514,19 @@ void LinearSolver::zone_jacobian(std::size_t z, const ZoneShapes& shapes,
   for (auto* v : {&mean, &first, &second}) v->resize(zone.counts.size());
   expected(zone, shapes, a, solution.ambient[z], solution.direct[z], mean.data());
   const CountRow row = row_of(zone, 0, zone.bins());
-  law.slopes(row, mean.data(), first.data(), second.data());
+  noise_model.slopes(row, mean.data(), first.data(), second.data());
 
   // Of each residual in its mean, [bins].
   thread_local Eigen::ArrayXd rate;
   rate.resize(bins);
-  const double few = law.counts_photons() ? kFewPhotons / law.scale() : -kDoubleMax;
+  const double few = noise_model.counts_photons() ? kFewPhotons / noise_model.scale() : -kDoubleMax;
   for (Eigen::Index k = 0; k < bins; ++k) {
     const auto i = static_cast<std::size_t>(k);
     const double root = zone.weight.empty() ? 1.0 : std::sqrt(zone.weight[i]);
     const double residual = residuals[k];
     if (mean[i] < few) {
-      const double moved = law.residual(zone.counts[i], mean[i] + few, zone.least[i], zone.best[i]);
+      const double moved =
+          noise_model.residual(zone.counts[i], mean[i] + few, zone.saturated[i], zone.best[i]);
       rate[k] = (root * moved - residual) / few;
     } else if (std::abs(residual) > kSmallResidual) {
       rate[k] = root * root * first[i] / residual;
@@ -561,7 +567,7 @@ void LinearSolver::zone_jacobian(std::size_t z, const ZoneShapes& shapes,
   if (ambient_free) own.col(0).head(bins) = rate;
   if (zone.outside_bins > 0) {
     const double m = zone.outside_bins * solution.ambient[z];
-    if (ambient_free) own(next, 0) = zone.outside_bins * std::sqrt(law.information(m));
+    if (ambient_free) own(next, 0) = zone.outside_bins * std::sqrt(noise_model.information(m));
     ++next;
   }
   if (const NormalPrior* prior = ambient_prior(z)) {

@@ -14,11 +14,11 @@
 
 namespace blindcorner {
 
-/// Expected shapes of one observed zone, counts at unit amplitude, aligned with its window.
+/// Expected shapes of one observed zone, counts at unit amplitude, aligned with its gate.
 struct ZoneShapes {
-  const double* object = nullptr;  ///< gain * S, [window]; null: no object
-  const double* direct = nullptr;  ///< static_light(), [window]; null: none
-  int object_first = 0;            ///< bins of the window that the object lights: [first, end)
+  const double* object = nullptr;  ///< gain * S, [gate]; null: no object
+  const double* direct = nullptr;  ///< static_background(), [gate]; null: none
+  int object_first = 0;            ///< bins of the gate that the object lights: [first, end)
   int object_end = 0;
   int direct_first = 0;  ///< bins that the direct return lights: [first, end)
   int direct_end = 0;
@@ -53,11 +53,11 @@ class LinearSolver {
   void eliminate(std::span<const ZoneShapes> shapes, LinearSolution& solution, bool warm,
                  double accuracy = 0) const;
 
-  /// Expected counts of one zone for a solution, [window].
+  /// Expected counts of one zone for a solution, [gate].
   void expected(const ObservedZone& zone, const ZoneShapes& shapes, double amplitude,
                 double ambient, double direct, double* out) const;
 
-  /// Signed deviance residuals of all windows, of the ambient light outside them, and of the
+  /// Signed deviance residuals of all gates, of the ambient light outside them, and of the
   /// amplitude's prior, [residual_count()]. Half their squared sum is minus (log_likelihood +
   /// log_prior) up to a constant.
   void residuals(std::span<const ZoneShapes> shapes, const LinearSolution& solution,
@@ -66,7 +66,7 @@ class LinearSolver {
 
   /// Derivatives of these residuals in what the object's light depends on, the linear unknowns
   /// following as they do to first order (Kaufman 1975): [residual_count(), n] row by row.
-  /// `slope` is the light's, [rows of all windows, n], `residuals` those of the solution, which
+  /// `slope` is the light's, [rows of all gates, n], `residuals` those of the solution, which
   /// must be the eliminated one: the gradient is then exact.
   void jacobian(std::span<const ZoneShapes> shapes, const LinearSolution& solution,
                 const Eigen::MatrixXd& slope, const double* residuals, double* out) const;
@@ -79,7 +79,7 @@ class LinearSolver {
   struct Prefix {
     double bins = 0;               ///< of these and all others each bin's weight times
     double count = 0, square = 0;  ///< n and n^2
-    double least = 0;              ///< least negative log likelihood
+    double saturated = 0;          ///< negative saturated log likelihood
     double fixed = 0;              ///< half deviance at the fixed ambient light
   };
   /// Bins that object or direct return light: at most two ranges; and the sums over the rest, where
@@ -95,7 +95,7 @@ class LinearSolver {
     return &unknowns_.ambient_prior[static_cast<std::size_t>(observation_.zones[zone].zone)];
   }
   Lit lit(std::size_t zone, const ZoneShapes& shapes) const;
-  /// Rows of a zone: its bins, those outside of its window, its priors.
+  /// Rows of a zone: its bins, those outside of its gate, its priors.
   int residual_count(std::size_t zone) const;
   /// A zone's part of a Jacobian [residual_count(zone), n + 1], the last column that of the
   /// logarithm of its amplitude, with its own unknowns following.

@@ -58,8 +58,8 @@ Unpiled without_pile_up(const Sensor& sensor, const Capture& capture) {
 constexpr double kRarelySaturated = 0.05;
 
 /// Longest run of bins that are not `full` in [first, end); the later one of two.
-BinWindow longest_run(const std::vector<bool>& full, int first, int end) {
-  BinWindow longest, run{first, first};
+TimeGate longest_run(const std::vector<bool>& full, int first, int end) {
+  TimeGate longest, run{first, first};
   for (int k = first; k < end; ++k) {
     if (full[static_cast<std::size_t>(k)]) {
       run = {k + 1, k + 1};
@@ -95,7 +95,7 @@ std::string leave_out_saturated_bins(Sensor& sensor, std::span<const Capture* co
       full[static_cast<std::size_t>(k)] =
           static_cast<double>(count) > kRarelySaturated * static_cast<double>(cubes.size());
     }
-    const BinWindow kept = longest_run(full, first, end);
+    const TimeGate kept = longest_run(full, first, end);
     const int lost = end - first - (kept.end - kept.first);
     if (lost == 0) continue;
     ++zones;
@@ -179,7 +179,7 @@ void check_capture(const Scene& scene, const Capture& capture) {
 }
 
 Observation observe(const Scene& scene, std::span<const Capture> captures,
-                    const std::vector<std::vector<BinWindow>>& windows) {
+                    const std::vector<std::vector<TimeGate>>& gates) {
   const Sensor& sensor = scene.sensor;
   Observation observation;
   observation.captures = static_cast<int>(captures.size());
@@ -196,38 +196,39 @@ Observation observe(const Scene& scene, std::span<const Capture> captures,
       const Zone& zone = sensor.zones[static_cast<std::size_t>(z)];
       const int valid_first = zone.first_valid_bin;
       const int valid_end = sensor.valid_end(z);
-      BinWindow window = windows[c][static_cast<std::size_t>(z)];
-      window.first = std::max(window.first, valid_first);
-      window.end = std::min(window.end, valid_end);
-      if (zone.dead || window.first >= window.end) continue;
+      TimeGate gate = gates[c][static_cast<std::size_t>(z)];
+      gate.first = std::max(gate.first, valid_first);
+      gate.end = std::min(gate.end, valid_end);
+      if (zone.dead || gate.first >= gate.end) continue;
       if (own_laws) {
         // A zone without data keeps its place among the rows of the compiled scene.
         observation.likelihood.push_back(
             make_likelihood(sensor.noise_of(z), dispersion,
                             std::max(capture.exposures_of(z) * unpiled.live, kNoExposure)));
       }
-      const BinLikelihood& law = *observation.likelihood.back();
+      const BinLikelihood& noise_model = *observation.likelihood.back();
       ObservedZone observed;
       observed.capture = static_cast<int>(c);
       observed.zone = z;
-      observed.law = observation.likelihood.size() - 1;
-      observed.first = window.first;
+      observed.noise_model = observation.likelihood.size() - 1;
+      observed.first = gate.first;
       observed.gain = zone.gain;
       const double* counts = unpiled.counts.zone(z);
-      observed.counts.assign(counts + window.first, counts + window.end);
+      observed.counts.assign(counts + gate.first, counts + gate.end);
       for (int k = 0; k < observed.bins(); ++k) {
-        const bool censored = law.censored() && observed.counts[static_cast<std::size_t>(k)] <= 0;
+        const bool censored =
+            noise_model.censored() && observed.counts[static_cast<std::size_t>(k)] <= 0;
         if (censored) observed.censored.push_back(k);
         observed.counted.push_back(censored ? 0.0 : 1.0);
       }
       for (const double n : observed.counts) {
-        observed.best.push_back(law.best(n));
-        observed.least.push_back(law.least(n));
+        observed.best.push_back(noise_model.best(n));
+        observed.saturated.push_back(noise_model.saturated(n));
       }
-      if (law.counts_photons()) {
-        observed.outside_bins = valid_end - valid_first - (window.end - window.first);
-        observed.outside_count = std::accumulate(counts + valid_first, counts + window.first, 0.0) +
-                                 std::accumulate(counts + window.end, counts + valid_end, 0.0);
+      if (noise_model.counts_photons()) {
+        observed.outside_bins = valid_end - valid_first - (gate.end - gate.first);
+        observed.outside_count = std::accumulate(counts + valid_first, counts + gate.first, 0.0) +
+                                 std::accumulate(counts + gate.end, counts + valid_end, 0.0);
       }
       observation.zones.push_back(std::move(observed));
     }

@@ -18,17 +18,18 @@ namespace blindcorner {
 struct ObservedZone {
   int capture = 0;  ///< index among the captures of a joint fit
   int zone = 0;
-  std::size_t law = 0;          ///< index into Observation::likelihood
-  int first = 0;                ///< first bin of the window
-  std::vector<double> counts;   ///< [window]
-  std::vector<double> least;    ///< [window] best attainable negative log likelihood
-  std::vector<int> censored;    ///< bins of the window whose count stands for "zero or less"
-  std::vector<double> counted;  ///< [window] 0 in those bins, else 1
-  std::vector<double> best;     ///< [window] the mean that attains it
-  /// [window] factor on each bin's log likelihood: the share of the photon noise in what a bin may
-  /// be off by, the known light's own error included. Empty: ones.
+  std::size_t noise_model = 0;  ///< index into Observation::likelihood
+  int first = 0;                ///< first bin of the gate
+  std::vector<double> counts;   ///< [gate]
+  std::vector<double>
+      saturated;  ///< [gate] negative saturated log likelihood: the best that any mean attains
+  std::vector<int> censored;    ///< bins of the gate whose count stands for "zero or less"
+  std::vector<double> counted;  ///< [gate] 0 in those bins, else 1
+  std::vector<double> best;     ///< [gate] the mean that attains it
+  /// [gate] factor on each bin's log likelihood: the share of the photon noise in what a bin may
+  /// be off by, the static background's own error included. Empty: ones.
   std::vector<double> weight;
-  double outside_bins = 0;   ///< valid bins outside the window, where photons are counted
+  double outside_bins = 0;   ///< valid bins outside the gate, where photons are counted
   double outside_count = 0;  ///< their total count
   double gain = 1;           ///< counts per W/m^2
 
@@ -38,8 +39,8 @@ struct ObservedZone {
   }
 };
 
-/// Window of bins per zone: [first, end).
-struct BinWindow {
+/// Time gate per zone: [first, end).
+struct TimeGate {
   int first = 0, end = 0;
 };
 
@@ -51,7 +52,9 @@ struct Observation {
   int captures = 0;
 
   double total_count() const;
-  const BinLikelihood& law(const ObservedZone& zone) const { return *likelihood[zone.law]; }
+  const BinLikelihood& noise_model(const ObservedZone& zone) const {
+    return *likelihood[zone.noise_model];
+  }
 };
 
 /// A bin that captures fill up to the sensor's `saturation` tells no more than that there was much
@@ -68,8 +71,8 @@ bool saturates(const Sensor& sensor, const Capture& capture);
 /// negative counts of photons, valid bins that saturate.
 void check_capture(const Scene& scene, const Capture& capture);
 
-/// Cuts captures to their windows. `windows` is [captures][zones]; an empty window drops the zone.
+/// Cuts captures to their gates. `gates` is [captures][zones]; an empty gate drops the zone.
 Observation observe(const Scene& scene, std::span<const Capture> captures,
-                    const std::vector<std::vector<BinWindow>>& windows);
+                    const std::vector<std::vector<TimeGate>>& gates);
 
 }  // namespace blindcorner

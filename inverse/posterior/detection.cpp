@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "blindcorner/forward/constants.h"
-#include "inverse/likelihood/direct_error.h"
+#include "inverse/likelihood/background_error.h"
 
 namespace blindcorner {
 
@@ -32,25 +32,25 @@ double EmptyScores::exceeded_by(double share) const {
 namespace {
 
 /// Levels of light and exposures beyond this many octaves are taken for that many.
-constexpr double kMostOctaves = 20;
+constexpr double kMaxOctaves = 20;
 /// Octaves between levels. An octave moves the law's location and scale by at most 0.04
 /// (DENALI-like and TMF8828 scenes, 2^-8 to 2^8 photons a bin), a third of what 128 captures leave
 /// uncertain, and all levels are simulated with the same deviates: nothing is gained by
 /// interpolating.
 constexpr int kStep = 2;
 /// A zone that has less than this share of the most exposures, in octaves, has none to speak of.
-constexpr int kLeastShare = -10;
+constexpr int kMinShare = -10;
 
 int octaves(double ratio) {
-  const double exact = std::clamp(std::log2(std::max(ratio, 1e-300)), -kMostOctaves, kMostOctaves);
+  const double exact = std::clamp(std::log2(std::max(ratio, 1e-300)), -kMaxOctaves, kMaxOctaves);
   return kStep * static_cast<int>(std::lround(exact / kStep));
 }
 
 /// Expected counts that equal their own standard deviation.
-double light_unit(const BinLikelihood& law) {
+double light_unit(const BinLikelihood& noise_model) {
   constexpr int kIterations = 60;  // each halves the error of the logarithm
   double counts = 1;
-  for (int i = 0; i < kIterations; ++i) counts = std::sqrt(law.variance(counts));
+  for (int i = 0; i < kIterations; ++i) counts = std::sqrt(noise_model.variance(counts));
   return counts;
 }
 
@@ -79,7 +79,7 @@ class NormalDeviates {
 std::vector<Capture> blank_captures(const CompiledScene& compiled, const EmptyLevel& level) {
   const Sensor& sensor = compiled.scene.sensor;
   const double most = std::exp2(level.exposures);
-  std::vector<Capture> captures(compiled.windows.size());
+  std::vector<Capture> captures(compiled.gates.size());
   auto share = level.share.begin();
   for (Capture& capture : captures) {
     capture.counts = HistogramCube(sensor.rows, sensor.columns, sensor.bins);
@@ -103,18 +103,18 @@ EmptyLevel empty_level(const PoseObjective& objective, const LinearSolution& emp
   double most = 0;
   double units = 0;
   for (std::size_t z = 0; z < observation.zones.size(); ++z) {
-    const BinLikelihood& law = observation.law(observation.zones[z]);
-    most = std::max(most, law.scale());
-    units += empty.ambient[z] / light_unit(law);
+    const BinLikelihood& noise_model = observation.noise_model(observation.zones[z]);
+    most = std::max(most, noise_model.scale());
+    units += empty.ambient[z] / light_unit(noise_model);
   }
   level.ambient = octaves(units / static_cast<double>(observation.zones.size()));
   level.exposures = octaves(most);
   level.share.resize(static_cast<std::size_t>(observation.captures) * zones);
   for (const ObservedZone& zone : observation.zones) {
-    const double share = std::log2(observation.law(zone).scale() / most);
+    const double share = std::log2(observation.noise_model(zone).scale() / most);
     level.share[static_cast<std::size_t>(zone.capture) * zones +
                 static_cast<std::size_t>(zone.zone)] =
-        std::max(static_cast<int>(std::lround(share)), kLeastShare);
+        std::max(static_cast<int>(std::lround(share)), kMinShare);
   }
   if (std::ranges::all_of(level.share, [](int share) { return share == 0; })) level.share.clear();
   return level;
@@ -123,13 +123,14 @@ EmptyLevel empty_level(const PoseObjective& objective, const LinearSolution& emp
 EmptyScores simulate_empty(const CompiledScene& compiled, const EmptyLevel& level, int captures,
                            std::uint64_t seed) {
   const std::vector<Capture> blank = blank_captures(compiled, level);
-  Observation observation = observe(compiled.scene, blank, compiled.windows);
+  Observation observation = observe(compiled.scene, blank, compiled.gates);
   const LinearUnknowns& unknowns = compiled.scene.linear;
   LinearSolution typical;
   typical.amplitude.assign(observation.zones.size(), 0.0);
   typical.direct.assign(observation.zones.size(), 1.0);
   double units = 0;  // of a count in each bin
-  for (const ObservedZone& zone : observation.zones) units += 1 / light_unit(observation.law(zone));
+  for (const ObservedZone& zone : observation.zones)
+    units += 1 / light_unit(observation.noise_model(zone));
   const double ambient =
       std::exp2(level.ambient) * static_cast<double>(observation.zones.size()) / units;
   typical.ambient.assign(observation.zones.size(),
@@ -143,13 +144,13 @@ EmptyScores simulate_empty(const CompiledScene& compiled, const EmptyLevel& leve
   Eigen::MatrixXf counts(objective.rows(), captures);
   int row = 0;
   for (const ObservedZone& zone : observation.zones) {
-    const BinLikelihood& law = observation.law(zone);
+    const BinLikelihood& noise_model = observation.noise_model(zone);
     for (int k = 0; k < zone.bins(); ++k, ++row) {
       const auto mean = static_cast<double>(filter.mean()[row]);
-      // The known light's own error adds to the photon noise.
+      // The static background's own error adds to the photon noise.
       const double wider = 1 / std::sqrt(zone.weight_of(k));
       for (int i = 0; i < captures; ++i) {
-        const double drawn = law.quantile(mean, deviates.next());
+        const double drawn = noise_model.quantile(mean, deviates.next());
         counts(row, i) = static_cast<float>(wider > 1 ? mean + wider * (drawn - mean) : drawn);
       }
     }

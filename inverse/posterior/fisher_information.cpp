@@ -24,10 +24,11 @@ struct OwnUnknowns {
 
 /// Completes the information [3, 3] of a zone's own linear unknowns from the bins of its time gate:
 /// adds the bins outside of it and the priors, and makes those that it does not have neutral.
-void complete(const ObservedZone& zone, const BinLikelihood& law, const LinearUnknowns& unknowns,
-              const OwnUnknowns& own, double ambient, Eigen::Matrix3d& information) {
+void complete(const ObservedZone& zone, const BinLikelihood& noise_model,
+              const LinearUnknowns& unknowns, const OwnUnknowns& own, double ambient,
+              Eigen::Matrix3d& information) {
   if (own.ambient && zone.outside_bins > 0) {
-    information(1, 1) += zone.outside_bins * law.information(std::max(ambient, 1e-12));
+    information(1, 1) += zone.outside_bins * noise_model.information(std::max(ambient, 1e-12));
   }
   if (own.ambient && !unknowns.ambient_prior.empty()) {
     information(1, 1) +=
@@ -71,7 +72,7 @@ Eigen::MatrixXd fisher_information(const LinearSolver& solver, std::span<const Z
   Eigen::Index row = 0;
   for (std::size_t z = 0; z < observation.zones.size(); ++z) {
     const ObservedZone& zone = observation.zones[z];
-    const BinLikelihood& law = observation.law(zone);
+    const BinLikelihood& noise_model = observation.noise_model(zone);
     const OwnUnknowns own(solver.unknowns(), shapes[z]);
     const double a = linear.amplitude[z];
     const int bins = zone.bins();
@@ -79,11 +80,11 @@ Eigen::MatrixXd fisher_information(const LinearSolver& solver, std::span<const Z
     row += bins;
     Eigen::VectorXd mean(bins);
     solver.expected(zone, shapes[z], a, linear.ambient[z], linear.direct[z], mean.data());
-    if (law.counts_photons()) mean = mean.cwiseMax(1e-12);
+    if (noise_model.counts_photons()) mean = mean.cwiseMax(1e-12);
     Eigen::VectorXd weight(bins);
     Eigen::MatrixXd local = Eigen::MatrixXd::Zero(bins, 3);
     for (int k = 0; k < bins; ++k) {
-      weight[k] = zone.weight_of(k) * law.information(mean[k]);
+      weight[k] = zone.weight_of(k) * noise_model.information(mean[k]);
       if (own.amplitude) local(k, 0) = a * shapes[z].object[k];
       if (own.ambient) local(k, 1) = 1;
       if (own.direct) local(k, 2) = shapes[z].direct[k];
@@ -91,8 +92,8 @@ Eigen::MatrixXd fisher_information(const LinearSolver& solver, std::span<const Z
     if (gradient != nullptr) {
       Eigen::VectorXd first(bins);
       for (int k = 0; k < bins; ++k) {
-        first[k] =
-            zone.weight_of(k) * law.terms(zone.counts[static_cast<std::size_t>(k)], mean[k]).first;
+        first[k] = zone.weight_of(k) *
+                   noise_model.terms(zone.counts[static_cast<std::size_t>(k)], mean[k]).first;
       }
       *gradient -= counts.transpose() * first;
     }
@@ -101,7 +102,7 @@ Eigen::MatrixXd fisher_information(const LinearSolver& solver, std::span<const Z
     if (!own.any()) continue;
     const Eigen::MatrixXd cross = weighted.transpose() * local;
     Eigen::Matrix3d within = local.transpose() * weight.asDiagonal() * local;
-    complete(zone, law, solver.unknowns(), own, linear.ambient[z], within);
+    complete(zone, noise_model, solver.unknowns(), own, linear.ambient[z], within);
     total -= cross * within.ldlt().solve(cross.transpose());
   }
   return total;

@@ -22,8 +22,8 @@ FittedHistograms fitted_histograms(const PoseObjective& objective, const Refined
   h.first_bin = sensor.bins;
   const auto capture_index = static_cast<std::size_t>(index);
   HistogramCube known = h.model;
-  if (!objective.compiled().static_light.empty()) {
-    known = objective.compiled().static_light[capture_index];
+  if (!objective.compiled().static_background.empty()) {
+    known = objective.compiled().static_background[capture_index];
   }
   const auto& zones = objective.solver().observation().zones;
   for (std::size_t i = 0; i < zones.size(); ++i) {

@@ -8,7 +8,7 @@
 namespace blindcorner {
 namespace {
 
-/// What is carried for errors of the known light that go together, against a bin's own, in
+/// What is carried for errors of the static background that go together, against a bin's own, in
 /// variance, at least: 3.4 (reference floor), 4.3 (robot_corridor), 9 (street_corner), 16
 /// (tmf8828_wall), against light that is sampled four times as densely.
 constexpr double kTogether = 3.4;
@@ -24,7 +24,7 @@ GoodnessOfFit goodness_of_fit(const PoseObjective& objective, const Refined& opt
   double variance = 0;
   for (std::size_t z = 0; z < observation.zones.size(); ++z) {
     const ObservedZone& zone = observation.zones[z];
-    const BinLikelihood& law = observation.law(zone);
+    const BinLikelihood& noise_model = observation.noise_model(zone);
     mean.resize(zone.counts.size());
     objective.solver().expected(zone, at.shapes[z], optimum.linear.amplitude[z],
                                 optimum.linear.ambient[z], optimum.linear.direct[z], mean.data());
@@ -32,12 +32,12 @@ GoodnessOfFit goodness_of_fit(const PoseObjective& objective, const Refined& opt
       mean.push_back(zone.outside_bins * optimum.linear.ambient[z]);
     }
     if (zone.weight.empty()) {
-      law.add_deviance_moments(mean, fit.expected, variance);
+      noise_model.add_deviance_moments(mean, fit.expected, variance);
       continue;
     }
     for (std::size_t k = 0; k < mean.size(); ++k) {
       double one = 0, spread = 0;
-      law.add_deviance_moments({&mean[k], 1}, one, spread);
+      noise_model.add_deviance_moments({&mean[k], 1}, one, spread);
       const double photons = k < zone.weight.size() ? zone.weight[k] : 1.0;
       // What is carried stands for errors that go together: a bin's own is this part of it.
       const double weight = photons + (1 - photons) / kTogether;

@@ -24,7 +24,7 @@ namespace {
 constexpr double kTailFreedom = 5;
 /// Share of the first samples that are drawn over the scored grid's cells; least share later on.
 constexpr double kGridShare = 0.4;
-constexpr double kLeastGridShare = 0.1;
+constexpr double kMinGridShare = 0.1;
 /// The grid's scores are flattened by this power before they are sampled: closed form is some log
 /// units off, and what it scores too low must still be drawn.
 constexpr double kGridTemper = 0.4;
@@ -38,9 +38,9 @@ constexpr double kGrowth = 1.2;
 constexpr double kShift = 0.4;
 /// Samples about the heaviest one that a component is made of.
 constexpr std::size_t kNeighbours = 40;
-constexpr int kStages = 6;       ///< that make up the samples asked for, at least
-constexpr int kMostAtOnce = 40;  ///< samples of a stage: the sooner one learns, the fewer it takes
-constexpr int kMostTimes = 4;    ///< as many samples as asked for, when few are effective
+constexpr int kStages = 6;      ///< that make up the samples asked for, at least
+constexpr int kMaxAtOnce = 40;  ///< samples of a stage: the sooner one learns, the fewer it takes
+constexpr int kMaxTimes = 4;    ///< as many samples as asked for, when few are effective
 
 double log_student(const Peak& peak, double distance2) {
   const auto n = static_cast<double>(peak.center.size());
@@ -213,7 +213,7 @@ class Sampler {
       next[c] = floor + next[c] / sum;
       rest += next[c];
     }
-    next[0] = std::clamp(next[0] / sum, kLeastGridShare, 0.9);
+    next[0] = std::clamp(next[0] / sum, kMinGridShare, 0.9);
     for (std::size_t c = 1; c < next.size(); ++c) next[c] *= (1 - next[0]) / rest;
     shares_ = std::move(next);
   }
@@ -439,10 +439,10 @@ PosteriorSamples sample_posterior(const PoseObjective& objective, const SampleLi
                                   const std::vector<const Refined*>& optima, const Scored& scored,
                                   const SamplingOptions& options) {
   Sampler sampler(objective, lights, peaks, optima, scored, options);
-  const int stage = std::clamp(options.samples / kStages, 1, kMostAtOnce);
+  const int stage = std::clamp(options.samples / kStages, 1, kMaxAtOnce);
   // The model itself is dear: fewer will do.
   const double enough = options.samples / (lights.far.models == nullptr ? 3.0 : 4.0);
-  while (sampler.count() < kMostTimes * options.samples) {
+  while (sampler.count() < kMaxTimes * options.samples) {
     sampler.stage(stage);
     if (sampler.settled() && sampler.effective() >= enough) break;
     sampler.adapt();

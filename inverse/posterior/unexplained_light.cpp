@@ -20,12 +20,12 @@ constexpr std::size_t kLookedFor = 24;
 /// The fraction of the golden ratio: the places that its multiples choose are spread evenly.
 constexpr double kGolden = 0.61803398874989485;
 /// A place whose light the fitted unknowns explain but for this share is not looked at.
-constexpr double kLeastUnexplained = 1e-4;
+constexpr double kMinUnexplained = 1e-4;
 /// Of an object's size, up and down.
 constexpr double kSizeStep = 0.1;
-/// Errors of the known light go together over at most so many bins and zones: 15 (robot_corridor),
-/// 36 (tmf8828_wall), 40 (street_corner), as StaticLightModel measures it.
-constexpr double kMostTogether = 40;
+/// Errors of the static background go together over at most so many bins and zones: 15
+/// (robot_corridor), 36 (tmf8828_wall), 40 (street_corner), as StaticBackgroundModel measures it.
+constexpr double kMaxTogether = 40;
 
 /// [rows, places] Light of scored poses all over the search region; of several objects, each one's.
 Eigen::MatrixXd light_of_places(const CompiledScene& compiled, int rows) {
@@ -86,8 +86,8 @@ Eigen::MatrixXd light_of_size(const PoseObjective& objective, const PoseVector& 
   return gain;
 }
 
-/// [directions] What the known light's own error, which goes together from bin to bin, adds to the
-/// variance of each score: a factor. Weights take it for bins that err by themselves.
+/// [directions] What the static background's own error, which goes together from bin to bin, adds
+/// to the variance of each score: a factor. Weights take it for bins that err by themselves.
 Eigen::VectorXd spread_of(const PoseObjective& objective, const ShapeBuffer& at,
                           const LinearSolution& linear, const Eigen::MatrixXd& light) {
   const LinearSolver& solver = objective.solver();
@@ -95,15 +95,16 @@ Eigen::VectorXd spread_of(const PoseObjective& objective, const ShapeBuffer& at,
   Eigen::Index row = 0;
   for (std::size_t z = 0; z < solver.observation().zones.size(); ++z) {
     const ObservedZone& zone = solver.observation().zones[z];
-    const BinLikelihood& law = solver.observation().law(zone);
+    const BinLikelihood& noise_model = solver.observation().noise_model(zone);
     std::vector<double> mean(zone.counts.size());
     solver.expected(zone, at.shapes[z], linear.amplitude[z], linear.ambient[z], linear.direct[z],
                     mean.data());
     for (int k = 0; k < zone.bins(); ++k, ++row) {
       const double weight = zone.weight_of(k);
       const double m = mean[static_cast<std::size_t>(k)];
-      const double one = weight * law.information(law.counts_photons() ? std::max(m, 1e-12) : m);
-      const double together = weight + (1 - weight) * kMostTogether;
+      const double one =
+          weight * noise_model.information(noise_model.counts_photons() ? std::max(m, 1e-12) : m);
+      const double together = weight + (1 - weight) * kMaxTogether;
       for (Eigen::Index q = 0; q < light.cols(); ++q) {
         const double square = one * light(row, q) * light(row, q);
         photons[q] += square;
@@ -169,7 +170,7 @@ UnexplainedLight unexplained_light(const PoseObjective& objective, const Refined
   const auto test = [&](Eigen::Index begin, Eigen::Index end) {
     std::vector<Eigen::Index> seen;
     for (Eigen::Index q = begin; q < end; ++q) {
-      if (own[q] > 0 && left(q, q) > kLeastUnexplained * own[q]) seen.push_back(q);
+      if (own[q] > 0 && left(q, q) > kMinUnexplained * own[q]) seen.push_back(q);
     }
     return score_test(score(seen), left(seen, seen), spread(seen));
   };

@@ -113,7 +113,7 @@ double grid_size(const CompiledScene& compiled) {
 }
 
 /// Bins that light from the search region or the direct return can reach.
-std::vector<std::vector<BinWindow>> reach(const CompiledScene& compiled) {
+std::vector<std::vector<TimeGate>> reach(const CompiledScene& compiled) {
   const Scene& scene = compiled.scene;
   const Sensor& sensor = scene.sensor;
   const bool summarise = sensor.noise.counts_photons();
@@ -129,7 +129,7 @@ std::vector<std::vector<BinWindow>> reach(const CompiledScene& compiled) {
   for (std::size_t i = 0; i < compiled.poses.size(); i += stride)
     probes.push_back(compiled.poses[i]);
 
-  std::vector<std::vector<BinWindow>> windows;
+  std::vector<std::vector<TimeGate>> gates;
   for (const auto& model : compiled.cheap_models()) {
     HistogramCube brightest(sensor.rows, sensor.columns, sensor.bins);
     HistogramCube light;
@@ -139,37 +139,37 @@ std::vector<std::vector<BinWindow>> reach(const CompiledScene& compiled) {
         brightest.values[i] = std::max(brightest.values[i], light.values[i]);
       }
     }
-    const HistogramCube direct = static_light(scene, model->direct_return());
+    const HistogramCube direct = static_background(scene, model->static_background());
     const double object_peak = *std::max_element(brightest.values.begin(), brightest.values.end());
     const double direct_peak = *std::max_element(direct.values.begin(), direct.values.end());
-    std::vector<BinWindow> zone_windows;
+    std::vector<TimeGate> zone_gates;
     for (int z = 0; z < sensor.zone_count(); ++z) {
       const Zone& zone = sensor.zones[static_cast<std::size_t>(z)];
-      BinWindow window{zone.first_valid_bin, sensor.valid_end(z)};
-      if (zone.dead) window = {0, 0};
+      TimeGate gate{zone.first_valid_bin, sensor.valid_end(z)};
+      if (zone.dead) gate = {0, 0};
       if (summarise && !zone.dead) {
         const auto reached = [&](int k) {
           return brightest.zone(z)[k] > kReach * object_peak ||
                  std::abs(direct.zone(z)[k]) > 1e-7 * direct_peak;
         };
-        while (window.first < window.end && !reached(window.first)) ++window.first;
-        while (window.first < window.end && !reached(window.end - 1)) --window.end;
+        while (gate.first < gate.end && !reached(gate.first)) ++gate.first;
+        while (gate.first < gate.end && !reached(gate.end - 1)) --gate.end;
         // Interior poses may reach a little further than the probed ones.
-        window.first = std::max(zone.first_valid_bin, window.first - 2);
-        window.end = std::min(sensor.valid_end(z), window.end + 2);
+        gate.first = std::max(zone.first_valid_bin, gate.first - 2);
+        gate.end = std::min(sensor.valid_end(z), gate.end + 2);
       }
-      zone_windows.push_back(window);
+      zone_gates.push_back(gate);
     }
-    windows.push_back(std::move(zone_windows));
+    gates.push_back(std::move(zone_gates));
   }
-  return windows;
+  return gates;
 }
 
-/// Rows of the template matrix for the windows.
-int window_rows(const CompiledScene& compiled) {
+/// Rows of the template matrix for the gates.
+int gate_rows(const CompiledScene& compiled) {
   int rows = 0;
-  for (const auto& zones : compiled.windows) {
-    for (const BinWindow& window : zones) rows += std::max(0, window.end - window.first);
+  for (const auto& zones : compiled.gates) {
+    for (const TimeGate& gate : zones) rows += std::max(0, gate.end - gate.first);
   }
   return rows;
 }
@@ -261,19 +261,19 @@ SceneKnowledge::SceneKnowledge(const Scene& scene)
   if (!measured) coarse_ = std::make_shared<const CoarseScene>(scene_);
 }
 
-std::optional<Fidelity> SceneKnowledge::fidelity(double tolerance) const {
+std::optional<SamplingStep> SceneKnowledge::sampling_step(double tolerance) const {
   const SensorPlacement own = sensor_placement(scene_);
   const auto stated = [](const Vector3d& point) { return point.allFinite(); };
   if (!coarse_ || !std::ranges::all_of(own.relay_points, stated)) return std::nullopt;
   const std::scoped_lock lock(mutex_);
-  const auto known = fidelities_.find(tolerance);
-  if (known != fidelities_.end()) return known->second;
+  const auto known = sampling_steps_.find(tolerance);
+  if (known != sampling_steps_.end()) return known->second;
   FastModelOptions fast;
   fast.tolerance = tolerance;
   // Isolated: whoever waits for the lock must not be asked to work for its holder.
-  const Fidelity found =
-      tbb::this_task_arena::isolate([&] { return *choose_fidelity(transport_, own, fast); });
-  return fidelities_.emplace(tolerance, found).first->second;
+  const SamplingStep found =
+      tbb::this_task_arena::isolate([&] { return *choose_sampling(transport_, own, fast); });
+  return sampling_steps_.emplace(tolerance, found).first->second;
 }
 
 namespace {
@@ -299,12 +299,12 @@ void fill_grid(CompiledScene& compiled) {
 }
 
 /// Copies the bins of the time gates of one capture's light, times the zones' gains.
-float* copy_gates(const Scene& scene, const std::vector<BinWindow>& windows,
+float* copy_gates(const Scene& scene, const std::vector<TimeGate>& gates,
                   const HistogramCube& light, float* out) {
   for (int z = 0; z < light.zones(); ++z) {
-    const BinWindow& window = windows[static_cast<std::size_t>(z)];
+    const TimeGate& gate = gates[static_cast<std::size_t>(z)];
     const double gain = scene.sensor.zones[static_cast<std::size_t>(z)].gain;
-    for (int k = window.first; k < window.end; ++k) {
+    for (int k = gate.first; k < gate.end; ++k) {
       *out++ = static_cast<float>(gain * light.zone(z)[k]);
     }
   }
@@ -313,7 +313,7 @@ float* copy_gates(const Scene& scene, const std::vector<BinWindow>& windows,
 
 /// Histograms of the scored poses from `models`, [rows, poses].
 Eigen::MatrixXf render_templates(const CompiledScene& compiled, const ModelSet& models) {
-  Eigen::MatrixXf templates(window_rows(compiled), std::ssize(compiled.poses));
+  Eigen::MatrixXf templates(gate_rows(compiled), std::ssize(compiled.poses));
   // Isolated: whoever waits here must not pick up another fit that waits for this compilation.
   tbb::this_task_arena::isolate([&] {
     tbb::parallel_for(std::size_t{0}, compiled.poses.size(), [&](std::size_t index) {
@@ -321,7 +321,7 @@ Eigen::MatrixXf render_templates(const CompiledScene& compiled, const ModelSet& 
       float* out = templates.col(static_cast<Eigen::Index>(index)).data();
       for (std::size_t c = 0; c < models.size(); ++c) {
         models[c]->three_bounce(compiled.poses[index], light);
-        out = copy_gates(compiled.scene, compiled.windows[c], light, out);
+        out = copy_gates(compiled.scene, compiled.gates[c], light, out);
       }
     });
   });
@@ -331,8 +331,8 @@ Eigen::MatrixXf render_templates(const CompiledScene& compiled, const ModelSet& 
 /// Where the rows of each zone begin, [all captures' zones with rows + 1].
 std::vector<int> zone_rows(const CompiledScene& compiled) {
   std::vector<int> begin{0};
-  for (const auto& gates : compiled.windows) {
-    for (const BinWindow& gate : gates) {
+  for (const auto& gates : compiled.gates) {
+    for (const TimeGate& gate : gates) {
       if (gate.first < gate.end) begin.push_back(begin.back() + gate.end - gate.first);
     }
   }
@@ -356,8 +356,8 @@ void cut_to_gates(const CompiledScene& compiled, Templates::Column& column) {
   std::vector<Templates::Piece> pieces;
   auto piece = column.pieces.begin();
   int row = 0;
-  for (const auto& gates : compiled.windows) {
-    for (const BinWindow& gate : gates) {
+  for (const auto& gates : compiled.gates) {
+    for (const TimeGate& gate : gates) {
       const Templates::Piece& own = *piece++;
       const int first = std::max(own.row, gate.first);
       const int end = std::min(own.row + own.count, gate.end);
@@ -372,28 +372,28 @@ void cut_to_gates(const CompiledScene& compiled, Templates::Column& column) {
 
 /// Time gates from closed form: what any pose may light, and the tails that the closed form cuts
 /// off.
-std::vector<std::vector<BinWindow>> closed_form_gates(const CompiledScene& compiled) {
+std::vector<std::vector<TimeGate>> closed_form_gates(const CompiledScene& compiled) {
   const Scene& scene = compiled.scene;
   const Sensor& sensor = scene.sensor;
   const auto [early, late] = sensor.response.support(kReach, 0);
   const int before = 2 + static_cast<int>(std::ceil(std::abs(early) / sensor.bin_width));
   const int after = 2 + static_cast<int>(std::ceil(std::abs(late) / sensor.bin_width));
   const bool summarise = sensor.noise.counts_photons();
-  std::vector<std::vector<BinWindow>> all;
+  std::vector<std::vector<TimeGate>> all;
   for (std::size_t c = 0; c < compiled.coarse.size(); ++c) {
     const std::vector<SparseLight::Range> reached = compiled.coarse[c].reach();
-    std::vector<BinWindow> gates;
+    std::vector<TimeGate> gates;
     for (int z = 0; z < sensor.zone_count(); ++z) {
       const Zone& zone = sensor.zones[static_cast<std::size_t>(z)];
       const int valid_end = sensor.valid_end(z);
-      BinWindow gate{zone.first_valid_bin, valid_end};
+      TimeGate gate{zone.first_valid_bin, valid_end};
       if (zone.dead) gate = {0, 0};
       if (summarise && !zone.dead) {
         gate = {valid_end, zone.first_valid_bin};
         const SparseLight::Range& lit = reached[static_cast<std::size_t>(z)];
         if (lit.begin < lit.end) gate = {lit.begin - before, lit.end + after};
-        if (has_static_light(scene)) {
-          const HistogramCube& light = compiled.static_light[c];
+        if (has_static_background(scene)) {
+          const HistogramCube& light = compiled.static_background[c];
           const double* direct = light.zone(z);
           const double peak = *std::ranges::max_element(light.values);
           for (int k = 0; k < sensor.bins; ++k) {
@@ -431,7 +431,7 @@ Templates render_closed_form(const CompiledScene& compiled, double extra_sigma) 
                         }
                       });
   });
-  return {window_rows(compiled), std::move(columns)};
+  return {gate_rows(compiled), std::move(columns)};
 }
 
 /// Each object's light by itself, at as many poses as a scene with that object alone would score.
@@ -470,7 +470,7 @@ std::vector<CompiledScene::ObjectGrid> render_objects(const CompiledScene& compi
         cut_to_gates(compiled, columns[i]);
       });
     });
-    grid.templates = {window_rows(compiled), std::move(columns)};
+    grid.templates = {gate_rows(compiled), std::move(columns)};
     grids.push_back(std::move(grid));
   }
   return grids;
@@ -486,7 +486,7 @@ ModelSet make_models(const CompiledScene& compiled, FastModelOptions fast,
   ModelSet set;
   for (const SensorPlacement& placement : compiled.placements) {
     set.push_back(make_fast_model(compiled.knowledge->transport(), placement, fast));
-    fast.fidelity = set.front()->fidelity();
+    fast.sampling_step = set.front()->sampling_step();
     if (made) {
       made(static_cast<double>(set.size()) / static_cast<double>(compiled.placements.size()));
     }
@@ -494,33 +494,33 @@ ModelSet make_models(const CompiledScene& compiled, FastModelOptions fast,
   return set;
 }
 
-/// Fidelity at most of a matt object's levels, halved with each. The oblique floor's light of the
-/// last level was 1.2 % off (L2) with that of the first level, moved by 1.4 standard deviations at
-/// 100,000 photons.
-constexpr double kMostRelay = 2.8, kMostObject = 5.6;
+/// Sampling step at most of a matt object's levels, halved with each. The oblique floor's light of
+/// the last level was 1.2 % off (L2) with that of the first level, moved by 1.4 standard deviations
+/// at 100,000 photons.
+constexpr double kMaxRelay = 2.8, kMaxObject = 5.6;
 
 /// What a level asks of the fast model. The sampling that suffices for the first level is refined
 /// with the tolerance that it is given in units of; no search is made. Light of lobes comes from
 /// pairs, because one sum has an error of its own.
-FastModelOptions options_of(int level, const Fidelity& first, bool lobes) {
+FastModelOptions options_of(int level, const SamplingStep& first, bool lobes) {
   FastModelOptions fast;
   if (!lobes) {
     fast.tolerance = std::pow(10.0, -1 - level);
     // What suffices for the first may be too coarse for any tolerance to mend.
-    fast.fidelity = first;
-    fast.fidelity->relay = std::min(first.relay, kMostRelay / std::pow(2.0, level));
-    fast.fidelity->object = std::min(first.object, kMostObject / std::pow(2.0, level));
+    fast.sampling_step = first;
+    fast.sampling_step->relay = std::min(first.relay, kMaxRelay / std::pow(2.0, level));
+    fast.sampling_step->object = std::min(first.object, kMaxObject / std::pow(2.0, level));
     return fast;
   }
   fast.tolerance = kFirstTolerance;
   const double finer = std::pow(2.0, 0.5 * (level - 1));
-  Fidelity pairs{std::sqrt(8.0) / finer, 4 / finer, true};
+  SamplingStep pairs{std::sqrt(8.0) / finer, 4 / finer, true};
   if (first.lobe_pairs) {
     // Else the step from the first level is none, and what it does not move passes for exact.
     pairs.relay = std::min(pairs.relay, first.relay / std::sqrt(2.0) / finer);
     pairs.object = std::min(pairs.object, first.object / std::sqrt(2.0) / finer);
   }
-  fast.fidelity = pairs;
+  fast.sampling_step = pairs;
   return fast;
 }
 
@@ -532,7 +532,7 @@ const ModelSet& CompiledScene::models_at(int level) const {
   const auto known = finer_.find(level);
   if (known != finer_.end()) return known->second;
   const bool lobes = std::holds_alternative<RetroreflectiveMaterial>(scene.hidden.material);
-  const FastModelOptions fast = options_of(level, *models().front()->fidelity(), lobes);
+  const FastModelOptions fast = options_of(level, *models().front()->sampling_step(), lobes);
   // Isolated: whoever waits for the lock must not be asked to work for its holder.
   return finer_
       .emplace(level, tbb::this_task_arena::isolate([&] { return make_models(*this, fast); }))
@@ -541,19 +541,19 @@ const ModelSet& CompiledScene::models_at(int level) const {
 
 namespace {
 
-/// The error of the known light inside the windows, counts.
-void add_direct_error(CompiledScene& compiled) {
+/// The error of the static background inside the gates, counts.
+void add_background_error(CompiledScene& compiled) {
   if (compiled.direct.empty()) return;
   const Scene& scene = compiled.scene;
   const LinearUnknowns& linear = scene.linear;
   const double scale = linear.direct == LinearMode::fixed ? linear.fixed_direct : 1.0;
-  std::vector<double>& rows = compiled.direct_error;
+  std::vector<double>& rows = compiled.background_error;
   for (std::size_t c = 0; c < compiled.models().size(); ++c) {
-    const HistogramCube error = compiled.models()[c]->direct_error();
+    const HistogramCube error = compiled.models()[c]->background_error();
     for (int z = 0; z < scene.sensor.zone_count(); ++z) {
-      const BinWindow& window = compiled.windows[c][static_cast<std::size_t>(z)];
+      const TimeGate& gate = compiled.gates[c][static_cast<std::size_t>(z)];
       const double counts = scale * scene.sensor.zones[static_cast<std::size_t>(z)].gain;
-      for (int k = window.first; k < window.end; ++k) {
+      for (int k = gate.first; k < gate.end; ++k) {
         rows.push_back(error.values.empty() ? 0.0 : counts * error.zone(z)[k]);
       }
     }
@@ -580,7 +580,7 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
   compiled->placements = placements;
   const auto models = [&](double extra_sigma, double tolerance) {
     FastModelOptions fast;
-    fast.fidelity = knowledge->fidelity(tolerance);
+    fast.sampling_step = knowledge->sampling_step(tolerance);
     fast.tolerance = tolerance;
     fast.extra_pulse_sigma = extra_sigma;
     const auto made = [&](double share) {
@@ -623,7 +623,7 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
   if (!closed_form) {
     for (const double sigma : compiled->widths) compiled->ladder.push_back(models(sigma, cheap));
   }
-  knowledge->fidelity(tolerance);
+  knowledge->sampling_step(tolerance);
   // Isolated: whoever waits here must not pick up another fit that waits for this compilation.
   tbb::this_task_arena::isolate([&] {
     tbb::parallel_invoke([&] { compiled->ladder.push_back(models(0, tolerance)); },
@@ -635,37 +635,37 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
                          });
   });
   // Not beside these: who waits for work that is parallel inside may not help with it.
-  if (has_static_light(scene)) {
+  if (has_static_background(scene)) {
     for (const auto& model : compiled->models()) {
-      compiled->static_light.push_back(static_light(scene, model->direct_return()));
+      compiled->static_background.push_back(static_background(scene, model->static_background()));
     }
   }
 
   compiled->step = difference_steps(scene, placements.front());
   fill_grid(*compiled);
   if (closed_form) {
-    compiled->windows = closed_form_gates(*compiled);
+    compiled->gates = closed_form_gates(*compiled);
     compiled->render_later(compiled->widths.front(), grid.max_poses);
     // Objects' own grids are so fine that a descent need not begin with a wide pulse.
     if (object_count(scene) > 1) compiled->widths = {0};
   } else {
-    compiled->windows = reach(*compiled);
+    compiled->gates = reach(*compiled);
     const Eigen::MatrixXf templates = render_templates(
         *compiled, grid.sharp || spline ? compiled->models() : compiled->ladder.front());
     if (spline) compiled->spline = std::make_unique<SplineGrid>(templates, compiled->axes);
     compiled->set_templates(Templates(templates, zone_rows(*compiled)));
   }
-  for (std::size_t c = 0; c < compiled->static_light.size(); ++c) {
-    const HistogramCube& direct = compiled->static_light[c];
+  for (std::size_t c = 0; c < compiled->static_background.size(); ++c) {
+    const HistogramCube& direct = compiled->static_background[c];
     for (int z = 0; z < direct.zones(); ++z) {
-      const BinWindow& window = compiled->windows[c][static_cast<std::size_t>(z)];
-      compiled->direct.insert(compiled->direct.end(), direct.zone(z) + window.first,
-                              direct.zone(z) + std::max(window.first, window.end));
+      const TimeGate& gate = compiled->gates[c][static_cast<std::size_t>(z)];
+      compiled->direct.insert(compiled->direct.end(), direct.zone(z) + gate.first,
+                              direct.zone(z) + std::max(gate.first, gate.end));
     }
   }
   const bool any = std::ranges::any_of(compiled->direct, [](double v) { return v != 0; });
   if (!any) compiled->direct.clear();
-  add_direct_error(*compiled);
+  add_background_error(*compiled);
   return compiled;
 }
 
@@ -704,7 +704,7 @@ std::size_t CompiledScene::bytes() const {
     sets += finer_.size();
   }
   const std::size_t dense =
-      spline ? static_cast<std::size_t>(window_rows(*this)) * poses.size() * sizeof(float) : 0;
+      spline ? static_cast<std::size_t>(gate_rows(*this)) * poses.size() * sizeof(float) : 0;
   return rendered_bytes_ + 2 * dense + points + sets * models().size() * a_model;
 }
 

@@ -41,14 +41,14 @@ struct CompiledScene {
   std::vector<CoarseModel> coarse;
   /// Extra pulse widths (s) of theirs, wide first, on the way from a scored pose to an optimum.
   std::vector<double> widths;
-  std::vector<std::vector<BinWindow>> windows;  ///< [captures][zones]
+  std::vector<std::vector<TimeGate>> gates;  ///< [captures][zones]
   double pulse_path = 0.0;        ///< m, standard deviation of pulse and bin as optical path
   PoseVector step;                ///< [n] finite-difference steps
   PoseVector spacing;             ///< [n] of the axes
   std::vector<GridAxis> axes;     ///< [n] of the scored grid, bounds included
   std::vector<PoseVector> poses;  ///< scored poses, last unknown fastest
   std::vector<float> log_prior;   ///< [poses] log density of their prior
-  /// gain * S inside the windows, one column per scored pose, rows as in Observation::zones.
+  /// gain * S inside the gates, one column per scored pose, rows as in Observation::zones.
   /// Closed-form ones are rendered when somebody asks: a frame that is tracked does not. Thread
   /// safe.
   const Templates& templates() const { return rendered().templates; }
@@ -61,11 +61,11 @@ struct CompiledScene {
   const std::vector<ObjectGrid>& objects() const { return rendered().objects; }
   /// Between the scored poses; null where the pulse had to be widened, or the grid is too large.
   std::unique_ptr<SplineGrid> spline;
-  std::vector<HistogramCube> static_light;  ///< [captures]; none where there is none
-  /// The same inside the windows, rows as above; empty when absent.
+  std::vector<HistogramCube> static_background;  ///< [captures]; none where there is none
+  /// The same inside the gates, rows as above; empty when absent.
   std::vector<double> direct;
   /// Standard deviation of the model's own error in that; empty: none.
-  std::vector<double> direct_error;
+  std::vector<double> background_error;
 
   const ModelSet& models() const { return ladder.back(); }
   /// Models of a level of exactness, 0 (models()) to kModelLevels - 1, made when they are asked
@@ -132,14 +132,14 @@ class SceneKnowledge {
   const std::shared_ptr<const SceneTransport>& transport() const { return transport_; }
   /// The fast model's sampling for a tolerance, found at the scene's own sensor placement; nothing
   /// where the scene does not have one (relay points come with captures).
-  std::optional<Fidelity> fidelity(double tolerance) const;
+  std::optional<SamplingStep> sampling_step(double tolerance) const;
 
  private:
   const Scene scene_;
   std::shared_ptr<const SceneTransport> transport_;
   std::shared_ptr<const CoarseScene> coarse_;
   mutable std::mutex mutex_;
-  mutable std::map<double, Fidelity> fidelities_;
+  mutable std::map<double, SamplingStep> sampling_steps_;
 };
 
 /// Compiles the scene for the captures' sensor placements. Tables of exact histograms take seconds

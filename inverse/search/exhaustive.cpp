@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "blindcorner/forward/error.h"
-#include "inverse/likelihood/direct_error.h"
+#include "inverse/likelihood/background_error.h"
 #include "inverse/posterior/mode_merging.h"
 #include "inverse/posterior/posterior.h"
 #include "inverse/search/compiled_scene.h"

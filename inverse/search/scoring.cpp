@@ -19,22 +19,22 @@
 namespace blindcorner {
 namespace {
 
-/// Poses scored exactly: this many times the wanted starts, but at least `kLeastExact`.
+/// Poses scored exactly: this many times the wanted starts, but at least `kMinExact`.
 constexpr int kExactPerStart = 8;
-constexpr int kLeastExact = 64;
+constexpr int kMinExact = 64;
 /// Gain in log likelihood over the empty scene below which an object is faint: about a hundred
 /// photons on a background of as many.
 constexpr double kFaint = 100;
 /// Poses that the model scores again where closed form is too rough: it costs a hundred times as
 /// much.
-constexpr std::size_t kMostByModel = 64;
+constexpr std::size_t kMaxByModel = 64;
 /// Accuracy of a template's log posterior, far below what half a grid step does to it.
 constexpr double kAccuracy = 1e-2;
 /// Templates whose exact scores are worked out at a time.
 constexpr std::size_t kTogether = 8;
 /// Starts that are refined even when the grid has fewer local maxima: ridges run between its
 /// points.
-constexpr std::size_t kLeastStarts = 4;
+constexpr std::size_t kMinStarts = 4;
 
 /// Gain in log likelihood of the best amplitude that is not negative.
 float gain(float projection, float norm) {
@@ -150,7 +150,7 @@ MatchedFilter::MatchedFilter(const PoseObjective& objective, const LinearSolutio
   int row = 0;
   for (std::size_t z = 0; z < observation.zones.size(); ++z) {
     const ObservedZone& zone = observation.zones[z];
-    const BinLikelihood& law = observation.law(zone);
+    const BinLikelihood& noise_model = observation.noise_model(zone);
     const int bins = zone.bins();
     zone_begin_.push_back(row);
     mean.resize(static_cast<std::size_t>(bins));
@@ -167,9 +167,9 @@ MatchedFilter::MatchedFilter(const PoseObjective& objective, const LinearSolutio
       mean_[row + k] = static_cast<float>(mean[i]);
       counts_[row + k] = static_cast<float>(zone.counts[i]);
       weight_[row + k] =
-          static_cast<float>(zone.weight_of(k) / std::max(law.variance(level), 1e-12));
+          static_cast<float>(zone.weight_of(k) / std::max(noise_model.variance(level), 1e-12));
     }
-    // Nuisance directions: the ambient light (its prior and its bins outside the window count as
+    // Nuisance directions: the ambient light (its prior and its bins outside the gate count as
     // well), then the direct return, orthogonal in the weighted inner product.
     const auto w = weight_.segment(row, bins);
     const auto zone_index = static_cast<Eigen::Index>(z);
@@ -177,7 +177,7 @@ MatchedFilter::MatchedFilter(const PoseObjective& objective, const LinearSolutio
     double slope = 0;
     if (unknowns.ambient == LinearMode::per_zone) {
       const double c = empty.ambient[z];
-      const double weight = 1 / std::max(law.variance(std::max(c, 1e-12)), 1e-12);
+      const double weight = 1 / std::max(noise_model.variance(std::max(c, 1e-12)), 1e-12);
       beyond = zone.outside_bins * weight;
       if (priors == Priors::used) {
         slope = (zone.outside_count - zone.outside_bins * c) * weight;
@@ -503,7 +503,7 @@ Scored score(const PoseObjective& objective, const LinearSolution& empty, int co
   const auto gain_of = [&](const Candidate& c) {
     return c.log_posterior - result.empty - static_cast<double>(prior[c.index]);
   };
-  const auto wanted = static_cast<std::size_t>(std::max(kLeastExact, kExactPerStart * count));
+  const auto wanted = static_cast<std::size_t>(std::max(kMinExact, kExactPerStart * count));
   std::vector<bool> known(compiled.poses.size());
   double best = -std::numeric_limits<double>::infinity();
   double gain = 0;  // of the best, over the empty scene
@@ -522,7 +522,7 @@ Scored score(const PoseObjective& objective, const LinearSolution& empty, int co
         if (known[static_cast<std::size_t>(pose)]) continue;
         const auto score = static_cast<double>(scores[pose]);
         const double doubt = 0.5 * std::abs(score - static_cast<double>(prior[pose]));
-        hopeless = i >= kLeastExact / 2 && result.empty + score + doubt < cut();
+        hopeless = i >= kMinExact / 2 && result.empty + score + doubt < cut();
         if (hopeless) break;
         known[static_cast<std::size_t>(pose)] = true;
         scored.push_back({pose, 0, compiled.poses[static_cast<std::size_t>(pose)]});
@@ -572,13 +572,12 @@ Scored score(const PoseObjective& objective, const LinearSolution& empty, int co
     const auto better = scored.begin() + static_cast<std::ptrdiff_t>(i);
     if (std::none_of(scored.begin(), better, [&](const auto& c) { return near(c, scored[i]); })) {
       if (static_cast<int>(chosen.size()) < count) chosen.push_back(scored[i]);
-    } else if (slopes.size() < kLeastStarts * 8) {
+    } else if (slopes.size() < kMinStarts * 8) {
       slopes.push_back(scored[i]);
     }
   }
   for (const Candidate& slope : slopes) {
-    if (chosen.size() >= std::min<std::size_t>(kLeastStarts, static_cast<std::size_t>(count)))
-      break;
+    if (chosen.size() >= std::min<std::size_t>(kMinStarts, static_cast<std::size_t>(count))) break;
     if (std::none_of(chosen.begin(), chosen.end(), [&](const auto& c) { return near(c, slope); })) {
       chosen.push_back(slope);
     }
@@ -601,7 +600,7 @@ std::vector<PoseVector> best_by_model(const PoseObjective& objective, const Scor
   };
   std::vector<Place> places;
   for (const Candidate& c : scored.exact) {
-    if (places.size() == kMostByModel) break;
+    if (places.size() == kMaxByModel) break;
     if (c.log_posterior < scored.exact.front().log_posterior - within) break;
     places.push_back({0, c.pose});
   }

@@ -60,7 +60,7 @@ class MatchedFilter {
   Priors priors_;
   Eigen::VectorXf mean_, counts_, weight_;
   Eigen::MatrixXf basis_;        // [rows, 2] orthonormal nuisance directions within each zone
-  Eigen::MatrixXf pull_;         // [zones, 2] along them, of priors and of bins outside the window
+  Eigen::MatrixXf pull_;         // [zones, 2] along them, of priors and of bins outside the gate
   std::vector<int> zone_begin_;  // [zones + 1]
 };
 

@@ -13,7 +13,7 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
-#include "inverse/likelihood/direct_error.h"
+#include "inverse/likelihood/background_error.h"
 #include "inverse/likelihood/light_slope.h"
 #include "inverse/posterior/fisher_information.h"
 #include "inverse/posterior/fitted_histograms.h"
@@ -27,8 +27,8 @@ namespace {
 
 /// Fisher scoring stops when a step promises less than this in log posterior.
 constexpr double kWorthAStep = 2e-3;
-constexpr int kMostSteps = 12;
-constexpr int kMostHalvings = 5;
+constexpr int kMaxSteps = 12;
+constexpr int kMaxHalvings = 5;
 /// Times that the closed-form light is corrected by the model on the way, and the move in standard
 /// deviations over which a correction holds.
 constexpr int kCorrections = 4;
@@ -36,7 +36,7 @@ constexpr double kSmallMove = 0.3;
 /// Standard deviations over which the slopes of a correction hold.
 constexpr double kSlopesHold = 1;
 /// Starts that are followed when nothing is known.
-constexpr std::size_t kMostStarts = 6;
+constexpr std::size_t kMaxStarts = 6;
 
 bool has_amplitude(const Scene& scene) { return scene.linear.amplitude == LinearMode::shared; }
 
@@ -89,7 +89,7 @@ class CaptureLikelihood final : public FrameLikelihood {
     objective_.evaluate_empty(empty);
     const Scored scored =
         score(objective_, empty, options_.max_starts, options_.negligible_log_posterior);
-    std::vector<Refined> basins(std::min(scored.starts.size(), kMostStarts));
+    std::vector<Refined> basins(std::min(scored.starts.size(), kMaxStarts));
     tbb::this_task_arena::isolate([&] {
       tbb::parallel_for(std::size_t{0}, basins.size(), [&](std::size_t i) {
         basins[i] = approach(objective_, scored.starts[i].pose);
@@ -255,7 +255,7 @@ class CaptureLikelihood final : public FrameLikelihood {
     clamp(state.at);
     ShapeBuffer light;
     evaluate(source, prior, precision, log_norm, inflation, state, light);
-    for (int i = 0; i < kMostSteps; ++i) {
+    for (int i = 0; i < kMaxSteps; ++i) {
       Eigen::VectorXd gradient;
       Eigen::MatrixXd information;
       linearise(source, state, light, gradient, information);
@@ -267,7 +267,7 @@ class CaptureLikelihood final : public FrameLikelihood {
       if (0.5 * step.dot(gradient) < kWorthAStep) break;
       State next = state;
       double scale = 1;
-      for (int half = 0; half < kMostHalvings; ++half, scale *= 0.5) {
+      for (int half = 0; half < kMaxHalvings; ++half, scale *= 0.5) {
         next.at = state.at + scale * step;
         clamp(next.at);
         evaluate(source, prior, precision, log_norm, inflation, next, light);

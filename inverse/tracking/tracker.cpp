@@ -28,7 +28,7 @@ using Eigen::VectorXd;
 /// A direction counts as measured when the frame took away this share of its variance.
 constexpr double kMeasured = 0.02;
 /// One innovation counts at most this much when the inflation is adapted: it may be an outlier.
-constexpr double kMostSurprise = 9;
+constexpr double kMaxSurprise = 9;
 /// Below this probability of presence a track ends.
 constexpr double kGone = 0.5;
 
@@ -399,7 +399,7 @@ void Tracker::keep(std::vector<Hypothesis> hypotheses) {
 /// degree of freedom.
 void Tracker::adapt(const Innovation& innovation, double dt) {
   if (innovation.freedom < 1) return;
-  const double surprise = std::min(innovation.squared / innovation.freedom, kMostSurprise);
+  const double surprise = std::min(innovation.squared / innovation.freedom, kMaxSurprise);
   inflation_ *= std::exp((surprise - 1) * std::min(dt / options_.inflation_time, 0.1));
   inflation_ = std::clamp(inflation_, 1.0, options_.max_inflation);
 }

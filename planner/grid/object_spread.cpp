@@ -32,7 +32,7 @@ constexpr double kTail = 4.5;
 /// Steps over the search region, at least: its border is washed out by half of one.
 constexpr double kRegionSteps = 24;
 /// Steps of yaw or size over eight standard deviations, at least and at most.
-constexpr int kFewestShapes = 8, kMostShapes = 96;
+constexpr int kFewestShapes = 8, kMaxShapes = 96;
 /// A position's share of the heaviest one's weight below which it is left out.
 constexpr double kNegligible = 1e-6;
 
@@ -49,7 +49,7 @@ std::vector<double> steps_over(const ShapeRange& range, double radius, double re
   if (!(width * radius > 0.1 * resolution))
     return {std::clamp(range.mean, range.lower, range.upper)};
   const int count = std::clamp(static_cast<int>(std::ceil(width * radius / resolution)),
-                               kFewestShapes, kMostShapes);
+                               kFewestShapes, kMaxShapes);
   std::vector<double> values;
   for (int i = 0; i < count; ++i) values.push_back(range.lower + (i + 0.5) * width / count);
   return values;

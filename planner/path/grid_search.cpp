@@ -20,7 +20,7 @@ constexpr double kNever = std::numeric_limits<double>::infinity();
 /// expansions, from wider ones cells are expanded before their cheapest way is known.
 constexpr double kBucketWidth = 0.5;
 /// Costlier cells share the last bucket, which is slower and as exact.
-constexpr std::size_t kMostBuckets = 1U << 20U;
+constexpr std::size_t kMaxBuckets = 1U << 20U;
 
 constexpr double kDiagonal = std::numbers::sqrt2;
 constexpr std::array<double, kSteps> kStepLengths{1, kDiagonal, 1, kDiagonal,
@@ -142,7 +142,7 @@ void GridSearch::reach(const Cell& cell, std::size_t index, double cost, std::ui
   cost_[index] = cost;
   step_[index] = step;
   const auto bucket =
-      std::min(kMostBuckets - 1, static_cast<std::size_t>((cost + estimate(cell)) / kBucketWidth));
+      std::min(kMaxBuckets - 1, static_cast<std::size_t>((cost + estimate(cell)) / kBucketWidth));
   if (bucket >= buckets_.size()) buckets_.resize(bucket + 1);
   buckets_[bucket].push_back({cost, small_index});
   lowest_ = std::min(lowest_, bucket);

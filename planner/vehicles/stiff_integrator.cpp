@@ -26,7 +26,7 @@ using Matrix = boost::numeric::ublas::matrix<double>;
 /// length (1e-7 s of a step of 0.1 s), and is far below the fastest time constant (about 1e-5 s).
 constexpr double kShortestShare = 1e-6;
 /// Harsh steps of the car take some 50 inner steps; equations that take so many have no solution.
-constexpr int kMostInnerSteps = 20'000;
+constexpr int kMaxInnerSteps = 20'000;
 /// Forward differences: error of rounding and of the quotient are about equal.
 const double kDifference = std::sqrt(std::numeric_limits<double>::epsilon());
 
@@ -77,7 +77,7 @@ class Rosenbrock : public Integrator {
     double time = 0, inner = dt;
     int inner_steps = 0;
     while (dt - time > shortest) {
-      if (++inner_steps > kMostInnerSteps) fail(time, dt);
+      if (++inner_steps > kMaxInnerSteps) fail(time, dt);
       inner = std::min(inner, dt - time);
       const double asked = inner;
       if (stepper.try_step(std::make_pair(system, slopes), now, time, inner) == odeint::success) {

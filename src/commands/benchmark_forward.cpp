@@ -22,8 +22,8 @@ namespace blindcorner {
 namespace {
 
 /// Sampling of the fast model in units of what its closed-form estimates ask for at 1 %.
-constexpr double kFidelities[] = {16, 11.3, 8, 5.66, 4, 2.83, 2, 1.41, 1, 0.71, 0.5};
-constexpr double kFidelityTolerance = 0.01;
+constexpr double kSamplingSteps[] = {16, 11.3, 8, 5.66, 4, 2.83, 2, 1.41, 1, 0.71, 0.5};
+constexpr double kSamplingTolerance = 0.01;
 /// Tolerances that a user may ask for; the model finds its sampling itself.
 constexpr double kTolerances[] = {0.3, 0.1, 0.04, 0.02, 0.01};
 /// Samplings of the reference renderer in units of its own default.
@@ -99,7 +99,7 @@ Truth make_truth(const ForwardArguments& arguments, const Scene& scene,
     progress.advance();
   });
   progress.finish();
-  add_noise(scene, reference->direct_return(), truth);
+  add_noise(scene, reference->static_background(), truth);
   return truth;
 }
 
@@ -138,37 +138,38 @@ Setting run(const ForwardModel& model, const Truth& truth) {
 std::vector<Setting> study(const ForwardArguments& arguments, const Scene& scene,
                            const SensorPlacement& sensor, const Truth& truth) {
   std::vector<Setting> settings;
-  Progress progress(scene.name + ": settings", 2 * std::size(kFidelities) + std::size(kTolerances) +
-                                                   std::size(kReferenceScales));
+  Progress progress(
+      scene.name + ": settings",
+      2 * std::size(kSamplingSteps) + std::size(kTolerances) + std::size(kReferenceScales));
   const auto add = [&](Setting setting, const std::string& model, const std::string& name,
                        const ForwardModel& of) {
     setting.scene = scene.name;
     setting.model = model;
     setting.name = name;
-    const Fidelity fidelity = of.fidelity().value_or(Fidelity{0, 0});
-    setting.relay = fidelity.relay;
-    setting.object = fidelity.object;
+    const SamplingStep sampling_step = of.sampling_step().value_or(SamplingStep{0, 0});
+    setting.relay = sampling_step.relay;
+    setting.object = sampling_step.object;
     settings.push_back(setting);
     progress.advance();
     return setting.microseconds < 1e3 * arguments.slowest_ms;
   };
   bool narrow_lobe = false;
-  const auto add_fidelities = [&](bool pairs) {
-    for (const double fidelity : kFidelities) {
-      FastModelOptions options = at_tolerance(kFidelityTolerance);
-      options.fidelity = Fidelity{fidelity, fidelity, pairs};
+  const auto add_sampling_steps = [&](bool pairs) {
+    for (const double sampling_step : kSamplingSteps) {
+      FastModelOptions options = at_tolerance(kSamplingTolerance);
+      options.sampling_step = SamplingStep{sampling_step, sampling_step, pairs};
       const auto model = make_fast_model(scene, sensor, options);
       if (pairs && model->plan().kernel != Kernel::retro_pairs) break;  // there is no lobe
       narrow_lobe = narrow_lobe || model->plan().kernel == Kernel::retro_single;
-      const std::string name = formatted("fidelity %g", fidelity);
+      const std::string name = formatted("sampling step %g", sampling_step);
       if (!add(run(*model, truth), pairs ? "fast, lobe pairs" : "fast", name, *model)) break;
     }
   };
-  add_fidelities(false);
+  add_sampling_steps(false);
   if (narrow_lobe) {
-    add_fidelities(true);
+    add_sampling_steps(true);
   } else {
-    progress.advance(std::size(kFidelities));
+    progress.advance(std::size(kSamplingSteps));
   }
   for (const double tolerance : kTolerances) {
     const auto model = make_fast_model(scene, sensor, at_tolerance(tolerance));
@@ -185,7 +186,7 @@ std::vector<Setting> study(const ForwardArguments& arguments, const Scene& scene
 
 std::string csv(const std::vector<std::pair<Truth, std::vector<Setting>>>& studies) {
   std::string text =
-      "scene,model,setting,relay_fidelity,object_fidelity,microseconds,relative_l2,worst_bin,"
+      "scene,model,setting,relay_step,object_step,microseconds,relative_l2,worst_bin,"
       "noise_relative_l2,noise_peak_bin\n";
   for (const auto& [truth, settings] : studies) {
     for (const Setting& s : settings) {

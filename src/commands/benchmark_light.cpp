@@ -337,7 +337,7 @@ const StudyFiles kFiles{
     "photons are those of the object, averaged over the poses, over an equal background. The "
     "photon bound is the Cramer-Rao bound without priors of the pose, root mean square over the "
     "poses: it falls with the root of the photons, but for what the brightness's prior tells and "
-    "what the known light may be off by. The noise of the traced light is the error that the "
+    "what the static background may be off by. The noise of the traced light is the error that the "
     "files' own "
     "standard errors cause, which no number of photons averages out. The 95 % region is that of "
     "highest density of the whole posterior, its interval Wilson's."};
@@ -375,7 +375,7 @@ TracedCaptures traced_captures(const LightArguments& arguments, const Scene& sce
     return {scene, std::move(traced), &dark};
   }
   const auto renderer = make_reference_renderer(scene, sensor_placement(scene));
-  return {scene, std::move(traced), &renderer->direct_return()};
+  return {scene, std::move(traced), &renderer->static_background()};
 }
 
 /// All captures of a scene at one level of light, with a fitter that knows nothing yet.

@@ -254,10 +254,10 @@ std::vector<Chart> charts(const Study& study) {
     }
     each.series.push_back(std::move(dots));
   }
-  constexpr std::size_t kMostDots = 1000;
+  constexpr std::size_t kMaxDots = 1000;
   for (const std::size_t v : {std::size_t{0}, study.variants.size() - 1}) {
     ChartSeries dots{study.variants[v].name, {}, SeriesStyle::dots};
-    const std::size_t step = 1 + study.problems.size() / kMostDots;
+    const std::size_t step = 1 + study.problems.size() / kMaxDots;
     for (std::size_t i = 0; i < study.problems.size(); i += step) {
       dots.points.push_back({study.problems[i].length, study.variants[v].solutions[i].time});
     }

@@ -27,7 +27,7 @@ constexpr double kDuration = 2;       ///< of a run, s
 constexpr double kUnstable = 1;
 /// What braking leaves of the speed of models that cannot stand, m/s.
 constexpr double kSlowest = 0.5;
-constexpr double kLeastDrawn = 1e-6;  ///< mm
+constexpr double kMinDrawn = 1e-6;  ///< mm
 constexpr IntegratorTolerance kReference{1e-10, 1e-10};
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
 
@@ -185,7 +185,7 @@ std::vector<Chart> charts(const std::vector<Measurement>& measured) {
     ChartSeries steps = empty, times = empty, limits = empty;
     for (const double step : method.steps) {
       const Measurement m = summary(measured, method.name, step);
-      const double error = std::max(1e3 * m.error, kLeastDrawn);
+      const double error = std::max(1e3 * m.error, kMinDrawn);
       const std::string label = formatted("%g ms", 1e3 * step);
       steps.points.push_back({1e3 * step, error, label});
       times.points.push_back({m.cost, error, label});

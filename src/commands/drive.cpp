@@ -52,9 +52,9 @@ double against_noise(const Scene& scene, const SensedLight& light, const SensedL
   const LinearValues linear{scene.linear.fixed_amplitude, scene.linear.fixed_ambient,
                             scene.linear.fixed_direct};
   const HistogramCube sensed =
-      expected_counts(scene, light.three_bounce, light.static_light, linear);
+      expected_counts(scene, light.three_bounce, light.static_background, linear);
   const HistogramCube right =
-      expected_counts(scene, reference.three_bounce, reference.static_light, linear);
+      expected_counts(scene, reference.three_bounce, reference.static_background, linear);
   double square = 0;
   for (std::size_t i = 0; i < right.values.size(); ++i) {
     if (right.values[i] > 0) {
@@ -80,7 +80,7 @@ void check_sensor(const SimulatedSensor& sensor, const DriveResult& result, int 
     const SensedLight reference = sensor.reference_light(frame.T_world_sensor, frame.truth);
     std::printf("  %8.2f %12.5f %12.6f %14.2f\n", frame.time,
                 relative_difference(light.three_bounce, reference.three_bounce),
-                relative_difference(light.static_light, reference.static_light),
+                relative_difference(light.static_background, reference.static_background),
                 against_noise(sensor.scene(), light, reference));
     std::fflush(stdout);
   }

@@ -121,7 +121,7 @@ void print_plan(const ExplainArguments& arguments, const Scene& scene,
       FastModelOptions switched = options;
       // A lobe's pairs have a sampling of their own.
       const bool lobe = plan.kernel != Kernel::lambertian;
-      if (decision.term == Term::patch_pairs && lobe) switched.fidelity.reset();
+      if (decision.term == Term::patch_pairs && lobe) switched.sampling_step.reset();
       (decision.used ? switched.overrides.off : switched.overrides.on) = {decision.term};
       const Measured other = measure(*make_fast_model(scene, sensor, switched), poses);
       change = share_text(largest_change(plain, other));
@@ -230,7 +230,7 @@ int run_explain(const ExplainArguments& arguments) {
   FastModelOptions options;
   options.tolerance = arguments.tolerance;
   const auto model = make_fast_model(scene, sensor, options);
-  options.fidelity = model->fidelity();  // the same sampling with and without each term
+  options.sampling_step = model->sampling_step();  // the same sampling with and without each term
   std::printf("scene %s:", scene.name.c_str());
   for (int i = 0; i < object_count(scene); ++i) {
     std::printf("%s %s", i == 0 ? "" : ",", object_kind(hidden_object(scene, i).material));

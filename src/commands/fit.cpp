@@ -229,13 +229,13 @@ void tell_hints(const std::vector<FitResult>& results) {
       }
     }
   }
-  constexpr std::size_t kMostHints = 5;
-  for (std::size_t i = 0; i < std::min(hints.size(), kMostHints); ++i) {
+  constexpr std::size_t kMaxHints = 5;
+  for (std::size_t i = 0; i < std::min(hints.size(), kMaxHints); ++i) {
     std::fprintf(stderr, "blindcorner: hint: %s\n", hints[i].first.c_str());
   }
-  if (hints.size() > kMostHints) {
+  if (hints.size() > kMaxHints) {
     std::fprintf(stderr, "blindcorner: hint: %zu more like these, in result.json\n",
-                 hints.size() - kMostHints);
+                 hints.size() - kMaxHints);
   }
 }
 

@@ -97,7 +97,8 @@ Capture render_one(const RenderArguments& arguments, const Scene& scene, const S
     const LinearValues linear{scene.linear.fixed_amplitude,
                               arguments.noiseless ? 0.0 : scene.linear.fixed_ambient,
                               scene.linear.fixed_direct, arguments.noiseless ? 0.0 : 1.0};
-    const HistogramCube known = arguments.empty ? model.direct_return() : model.static_return(pose);
+    const HistogramCube known =
+        arguments.empty ? model.static_background() : model.shadowed_background(pose);
     capture.counts = expected_counts(scene, light, known, linear);
     if (arguments.noiseless) {
       saturate(scene.sensor, capture.counts);

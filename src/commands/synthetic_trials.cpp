@@ -19,7 +19,7 @@
 namespace blindcorner {
 namespace {
 
-constexpr double kLeastLight = 1e-3;
+constexpr double kMinLight = 1e-3;
 constexpr int kTypicalPoses = 64;
 
 }  // namespace
@@ -29,7 +29,7 @@ ShownPoses::ShownPoses(const Scene& scene, std::uint64_t seed)
   std::mt19937_64 typical(seed);
   std::vector<double> light(kTypicalPoses);
   for (double& l : light) l = total_light(*model_, draw_pose(scene, typical));
-  least_light_ = kLeastLight * quantile(light, 0.5);
+  least_light_ = kMinLight * quantile(light, 0.5);
 }
 
 PoseVector ShownPoses::draw(std::mt19937_64& random) const {

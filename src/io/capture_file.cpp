@@ -79,11 +79,11 @@ std::string metadata_attribute(const Imf::Header& header, const std::string& pat
 }
 
 /// Throws unless metadata and image speak of the same counts.
-void check_extent(const CaptureFile& file, const Imath::Box2i& window, double file_bytes,
+void check_extent(const CaptureFile& file, const Imath::Box2i& gate, double file_bytes,
                   const std::string& path) {
   const HistogramCube& cube = file.captures.front().counts;
-  const double width = 1.0 + window.max.x - double(window.min.x);
-  const double height = 1.0 + window.max.y - double(window.min.y);
+  const double width = 1.0 + gate.max.x - double(gate.min.x);
+  const double height = 1.0 + gate.max.y - double(gate.min.y);
   const double rows = double(cube.rows) * cube.columns * double(file.captures.size());
   auto whole = [](double value) { return std::to_string(static_cast<long long>(value)); };
   if (width != cube.bins) {
@@ -109,8 +109,8 @@ CaptureFile read_checked(const std::string& path) {
   check_channel(header, path);
   CaptureFile file =
       parse_metadata(metadata_attribute(header, path), path + ": attribute blindcorner");
-  const Imath::Box2i window = header.dataWindow();
-  check_extent(file, window, static_cast<double>(std::filesystem::file_size(path)), path);
+  const Imath::Box2i gate = header.dataWindow();
+  check_extent(file, gate, static_cast<double>(std::filesystem::file_size(path)), path);
   // OpenEXR may fill what is missing with zeros or rebuild a lost table of rows; neither is data.
   if (!image.isComplete()) throw Error(path, "is truncated: rows of histograms are missing");
 
@@ -118,10 +118,10 @@ CaptureFile read_checked(const std::string& path) {
   const std::size_t zones = static_cast<std::size_t>(file.captures.front().counts.zones());
   std::vector<float> pixels(bins * zones * file.captures.size());
   Imf::FrameBuffer buffer;
-  buffer.insert(kChannel, Imf::Slice::Make(Imf::FLOAT, pixels.data(), window, sizeof(float),
+  buffer.insert(kChannel, Imf::Slice::Make(Imf::FLOAT, pixels.data(), gate, sizeof(float),
                                            bins * sizeof(float)));
   image.setFrameBuffer(buffer);
-  image.readPixels(window.min.y, window.max.y);
+  image.readPixels(gate.min.y, gate.max.y);
 
   auto next = pixels.cbegin();
   for (std::size_t i = 0; i < file.captures.size(); ++i) {

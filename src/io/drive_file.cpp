@@ -29,7 +29,7 @@ const NumberRange kVehicleLength = NumberRange::between(0.01, 50);
 const NumberRange kSpeed{.lower = 0, .upper = 100, .above_lower = true};
 const NumberRange kDelay = NumberRange::between(0, 60);
 /// Of a map; 4 million cells are 2000 x 2000, whose planning takes seconds.
-constexpr double kMostCells = 4e6;
+constexpr double kMaxCells = 4e6;
 
 Vector2d read_point(const JsonReader& reader) {
   const auto parts = reader.elements_exactly(2, "numbers");
@@ -143,7 +143,7 @@ GridGeometry read_map(const JsonReader& reader) {
   constexpr double kRounding = 1e-9;
   const Vector2d cells =
       ((upper - lower) / map.cell_size - Vector2d::Constant(kRounding)).array().ceil();
-  if (cells.prod() > kMostCells) {
+  if (cells.prod() > kMaxCells) {
     reader.at("cell_m").fail("cells of which the map has at most 4 million");
   }
   map.origin = lower;

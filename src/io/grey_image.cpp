@@ -14,7 +14,7 @@ namespace blindcorner {
 namespace {
 
 /// More pixels than this (a gigabyte as numbers) are a mistake in the file's head.
-constexpr std::size_t kMostPixels = std::size_t{1} << 27;
+constexpr std::size_t kMaxPixels = std::size_t{1} << 27;
 
 // --- pgm
 // ------------------------------------------------------------------------------------------
@@ -32,7 +32,7 @@ class PgmReader {
     image.width = number("width", 1, 1 << 24);
     image.height = number("height", 1, 1 << 24);
     const int brightest = number("maxval", 1, 65535);
-    if (image.pixels() > kMostPixels) fail("it has more than 2^27 pixels");
+    if (image.pixels() > kMaxPixels) fail("it has more than 2^27 pixels");
     if (binary_) {
       read_binary(brightest, image);
     } else {
@@ -112,7 +112,7 @@ GreyImage read_png(const std::string& bytes, const std::string& path) {
     throw Error(path, "is no readable png: " + one_line(png.message));
   }
   GreyImage image{static_cast<int>(png.width), static_cast<int>(png.height), {}, {}};
-  if (image.pixels() > kMostPixels) throw Error(path, "it has more than 2^27 pixels");
+  if (image.pixels() > kMaxPixels) throw Error(path, "it has more than 2^27 pixels");
   const bool transparent = (png.format & PNG_FORMAT_FLAG_ALPHA) != 0;
   png.flags |= PNG_IMAGE_FLAG_16BIT_sRGB;  // values as they are, not as amounts of light
   png.format = PNG_FORMAT_RGBA;

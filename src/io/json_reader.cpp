@@ -16,7 +16,7 @@ namespace {
 using Json = JsonReader::Json;
 
 /// More say nothing new: a list of numbers in a wrong unit.
-constexpr std::size_t kMostErrors = 100;
+constexpr std::size_t kMaxErrors = 100;
 /// Longest value that is quoted in a message, characters.
 constexpr std::size_t kLongestQuote = 60;
 
@@ -108,7 +108,7 @@ void JsonReader::attempt(const std::function<void()>& part) const {
   try {
     part();
   } catch (const Error& error) {
-    if (errors_->size() < kMostErrors) errors_->emplace_back(error.what());
+    if (errors_->size() < kMaxErrors) errors_->emplace_back(error.what());
   }
 }
 

@@ -21,7 +21,7 @@ constexpr int kDeepestCells = 8;
 /// Unpacked bytes that any file may have, and so many times its size else: whole-number counts
 /// shrink to a tenth, what is mostly zero to a hundredth.
 constexpr std::size_t kAlwaysAllowed = std::size_t{1} << 26;
-constexpr std::size_t kMostExpansion = 100;
+constexpr std::size_t kMaxExpansion = 100;
 
 /// Types of elements and classes of arrays (MAT-File Format, R2023a, tables 1-1 and 1-3).
 enum ElementType : std::uint32_t { kInt32 = 5, kUInt32 = 6, kMatrix = 14, kCompressed = 15 };
@@ -177,7 +177,7 @@ void check_matlab_file(const std::string& path) {
   std::memcpy(&version, bytes.data() + 124, sizeof version);
   if (version == kMatlab73) return;
   if (bytes.compare(126, 2, "IM") != 0) walk.damaged("no header of a little-endian MATLAB 5 file");
-  std::size_t left = std::max(kAlwaysAllowed, kMostExpansion * bytes.size());
+  std::size_t left = std::max(kAlwaysAllowed, kMaxExpansion * bytes.size());
   for (std::string_view rest = std::string_view(bytes).substr(kHeader); !rest.empty();) {
     const Element outer = walk.next(rest, false);
     if (outer.type == kMatrix) walk.array(outer.data, 0);

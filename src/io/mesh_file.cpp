@@ -36,9 +36,9 @@ std::shared_ptr<const TriangleMesh> read_obj(const std::string& path, double sca
           {indices[i].vertex_index, indices[i + 1].vertex_index, indices[i + 2].vertex_index});
     }
   }
-  if (triangles.size() > kMostTriangles) {
+  if (triangles.size() > kMaxTriangles) {
     throw Error(path, "found " + std::to_string(triangles.size()) +
-                          " triangles, accepted: at most " + std::to_string(kMostTriangles) +
+                          " triangles, accepted: at most " + std::to_string(kMaxTriangles) +
                           " (a simplified mesh)");
   }
   try {

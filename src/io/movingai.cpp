@@ -13,7 +13,7 @@ namespace blindcorner {
 namespace {
 
 /// Cells along a side at most: the set's largest maps have 1550, and indices stay within 32 bits.
-constexpr int kMostCells = 32'768;
+constexpr int kMaxCells = 32'768;
 /// C++ streams write this many digits unless told otherwise, and leave out zeros at the end.
 constexpr int kStreamDigits = 6;
 
@@ -48,9 +48,9 @@ class LineReader {
 /// As a message shows it: in quotation marks, of long text the beginning, signs that do not print
 /// as '?'.
 std::string quoted(std::string_view text) {
-  constexpr std::size_t kMost = 40;
-  std::string shown = "\"" + std::string(text.substr(0, kMost));
-  if (text.size() > kMost) shown += "...";
+  constexpr std::size_t kMax = 40;
+  std::string shown = "\"" + std::string(text.substr(0, kMax));
+  if (text.size() > kMax) shown += "...";
   std::ranges::replace_if(
       shown, [](char c) { return c < ' ' || c > '~'; }, '?');
   return shown + "\"";
@@ -64,11 +64,11 @@ bool parse(std::string_view text, Number& number) {
 
 /// A line "height 1024".
 int read_size(LineReader& lines, const std::string& word) {
-  const std::string accepted = "\"" + word + " N\", N from 1 to " + std::to_string(kMostCells);
+  const std::string accepted = "\"" + word + " N\", N from 1 to " + std::to_string(kMaxCells);
   const std::string_view line = lines.next(accepted);
   int size = 0;
   if (!line.starts_with(word + " ") || !parse(line.substr(word.size() + 1), size) || size < 1 ||
-      size > kMostCells) {
+      size > kMaxCells) {
     lines.fail(quoted(line), accepted);
   }
   return size;

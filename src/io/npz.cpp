@@ -16,11 +16,11 @@ namespace {
 /// A small archive can promise almost anything. Histograms that are mostly zero shrink to a
 /// hundredth; archives may hold this much whatever their size, else so many times their size.
 constexpr zip_uint64_t kAlwaysAllowed = zip_uint64_t{1} << 26;
-constexpr zip_uint64_t kMostExpansion = 100;
+constexpr zip_uint64_t kMaxExpansion = 100;
 
 void check_expansion(zip_t* archive, zip_int64_t count, const std::string& path) {
   const zip_uint64_t most = std::max(
-      kAlwaysAllowed, kMostExpansion * static_cast<zip_uint64_t>(std::filesystem::file_size(path)));
+      kAlwaysAllowed, kMaxExpansion * static_cast<zip_uint64_t>(std::filesystem::file_size(path)));
   zip_uint64_t all = 0;
   for (zip_int64_t i = 0; i < count; ++i) {
     zip_stat_t stat;

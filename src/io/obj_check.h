@@ -8,7 +8,7 @@ namespace blindcorner {
 
 /// Most triangles of a mesh: light around a corner is spread over centimetres, and every triangle
 /// costs in every sum.
-inline constexpr std::size_t kMostTriangles = 20'000;
+inline constexpr std::size_t kMaxTriangles = 20'000;
 
 /// Throws Error naming file and line where a vertex has a coordinate that is no finite number, or a
 /// face an index that is no whole number or names no vertex.

@@ -437,7 +437,7 @@ void read_link_of(const JsonReader& reader, Sensor& sensor) {
 }
 
 void read_time_axis(const JsonReader& reader, Sensor& sensor) {
-  sensor.bins = reader.at("bins").integer(1, kMostBins);
+  sensor.bins = reader.at("bins").integer(1, kMaxBins);
   sensor.bin_width = reader.at("bin_width_ps").number(kDuration) * kPicosecond;
   if (const JsonReader wrap = reader.at("wrap_bins"); wrap.present() && !wrap.is_array()) {
     sensor.wrap_bins = wrap.integer(0, sensor.bins);
@@ -489,17 +489,17 @@ Sensor read_explicit(const JsonReader& reader) {
   Sensor sensor;
   sensor.name = reader.at("name").text_or("custom");
   reader.at("description").text_or("");
-  sensor.rows = reader.at("rows").integer(1, kMostZonesPerSide);
-  sensor.columns = reader.at("columns").integer(1, kMostZonesPerSide);
-  if (sensor.zone_count() > kMostZones) {
+  sensor.rows = reader.at("rows").integer(1, kMaxZonesPerSide);
+  sensor.columns = reader.at("columns").integer(1, kMaxZonesPerSide);
+  if (sensor.zone_count() > kMaxZones) {
     reader.at("rows").fail(std::to_string(sensor.zone_count()) + " zones (rows * columns)",
-                           "at most " + std::to_string(kMostZones));
+                           "at most " + std::to_string(kMaxZones));
   }
   read_time_axis(reader, sensor);
-  if (sensor.zone_count() > kMostCounts / sensor.bins) {
+  if (sensor.zone_count() > kMaxCounts / sensor.bins) {
     reader.at("bins").fail(
         std::to_string(sensor.zone_count()) + " zones of " + std::to_string(sensor.bins) + " bins",
-        "at most " + std::to_string(kMostCounts) + " bins together");
+        "at most " + std::to_string(kMaxCounts) + " bins together");
   }
   reader.attempt([&] { read_zones(reader, sensor); });
   reader.attempt([&] { read_noise(reader.at("noise"), sensor); });

@@ -20,7 +20,7 @@ constexpr double kLetter = 6.8;
 constexpr double kLetterHeight = 13;
 /// About as many ticks fit on an axis.
 constexpr int kTicks = 4;
-constexpr int kMostDecades = 8;
+constexpr int kMaxDecades = 8;
 
 /// Values along one direction, and the pixels that they are drawn at.
 class Axis {
@@ -75,7 +75,7 @@ class Axis {
   std::vector<double> log_ticks() const {
     const int first = static_cast<int>(std::floor(std::log10(low_)));
     const int last = static_cast<int>(std::ceil(std::log10(high_)));
-    const int every = 1 + (last - first) / kMostDecades;
+    const int every = 1 + (last - first) / kMaxDecades;
     std::vector<double> ticks;
     const auto add = [&](double t) {
       if (t >= low_ && t <= high_) ticks.push_back(t);

@@ -12,7 +12,7 @@ namespace blindcorner {
 namespace {
 
 /// Points that a curve is drawn with at most.
-constexpr std::size_t kMostCurvePoints = 400;
+constexpr std::size_t kMaxCurvePoints = 400;
 
 constexpr const char* kUnits =
     "<p>Lengths in m, angles in rad, yaw modulo the shape's symmetry.</p>\n";
@@ -33,7 +33,7 @@ Chart loss_chart(CnnArchitecture network, const CnnTrainingResult& result) {
   // As many points of each factor of epochs, as the axis shows them.
   double next = 1;
   const double factor = std::pow(static_cast<double>(std::max<std::size_t>(count, 2)),
-                                 1.0 / static_cast<double>(kMostCurvePoints));
+                                 1.0 / static_cast<double>(kMaxCurvePoints));
   for (std::size_t i = 0; i < count; ++i) {
     const auto epoch = static_cast<double>(i + 1);
     if (epoch < next && i + 1 < count) continue;
@@ -56,7 +56,7 @@ Chart distance_chart(std::vector<double> distances) {
   std::ranges::sort(distances);
   ChartSeries series{"", {{0, 0}}};
   const std::size_t count = distances.size();
-  const std::size_t step = 1 + count / kMostCurvePoints;
+  const std::size_t step = 1 + count / kMaxCurvePoints;
   for (std::size_t n = 1; n <= count; ++n) {
     if (n % step != 0 && n != count) continue;  // the largest is always shown
     series.points.push_back(

@@ -22,8 +22,8 @@ std::string figure_text(const Figure& figure) {
 }
 
 /// Points that a curve is drawn with at most, and dots.
-constexpr std::size_t kMostCurvePoints = 200;
-constexpr std::size_t kMostDots = 1500;
+constexpr std::size_t kMaxCurvePoints = 200;
+constexpr std::size_t kMaxDots = 1500;
 
 /// What an axis says behind the name.
 std::string unit_of(const std::string& unknown) {
@@ -46,7 +46,7 @@ Chart error_chart(const std::vector<EvaluationRow>& rows, const std::vector<std:
       series.points.push_back(
           {lengths[n - 1], static_cast<double>(n) / static_cast<double>(count)});
     };
-    const std::size_t step = 1 + count / kMostCurvePoints;
+    const std::size_t step = 1 + count / kMaxCurvePoints;
     for (std::size_t n = step; n < count; n += step) add(n);
     if (count > 0) add(count);
     chart.series.push_back(std::move(series));
@@ -93,7 +93,7 @@ Chart unknown_chart(const EvaluationRow& row, const std::string& unknown, Eigen:
               "error" + unit_of(unknown)};
   ChartSeries dots{"", {}, SeriesStyle::dots, colour::kFound};
   double most = 0;
-  const std::size_t step = std::max<std::size_t>(1, row.errors.size() / kMostDots);
+  const std::size_t step = std::max<std::size_t>(1, row.errors.size() / kMaxDots);
   for (std::size_t e = 0; e < row.errors.size(); e += step) {
     const double sigma = std::sqrt(row.errors[e].covariance(k, k));
     dots.points.push_back({sigma, row.errors[e].error[k]});

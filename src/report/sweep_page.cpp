@@ -21,7 +21,7 @@ const char* const kDefaultColour = colour::kFound;
 const char* const kFrontColour = colour::kTruth;
 
 /// Methods that take a smaller share of the default's time than this do not look at the capture.
-constexpr double kLeastShownTime = 1e-2;
+constexpr double kMinShownTime = 1e-2;
 
 /// A figure of a method at a level of light, by name.
 struct SweepColumn {
@@ -103,7 +103,7 @@ Chart level_picture(const SweepScene& scene, const SweepLevel& level, TimeOf tim
   chart.height = 300;
   std::vector<ChartPoint> points;
   std::vector<bool> solver;
-  const double least = kLeastShownTime * time(level.cells.front(), level.figures.front());
+  const double least = kMinShownTime * time(level.cells.front(), level.figures.front());
   for (std::size_t m = 0; m < scene.methods.size(); ++m) {
     if (time(level.cells[m], level.figures[m]) < least) continue;
     points.push_back(
@@ -166,7 +166,7 @@ Chart ratio_chart(const SweepVerdict& verdict) {
   std::vector<ChartPoint> points;
   std::vector<bool> solver;
   for (const SweepRatio& r : verdict.ratios) {
-    if (r.time < kLeastShownTime) continue;
+    if (r.time < kMinShownTime) continue;
     points.push_back({r.time, r.error, r.name});
     solver.push_back(r.solver);
   }

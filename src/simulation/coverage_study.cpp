@@ -25,7 +25,7 @@ constexpr double kWarnedRegion = 0.95;
 constexpr double kModeRegion = 0.999, kModeFreedom = 5;
 constexpr int kWeightBins = 10;
 /// Bins with fewer statements say nothing.
-constexpr int kLeastStatements = 10;
+constexpr int kMinStatements = 10;
 constexpr std::uint64_t kTrialSeed = 1'000'003;
 
 std::string percent(const char* pattern, double a, double b = 0) {
@@ -90,7 +90,7 @@ void add_weight_claims(std::span<const ClaimTrial> trials, std::vector<ClaimTest
     for (const ModeClaim& mode : trial.modes) diagram.add(std::min(mode.weight, 1.0), mode.right);
   }
   for (const ReliabilityBin& bin : diagram.bins()) {
-    if (bin.statements < kLeastStatements) continue;
+    if (bin.statements < kMinStatements) continue;
     claims.push_back({percent("modes of weight %.0f to %.0f %%", bin.lower, bin.upper),
                       ClaimKind::share, kModeRegion * bin.mean_predicted, bin.observed,
                       bin.statements});

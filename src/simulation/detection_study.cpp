@@ -126,7 +126,7 @@ DetectionScene study_detection(const Scene& scene, const DetectionOptions& optio
                                const std::function<void()>& advance) {
   options.validate();
   const std::vector<DrawnObject> objects = draw_objects(scene, draw_options(options));
-  const HistogramCube empty_light = empty_static_light(scene);
+  const HistogramCube empty_light = empty_static_background(scene);
   const auto empty = static_cast<std::size_t>(options.empty_captures);
   const Fitter fitter(scene, options.fit);
   DetectionScene study{scene, {}};

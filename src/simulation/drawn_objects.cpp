@@ -57,12 +57,12 @@ class LightOfTruth {
   void light(const PoseVector& pose, DrawnObject& object) const {
     if (reference_) {
       object.three_bounce = reference_->three_bounce(pose);
-      object.static_light = reference_->static_return(pose);
+      object.static_background = reference_->shadowed_background(pose);
       return;
     }
     SensedLight sensed = sensor_->light(sensor_->scene().T_world_sensor, pose);
     object.three_bounce = std::move(sensed.three_bounce);
-    object.static_light = std::move(sensed.static_light);
+    object.static_background = std::move(sensed.static_background);
   }
 
  private:
@@ -125,24 +125,24 @@ Capture capture_of(const Scene& scene, const DrawnObject& object, const Exposure
   linear.amplitude = object.amplitude;
   linear.ambient = exposure.ambient;
   linear.direct = scene.linear.fixed_direct;
-  Capture capture = capture_of_light(scene, object.three_bounce, object.static_light, linear,
+  Capture capture = capture_of_light(scene, object.three_bounce, object.static_background, linear,
                                      exposure.exposures, seed);
   set_truth(scene, object.pose, capture);
   return capture;
 }
 
-Capture empty_capture(const Scene& scene, const HistogramCube& static_light,
+Capture empty_capture(const Scene& scene, const HistogramCube& static_background,
                       const Exposure& exposure, std::uint64_t seed) {
   LinearValues linear;
   linear.amplitude = 0;
   linear.ambient = exposure.ambient;
   linear.direct = scene.linear.fixed_direct;
   const HistogramCube dark(scene.sensor.rows, scene.sensor.columns, scene.sensor.bins);
-  return capture_of_light(scene, dark, static_light, linear, exposure.exposures, seed);
+  return capture_of_light(scene, dark, static_background, linear, exposure.exposures, seed);
 }
 
-HistogramCube empty_static_light(const Scene& scene) {
-  return make_reference_renderer(scene, sensor_placement(scene))->direct_return();
+HistogramCube empty_static_background(const Scene& scene) {
+  return make_reference_renderer(scene, sensor_placement(scene))->static_background();
 }
 
 }  // namespace blindcorner

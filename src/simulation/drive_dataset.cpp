@@ -23,7 +23,7 @@ constexpr std::uint64_t kSeedsApart = 1'000;
 constexpr std::uint64_t kDriveSeeds = 1'000'000'000;
 /// Places that are tried before a frame does without more.
 constexpr int kAttempts = 200;
-constexpr int kMostPlaces = 100;
+constexpr int kMaxPlaces = 100;
 
 /// Senses what a drive came by.
 class Recorder {
@@ -80,7 +80,7 @@ void DriveDatasetOptions::validate() const {
                 "found " + std::to_string(value) + ", accepted: 1 to " + std::to_string(most));
   };
   check("environments", environments, std::numeric_limits<int>::max());
-  check("places", places, kMostPlaces);
+  check("places", places, kMaxPlaces);
 }
 
 std::vector<Trial> plan_drive_dataset(const Drive& drive, const DriveDatasetOptions& options) {

@@ -13,7 +13,7 @@
 #include "blindcorner/forward/transport/forward_model.h"
 #include "forward/relay/relay_setup.h"
 #include "forward/sensor/pulse_table.h"
-#include "forward/transport/static_light.h"
+#include "forward/transport/static_background.h"
 
 namespace blindcorner {
 namespace {
@@ -23,8 +23,8 @@ namespace {
 /// the relay: pairs of patches would be nearer by half a per cent, but cost seconds where the
 /// object stands beside what is lit. Where the lobe spreads paths by more than kWideLobe of the
 /// pulse, finer ones gain nothing, because the single sum itself is what is off.
-constexpr Fidelity kNarrowLobeSampling{0.85, 0.85, false};
-constexpr Fidelity kWideLobeSampling{1.7, 2.4, false};
+constexpr SamplingStep kNarrowLobeSampling{0.85, 0.85, false};
+constexpr SamplingStep kWideLobeSampling{1.7, 2.4, false};
 constexpr double kWideLobe = 0.5;
 /// Of other materials: the error at which a sampling is chosen, a share of the light's peak, and
 /// how much coarser than the fit's step it then is.
@@ -37,7 +37,7 @@ constexpr StaticLightSampling kBounceCells{1, 2, 9, 0.36, 3.6, 1.8, 0.4, 0.11, 0
 /// Share of the pulse's energy that may be cut off at either end.
 constexpr double kPulseTail = 1e-7;
 
-bool holds_static_light(const Scene& scene) {
+bool holds_static_background(const Scene& scene) {
   return scene.linear.direct != LinearMode::fixed || scene.linear.fixed_direct > 0;
 }
 
@@ -79,13 +79,13 @@ struct SimulatedSensor::Impl {
                std::pow(scene.sensor.response.core_sigma(), 2), kPulseTail) {
     fast.tolerance = kTolerance;
     if (const auto* retro = std::get_if<RetroreflectiveMaterial>(&scene.hidden.material)) {
-      fast.fidelity = wide_lobe(scene, *retro) ? kWideLobeSampling : kNarrowLobeSampling;
+      fast.sampling_step = wide_lobe(scene, *retro) ? kWideLobeSampling : kNarrowLobeSampling;
       return;
     }
-    fast.fidelity = choose_fidelity(transport, sensor_placement(scene), fast);
-    if (!fast.fidelity) return;
-    fast.fidelity->relay *= kBetweenSteps;
-    fast.fidelity->object *= kBetweenSteps;
+    fast.sampling_step = choose_sampling(transport, sensor_placement(scene), fast);
+    if (!fast.sampling_step) return;
+    fast.sampling_step->relay *= kBetweenSteps;
+    fast.sampling_step->object *= kBetweenSteps;
   }
 
   /// Null where no relay surface is in view: there is no light by way of the object.
@@ -99,8 +99,8 @@ struct SimulatedSensor::Impl {
     return light ? light->three_bounce(pose) : dark(scene.sensor);
   }
 
-  HistogramCube static_light(const Transform& T_world_sensor) const {
-    if (!holds_static_light(scene)) return dark(scene.sensor);
+  HistogramCube static_background(const Transform& T_world_sensor) const {
+    if (!holds_static_background(scene)) return dark(scene.sensor);
     const RelaySetup setup(scene, SensorPlacement{T_world_sensor, {}}, rays);
     HistogramCube light = setup.direct_return(pulses, kDirectCells);
     if (bounces.any()) bounces.add(setup, pulses, light);
@@ -136,7 +136,7 @@ SensedLight SimulatedSensor::light(const Transform& T_world_sensor,
         light.three_bounce =
             pose ? impl_->three_bounce(T_world_sensor, *pose) : dark(scene().sensor);
       },
-      [&] { light.static_light = impl_->static_light(T_world_sensor); });
+      [&] { light.static_background = impl_->static_background(T_world_sensor); });
   return light;
 }
 
@@ -147,8 +147,9 @@ SensedLight SimulatedSensor::reference_light(const Transform& T_world_sensor,
   const auto reference = make_reference_renderer(scene(), placement);
   if (pose && sees_relay(scene(), T_world_sensor))
     light.three_bounce = reference->three_bounce(*pose);
-  if (holds_static_light(scene())) {
-    light.static_light = pose ? reference->static_return(*pose) : reference->direct_return();
+  if (holds_static_background(scene())) {
+    light.static_background =
+        pose ? reference->shadowed_background(*pose) : reference->static_background();
   }
   return light;
 }
@@ -161,7 +162,7 @@ Capture SimulatedSensor::Impl::capture_of(const SensedLight& expected,
                             scene.linear.fixed_direct};
   Capture capture;
   capture.counts = draw_counts(
-      scene, expected_counts(scene, expected.three_bounce, expected.static_light, linear),
+      scene, expected_counts(scene, expected.three_bounce, expected.static_background, linear),
       exposures, seed);
   capture.exposures = exposures;
   capture.T_world_sensor = T_world_sensor;
@@ -188,7 +189,7 @@ std::vector<Capture> SimulatedSensor::sense_each(const Transform& T_world_sensor
   std::vector<Capture> captures;
   if (poses.empty()) return captures;
   const auto model = impl_->model(T_world_sensor);
-  SensedLight expected{dark(scene().sensor), impl_->static_light(T_world_sensor)};
+  SensedLight expected{dark(scene().sensor), impl_->static_background(T_world_sensor)};
   for (const PoseVector& pose : poses) {
     if (model) expected.three_bounce = model->three_bounce(pose);
     captures.push_back(

@@ -97,11 +97,11 @@ Exposure exposure_for(const Scene& scene, const ForwardModel& model, double phot
 }
 
 Capture capture_of_light(const Scene& scene, const HistogramCube& three_bounce,
-                         const HistogramCube& static_light, const LinearValues& linear,
+                         const HistogramCube& static_background, const LinearValues& linear,
                          double exposures, std::uint64_t seed) {
   Capture capture;
   capture.exposures = exposures;
-  const HistogramCube expected = expected_counts(scene, three_bounce, static_light, linear);
+  const HistogramCube expected = expected_counts(scene, three_bounce, static_background, linear);
   capture.counts = draw_counts(scene, expected, exposures, seed);
   capture.T_world_sensor = scene.T_world_sensor;
   return capture;
@@ -137,7 +137,7 @@ Capture make_capture(const Scene& scene, const ForwardModel& model, const PoseVe
     }
   }
   Capture capture =
-      capture_of_light(scene, light, model.static_return(pose), linear, exposures, seed);
+      capture_of_light(scene, light, model.shadowed_background(pose), linear, exposures, seed);
   set_truth(scene, pose, capture);
   return capture;
 }

@@ -31,8 +31,8 @@ Scene with_plate(const Eigen::Vector3d& position, double yaw_deg, double edge) {
 StabilityMeasurement bad_bins(const Scene& scene) {
   const auto fast = make_fast_model(scene, sensor_placement(scene));
   double bad = 0;
-  for (const HistogramCube& light :
-       {fast->three_bounce(stated_pose(scene)), fast->direct_return(), reference_light(scene)}) {
+  for (const HistogramCube& light : {fast->three_bounce(stated_pose(scene)),
+                                     fast->static_background(), reference_light(scene)}) {
     bad += static_cast<double>(std::ranges::count_if(
         light.values, [](double value) { return !std::isfinite(value) || value < 0; }));
   }

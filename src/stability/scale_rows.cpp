@@ -14,7 +14,7 @@ const char* const kTheme = "Scale and place";
 using Light = HistogramCube (*)(const Scene&);
 
 HistogramCube direct_light(const Scene& scene) {
-  return make_fast_model(scene, sensor_placement(scene))->direct_return();
+  return make_fast_model(scene, sensor_placement(scene))->static_background();
 }
 
 /// Largest of the relative differences of a scaled scene's bins, times factor^2, from the scene's.

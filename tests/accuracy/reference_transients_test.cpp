@@ -92,10 +92,10 @@ TEST_P(ReferenceTransients, AgreeWithinTheTracersNoise) {
     const auto model = make_reference_renderer(known, sensor_placement(known), sampling);
     const PoseVector pose = pose_of(known.hidden.placement, known.unknowns);
     const HistogramCube light = model->three_bounce(pose);
-    const HistogramCube with = model->static_return(pose);
+    const HistogramCube with = model->shadowed_background(pose);
     std::vector<double> change = light.values;
     for (std::size_t i = 0; i < values; ++i) {
-      change[i] += with.values[i] - model->direct_return().values[i];
+      change[i] += with.values[i] - model->static_background().values[i];
     }
     const Agreement agreement =
         compare(light, change, mean.values.data() + p * values, error.values.data() + p * values,
@@ -114,7 +114,7 @@ TEST_P(ReferenceTransients, AgreeWithinTheTracersNoise) {
 /// The known scene's own light, [zone][bin], with all albedos `share` of what they are.
 std::vector<double> own_light(Scene scene, double share) {
   for (Surface& surface : scene.surfaces) surface.albedo *= share;
-  return make_reference_renderer(scene, sensor_placement(scene))->direct_return().values;
+  return make_reference_renderer(scene, sensor_placement(scene))->static_background().values;
 }
 
 // What the corner adds to the empty scene beside its own first bounce. Of the two empty scenes the

@@ -474,7 +474,7 @@ TEST_F(Cli, ForwardBenchmarksWriteTableAndPicture) {
                               "' --poses 1 --truth 0.3 --slowest-ms 0.05");
   EXPECT_EQ(forward.exit_code, 0) << forward.err;
   EXPECT_THAT(text_of(path("study/forward.csv")),
-              AllOf(StartsWith("scene,model,setting"), HasSubstr("denali_like,fast,fidelity"),
+              AllOf(StartsWith("scene,model,setting"), HasSubstr("denali_like,fast,sampling step"),
                     HasSubstr("denali_like,reference,sampling")));
   EXPECT_THAT(text_of(path("study/forward.html")),
               AllOf(StartsWith("<!doctype html>"), HasSubstr("<svg"),
@@ -991,7 +991,7 @@ TEST_F(Cli, LightBenchmarkTellsErrorsAndClaims) {
     EXPECT_GT(row["file_limit_m"], 0);
   }
   // A hundred times the photons: a tenth of the error, but for what the brightness's prior tells of
-  // the dim ones and what the known light may be off by in the bright ones.
+  // the dim ones and what the static background may be off by in the bright ones.
   const double falls =
       rows[0]["photon_bound_m"].get<double>() / rows[1]["photon_bound_m"].get<double>();
   EXPECT_LT(falls, 10);

@@ -21,7 +21,7 @@ namespace fs = std::filesystem;
 using namespace blindcorner;
 
 /// Files beyond this size are replayed, but not damaged.
-constexpr std::size_t kMostBytes = 65536;
+constexpr std::size_t kMaxBytes = 65536;
 
 /// One of the ways in which files are damaged: cut off, a few bytes changed, a part repeated or
 /// left out, a number replaced by an extreme one.
@@ -87,7 +87,7 @@ int main(int count, char** arguments) {
     std::ifstream stream(file, std::ios::binary);
     const std::string bytes{std::istreambuf_iterator<char>(stream), {}};
     std::mt19937 random(1);
-    const int mutants = bytes.size() <= kMostBytes ? std::atoi(arguments[3]) : 0;
+    const int mutants = bytes.size() <= kMaxBytes ? std::atoi(arguments[3]) : 0;
     for (int i = 0; i <= mutants; ++i, ++replayed) {
       const std::string text = i == 0 ? bytes : damaged(bytes, random);
       if (holds(reader, folder, text)) continue;

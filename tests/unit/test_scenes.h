@@ -115,8 +115,9 @@ inline Capture reference_capture(const Scene& scene, const PoseVector& pose, dou
   Capture capture;
   capture.exposures = photons / counts;
   const LinearValues linear{1.0, counts / (light.zones() * 20), scene.linear.fixed_direct};
-  capture.counts = draw_counts(scene, expected_counts(scene, light, model->direct_return(), linear),
-                               capture.exposures, seed);
+  capture.counts =
+      draw_counts(scene, expected_counts(scene, light, model->static_background(), linear),
+                  capture.exposures, seed);
   capture.source = "synthetic";
   return capture;
 }

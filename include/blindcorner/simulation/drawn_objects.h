@@ -24,7 +24,7 @@ enum class TrueLight {
 struct DrawnObject {
   PoseVector pose;  ///< of the unknowns that methods are told of
   double amplitude = 1.0;
-  HistogramCube three_bounce, static_light;
+  HistogramCube three_bounce, static_background;
 };
 
 struct DrawOptions {
@@ -60,10 +60,10 @@ Capture capture_of(const Scene& scene, const DrawnObject& object, const Exposure
                    std::uint64_t seed);
 
 /// A capture of the scene without an object.
-Capture empty_capture(const Scene& scene, const HistogramCube& static_light,
+Capture empty_capture(const Scene& scene, const HistogramCube& static_background,
                       const Exposure& exposure, std::uint64_t seed);
 
 /// The static light of the scene without an object, W/m^2 per bin.
-HistogramCube empty_static_light(const Scene& scene);
+HistogramCube empty_static_background(const Scene& scene);
 
 }  // namespace blindcorner

@@ -14,8 +14,8 @@ namespace blindcorner {
 
 /// Expected light of one frame, W/m^2 per bin as of ForwardModel.
 struct SensedLight {
-  HistogramCube three_bounce;  ///< by way of the hidden object; zero without one
-  HistogramCube static_light;  ///< of the known scene, all its bounces
+  HistogramCube three_bounce;       ///< by way of the hidden object; zero without one
+  HistogramCube static_background;  ///< of the known scene, all its bounces
 };
 
 /// A frame as the sensor delivers it.

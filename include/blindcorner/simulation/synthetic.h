@@ -54,7 +54,7 @@ Exposure exposure_for(const Scene& scene, const ForwardModel& model, double phot
 
 /// A noisy capture, the average of so many exposures, of light in W/m^2 per bin, without a truth.
 Capture capture_of_light(const Scene& scene, const HistogramCube& three_bounce,
-                         const HistogramCube& static_light, const LinearValues& linear,
+                         const HistogramCube& static_background, const LinearValues& linear,
                          double exposures, std::uint64_t seed);
 
 /// States the pose as the capture's truth.

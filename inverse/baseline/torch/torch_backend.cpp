@@ -116,8 +116,8 @@ class WideNetwork : public Network {
     x = output->forward(torch::relu(dense(hidden, x)));
     const std::int64_t half = x.size(1) / 2;
     // Deviations from a thousandth to seven times half of a range.
-    constexpr double kLeastLogVariance = -14, kMostLogVariance = 4;
-    const Tensor spread = x.narrow(1, half, half).clamp(kLeastLogVariance, kMostLogVariance);
+    constexpr double kMinLogVariance = -14, kMaxLogVariance = 4;
+    const Tensor spread = x.narrow(1, half, half).clamp(kMinLogVariance, kMaxLogVariance);
     return torch::cat({x.narrow(1, 0, half), spread}, 1);
   }
 

@@ -118,13 +118,15 @@ class RememberedLight final : public ForwardModel {
   RememberedLight(const Scene& scene, const PoseVector& pose)
       : renderer_(make_reference_renderer(scene, sensor_placement(scene))),
         three_bounce_(renderer_->three_bounce(pose)),
-        static_return_(renderer_->static_return(pose)) {}
+        static_return_(renderer_->shadowed_background(pose)) {}
 
   void three_bounce(const PoseVector& /*pose*/, HistogramCube& out) const override {
     out = three_bounce_;
   }
-  const HistogramCube& direct_return() const override { return renderer_->direct_return(); }
-  HistogramCube static_return(const PoseVector& /*pose*/) const override { return static_return_; }
+  const HistogramCube& static_background() const override { return renderer_->static_background(); }
+  HistogramCube shadowed_background(const PoseVector& /*pose*/) const override {
+    return static_return_;
+  }
   const TransportPlan& plan() const override { return renderer_->plan(); }
 
  private:

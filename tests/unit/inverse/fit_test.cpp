@@ -89,7 +89,8 @@ TEST(Fit, AnEmptySceneIsNotAnObject) {
   for (std::uint64_t seed = 1; seed <= 40; ++seed) {
     Capture capture = blank(scene);
     capture.counts = draw_counts(
-        scene, expected_counts(scene, nothing, model->direct_return(), {0.0, 5.0, 1.0}), 1.0, seed);
+        scene, expected_counts(scene, nothing, model->static_background(), {0.0, 5.0, 1.0}), 1.0,
+        seed);
     if (fitter.fit(capture).false_alarm_probability.value() < 0.05) ++alarms;
   }
   // Binomial(40, 0.05): more than 8 with probability 1e-4.
@@ -251,7 +252,7 @@ TEST(BadCapture, NegativeCountsAreDataUnderAGaussianLaw) {
   const double peak = *std::max_element(light.values.begin(), light.values.end());
   for (Zone& zone : scene.sensor.zones) zone.gain = 200 / peak;
   capture.counts = draw_counts(
-      scene, expected_counts(scene, light, model->direct_return(), {1.0, 0.0, 0.0}), 1.0, 2);
+      scene, expected_counts(scene, light, model->static_background(), {1.0, 0.0, 0.0}), 1.0, 2);
   ASSERT_LT(*std::min_element(capture.counts.values.begin(), capture.counts.values.end()), 0.0);
   const FitResult result = fit(scene, capture, quick_options());
   EXPECT_LT((result.posterior.modes.front().pose - truth).norm(), 0.05);

@@ -256,7 +256,8 @@ TEST(SimulatedSensor, AgreesWithTheReferenceRenderer) {
   const auto reference =
       make_reference_renderer(robot().scene, SensorPlacement{T, {}}, reference_sampling(0.5));
   EXPECT_LT(relative_difference(light.three_bounce, reference->three_bounce(pose)), 0.02);
-  EXPECT_LT(relative_difference(light.static_light, reference->static_return(pose)), 0.005);
+  EXPECT_LT(relative_difference(light.static_background, reference->shadowed_background(pose)),
+            0.005);
 }
 
 TEST(SimulatedSensor, SamplesElsewhereThanTheFit) {
@@ -266,7 +267,7 @@ TEST(SimulatedSensor, SamplesElsewhereThanTheFit) {
   const auto fitted = make_fast_model(robot().scene, SensorPlacement{T, {}});
   // Far above rounding: no fit meets its own model in these captures.
   EXPECT_GT(relative_difference(light.three_bounce, fitted->three_bounce(pose)), 1e-4);
-  EXPECT_GT(relative_difference(light.static_light, fitted->direct_return()), 1e-5);
+  EXPECT_GT(relative_difference(light.static_background, fitted->static_background()), 1e-5);
 }
 
 TEST(SimulatedSensor, MoreLightIsMoreSignalOverTheSameDaylight) {

@@ -20,14 +20,14 @@ struct LinearValues {
 /// gain * (amplitude * S + direct * static) + ambient + background, per zone and bin, then the
 /// detector's pile-up if the sensor has any. Dead zones stay zero.
 HistogramCube expected_counts(const Scene& scene, const HistogramCube& three_bounce,
-                              const HistogramCube& direct_return, const LinearValues& linear);
+                              const HistogramCube& static_background, const LinearValues& linear);
 
 /// Whether captures hold static light: a direct return or a measured background.
-bool has_static_light(const Scene& scene);
+bool has_static_background(const Scene& scene);
 
 /// The static light, counts of [zone][bin]: gain * direct return, times its scale where that is
 /// fixed, plus the zone's background. Where the scale is free, it is this that is scaled.
-HistogramCube static_light(const Scene& scene, const HistogramCube& direct_return);
+HistogramCube static_background(const Scene& scene, const HistogramCube& static_background);
 
 /// Coates' model of a detector that reports the first photon of each laser pulse: with p = 1 -
 /// exp(-m / N) the probability of a photon in a bin, m counts expected without pile-up in N cycles,

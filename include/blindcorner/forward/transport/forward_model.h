@@ -27,7 +27,7 @@ SensorPlacement sensor_placement(const Scene& scene, const Capture* capture = nu
 void check_relay_visible(const Scene& scene);
 
 /// How coarsely the fast model samples, in units of what closed-form estimates ask for.
-struct Fidelity {
+struct SamplingStep {
   double relay = 1.0;
   double object = 1.0;
   /// Light of narrow lobes from pairs of relay patches, where one sum leaves out too much.
@@ -64,18 +64,20 @@ class ForwardModel {
   /// Light of the known scene alone: source, surface, detector, and where it matters the two- and
   /// three-bounce returns of known surfaces; same unit. Zero when path lengths count from the relay
   /// (the first bounce is then no part of a capture).
-  virtual const HistogramCube& direct_return() const = 0;
+  virtual const HistogramCube& static_background() const = 0;
 
-  /// Standard deviation of direct_return() from the model's own error, same unit; empty: none.
-  virtual HistogramCube direct_error() const { return {}; }
+  /// Standard deviation of static_background() from the model's own error, same unit; empty: none.
+  virtual HistogramCube background_error() const { return {}; }
 
   /// With the hidden objects in the way of the later bounces: the reference renderer's alone.
-  virtual HistogramCube static_return(const PoseVector& /*pose*/) const { return direct_return(); }
+  virtual HistogramCube shadowed_background(const PoseVector& /*pose*/) const {
+    return static_background();
+  }
 
   virtual const TransportPlan& plan() const = 0;
 
   /// Sampling that the fast model chose; nothing for the reference renderer.
-  virtual std::optional<Fidelity> fidelity() const { return std::nullopt; }
+  virtual std::optional<SamplingStep> sampling_step() const { return std::nullopt; }
   /// Nothing for the reference renderer, nor for several objects.
   virtual std::optional<ModelSize> size() const { return std::nullopt; }
 };
@@ -109,7 +111,7 @@ struct FastModelOptions {
   /// Standard deviation of an extra Gaussian pulse, s: widens the basins of attraction.
   double extra_pulse_sigma = 0.0;
   /// Sampling found for a like placement of the same scene, to save the search for it.
-  std::optional<Fidelity> fidelity;
+  std::optional<SamplingStep> sampling_step;
   /// Terms evaluated, or not, against the plan: for measuring what the plan's decisions are worth.
   PlanOverrides overrides;
 
@@ -123,8 +125,8 @@ std::shared_ptr<const SceneTransport> make_scene_transport(const Scene& scene);
 
 /// Sums over light arriving and light leaving instead of pairs: of a Lambertian object, convolved
 /// on a grid of paths; of a narrow lobe, one sum over the relay where that meets the tolerance,
-/// else pairs within the lobe's reach. Smooth in the pose. With `options.fidelity` given it costs
-/// little more than sampling the relay as the sensor sees it.
+/// else pairs within the lobe's reach. Smooth in the pose. With `options.sampling_step` given it
+/// costs little more than sampling the relay as the sensor sees it.
 std::unique_ptr<ForwardModel> make_fast_model(std::shared_ptr<const SceneTransport> transport,
                                               const SensorPlacement& placement,
                                               const FastModelOptions& options = {});
@@ -133,10 +135,10 @@ std::unique_ptr<ForwardModel> make_fast_model(const Scene& scene, const SensorPl
                                               const FastModelOptions& options = {});
 
 /// The cheapest sampling that meets `options.tolerance` at a sensor placement, for models of other
-/// placements too (`options.fidelity` is not looked at). Of several objects, what suits all;
+/// placements too (`options.sampling_step` is not looked at). Of several objects, what suits all;
 /// nothing for a measured law, which is not sampled.
-std::optional<Fidelity> choose_fidelity(const std::shared_ptr<const SceneTransport>& transport,
-                                        const SensorPlacement& placement,
-                                        const FastModelOptions& options = {});
+std::optional<SamplingStep> choose_sampling(const std::shared_ptr<const SceneTransport>& transport,
+                                            const SensorPlacement& placement,
+                                            const FastModelOptions& options = {});
 
 }  // namespace blindcorner

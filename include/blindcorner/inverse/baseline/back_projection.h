@@ -18,15 +18,15 @@ struct BackProjectionOptions {
   void validate() const;
 };
 
-/// Known light is taken off the histograms. The rest is projected back onto every voxel: light by
-/// way of it arrives in each zone as a pulse whose time and width follow from the lit and the seen
-/// relay patches (sensor - relay - voxel - relay - sensor), and the correlation of these pulses
-/// with the counts, weighted with the photon noise, is the voxel's score. Shadows of known bodies
-/// count; the object's extent and its turn do not, so that the answer is where it shines most and
-/// not its middle. The strongest voxel, refined by parabolas, is the position. An axis along which
-/// the score changes by less than half a unit of log likelihood cannot be told: it is answered by
-/// the middle of the prior, as are yaw and size always, and all unknowns of a capture without
-/// light.
+/// Static background is taken off the histograms. The rest is projected back onto every voxel:
+/// light by way of it arrives in each zone as a pulse whose time and width follow from the lit and
+/// the seen relay patches (sensor - relay - voxel - relay - sensor), and the correlation of these
+/// pulses with the counts, weighted with the photon noise, is the voxel's score. Shadows of known
+/// bodies count; the object's extent and its turn do not, so that the answer is where it shines
+/// most and not its middle. The strongest voxel, refined by parabolas, is the position. An axis
+/// along which the score changes by less than half a unit of log likelihood cannot be told: it is
+/// answered by the middle of the prior, as are yaw and size always, and all unknowns of a capture
+/// without light.
 class BackProjection {
  public:
   /// Throws Error for a scene of several hidden objects or without an unknown position.

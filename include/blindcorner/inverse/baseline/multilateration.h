@@ -19,7 +19,7 @@ struct MultilaterationOptions {
   void validate() const;
 };
 
-/// Known light is taken off the histograms, and in what is left each zone's strongest peak is
+/// Static background is taken off the histograms, and in what is left each zone's strongest peak is
 /// picked: the best match with the pulse, as wide as light of the search region is on average,
 /// within the bins that such light may reach. Its path length puts the object on an ellipsoid about
 /// what is lit and what the zone sees. The point nearest to all ellipsoids is found by robust

@@ -12,9 +12,9 @@
 
 namespace blindcorner {
 
-inline constexpr int kMostStates = 12;
+inline constexpr int kMaxStates = 12;
 /// Values of a model's states, in the order of its state_names(). Never on the heap.
-using StateVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMostStates, 1>;
+using StateVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxStates, 1>;
 
 /// dx/dt = f(x, command). Has no state of its own, so that threads can share it.
 class VehicleModel {

@@ -231,18 +231,18 @@ TEST(RelayTest, GaussNodesOfACellShareAGroup) {
 TEST(RelayTest, SplitHalvesUntilContent) {
   const std::vector<Surface> surfaces = {wall({1, 0, 0}, {-1, 0, 0}, 10, 10)};
   RelaySampling sampling;
-  constexpr double kMost = 0.02;
+  constexpr double kMax = 0.02;
   sampling.split = [](const RelayPatch& patch) {
-    if (patch.half_u.norm() > kMost) return 1;
-    return patch.half_v.norm() > kMost ? 2 : 0;
+    if (patch.half_u.norm() > kMax) return 1;
+    return patch.half_v.norm() > kMax ? 2 : 0;
   };
   const AngularRectangle region = rectangle(-20, 20, -10, 10);
   const auto patches = sample(surfaces, region, sampling);
   EXPECT_NEAR(total(patches), solid_angle(region), 1e-9);
   std::set<int> groups;
   for (const RelayPatch& patch : patches) {
-    EXPECT_LE(patch.half_u.norm(), kMost);
-    EXPECT_LE(patch.half_v.norm(), kMost);
+    EXPECT_LE(patch.half_u.norm(), kMax);
+    EXPECT_LE(patch.half_v.norm(), kMax);
     groups.insert(patch.group);
   }
   EXPECT_EQ(groups.size(), patches.size());

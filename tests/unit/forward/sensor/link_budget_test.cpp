@@ -155,7 +155,7 @@ TEST(LinkBudget, ZonesAddUpToTheExpectedCounts) {
   const PoseVector pose = pose_of(scene.hidden.placement, scene.unknowns);
   const auto zones = link_budget(scene, *model, pose);
   const HistogramCube counts =
-      expected_counts(scene, model->three_bounce(pose), model->direct_return(),
+      expected_counts(scene, model->three_bounce(pose), model->static_background(),
                       {1.0, scene.linear.fixed_ambient, scene.linear.fixed_direct});
   for (int z = 0; z < counts.zones(); ++z) {
     const ZoneBudget& b = zones[static_cast<std::size_t>(z)];
@@ -179,7 +179,7 @@ TEST(LinkBudget, PileUpStaysWithinItsBound) {
   ASSERT_GT(bound, 0.0);
   ASSERT_LT(bound, 1.0);
   const HistogramCube counts =
-      expected_counts(scene, model->three_bounce(pose), model->direct_return(),
+      expected_counts(scene, model->three_bounce(pose), model->static_background(),
                       {1.0, scene.linear.fixed_ambient, scene.linear.fixed_direct});
   const double pulses = scene.sensor.link->pulses() * scene.sensor.link->detectors;
   double largest = 0;

@@ -171,14 +171,16 @@ TEST(PhotonNoiseTest, StaticLightIsTheDirectReturnAndTheMeasuredBackground) {
   direct.values = {1, 2, 0, 3, 4, 0};
   scene.linear.direct = LinearMode::fixed;
   scene.linear.fixed_direct = 0;
-  EXPECT_FALSE(has_static_light(scene));
+  EXPECT_FALSE(has_static_background(scene));
   scene.sensor.zones[1].background = {0.5, 0, -0.25};
-  EXPECT_TRUE(has_static_light(scene));
-  EXPECT_EQ(static_light(scene, direct).values, (std::vector<double>{0, 0, 0, 0.5, 0, -0.25}));
+  EXPECT_TRUE(has_static_background(scene));
+  EXPECT_EQ(static_background(scene, direct).values, (std::vector<double>{0, 0, 0, 0.5, 0, -0.25}));
   scene.linear.fixed_direct = 0.5;
-  EXPECT_EQ(static_light(scene, direct).values, (std::vector<double>{5, 10, 0, 30.5, 40, -0.25}));
+  EXPECT_EQ(static_background(scene, direct).values,
+            (std::vector<double>{5, 10, 0, 30.5, 40, -0.25}));
   scene.linear.direct = LinearMode::per_zone;
-  EXPECT_EQ(static_light(scene, direct).values, (std::vector<double>{10, 20, 0, 60.5, 80, -0.25}));
+  EXPECT_EQ(static_background(scene, direct).values,
+            (std::vector<double>{10, 20, 0, 60.5, 80, -0.25}));
 
   const HistogramCube nothing(1, 2, 3);
   const HistogramCube counts = expected_counts(scene, nothing, nothing, {0, 7, 1, 2});

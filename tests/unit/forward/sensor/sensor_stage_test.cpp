@@ -124,8 +124,8 @@ TEST(PileUp, FitsSeeTheLightWithoutIt) {
   capture.counts = HistogramCube(1, 1, 40);
   capture.counts.values = bright_histogram();
   pile_up(30000, capture.counts.values.data(), 40);
-  const std::vector<std::vector<BinWindow>> windows = {{{0, 40}}};
-  const Observation observation = observe(scene, std::span(&capture, 1), windows);
+  const std::vector<std::vector<TimeGate>> gates = {{{0, 40}}};
+  const Observation observation = observe(scene, std::span(&capture, 1), gates);
   const std::vector<double> light = bright_histogram();
   for (std::size_t k = 0; k < 40; ++k) {
     EXPECT_NEAR(observation.zones[0].counts[k], light[k], 1e-9 * light[k]);
@@ -133,7 +133,7 @@ TEST(PileUp, FitsSeeTheLightWithoutIt) {
   EXPECT_LT(observation.likelihood[0]->scale(), 0.75);
   EXPECT_GT(observation.likelihood[0]->scale(), 0.5);
   scene.sensor.pile_up_cycles = 1e9;
-  EXPECT_EQ(observe(scene, std::span(&capture, 1), windows).zones[0].counts, capture.counts.values);
+  EXPECT_EQ(observe(scene, std::span(&capture, 1), gates).zones[0].counts, capture.counts.values);
 }
 
 TEST(Saturation, CutsWhatABinCanHold) {
@@ -205,8 +205,8 @@ TEST(Crosstalk, MixesZonesInBothModels) {
       EXPECT_NEAR(b.zone(0)[k], 0.9 * a.zone(0)[k] + 0.2 * a.zone(1)[k], 1e-9 * peak);
       EXPECT_NEAR(b.zone(1)[k], 0.1 * a.zone(0)[k] + 0.8 * a.zone(1)[k], 1e-9 * peak);
     }
-    EXPECT_NEAR(sum(mixed->direct_return()), sum(clean->direct_return()),
-                0.1 * sum(clean->direct_return()));
+    EXPECT_NEAR(sum(mixed->static_background()), sum(clean->static_background()),
+                0.1 * sum(clean->static_background()));
   }
 }
 

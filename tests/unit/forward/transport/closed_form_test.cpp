@@ -194,8 +194,8 @@ TEST(StaticReturn, ThreeBouncesOfAKnownPlateAreThoseOfAHiddenOne) {
   const auto reference = model_of(known, false);
   Scene alone = known;
   alone.surfaces.pop_back();
-  HistogramCube bounces = reference->direct_return();
-  const HistogramCube first = model_of(alone, false)->direct_return();
+  HistogramCube bounces = reference->static_background();
+  const HistogramCube first = model_of(alone, false)->static_background();
   for (std::size_t i = 0; i < bounces.values.size(); ++i) bounces.values[i] -= first.values[i];
   const HistogramCube want = model_of(hidden, false)->three_bounce(stated_pose(hidden));
   // The first bounce, a million times brighter, is subtracted.
@@ -213,10 +213,10 @@ TEST(StaticReturn, HiddenObjectBlocksThreeBounceLight) {
   const auto reference = model_of(scene, false);
   Scene alone = scene;
   alone.surfaces.pop_back();
-  const double first = sum(model_of(alone, false)->direct_return());
-  const double open = sum(reference->direct_return()) - first;
+  const double first = sum(model_of(alone, false)->static_background());
+  const double open = sum(reference->static_background()) - first;
   ASSERT_GT(open, 1e-9 * first);
-  EXPECT_NEAR(sum(reference->static_return(stated_pose(scene))) - first, 0, 1e-6 * open);
+  EXPECT_NEAR(sum(reference->shadowed_background(stated_pose(scene))) - first, 0, 1e-6 * open);
 }
 
 // What a hidden object takes away from the known scene's light is what a black surface in its place
@@ -241,10 +241,10 @@ TEST(StaticReturn, HiddenObjectBlocksAsABlackSurfaceDoes) {
   black.surfaces.push_back(body);
   Scene alone = scene;
   alone.surfaces.pop_back();
-  const double first = sum(model_of(alone, false)->direct_return());
-  const HistogramCube open = reference->direct_return();
-  const HistogramCube got = reference->static_return(stated_pose(scene));
-  const HistogramCube want = model_of(black, false)->direct_return();
+  const double first = sum(model_of(alone, false)->static_background());
+  const HistogramCube open = reference->static_background();
+  const HistogramCube got = reference->shadowed_background(stated_pose(scene));
+  const HistogramCube want = model_of(black, false)->static_background();
   const double share = (sum(want) - first) / (sum(open) - first);
   ASSERT_GT(share, 0.2);
   ASSERT_LT(share, 0.98);
@@ -277,7 +277,7 @@ TEST(StaticReturn, TwoBouncesHaveTheFormulaWrittenOut) {
   const double zone = 2 * t * (v1 - v0) * std::pow(1 + vc * vc, -1.5);
   const double exact = narrow_solid_angle() * (0.7 / kPi) * (-way.x() / r) * (-way.z() / r) /
                        (r * r) * (0.5 / kPi) * zone;
-  const HistogramCube direct = model_of(scene, false)->direct_return();
+  const HistogramCube direct = model_of(scene, false)->static_background();
   double got = 0;
   for (int k = 0; k < direct.bins; ++k) got += direct.zone(1)[k];
   // Three bounces would have to end wall, wall, floor or floor, floor, floor: there are none.

@@ -372,9 +372,9 @@ TEST_P(BothModels, ScalingTheSceneScalesTheLightByItsInverseSquare) {
       for (double& value : got.values) value *= factor * factor;
       // Rays are single precision (6e-8): a cell on a shadow's edge may fall to the other side.
       EXPECT_LT(difference(got, want), 1e-3) << factor;
-      HistogramCube direct = large->direct_return();
+      HistogramCube direct = large->static_background();
       for (double& value : direct.values) value *= factor * factor;
-      EXPECT_LT(difference(direct, small->direct_return()), 1e-3) << factor;
+      EXPECT_LT(difference(direct, small->static_background()), 1e-3) << factor;
     }
   }
 }
@@ -495,7 +495,7 @@ TEST_P(BothModels, DirectReturnOfAWallHasItsClosedForm) {
        {FieldOfIllumination(field_of(41, 52)), FieldOfIllumination(AngularCone{0.6})}) {
     scene.sensor.field = field;
     const auto both = model(scene);
-    const HistogramCube& direct = both->direct_return();
+    const HistogramCube& direct = both->static_background();
     double whole = 0;
     for (int z = 0; z < 9; ++z) {
       const auto& zone =
@@ -511,7 +511,7 @@ TEST_P(BothModels, DirectReturnOfAWallHasItsClosedForm) {
   }
   // Each zone lit by itself is lit as by the flash.
   scene.sensor.illumination = Illumination::confocal;
-  EXPECT_NEAR(sum(model(scene)->direct_return()), wall_return(field_of(33, 32), 0.6, 2, 0.7),
+  EXPECT_NEAR(sum(model(scene)->static_background()), wall_return(field_of(33, 32), 0.6, 2, 0.7),
               5e-4 * wall_return(field_of(33, 32), 0.6, 2, 0.7));
 }
 
@@ -524,7 +524,7 @@ TEST_P(BothModels, DirectReturnHasTheRightTimes) {
   scene.sensor.light_offset = Vector3d(0, 0.02, 0.01);
   scene.sensor.response = ImpulseResponse(GaussianResponse{40e-12});
   const auto both = model(scene);
-  const HistogramCube& direct = both->direct_return();
+  const HistogramCube& direct = both->static_background();
   std::vector<double> exact(128, 0.0);
   constexpr int kSteps = 300;
   const double u1 = std::tan(30 * kDegree), v1 = std::tan(25 * kDegree);
@@ -621,7 +621,7 @@ TEST_P(BothModels, ConfocalRelayPointsCountTheWayFromTheRelay) {
     for (int k = 0; k < light.bins; ++k) first += (k + 0.5) * light.zone(z)[k] / exact;
     EXPECT_NEAR(first, (1e-9 + 2 * r / kSpeedOfLight) / 88e-12, 0.02);
   }
-  EXPECT_EQ(sum(model(scene)->direct_return()), 0.0) << "the first bounce is no part of it";
+  EXPECT_EQ(sum(model(scene)->static_background()), 0.0) << "the first bounce is no part of it";
 }
 
 // ---------------------------------------------------------------------------------------------
@@ -856,7 +856,7 @@ TEST(FastModelTest, LobesThatGrazeTheFloorMeetTheTolerance) {
   FastModelOptions options;
   options.tolerance = 0.04;
   const auto fast = make_fast_model(scene, sensor_placement(scene), options);
-  EXPECT_TRUE(fast->fidelity()->lobe_pairs);
+  EXPECT_TRUE(fast->sampling_step()->lobe_pairs);
   const auto reference = make_reference_renderer(scene, sensor_placement(scene));
   options.overrides.off = {Term::patch_pairs};
   const auto sum = make_fast_model(scene, sensor_placement(scene), options);
@@ -905,7 +905,7 @@ TEST(FastModelTest, ObjectsNearTheRelayAreNotDividedForOnePatch) {
   T_world_sensor.linear() =
       (turned * Eigen::AngleAxisd(15 * kDegree, Eigen::Vector3d::UnitZ())).toRotationMatrix();
   FastModelOptions options;
-  options.fidelity = Fidelity{1.7, 1.7, false};
+  options.sampling_step = SamplingStep{1.7, 1.7, false};
   const auto model = make_fast_model(scene, SensorPlacement{T_world_sensor, {}}, options);
   EXPECT_LT(model->size()->object_points, 3000);
 }

@@ -305,9 +305,10 @@ TEST(SeveralObjects, PlanAndSamplingSuitEveryObject) {
   EXPECT_DOUBLE_EQ(both->plan().decision(Term::dim_patches).bound,
                    first->plan().decision(Term::dim_patches).bound +
                        second->plan().decision(Term::dim_patches).bound);
-  EXPECT_EQ(both->fidelity()->relay, std::min(first->fidelity()->relay, second->fidelity()->relay));
-  EXPECT_EQ(both->fidelity()->object,
-            std::min(first->fidelity()->object, second->fidelity()->object));
+  EXPECT_EQ(both->sampling_step()->relay,
+            std::min(first->sampling_step()->relay, second->sampling_step()->relay));
+  EXPECT_EQ(both->sampling_step()->object,
+            std::min(first->sampling_step()->object, second->sampling_step()->object));
 }
 
 // What one sum leaves out of a lobe's light lies where that light does, and is held against the
@@ -319,9 +320,9 @@ TEST(SeveralObjects, TwoLobesNeedPairsNoMoreThanEachByItself) {
   FastModelOptions options = at_tolerance(0.1);
   const auto both = make_fast_model(scene, sensor, options);
   EXPECT_EQ(both->plan().kernel, Kernel::retro_single);
-  EXPECT_FALSE(both->fidelity()->lobe_pairs);
+  EXPECT_FALSE(both->sampling_step()->lobe_pairs);
   options.overrides.on = {Term::patch_pairs};
-  options.fidelity = both->fidelity();
+  options.sampling_step = both->sampling_step();
   const auto pairs = make_fast_model(scene, sensor, options);
   ASSERT_EQ(pairs->plan().kernel, Kernel::retro_pairs);
   std::mt19937_64 random(3);

@@ -84,9 +84,9 @@ TEST(ZoneWrap, EachZoneHasItsOwn) {
 
 /// One zone of ten bins that hold ambient light alone.
 Observation dark(const Scene& scene, const Capture& capture) {
-  std::vector<BinWindow> windows(8);
-  windows[2] = {0, 10};
-  return observe(scene, {&capture, 1}, {windows});
+  std::vector<TimeGate> gates(8);
+  gates[2] = {0, 10};
+  return observe(scene, {&capture, 1}, {gates});
 }
 
 // Mean of ten bins at 7 with variance 4 / 5 each, prior 10 with sigma 0.5: weights 12.5 and 4.
@@ -100,7 +100,7 @@ TEST(AmbientPrior, IsWeighedAgainstTheBins) {
   std::fill(capture.counts.values.begin(), capture.counts.values.end(), 7.0);
   capture.zone_exposures.emplace(8, 5.0);
   const Observation observation = dark(scene, capture);
-  EXPECT_DOUBLE_EQ(observation.law(observation.zones.front()).variance(7), 4.0 / 5);
+  EXPECT_DOUBLE_EQ(observation.noise_model(observation.zones.front()).variance(7), 4.0 / 5);
   const LinearSolver solver(observation, scene.linear);
   LinearSolution solution;
   solver.solve(std::vector<ZoneShapes>(1), solution, false);
@@ -122,7 +122,7 @@ TEST(ZoneExposures, AZoneWithoutDataSaysNothing) {
   (*capture.zone_exposures)[2] = 0;
   EXPECT_NO_THROW(check_capture(scene, capture));
   const Observation observation = dark(scene, capture);
-  EXPECT_GT(observation.law(observation.zones.front()).variance(100), 1e6);
+  EXPECT_GT(observation.noise_model(observation.zones.front()).variance(100), 1e6);
   capture.zone_exposures->pop_back();
   EXPECT_THROW(check_capture(scene, capture), Error);
 }

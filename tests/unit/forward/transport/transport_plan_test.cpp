@@ -51,7 +51,7 @@ TEST_P(ShippedScene, SwitchingOnWhatIsLeftOutStaysWithinTheBound) {
   const SensorPlacement sensor = sensor_placement(s);
   FastModelOptions options;
   options.tolerance = 0.1;
-  options.fidelity = make_fast_model(s, sensor, options)->fidelity();
+  options.sampling_step = make_fast_model(s, sensor, options)->sampling_step();
   const auto plain = make_fast_model(s, sensor, options);
   std::mt19937_64 random(5);
   std::vector<PoseVector> poses;
@@ -127,12 +127,12 @@ class SingleSum : public testing::TestWithParam<const char*> {
   PoseVector pose_ = pose_of(scene_.hidden.placement, scene_.unknowns);
 };
 
-// The relay is divided by the lobe whatever the fidelity, which spares a fine one.
+// The relay is divided by the lobe whatever the sampling_step, which spares a fine one.
 TEST_P(SingleSum, StaysWithinItsBoundOfPairs) {
   const auto single = make_fast_model(scene_, sensor_, at_tolerance(0.3));
   ASSERT_EQ(single->plan().kernel, Kernel::retro_single);
   FastModelOptions options = at_tolerance(0.3);
-  options.fidelity = single->fidelity();
+  options.sampling_step = single->sampling_step();
   options.overrides.on = {Term::patch_pairs};
   const auto pairs = make_fast_model(scene_, sensor_, options);
   ASSERT_EQ(pairs->plan().kernel, Kernel::retro_pairs);
@@ -175,7 +175,7 @@ TEST(TransportPlan, PosesOutsideOfTheSearchRegionKeepAllOccluders) {
   s.surfaces.push_back(plate);
   FastModelOptions options;
   options.tolerance = 0.1;
-  options.fidelity = Fidelity{2, 2};
+  options.sampling_step = SamplingStep{2, 2};
   const auto planned = make_fast_model(s, sensor_placement(s), options);
   options.overrides.on = {Term::occlusion};
   const auto all = make_fast_model(s, sensor_placement(s), options);

@@ -68,7 +68,7 @@ Capture pulses_from(const Scene& scene, const Vector3d& point) {
 Capture rendered(const Scene& scene, const PoseVector& pose) {
   const auto model = make_reference_renderer(scene, sensor_placement(scene));
   Capture capture;
-  capture.counts = expected_counts(scene, model->three_bounce(pose), model->direct_return(),
+  capture.counts = expected_counts(scene, model->three_bounce(pose), model->static_background(),
                                    {1.0, kAmbient, scene.linear.fixed_direct});
   return capture;
 }
@@ -160,7 +160,7 @@ TEST(ClassicalBaselines, AnswerTheMiddleOfThePriorWithoutAnObject) {
   const auto model = make_fast_model(scene, sensor_placement(scene));
   Capture empty;
   empty.counts = expected_counts(scene, HistogramCube(3, 3, scene.sensor.bins),
-                                 model->direct_return(), {1.0, kAmbient, 1.0});
+                                 model->static_background(), {1.0, kAmbient, 1.0});
   EXPECT_EQ(Multilateration(scene).predict(empty), middle);
   empty.counts.values.assign(empty.counts.values.size(), 0.0);
   EXPECT_EQ(Multilateration(scene).predict(empty), middle);

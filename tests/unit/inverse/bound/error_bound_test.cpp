@@ -35,8 +35,8 @@ PoseBound bound_at_middle(const Scene& scene, const BoundOptions& options) {
   return bound.at(testing_scenes::stated_pose(scene));
 }
 
-// As the root of the light, less what the error of the known light and the prior of the brightness
-// leave: of more light both leave less than half.
+// As the root of the light, less what the error of the static background and the prior of the
+// brightness leave: of more light both leave less than half.
 TEST(ErrorBound, FallsWithTheRootOfLight) {
   const Scene scene = wall_with_plate();
   BoundOptions options = small();

@@ -102,7 +102,7 @@ TEST(Calibration, OneEmptyCaptureOfPhotonsVariesByTheirNumber) {
   CalibrationOptions options;
   options.variance_scale = false;
   std::uint64_t seed = 2;
-  const auto captures = empty_captures(scene, 1, renderer->direct_return(), linear, seed);
+  const auto captures = empty_captures(scene, 1, renderer->static_background(), linear, seed);
   EXPECT_NEAR(calibrate(scene, captures, options, true).scene.sensor.dispersion, 1, 0.17);
 }
 
@@ -171,7 +171,7 @@ TEST(Calibration, FindsTheInstrumentWithinItsErrors) {
         std::log(c.scene.sensor.zones[z].gain / d.instrument.sensor.zones[z].gain), 0,
         0.2);  // standard errors are 0.36: the law's axis takes part of what sets them apart
   }
-  // Noise law, at the level of the ambient light.
+  // Noise model, at the level of the ambient light.
   const auto& noise = std::get<GaussianNoise>(c.scene.sensor.noise);
   EXPECT_NEAR((noise.variance_floor + noise.variance_per_count * 100) / 810, 1, 0.08);
   EXPECT_NEAR(c.scene.linear.ambient_prior.at(0).mean, 100, 3);
@@ -276,7 +276,7 @@ TEST(Calibration, FindsWhereTheTimeAxisWraps) {
   EXPECT_LT(both.deviance_after / both.expected_deviance,
             c.deviance_after / c.expected_deviance + 0.01);
 
-  // Early light in a short window, which a wrap in the nearer half of the axis does not change.
+  // Early light in a short gate, which a wrap in the nearer half of the axis does not change.
   d.scene.sensor.zones[1].wrap_bins = 7;
   for (Zone& zone : d.scene.sensor.zones) {
     zone.first_valid_bin = 8;
@@ -413,7 +413,7 @@ TEST(Calibration, BackgroundIsNotScaledTwice) {
   const auto model = make_fast_model(scene, sensor_placement(scene));
   std::uint64_t seed = 40;
   const std::vector<Capture> captures =
-      empty_captures(instrument, 10, model->direct_return(), {0, 2, 2, 2}, seed);
+      empty_captures(instrument, 10, model->static_background(), {0, 2, 2, 2}, seed);
   CalibrationOptions options = quick();
   options.bin_width_relative = options.pulse_log = 0;
   options.zone_gain_log = options.zone_time_zero_bins = 0;

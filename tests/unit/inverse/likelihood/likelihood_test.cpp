@@ -76,18 +76,18 @@ TEST_P(EveryNoiseModel, DerivativesAgreeWithDifferences) {
 TEST_P(EveryNoiseModel, RowsAgreeWithBins) {
   std::vector<double> n, m, counted;
   std::vector<int> censored;
-  double sum = 0, least = 0;
+  double sum = 0, saturated = 0;
   for (const auto& [count, mean] : points()) {
     const bool cut = GetParam().censored() && count <= 0;
     if (cut) censored.push_back(static_cast<int>(n.size()));
     counted.push_back(cut ? 0.0 : 1.0);
     n.push_back(count);
     m.push_back(mean);
-    sum += law_.value(count, mean) - law_.least(count);
-    least += law_.least(count);
+    sum += law_.value(count, mean) - law_.saturated(count);
+    saturated += law_.saturated(count);
   }
   const CountRow row{n.data(), counted.data(), censored, static_cast<int>(n.size())};
-  EXPECT_NEAR(law_.half_deviance(row, m.data(), least), sum, 1e-7 * std::abs(sum));
+  EXPECT_NEAR(law_.half_deviance(row, m.data(), saturated), sum, 1e-7 * std::abs(sum));
   std::vector<double> first(n.size()), second(n.size());
   law_.slopes(row, m.data(), first.data(), second.data());
   for (std::size_t i = 0; i < n.size(); ++i) {
@@ -173,14 +173,14 @@ TEST_P(EveryNoiseModel, EqualBinsAgreeWithBins) {
   }
 }
 
-// The least value is a bound that the best mean attains: the deviance is never negative, whatever
-// mean the fit tries (a sensor that subtracts its background may have a negative one).
+// The saturated value is a bound that the best mean attains: the deviance is never negative,
+// whatever mean the fit tries (a sensor that subtracts its background may have a negative one).
 TEST_P(EveryNoiseModel, LeastIsTheMinimumOverAllMeans) {
   for (const double n : {0.0, 0.5, 1.0, 7.0, 60.0, 900.0, -14.0}) {
     if (n < 0 && (GetParam().poisson() || GetParam().censored())) continue;
-    const double least = law_.least(n);
+    const double saturated = law_.saturated(n);
     if (n > 0 || !GetParam().poisson()) {
-      EXPECT_NEAR(law_.value(n, law_.best(n)), least, 1e-9 * (1 + std::abs(least)));
+      EXPECT_NEAR(law_.value(n, law_.best(n)), saturated, 1e-9 * (1 + std::abs(saturated)));
     }
     double lowest = 1e300;
     double where = 0;
@@ -189,17 +189,17 @@ TEST_P(EveryNoiseModel, LeastIsTheMinimumOverAllMeans) {
       if (value < lowest) where = m;
       lowest = std::min(lowest, value);
     }
-    EXPECT_GE(lowest, least - 1e-9 * (1 + std::abs(least))) << "n " << n << " m " << where;
+    EXPECT_GE(lowest, saturated - 1e-9 * (1 + std::abs(saturated))) << "n " << n << " m " << where;
   }
 }
 
 // Least squares on the residuals is maximum likelihood only if half the square is the deviance.
 TEST_P(EveryNoiseModel, HalfTheSquaredResidualIsTheExcess) {
   for (const auto& [n, m] : points()) {
-    const double least = GetParam().poisson() ? 0 : law_.least(n);
+    const double saturated = GetParam().poisson() ? 0 : law_.saturated(n);
     const double best = law_.best(n);
-    const double residual = law_.residual(n, m, least, best);
-    const double excess = law_.value(n, m) - law_.least(n);
+    const double residual = law_.residual(n, m, saturated, best);
+    const double excess = law_.value(n, m) - law_.saturated(n);
     if (std::isfinite(excess)) {
       EXPECT_NEAR(0.5 * residual * residual, excess, 1e-9 * (1 + std::abs(law_.value(n, m))))
           << "n " << n << " m " << m;
@@ -214,10 +214,11 @@ TEST_P(EveryNoiseModel, HalfTheSquaredResidualIsTheExcess) {
 TEST_P(EveryNoiseModel, ResidualIsSmoothAtTheBestMean) {
   const double n = 80;
   const double best = law_.best(n);
-  const double least = GetParam().poisson() ? 0 : law_.least(n);
+  const double saturated = GetParam().poisson() ? 0 : law_.saturated(n);
   const double h = 0.02 * best;
   const double slope =
-      (law_.residual(n, best + h, least, best) - law_.residual(n, best - h, least, best)) / (2 * h);
+      (law_.residual(n, best + h, saturated, best) - law_.residual(n, best - h, saturated, best)) /
+      (2 * h);
   // Near the optimum the residual is sqrt(second derivative) times the distance.
   EXPECT_NEAR(slope, std::sqrt(law_.terms(n, best).second), 0.02 * slope);
   if (GetParam().poisson()) {
@@ -234,18 +235,18 @@ TEST_P(EveryNoiseModel, ResidualIsSmoothAtTheBestMean) {
 /// Expected squared score by summing over counts or integrating over values.
 double expected_information(const NoiseCase& noise_case, double m) {
   const auto owner = noise_case.likelihood();
-  const BinLikelihood& law = *owner;
+  const BinLikelihood& noise_model = *owner;
   double sum = 0;
   if (noise_case.poisson()) {
-    const double photons = law.scale() * m;
+    const double photons = noise_model.scale() * m;
     const double most = photons + 12 * std::sqrt(photons) + 30;
     for (int j = 0; j < most; ++j) {
       const double probability = std::exp(j * std::log(photons) - photons - std::lgamma(j + 1.0));
-      sum += probability * std::pow(law.terms(j / law.scale(), m).first, 2);
+      sum += probability * std::pow(noise_model.terms(j / noise_model.scale(), m).first, 2);
     }
     return sum;
   }
-  const double sigma = std::sqrt(law.variance(m));
+  const double sigma = std::sqrt(noise_model.variance(m));
   constexpr int kSteps = 20000;
   const double step = 16 * sigma / kSteps;
   double below = 1;
@@ -254,12 +255,12 @@ double expected_information(const NoiseCase& noise_case, double m) {
     const double n = m + u * sigma;
     if (noise_case.censored() && n <= 0) continue;
     const double probability = std::exp(-0.5 * u * u) / std::sqrt(2 * kPi) * step / sigma;
-    sum += probability * std::pow(law.terms(n, m).first, 2);
+    sum += probability * std::pow(noise_model.terms(n, m).first, 2);
     below -= probability;
   }
   if (noise_case.censored()) {
     below = 0.5 * std::erfc(m / sigma / std::sqrt(2.0));
-    sum += below * std::pow(law.terms(0, m).first, 2);
+    sum += below * std::pow(noise_model.terms(0, m).first, 2);
   }
   return sum;
 }
@@ -303,9 +304,9 @@ TEST(LikelihoodTest, ZeroCountsGiveFiniteTerms) {
 // no step where it takes over (20 standard deviations).
 TEST(LikelihoodTest, CensoredTermsAreFiniteAndContinuousInTheTails) {
   const auto owner = make_likelihood(GaussianNoise{1, 0, true}, 1, 1);
-  const BinLikelihood& law = *owner;
+  const BinLikelihood& noise_model = *owner;
   for (const double m : {-40.0, -25.0, 25.0, 1e3, 1e6}) {
-    const BinLikelihood::Terms t = law.terms(0, m);
+    const BinLikelihood::Terms t = noise_model.terms(0, m);
     EXPECT_TRUE(std::isfinite(t.value) && std::isfinite(t.first) && std::isfinite(t.second)) << m;
     EXPECT_GE(t.value, 0);
     EXPECT_GE(t.first, 0);
@@ -314,10 +315,10 @@ TEST(LikelihoodTest, CensoredTermsAreFiniteAndContinuousInTheTails) {
       EXPECT_NEAR(t.first, m, 0.05 * m);
       EXPECT_NEAR(t.second, 1, 0.05);
     }
-    EXPECT_TRUE(std::isfinite(law.information(m)));
+    EXPECT_TRUE(std::isfinite(noise_model.information(m)));
   }
-  const auto before = law.terms(0, 20 - 1e-9);
-  const auto after = law.terms(0, 20 + 1e-9);
+  const auto before = noise_model.terms(0, 20 - 1e-9);
+  const auto after = noise_model.terms(0, 20 + 1e-9);
   EXPECT_NEAR(before.value, after.value, 1e-6 * after.value);
   EXPECT_NEAR(before.first, after.first, 1e-5 * after.first);
   EXPECT_NEAR(before.second, after.second, 1e-3);
@@ -327,21 +328,21 @@ TEST(LikelihoodTest, CensoredTermsAreFiniteAndContinuousInTheTails) {
 // neither leaves a step.
 TEST(LikelihoodTest, RowsOfPhotonsAreRightNearTheirCountsAndFarFromThem) {
   const auto owner = make_likelihood(PoissonNoise{}, 1, 4);
-  const BinLikelihood& law = *owner;
-  std::vector<double> counts, means, least, best;
+  const BinLikelihood& noise_model = *owner;
+  std::vector<double> counts, means, saturated, best;
   for (const double n : {0.0, 1.0, 250.0, 1e5, 3e8}) {
     for (const double ratio :
          {0.3, 0.949999, 0.950001, 0.999999, 1.0, 1.02, 1.049999, 1.050001, 2.0}) {
       counts.push_back(n);
       means.push_back(std::max(n, 0.5) * ratio);
-      least.push_back(law.least(n));
-      best.push_back(law.best(n));
+      saturated.push_back(noise_model.saturated(n));
+      best.push_back(noise_model.best(n));
     }
   }
   const std::vector<double> counted(counts.size(), 1.0);
   const CountRow row{counts.data(), counted.data(), {}, static_cast<int>(counts.size()), nullptr};
   std::vector<double> residuals(counts.size());
-  law.residuals(row, means.data(), least.data(), best.data(), residuals.data());
+  noise_model.residuals(row, means.data(), saturated.data(), best.data(), residuals.data());
   long double sum = 0;
   for (std::size_t i = 0; i < counts.size(); ++i) {
     const long double n = counts[i], m = means[i];
@@ -351,7 +352,7 @@ TEST(LikelihoodTest, RowsOfPhotonsAreRightNearTheirCountsAndFarFromThem) {
     EXPECT_NEAR(std::abs(residuals[i]), expected, 1e-7 * expected + 1e-6) << counts[i];
     EXPECT_GE(residuals[i] * (means[i] - counts[i]), 0);
   }
-  EXPECT_NEAR(law.half_deviance(row, means.data(), 0), static_cast<double>(sum),
+  EXPECT_NEAR(noise_model.half_deviance(row, means.data(), 0), static_cast<double>(sum),
               1e-9 * static_cast<double>(sum));
 }
 

@@ -60,17 +60,17 @@ struct Problem {
     look({0, kBins}, with_direct);
   }
 
-  /// Cuts the captures to a window and lines the shapes up with it.
-  void look(BinWindow window, bool with_direct) {
+  /// Cuts the captures to a gate and lines the shapes up with it.
+  void look(TimeGate gate, bool with_direct) {
     observation =
         observe(scene, captures,
-                {std::vector<BinWindow>(static_cast<std::size_t>(scene.sensor.columns), window)});
+                {std::vector<TimeGate>(static_cast<std::size_t>(scene.sensor.columns), gate)});
     shapes.clear();
     for (std::size_t z = 0; z < object.size(); ++z) {
       ZoneShapes shape;
-      shape.object = object[z].data() + window.first;
-      shape.direct = with_direct ? direct[z].data() + window.first : nullptr;
-      shape.object_end = window.end - window.first;
+      shape.object = object[z].data() + gate.first;
+      shape.direct = with_direct ? direct[z].data() + gate.first : nullptr;
+      shape.object_end = gate.end - gate.first;
       shape.direct_end = shape.direct != nullptr ? shape.object_end : 0;
       shapes.push_back(shape);
     }
@@ -83,9 +83,11 @@ double loss(const Problem& p, const LinearUnknowns& u, const std::vector<double>
   double total = 0;
   for (std::size_t z = 0; z < p.observation.zones.size(); ++z) {
     const ObservedZone& zone = p.observation.zones[z];
-    const BinLikelihood& law = p.observation.law(zone);
+    const BinLikelihood& noise_model = p.observation.noise_model(zone);
     const auto excess = [&](double n, double m) {
-      return n > 0 || !law.counts_photons() ? law.value(n, m) - law.least(n) : law.scale() * m;
+      return n > 0 || !noise_model.counts_photons()
+                 ? noise_model.value(n, m) - noise_model.saturated(n)
+                 : noise_model.scale() * m;
     };
     for (int k = 0; k < zone.bins(); ++k) {
       const double m = a[z] * p.shapes[z].object[k] + c[z] +
@@ -394,7 +396,7 @@ TEST_P(EveryLinearCase, WarmStartFindsTheSameSolution) {
 INSTANTIATE_TEST_SUITE_P(LinearUnknowns, EveryLinearCase, testing::ValuesIn(linear_cases()),
                          [](const auto& tested) { return tested.param.name; });
 
-// Under a Poisson law the bins outside the window hold only ambient light, and their sum is as good
+// Under a Poisson law the bins outside the gate hold only ambient light, and their sum is as good
 // as they are one by one.
 TEST(LinearUnknownsTest, WindowLosesNothingUnderAPoissonLaw) {
   Problem whole(PoissonNoise{}, 8, 5, false);
@@ -462,8 +464,8 @@ TEST(LinearUnknownsTest, ZeroCountsStayFinite) {
     for (const LinearMode mode : {LinearMode::shared, LinearMode::per_zone, LinearMode::fixed}) {
       Problem p(PoissonNoise{}, 8, 5, with_direct);
       std::fill(p.captures[0].counts.values.begin(), p.captures[0].counts.values.end(), 0.0);
-      for (const BinWindow window : {BinWindow{0, kBins}, BinWindow{10, 50}}) {
-        p.look(window, with_direct);
+      for (const TimeGate gate : {TimeGate{0, kBins}, TimeGate{10, 50}}) {
+        p.look(gate, with_direct);
         LinearUnknowns u;
         u.amplitude = mode;
         u.direct = with_direct ? LinearMode::per_zone : LinearMode::fixed;

@@ -31,7 +31,7 @@ class Detection : public testing::Test {
 
   double probability(FalseAlarmCalibration& calibration, const Capture& capture,
                      const CompiledScene& compiled) const {
-    const Observation observation = observe(scene_, {&capture, 1}, compiled.windows);
+    const Observation observation = observe(scene_, {&capture, 1}, compiled.gates);
     const PoseObjective objective(compiled, observation);
     LinearSolution empty;
     objective.evaluate_empty(empty);
@@ -111,13 +111,13 @@ TEST_F(Detection, ProbabilityIsTheShareOfEmptyCaptures) {
   const HistogramCube nothing(sensor.rows, sensor.columns, sensor.bins);
   for (const double ambient : {0.05, 1.0, 40.0}) {
     const HistogramCube expected =
-        expected_counts(scene_, nothing, model->direct_return(), {0.0, ambient, 1.0});
+        expected_counts(scene_, nothing, model->static_background(), {0.0, ambient, 1.0});
     FalseAlarmCalibration calibration;
     int alarms = 0;
     for (std::uint64_t seed = 1; seed <= 400; ++seed) {
       Capture capture;
       capture.counts = draw_counts(scene_, expected, 1.0, seed);
-      const Observation observation = observe(scene_, {&capture, 1}, compiled_->windows);
+      const Observation observation = observe(scene_, {&capture, 1}, compiled_->gates);
       const PoseObjective objective(*compiled_, observation);
       LinearSolution empty;
       objective.evaluate_empty(empty);

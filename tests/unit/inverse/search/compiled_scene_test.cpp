@@ -28,10 +28,10 @@ TEST(ModelLevels, OfWideLobesAreEachFinerThanTheLast) {
   Scene scene = shipped("tmf8828_wall");
   scene.hidden.material = RetroreflectiveMaterial{8 * kDegree};
   const auto known = compiled(scene);
-  ASSERT_TRUE(known->models_at(0).front()->fidelity()->lobe_pairs);
+  ASSERT_TRUE(known->models_at(0).front()->sampling_step()->lobe_pairs);
   for (int level = 1; level < kModelLevels; ++level) {
-    const Fidelity before = *known->models_at(level - 1).front()->fidelity();
-    const Fidelity now = *known->models_at(level).front()->fidelity();
+    const SamplingStep before = *known->models_at(level - 1).front()->sampling_step();
+    const SamplingStep now = *known->models_at(level).front()->sampling_step();
     EXPECT_LT(now.relay, before.relay) << "level " << level;
     EXPECT_LT(now.object, before.object) << "level " << level;
   }

@@ -23,7 +23,7 @@ class Sine final : public ForwardModel {
     out = HistogramCube(1, 1, 2);
     out.values = {std::sin(3 * pose[0]), 2 * std::sin(3 * pose[0])};
   }
-  const HistogramCube& direct_return() const override { return direct_; }
+  const HistogramCube& static_background() const override { return direct_; }
   const TransportPlan& plan() const override { return plan_; }
 
  private:

@@ -52,8 +52,8 @@ class PolishOnSpline : public testing::TestWithParam<std::string> {
 // The spline's derivatives lead to the model's optimum, and say how sharp it is.
 TEST_P(PolishOnSpline, FindsTheModelsOptimumAndItsWidth) {
   for (std::size_t i = 0; i < captures_.size(); ++i) {
-    const Observation observed = observe(scene_, {&captures_[i], 1}, with_->windows);
-    const Observation plainly = observe(scene_, {&captures_[i], 1}, without_->windows);
+    const Observation observed = observe(scene_, {&captures_[i], 1}, with_->gates);
+    const Observation plainly = observe(scene_, {&captures_[i], 1}, without_->gates);
     const PoseObjective on_spline(*with_, observed);
     const PoseObjective on_model(*without_, plainly);
     const Refined b = polish(on_model, truths_[i]);
@@ -77,7 +77,7 @@ TEST_P(PolishOnSpline, FindsTheModelsOptimumAndItsWidth) {
 
 // At the pose where it was corrected, the spline gives the model's own light.
 TEST_P(PolishOnSpline, CorrectionIsExactAtItsPose) {
-  const Observation observed = observe(scene_, {captures_.data(), 1}, with_->windows);
+  const Observation observed = observe(scene_, {captures_.data(), 1}, with_->gates);
   const PoseObjective objective(*with_, observed);
   const Refined optimum = polish(objective, truths_[0]);
   ShapeBuffer corrected;
@@ -104,7 +104,7 @@ class SettleOnModel : public testing::Test {
     compiled_ = compile(scene_, {sensor_placement(scene_)}, {}, grid);
     ASSERT_FALSE(compiled_->coarse.empty());
     capture_ = testing_scenes::reference_capture(scene_, truth, 2000, 3);
-    observed_ = observe(scene_, {&capture_, 1}, compiled_->windows);
+    observed_ = observe(scene_, {&capture_, 1}, compiled_->gates);
     objective_ = std::make_unique<PoseObjective>(*compiled_, observed_);
   }
   double value(const PoseVector& pose, LinearSolution linear) const {

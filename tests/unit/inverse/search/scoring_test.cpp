@@ -27,7 +27,7 @@ class Scoring : public testing::Test {
     for (std::uint64_t seed = 1; seed <= 8; ++seed) {
       const Capture capture = testing_scenes::reference_capture(
           scene_, testing_scenes::random_pose(scene_, random_), photons, seed);
-      const Observation observed = observe(scene_, {&capture, 1}, compiled_->windows);
+      const Observation observed = observe(scene_, {&capture, 1}, compiled_->gates);
       const PoseObjective objective(*compiled_, observed);
       LinearSolution empty;
       objective.evaluate_empty(empty);
@@ -99,7 +99,7 @@ TEST(GainUnderPrior, IsTheLargestOverAllAmplitudes) {
 TEST_F(Scoring, StartsAreApartAndBestFirst) {
   const Capture capture = testing_scenes::reference_capture(
       scene_, testing_scenes::random_pose(scene_, random_), 15, 1);
-  const Observation observed = observe(scene_, {&capture, 1}, compiled_->windows);
+  const Observation observed = observe(scene_, {&capture, 1}, compiled_->gates);
   const PoseObjective objective(*compiled_, observed);
   LinearSolution empty;
   objective.evaluate_empty(empty);

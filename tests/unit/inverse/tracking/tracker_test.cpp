@@ -444,7 +444,7 @@ Capture noiseless(const Scene& scene, const PoseVector& pose, double amplitude) 
   Capture capture;
   const LinearValues linear{amplitude, 50.0, scene.linear.fixed_direct};
   capture.counts =
-      expected_counts(scene, model->three_bounce(pose), model->direct_return(), linear);
+      expected_counts(scene, model->three_bounce(pose), model->static_background(), linear);
   capture.source = "noiseless";
   return capture;
 }

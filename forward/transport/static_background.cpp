@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "forward/transport/static_light.h"
+#include "forward/transport/static_background.h"
 
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_invoke.h>
@@ -45,7 +45,7 @@ constexpr DirectSampling kBetterCells{6, 0.25, 2};
 /// threads.
 constexpr std::size_t kParts = 8;
 /// Least relative error of the direct return: what the pulse tables leave out.
-constexpr double kLeastDirectError = 1e-6;
+constexpr double kMinBackgroundError = 1e-6;
 
 /// Finer cells in the middle, for scenes where they cost at most this many legs: up to 2 ms. On the
 /// reference floor, whose own light is 80 times the object's, the finest bring a tenth of the
@@ -750,8 +750,7 @@ void KnownBounces::add(const RelaySetup& setup, const PulseTable& pulses, Histog
   // Isolated: whoever waits here must not pick up work that waits for this.
   tbb::this_task_arena::isolate([&] {
     Ends near, far;
-    tbb::parallel_invoke([&] { near = ends_of_two(setup); },
-                         [&] { far = ends_of_three(setup); });
+    tbb::parallel_invoke([&] { near = ends_of_two(setup); }, [&] { far = ends_of_three(setup); });
     const std::vector<const Middle*> middle = middle_for(far);
     tbb::parallel_for(std::size_t{0}, kParts, [&](std::size_t part) {
       add_two(near, blockers, part, parts[part]);
@@ -786,15 +785,15 @@ void KnownBounces::add(const RelaySetup& setup, const PulseTable& pulses, Histog
   }
 }
 
-StaticLightModel::StaticLightModel(const Scene& scene)
+StaticBackgroundModel::StaticBackgroundModel(const Scene& scene)
     : scene_(scene),
       sampling_(sampling_for(scene)),
       bounces_(scene, sampling_),
       pulses_(scene.sensor.response, scene.sensor.bin_width,
               std::pow(scene.sensor.response.core_sigma(), 2), 1e-7) {}
 
-HistogramCube StaticLightModel::light(const RelaySetup& setup, bool bounces,
-                                      HistogramCube& direct) const {
+HistogramCube StaticBackgroundModel::light(const RelaySetup& setup, bool bounces,
+                                           HistogramCube& direct) const {
   HistogramCube known = setup.direct_return(pulses_, kDirectCells);
   direct = known;
   mix_zones(scene_.sensor, direct);
@@ -803,9 +802,9 @@ HistogramCube StaticLightModel::light(const RelaySetup& setup, bool bounces,
   return known;
 }
 
-const StaticLightModel::Shares& StaticLightModel::shares() const {
+const StaticBackgroundModel::Shares& StaticBackgroundModel::shares() const {
   std::call_once(measured_, [this] {
-    shares_.direct = kLeastDirectError;
+    shares_.direct = kMinBackgroundError;
     const SensorPlacement own = sensor_placement(scene_);
     if (!own.relay_points.empty()) return;  // they come with captures
     const RelaySetup setup(scene_, own);
@@ -822,8 +821,8 @@ const StaticLightModel::Shares& StaticLightModel::shares() const {
   return shares_;
 }
 
-HistogramCube StaticLightModel::error(const HistogramCube& light,
-                                      const HistogramCube& direct) const {
+HistogramCube StaticBackgroundModel::error(const HistogramCube& light,
+                                           const HistogramCube& direct) const {
   HistogramCube bounced = light;
   for (std::size_t i = 0; i < direct.values.size(); ++i) {
     bounced.values[i] = std::max(light.values[i] - direct.values[i], 0.0);

@@ -26,7 +26,7 @@ constexpr double kRuleStep = 1.18920712;
 constexpr double kRuleFinest = 0.3;
 /// Most pairs of lit and seen patches that a lobe's model takes for an evaluation (about 0.2 s):
 /// the search for a sampling ends there, whatever the tolerance.
-constexpr double kMostPairs = 4e7;
+constexpr double kMaxPairs = 4e7;
 /// Largest change of a bin, relative to the peak of its pose; poses that give next to no light do
 /// not count.
 double largest_change(const std::vector<HistogramCube>& coarse,
@@ -47,9 +47,9 @@ double largest_change(const std::vector<HistogramCube>& coarse,
   return largest;
 }
 
-class FidelitySearch {
+class SamplingSearch {
  public:
-  FidelitySearch(const std::shared_ptr<const SensorView>& view, const FastModelOptions& options,
+  SamplingSearch(const std::shared_ptr<const SensorView>& view, const FastModelOptions& options,
                  bool pairs)
       : view_(view), options_(options), lobe_pairs_(pairs) {
     kernel_ = model({kCoarsest, kCoarsest})->kernel();
@@ -59,41 +59,42 @@ class FidelitySearch {
   /// any probed pose by more than the tolerance (of the pose's peak). The error falls with the
   /// fourth power of a cell's edges, so the change is at least three quarters of the coarser one's
   /// error. The object takes half of the tolerance at most, the relay what that leaves.
-  Fidelity find() {
+  SamplingStep find() {
     const double tolerance = options_.tolerance;
     // Pairs err by the object's cells the same at a coarser relay.
-    Fidelity fidelity{kernel_ == Kernel::retro_pairs ? 4.0 : 2.0, kCoarsest};
+    SamplingStep sampling_step{kernel_ == Kernel::retro_pairs ? 4.0 : 2.0, kCoarsest};
     // Half of the time is left for a finer relay.
-    while (too_many_pairs(*model(fidelity), 0.5 * kMostPairs) && fidelity.relay < kCoarsest) {
-      fidelity.relay *= kCoarsenessStep;
+    while (too_many_pairs(*model(sampling_step), 0.5 * kMaxPairs) &&
+           sampling_step.relay < kCoarsest) {
+      sampling_step.relay *= kCoarsenessStep;
     }
     const Choice object = coarsest(
-        0.5 * tolerance, 0.5 * kMostPairs,
+        0.5 * tolerance, 0.5 * kMaxPairs,
         [&](double c) {
-          return model({fidelity.relay, c});
+          return model({sampling_step.relay, c});
         },
         [](const FastModel& m) { return m.sampling().object_nodes; });
-    fidelity.object = object.coarseness;
+    sampling_step.object = object.coarseness;
     const Choice relay = coarsest(
-        tolerance - std::min(object.change, 0.5 * tolerance), kMostPairs,
+        tolerance - std::min(object.change, 0.5 * tolerance), kMaxPairs,
         [&](double c) {
-          return model({c, fidelity.object});
+          return model({c, sampling_step.object});
         },
         [&](const FastModel& m) {
           const int cells = m.sampling().lit.size() + m.sampling().seen.size();
           return resolves_lobe(m) ? cells : -1;
         });
-    fidelity.relay = relay.coarseness;
-    fidelity.lobe_pairs = kernel_ == Kernel::retro_pairs;
+    sampling_step.relay = relay.coarseness;
+    sampling_step.lobe_pairs = kernel_ == Kernel::retro_pairs;
     change_ = object.change + relay.change;
-    return fidelity;
+    return sampling_step;
   }
   double change() const { return change_; }  ///< of object and relay, where the search ended
   double unresolved() const { return unresolved_; }
 
-  std::unique_ptr<FastModel> model(Fidelity fidelity) const {
-    fidelity.lobe_pairs = lobe_pairs_;
-    return std::make_unique<FastModel>(view_, options_, FoundFidelity{fidelity, 0, {}});
+  std::unique_ptr<FastModel> model(SamplingStep sampling_step) const {
+    sampling_step.lobe_pairs = lobe_pairs_;
+    return std::make_unique<FastModel>(view_, options_, FoundSampling{sampling_step, 0, {}});
   }
   /// Histograms of the probed poses; learns which share of all pairs of patches they look at.
   std::vector<HistogramCube> probe(const FastModel& model) {
@@ -132,7 +133,7 @@ class FidelitySearch {
   /// w^2); each seen patch and object point sees another phase of them.
   bool resolves_lobe(const FastModel& m) const {
     if (kernel_ != Kernel::retro_pairs) return true;
-    const double edge = m.fidelity()->relay * kLobePatch;  // in units of the lobe
+    const double edge = m.sampling_step()->relay * kLobePatch;  // in units of the lobe
     const double ripple = 2 * std::exp(-2 * kPi * kPi * (1 / (edge * edge) + 1.0 / 12));
     const auto seen = static_cast<double>(m.sampling().seen.group_end.size()) /
                       view_->transport->scene.sensor.zone_count();
@@ -205,21 +206,21 @@ class FidelitySearch {
 /// A sampling for the plan's kernel, and pairs instead of the single sum where that leaves out too
 /// much: looks first at a coarse sampling of pairs, and where the change may be more than the
 /// tolerance at one that meets it.
-FoundFidelity find_fidelity(const std::shared_ptr<const SensorView>& view,
+FoundSampling find_sampling(const std::shared_ptr<const SensorView>& view,
                             const FastModelOptions& options, double pairs_from) {
-  FidelitySearch single(view, options, false);
-  FoundFidelity found{single.find(), single.unresolved(), {}};
+  SamplingSearch single(view, options, false);
+  FoundSampling found{single.find(), single.unresolved(), {}};
   if (view->kernel != Kernel::retro_single || view->setup.uses_points() ||
       options.overrides.switched_off(Term::patch_pairs)) {
     return found;
   }
-  const auto best = single.model(found.fidelity);
+  const auto best = single.model(found.sampling_step);
   if (best->single_sum_bound() < 0.5 * pairs_from) return found;
   const std::vector<HistogramCube> summed = single.probe(*best);
-  FidelitySearch pairs(view, options, true);
+  SamplingSearch pairs(view, options, true);
   double change = largest_change(summed, pairs.probe(*pairs.model({4, kCoarsest})));
   if (change > pairs_from) {
-    const Fidelity with_pairs = pairs.find();
+    const SamplingStep with_pairs = pairs.find();
     // Of two errors that have nothing to do with each other, the sum's. What a search gave up on is
     // the change of a sampling with at most half of the cells that it took.
     const double own = std::max(pairs.change(), 0.5 * pairs.unresolved());

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "inverse/likelihood/direct_error.h"
+#include "inverse/likelihood/background_error.h"
 
 #include <algorithm>
 #include <cmath>
@@ -17,12 +17,12 @@ constexpr int kReach = 2;
 }  // namespace
 
 void weigh(const CompiledScene& compiled, const LinearSolution& empty, Observation& observation) {
-  if (compiled.direct_error.empty()) return;
+  if (compiled.background_error.empty()) return;
   double largest = 0;
   std::size_t row = 0;
   for (std::size_t z = 0; z < observation.zones.size(); ++z) {
     ObservedZone& zone = observation.zones[z];
-    const BinLikelihood& law = observation.law(zone);
+    const BinLikelihood& noise_model = observation.noise_model(zone);
     zone.weight.resize(zone.counts.size());
     for (int k = 0; k < zone.bins(); ++k, ++row) {
       const int first = std::max(k - kReach, 0), end = std::min(k + kReach + 1, zone.bins());
@@ -30,8 +30,8 @@ void weigh(const CompiledScene& compiled, const LinearSolution& empty, Observati
           std::accumulate(zone.counts.begin() + first, zone.counts.begin() + end, 0.0) /
           (end - first);
       const double known = empty.direct[z] * compiled.direct[row] + empty.ambient[z];
-      const double photons = std::max(law.variance(std::max(known, around)), 1e-300);
-      const double share = std::pow(empty.direct[z] * compiled.direct_error[row], 2) / photons;
+      const double photons = std::max(noise_model.variance(std::max(known, around)), 1e-300);
+      const double share = std::pow(empty.direct[z] * compiled.background_error[row], 2) / photons;
       largest = std::max(largest, share);
       zone.weight[static_cast<std::size_t>(k)] = 1 / (1 + share);
     }
@@ -41,8 +41,8 @@ void weigh(const CompiledScene& compiled, const LinearSolution& empty, Observati
 }
 
 Observation observe(const CompiledScene& compiled, std::span<const Capture> captures) {
-  Observation observation = observe(compiled.scene, captures, compiled.windows);
-  if (compiled.direct_error.empty() || observation.zones.empty()) return observation;
+  Observation observation = observe(compiled.scene, captures, compiled.gates);
+  if (compiled.background_error.empty() || observation.zones.empty()) return observation;
   LinearSolution empty;
   PoseObjective(compiled, observation).evaluate_empty(empty);
   weigh(compiled, empty, observation);

@@ -100,9 +100,9 @@ class KnownBounces {
 };
 
 /// The known scene's light for any sensor pose.
-class StaticLightModel {
+class StaticBackgroundModel {
  public:
-  explicit StaticLightModel(const Scene& scene);
+  explicit StaticBackgroundModel(const Scene& scene);
   bool any_bounces() const { return bounces_.any(); }
   /// W/m^2 per bin, crosstalk included. Without `bounces` the direct return alone, which is handed
   /// out as well.

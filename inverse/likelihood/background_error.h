@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// The known light's own error, carried in the likelihood and not charged to the object.
+/// The static background's own error, carried in the likelihood and not charged to the object.
 #pragma once
 
 #include <span>
@@ -12,7 +12,7 @@ namespace blindcorner {
 /// is the scene without an object. Where the error is negligible in all bins they keep none.
 void weigh(const CompiledScene& compiled, const LinearSolution& empty, Observation& observation);
 
-/// Captures cut to the compiled scene's windows, weighed by their own fit without an object.
+/// Captures cut to the compiled scene's gates, weighed by their own fit without an object.
 Observation observe(const CompiledScene& compiled, std::span<const Capture> captures);
 
 }  // namespace blindcorner

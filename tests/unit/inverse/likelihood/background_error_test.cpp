@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 /// The fast model's error in the known scene's own light must not become an object's.
-#include "inverse/likelihood/direct_error.h"
+#include "inverse/likelihood/background_error.h"
 
 #include <gtest/gtest.h>
 
@@ -42,12 +42,12 @@ std::unique_ptr<CompiledScene> compiled_for_one_fit(const Scene& scene) {
   return compile(scene, {sensor_placement(scene)}, {}, grid);
 }
 
-TEST(DirectError, WeighsBinsByThePhotonsShareOfWhatTheyMayBeOffBy) {
+TEST(BackgroundError, WeighsBinsByThePhotonsShareOfWhatTheyMayBeOffBy) {
   const Scene scene = wall(0.97);
   const auto compiled = compiled_for_one_fit(scene);
-  ASSERT_FALSE(compiled->direct_error.empty());
+  ASSERT_FALSE(compiled->background_error.empty());
   const HistogramCube nothing(scene.sensor.rows, scene.sensor.columns, scene.sensor.bins);
-  const HistogramCube known = compiled->models().front()->direct_return();
+  const HistogramCube known = compiled->models().front()->static_background();
   for (const double exposures : {1.0, 100.0}) {
     const Capture capture = drawn(scene, nothing, known, exposures, 1);
     const Observation observation = observe(*compiled, {&capture, 1});
@@ -56,7 +56,7 @@ TEST(DirectError, WeighsBinsByThePhotonsShareOfWhatTheyMayBeOffBy) {
       for (int k = 0; k < zone.bins(); ++k, ++row) {
         const double photons =
             (compiled->direct[row] + scene.linear.fixed_ambient) / exposures;  // Poisson
-        const double error = std::pow(compiled->direct_error[row], 2);
+        const double error = std::pow(compiled->background_error[row], 2);
         // The level is smoothed over bins and fitted: no more than the half right where light
         // rises.
         EXPECT_GE(zone.weight_of(k), photons / (photons + error) - 0.02);
@@ -68,11 +68,11 @@ TEST(DirectError, WeighsBinsByThePhotonsShareOfWhatTheyMayBeOffBy) {
   }
 }
 
-TEST(DirectError, NegligibleOnesLeaveBinsAsTheyAre) {
+TEST(BackgroundError, NegligibleOnesLeaveBinsAsTheyAre) {
   const Scene scene = wall(0.7);
   const auto compiled = compiled_for_one_fit(scene);
   const HistogramCube nothing(scene.sensor.rows, scene.sensor.columns, scene.sensor.bins);
-  const HistogramCube known = compiled->models().front()->direct_return();
+  const HistogramCube known = compiled->models().front()->static_background();
   const Capture faint = drawn(scene, nothing, known, 1e-3, 1);
   for (const ObservedZone& zone : observe(*compiled, {&faint, 1}).zones) {
     EXPECT_TRUE(zone.weight.empty());
@@ -80,7 +80,7 @@ TEST(DirectError, NegligibleOnesLeaveBinsAsTheyAre) {
 }
 
 // Some ten thousand photons from the object and more, and a wall that sends nearly all light on.
-TEST(DirectError, OfABrightWallLeavesTheTruthInsideTheRegion) {
+TEST(BackgroundError, OfABrightWallLeavesTheTruthInsideTheRegion) {
   const Scene scene = wall(0.97);
   const auto reference = make_reference_renderer(scene, sensor_placement(scene));
   const Fitter fitter(scene);
@@ -89,7 +89,7 @@ TEST(DirectError, OfABrightWallLeavesTheTruthInsideTheRegion) {
   for (int i = 0; i < 10; ++i) {
     const PoseVector truth = random_pose(scene, random);
     const HistogramCube light = reference->three_bounce(truth);
-    const HistogramCube known = reference->static_return(truth);
+    const HistogramCube known = reference->shadowed_background(truth);
     for (std::uint64_t seed = 1; seed <= 5; ++seed) {
       const FitResult result = fitter.fit(drawn(scene, light, known, 2000, seed));
       inside += credible_level(scene, result.posterior, truth) <= 0.95 ? 1 : 0;
@@ -100,7 +100,7 @@ TEST(DirectError, OfABrightWallLeavesTheTruthInsideTheRegion) {
   EXPECT_LE(misfits, 2);
 }
 
-TEST(DirectError, IsNoObjectHoweverBrightTheRoom) {
+TEST(BackgroundError, IsNoObjectHoweverBrightTheRoom) {
   const Scene scene = wall(0.7);
   const auto reference = make_reference_renderer(scene, sensor_placement(scene));
   const HistogramCube nothing(scene.sensor.rows, scene.sensor.columns, scene.sensor.bins);
@@ -109,7 +109,7 @@ TEST(DirectError, IsNoObjectHoweverBrightTheRoom) {
   std::uint64_t alarms = 0;
   for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
     const FitResult result =
-        fitter.fit(drawn(scene, nothing, reference->direct_return(), 10'000, seed));
+        fitter.fit(drawn(scene, nothing, reference->static_background(), 10'000, seed));
     EXPECT_LT(result.posterior.presence_probability, 0.5);
     if (std::ranges::count(result.flags, "nothing_detected") == 0) ++alarms;
   }
