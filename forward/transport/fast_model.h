@@ -78,8 +78,9 @@ class FastModel final : public ForwardModel {
   mutable HistogramCube direct_, first_bounce_;
 };
 
-/// The coarsest sampling that meets `options.tolerance`.
+/// The coarsest sampling that meets `options.tolerance`. Pairs of patches replace one sum where
+/// that changes a bin by more than `pairs_from`, as a share of the peak of this object's light.
 FoundSampling find_sampling(const std::shared_ptr<const SensorView>& view,
-                            const FastModelOptions& options);
+                            const FastModelOptions& options, double pairs_from);
 
 }  // namespace blindcorner

@@ -207,7 +207,7 @@ class SamplingSearch {
 /// much: looks first at a coarse sampling of pairs, and where the change may be more than the
 /// tolerance at one that meets it.
 FoundSampling find_sampling(const std::shared_ptr<const SensorView>& view,
-                            const FastModelOptions& options) {
+                            const FastModelOptions& options, double pairs_from) {
   SamplingSearch single(view, options, false);
   FoundSampling found{single.find(), single.unresolved(), {}};
   if (view->kernel != Kernel::retro_single || view->setup.uses_points() ||
@@ -215,18 +215,18 @@ FoundSampling find_sampling(const std::shared_ptr<const SensorView>& view,
     return found;
   }
   const auto best = single.model(found.sampling_step);
-  if (best->single_sum_bound() < 0.5 * options.tolerance) return found;
+  if (best->single_sum_bound() < 0.5 * pairs_from) return found;
   const std::vector<HistogramCube> summed = single.probe(*best);
   SamplingSearch pairs(view, options, true);
   double change = largest_change(summed, pairs.probe(*pairs.model({4, kCoarsest})));
-  if (change > options.tolerance) {
+  if (change > pairs_from) {
     const SamplingStep with_pairs = pairs.find();
     // Of two errors that have nothing to do with each other, the sum's. What a search gave up on is
     // the change of a sampling with at most half of the cells that it took.
     const double own = std::max(pairs.change(), 0.5 * pairs.unresolved());
     const double both = largest_change(summed, pairs.probe(*pairs.model(with_pairs)));
     change = std::sqrt(std::max(both * both - own * own, 0.0));
-    if (change > options.tolerance) {
+    if (change > pairs_from) {
       return {with_pairs, pairs.unresolved(),
               "; one sum would change a bin by " + two_digits(change)};
     }
