@@ -8,7 +8,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <optional>
 #include <utility>
 
 #include "blindcorner/forward/constants.h"
@@ -26,14 +25,9 @@ constexpr double kRidgeEnd = 10;
 /// sampler's Student t less to miss.
 constexpr double kLongAxis = 0.5;
 constexpr std::size_t kMaxAxes = 2;
-/// Where the fall across the ridge is asked, in standard deviations of the peak: half of one tells
-/// a slope from the curvature that is taken for the peak's.
-constexpr double kAcross = 0.5;
-/// Farthest that one correction goes along an axis, standard deviations of the peak; corrections at
-/// a place; and one that is so short that the next step along the ridge may be twice as long.
-constexpr double kFarAcross = 2;
+/// Steps across the ridge at a place; and the way across, in standard deviations, below which the
+/// next step along the ridge may be twice as long.
 constexpr int kMaxCorrections = 3;
-constexpr int kHalvings = 3;
 constexpr double kStraight = 0.4;
 /// Steps along the ridge, standard deviations of the peak.
 constexpr double kFirstStep = 1, kShortestStep = 0.2, kLongestStep = 2;
@@ -82,83 +76,31 @@ class RidgeWalk {
     double length = kFirstStep;
     bool fallen = false;  // so far that nothing is drawn there
     for (int i = 0; i < kMaxSteps && length >= kShortestStep; ++i) {
-      const auto place = corrected(at_ + length * direction_);
-      const bool ended = place && place->target < top_ - kRidgeEnd;
+      Climbed place{at_ + length * direction_, 0, 0};
+      place.target = target_(place.pose);
+      const bool inside = std::isfinite(place.target);
+      if (inside) {
+        place = climb(std::move(place), across_axes_, target_, kMaxCorrections, inverse_);
+      }
+      const bool ended = inside && place.target < top_ - kRidgeEnd;
       if (ended && fallen) break;
-      if (!place || ended) {
+      if (!inside || ended) {
         length /= 2;
         continue;
       }
-      const PoseVector step = place->pose - at_;
-      fallen = place->target < top_ - kRidgeFall;
+      const PoseVector step = place.pose - at_;
+      fallen = place.target < top_ - kRidgeFall;
       if (!fallen) {
-        components.push_back(component(place->pose, step, place->target));
+        components.push_back(component(place.pose, step, place.target));
       }
       direction_ = step / length;
-      at_ = place->pose;
-      if (place->moved < kStraight) length = std::min(2 * length, kLongestStep);
+      at_ = place.pose;
+      if (place.moved < kStraight) length = std::min(2 * length, kLongestStep);
     }
     return components;
   }
 
  private:
-  struct Place {
-    PoseVector pose;
-    double target;
-    double moved;  ///< across the ridge, standard deviations, along the axis of the largest
-  };
-
-  /// The highest place across the ridge from a guess: quasi-Newton steps (Broyden, Fletcher,
-  /// Goldfarb, Shanno), whose curvature is the peak's at first and is kept along the ridge.
-  std::optional<Place> corrected(const PoseVector& guess) {
-    Place place{guess, target_(guess), 0};
-    if (!std::isfinite(place.target)) return std::nullopt;
-    Eigen::VectorXd slope = slope_across(place);
-    for (int k = 0; k < kMaxCorrections; ++k) {
-      Eigen::VectorXd by = inverse_ * slope;
-      by *= std::min(1.0, kFarAcross / std::max(by.norm(), 1e-12));
-      if (by.norm() < kStraight) break;
-      std::optional<Place> next;
-      for (int halving = 0; halving < kHalvings && !next; ++halving, by /= 2) {
-        const PoseVector pose = place.pose + across_axes_ * by;
-        const double there = target_(pose);
-        if (there > place.target) next = Place{pose, there, place.moved + by.norm()};
-      }
-      if (!next) break;
-      by *= 2;  // halved once too often
-      place = std::move(*next);
-      const Eigen::VectorXd now = slope_across(place);
-      learn(by, slope - now);
-      slope = now;
-    }
-    return place;
-  }
-
-  /// Slopes of the log target across the ridge, per standard deviation of the peak.
-  Eigen::VectorXd slope_across(const Place& place) const {
-    Eigen::VectorXd slope = Eigen::VectorXd::Zero(across_axes_.cols());
-    for (Eigen::Index i = 0; i < slope.size(); ++i) {
-      double probe = kAcross;
-      double there = target_(place.pose + probe * across_axes_.col(i));
-      if (!std::isfinite(there)) {
-        probe = -kAcross;
-        there = target_(place.pose + probe * across_axes_.col(i));
-      }
-      if (std::isfinite(there)) slope[i] = (there - place.target) / probe + probe / 2;
-    }
-    return slope;
-  }
-
-  /// `fall` is how the slope fell along `step`.
-  void learn(const Eigen::VectorXd& step, const Eigen::VectorXd& fall) {
-    const double curvature = step.dot(fall);
-    if (!(curvature > 1e-2 * step.squaredNorm())) return;  // not a maximum there
-    const Eigen::Index m = step.size();
-    const Eigen::MatrixXd left =
-        Eigen::MatrixXd::Identity(m, m) - step * fall.transpose() / curvature;
-    inverse_ = left * inverse_ * left.transpose() + step * step.transpose() / curvature;
-  }
-
   Peak component(const PoseVector& center, const PoseVector& step, double target) const {
     Peak peak;
     peak.center = center;

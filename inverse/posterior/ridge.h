@@ -2,15 +2,12 @@
 /// Ridges of the posterior that leave their peak's Gaussian: components for sampling along them.
 #pragma once
 
-#include <functional>
 #include <vector>
 
 #include "inverse/posterior/importance.h"
+#include "inverse/search/climb.h"
 
 namespace blindcorner {
-
-/// Log target at a pose; -infinity outside of the prior.
-using LogTarget = std::function<double(const PoseVector&)>;
 
 /// Gaussians along the ridges that pass through a peak, apart from the peak's own: the principal
 /// axes that are nearly as long as the longest (in units of the prior's widths) are followed to
