@@ -36,6 +36,10 @@ constexpr std::size_t kTogether = 8;
 /// points.
 constexpr std::size_t kMinStarts = 4;
 
+/// Photons in a bin that is dark; and a variance that a weight, which is single precision, stands.
+constexpr double kDarkPhotons = 1e-12;
+constexpr double kNoVariance = 1e-30;
+
 /// Gain in log likelihood of the best amplitude that is not negative.
 float gain(float projection, float norm) {
   const float positive = std::max(projection, 0.0F);
@@ -152,13 +156,15 @@ MatchedFilter::MatchedFilter(const PoseObjective& objective, const LinearSolutio
     const ObservedZone& zone = observation.zones[z];
     const BinLikelihood& noise_model = observation.noise_model(zone);
     const int bins = zone.bins();
+    // Counts may be averages over any number of exposures: a share of one photon is what is dark.
+    const double dark = kDarkPhotons / (noise_model.counts_photons() ? noise_model.scale() : 1.0);
     zone_begin_.push_back(row);
     mean.resize(static_cast<std::size_t>(bins));
     objective.solver().expected(zone, buffer.shapes[z], empty.amplitude[z], empty.ambient[z],
                                 empty.direct[z], mean.data());
     for (int k = 0; k < bins; ++k) {
       const auto i = static_cast<std::size_t>(k);
-      double level = std::max(mean[i], 1e-12);
+      double level = std::max(mean[i], dark);
       if (weights == Weights::observed) {
         const double before = zone.counts[static_cast<std::size_t>(std::max(k - 1, 0))];
         const double after = zone.counts[static_cast<std::size_t>(std::min(k + 1, bins - 1))];
@@ -166,8 +172,8 @@ MatchedFilter::MatchedFilter(const PoseObjective& objective, const LinearSolutio
       }
       mean_[row + k] = static_cast<float>(mean[i]);
       counts_[row + k] = static_cast<float>(zone.counts[i]);
-      weight_[row + k] =
-          static_cast<float>(zone.weight_of(k) / std::max(noise_model.variance(level), 1e-12));
+      weight_[row + k] = static_cast<float>(zone.weight_of(k) /
+                                            std::max(noise_model.variance(level), kNoVariance));
     }
     // Nuisance directions: the ambient light (its prior and its bins outside the gate count as
     // well), then the direct return, orthogonal in the weighted inner product.
@@ -177,7 +183,7 @@ MatchedFilter::MatchedFilter(const PoseObjective& objective, const LinearSolutio
     double slope = 0;
     if (unknowns.ambient == LinearMode::per_zone) {
       const double c = empty.ambient[z];
-      const double weight = 1 / std::max(noise_model.variance(std::max(c, 1e-12)), 1e-12);
+      const double weight = 1 / std::max(noise_model.variance(std::max(c, dark)), kNoVariance);
       beyond = zone.outside_bins * weight;
       if (priors == Priors::used) {
         slope = (zone.outside_count - zone.outside_bins * c) * weight;

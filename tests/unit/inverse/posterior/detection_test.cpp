@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "blindcorner/io/scene_file.h"
+#include "inverse/search/scoring.h"
 #include "unit/test_scenes.h"
 
 namespace blindcorner {
@@ -57,6 +58,33 @@ TEST_F(Detection, OrderOfCapturesDoesNotMatter) {
   EXPECT_EQ(forward, backward);
   for (std::size_t i = 0; i < captures_.size(); ++i) {
     EXPECT_EQ(probabilities({captures_[i]}).front(), forward[i]) << "alone";
+  }
+}
+
+// Counts may be averages over any number of exposures, in any unit of the gain: what is detected is
+// the same. (With variances held above 1e-12 of a count squared, captures in W/m^2 were scored as
+// if each bin had the same noise, and objects of 10,000 photons passed for empty scenes.)
+TEST_F(Detection, UnitOfCountsDoesNotMatter) {
+  constexpr double kUnit = 1e-8;
+  Scene scene = scene_;
+  for (Zone& zone : scene.sensor.zones) zone.gain *= kUnit;
+  const auto compiled = compile(scene, {sensor_placement(scene)}, {}, {});
+  const auto largest_score = [](const Scene& of, const Capture& capture,
+                                const CompiledScene& known) {
+    const Observation observation = observe(of, {&capture, 1}, known.gates);
+    const PoseObjective objective(known, observation);
+    LinearSolution empty;
+    objective.evaluate_empty(empty);
+    const MatchedFilter filter(objective, empty, MatchedFilter::Weights::expected,
+                               MatchedFilter::Priors::ignored);
+    return static_cast<double>(filter.scores().maxCoeff());
+  };
+  for (const Capture& capture : captures_) {
+    Capture scaled = capture;
+    for (double& count : scaled.counts.values) count *= kUnit;
+    scaled.exposures /= kUnit;
+    const double score = largest_score(scene_, capture, *compiled_);
+    EXPECT_NEAR(largest_score(scene, scaled, *compiled), score, 1e-3 * score);
   }
 }
 
