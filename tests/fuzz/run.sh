@@ -22,7 +22,7 @@ for reader in ${*:-$(ls tests/fuzz/corpus)}; do
   mkdir -p "$findings/corpus"
   echo "== $reader"
   if ! nice -n 10 "$program" --reader="$reader" -max_total_time="$seconds" \
-      -timeout="${FUZZ_TIMEOUT:-20}" -rss_limit_mb=2048 -malloc_limit_mb=1024 -max_len=65536 -close_fd_mask=1 \
+      -seed="${FUZZ_SEED:-0}" -timeout="${FUZZ_TIMEOUT:-20}" -rss_limit_mb=2048 -malloc_limit_mb=1024 -max_len=65536 -close_fd_mask=1 \
       -artifact_prefix="$findings/" "$findings/corpus" "tests/fuzz/corpus/$reader" \
       2> "$findings/log"; then
     failed=1
