@@ -152,14 +152,21 @@ double add_legend(const Chart& chart, std::string& svg) {
   return height;
 }
 
+/// A label under a tick, moved to the left where it would leave the picture.
+std::string tick_label(const std::string& text, double x, double y, double width) {
+  constexpr double kDigit = 6.5;  // px, width of a digit of the charts' font, rounded up
+  const bool beyond = x + 0.5 * kDigit * static_cast<double>(text.size()) > width;
+  return formatted("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"%s\">", beyond ? width - 1 : x, y,
+                   beyond ? "end" : "middle") +
+         text + "</text>";
+}
+
 void add_axes(const Chart& chart, const Axis& x, const Axis& y, double top, std::string& svg) {
   const double right = chart.width - kRight, bottom = chart.height - kBottom;
   for (const double t : x.ticks()) {
-    svg +=
-        formatted("<path d=\"M%.1f %.1fV%.1f\" stroke=\"%s\"/>", x.pixel(t), top, bottom,
-                  colour::kGrid) +
-        formatted("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"middle\">", x.pixel(t), bottom + 14) +
-        number(t) + "</text>";
+    svg += formatted("<path d=\"M%.1f %.1fV%.1f\" stroke=\"%s\"/>", x.pixel(t), top, bottom,
+                     colour::kGrid) +
+           tick_label(number(t), x.pixel(t), bottom + 14, chart.width);
   }
   for (const double t : y.ticks()) {
     svg +=
