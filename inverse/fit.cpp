@@ -146,10 +146,10 @@ void follow_turns(const PoseObjective& objective, const Refined& optimum, Eigen:
 }
 
 /// The best optimum, turned: other yaws, between which the range of yaws or the circle is divided,
-/// best first by closed-form light after everything but the yaw has followed. What
-/// an object of another yaw looks like from the same place, no other yaw explains: a box in the
-/// street (10,000 photons), turned where it stood, was led back in 2 of 120 captures, sure of a yaw
-/// that is off by 64 degrees.
+/// best first by closed-form light after everything but the yaw has followed; without those that
+/// are worse by more than `hopeless`. Turned where it stands, an object is worse whatever its yaw:
+/// descents from there led a box in the street (10,000 photons) back in 2 of 120 captures, sure of
+/// a yaw that is off by 64 degrees.
 std::vector<PoseVector> turned(const PoseObjective& objective, const Refined& optimum,
                                double hopeless) {
   const CompiledScene& compiled = objective.compiled();

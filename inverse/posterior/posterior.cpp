@@ -113,8 +113,8 @@ AlongAxis integrate(const std::array<double, std::size(kAway)>& ratios) {
 struct AxisFalls {
   Eigen::MatrixXd axes;  ///< [n, n] one standard deviation each, as columns
   std::vector<std::array<double, std::size(kAway)>> ratios;  ///< [n]
-  bool gaussian =
-      false;  ///< within the factor; where the near points are not, no farther are looked at
+  /// All within the factor; where the near points are not, no farther ones are looked at.
+  bool gaussian = false;
 
   /// Whether the posterior leaves the Gaussian's axes: along a ridge that bends it falls faster.
   bool bent() const {
