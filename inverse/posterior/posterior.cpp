@@ -37,8 +37,8 @@ constexpr double kTailPoint = 3;
 /// Where the fall is looked at, in standard deviations, ascending.
 constexpr std::array kAway{-kTailPoint, -kSigmaPoint, 0.0, kSigmaPoint, kTailPoint};
 /// Ratio of that fall to the Gaussian's from which a ridge is taken to bend. Of an oblique floor's
-/// plate (10,000 photons), whose samples missed half of the ridge, it is 3 to 25; of frames of the
-/// street and of both TMF8828 scenes at most 1.9, where following ridges changes nothing.
+/// plate (10,000 photons), whose samples missed half of the ridge, it is 3 to 25; of the frames
+/// of the street and of both TMF8828 scenes that were looked at (some twenty) at most 1.9.
 constexpr double kBent = 2;
 /// A mode with less than exp(-7) = 0.1 % of the evidence need not follow Laplace.
 constexpr double kMinorEvidence = 7.0;

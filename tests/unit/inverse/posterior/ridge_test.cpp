@@ -20,7 +20,7 @@ constexpr double kAlong = 0.05;   // standard deviation along the ridge, m of x
 constexpr double kThin = 0.002;   // across it, m of y
 constexpr double kTurned = 0.05;  // rad of yaw
 
-/// A peak in the middle of the region whose other side is no part of the ridge's Gaussian.
+/// A peak in the middle of the search region.
 Peak peak_of(const Scene& scene) {
   Peak peak;
   peak.center.resize(3);
@@ -100,7 +100,7 @@ TEST(Ridge, GaussianTakesFewEvaluations) {
     ++asked;
     return straight.log_target(pose);
   });
-  // Two long axes (yaw's prior is wide: only x is long), two sides, three places, each with the
+  // Two long axes (x and yaw, in units of their priors), two sides, three places, each with the
   // slopes of the two directions across.
   EXPECT_LE(asked, 2 * 2 * 3 * (1 + 2) + 1);
   for (const Peak& component : components) {
