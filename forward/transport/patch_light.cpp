@@ -212,7 +212,8 @@ BLINDCORNER_MULTIVERSION void retro_light_of_patches(const Scratch& s, const Pat
   for (int i = 0; i < n; ++i) {
     const double weight = scale * w[i] * (albedo[i] / kPi);
     const double r = l[i] - leg[i];
-    // Lobe: p scatters about r by sigma r, stretched along the tilt by 1/cos.
+    // Lobe: p scatters about r by sigma r, stretched along the tilt by 1/cos: by judgement 20 times
+    // at most, because the footprint's light falls with the cosine.
     const double dn = dx[i] * nx[i] + dy[i] * ny[i] + dz[i] * nz[i];
     const double cosine = std::max(-dn, 0.05);
     const double cx = way_in * lx[i] + dx[i];

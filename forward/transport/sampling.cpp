@@ -27,11 +27,12 @@ constexpr double kMidpointError = 0.35;
 constexpr double kRuleSpread = 0.75;
 /// The same for points seen an angle apart, against inverse squares: an angle over ln(1 / e). The
 /// relay's error is as large for the directions along which no path changes, and there a point more
-/// costs little; the object is small.
+/// costs little; the object is small. By judgement: the search for a sampling scales what relay and
+/// object get, so that what matters is how angles compare with paths.
 constexpr double kRelayRuleAngle = 0.5;
 constexpr double kObjectRuleAngle = 1.8;
 /// Most points along an edge of a relay cell; larger cells are halved, so that dim ones can do with
-/// fewer points.
+/// fewer points. By judgement.
 constexpr double kMaxRulePoints = 8;
 /// Quarterings of a cell that straddles a border; what is left of it is shared between the
 /// surfaces, and deeper ones change no shipped scene's error by 1e-4 of the light.
@@ -39,7 +40,8 @@ constexpr int kEdgeDepth = 2;
 /// Edge of what shares the lobes of its middle, in those for which a midpoint will do: lobes matter
 /// at the edges of the light only.
 constexpr double kAnchorEdge = 2;
-/// Cosine between normals of cells on one side of the object.
+/// Cosine between normals of cells on one side of the object, 26 degrees: by judgement, boxes have
+/// sides 90 degrees apart.
 constexpr double kSameSide = 0.9;
 
 /// Middles of the object at the probed placements, in lanes that are summed side by side.
@@ -340,6 +342,7 @@ BLINDCORNER_MULTIVERSION void add_cell(const SurfaceCell& cell, const SeenFromOb
 
 std::vector<SeenFromObject> seen_from_probes(const PatchArrays& seen, const SceneTransport& of) {
   std::vector<SeenFromObject> views;
+  // Some 64 of them, by judgement: what a cell exchanges with them is a weight only.
   const int stride = std::max(1, seen.size() / 64);
   for (std::size_t p = 0; p < of.probes.size(); ++p) {
     const Transform to_object = of.T_world_probes[p].inverse(Eigen::Isometry);
@@ -391,6 +394,8 @@ void sample_object(const SensorView& view, const SamplingNeeds& needs, Sampling&
   std::vector<SurfaceCell> cells;
   CellSums sums;
   double angle = 1;  // of cells, root mean square
+  // In steps of a quarter, so that cells are not much finer than they must be, down to a limit of
+  // the time, by judgement.
   for (into.object_edge = extent; into.object_edge > extent / 64; into.object_edge /= 1.25) {
     const std::size_t before = cells.size();
     cells = divide(hidden.shape, Transform::Identity(), 1.0, into.object_edge, 1);
