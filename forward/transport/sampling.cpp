@@ -43,6 +43,8 @@ constexpr double kAnchorEdge = 2;
 /// Cosine between normals of cells on one side of the object, 26 degrees: by judgement, boxes have
 /// sides 90 degrees apart.
 constexpr double kSameSide = 0.9;
+/// Doubles of the widest vector register (512 bits).
+constexpr std::size_t kLanes = 8;
 
 /// Middles of the object at the probed placements, in lanes that are summed side by side.
 class ProbedMiddles {
@@ -76,7 +78,6 @@ class ProbedMiddles {
   }
 
  private:
-  static constexpr std::size_t kLanes = 8;
   using Lanes = std::array<double, kLanes>;
   static double total(const Lanes& lanes) {
     double sum = 0;
@@ -292,7 +293,6 @@ class RelaySampler {
 
 /// Patches as the object sees them at a probed placement, in its own frame, in lanes.
 struct SeenFromObject {
-  static constexpr std::size_t kLanes = 8;
   std::vector<double> x, y, z, counts;
   /// m^2: a patch stands for several, which spread by that much. A placement that happens to touch
   /// the one is no nearer to the light.
@@ -316,7 +316,6 @@ BLINDCORNER_MULTIVERSION void add_cell(const SurfaceCell& cell, const SeenFromOb
                uz = size * cell.half_u.z();
   const double vx = size * cell.half_v.x(), vy = size * cell.half_v.y(),
                vz = size * cell.half_v.z();
-  constexpr std::size_t kLanes = SeenFromObject::kLanes;
   alignas(64) std::array<double, kLanes> weight{}, path{}, angle{};
   for (std::size_t i = 0; i < from.x.size(); i += kLanes) {
     for (std::size_t k = 0; k < kLanes; ++k) {
@@ -357,7 +356,7 @@ std::vector<SeenFromObject> seen_from_probes(const PatchArrays& seen, const Scen
       const double area = 4 * seen.half_u(i).cross(seen.half_v(i)).norm();
       view.nearest2.push_back(stride * area / (2 * kPi));  // mean square within a disc
     }
-    while (view.counts.size() % SeenFromObject::kLanes != 0) {
+    while (view.counts.size() % kLanes != 0) {
       for (auto* v : {&view.x, &view.y, &view.z, &view.nearest2}) v->push_back(v->back());
       view.counts.push_back(0);
     }
@@ -432,6 +431,7 @@ SensorView::SensorView(std::shared_ptr<const SceneTransport> of, const SensorPla
       placement(at),
       setup(transport->scene, placement, transport->rays),
       confocal(transport->scene.sensor.illumination == Illumination::confocal) {
+  // By judgement: what is looked at coarsely chooses kernels and borders, and no light is summed.
   RelaySampling coarse;
   coarse.centers_only = true;
   coarse.with_radiance = false;

@@ -243,7 +243,7 @@ const double* weights_of(const CountRow& row) {
 /// Half deviances of the bins whose means are near the counts, before the noise model's scale.
 BLINDCORNER_MULTIVERSION double poisson_half_deviance(const double* n, const double* m,
                                                       const double* weight, int bins, int* far) {
-  constexpr int kLanes = 8;
+  constexpr int kLanes = 8;  // doubles of the widest vector register (512 bits)
   double sums[kLanes] = {};
   int many[kLanes] = {};
   const auto add = [&](int i, int lane) {
@@ -273,7 +273,7 @@ BLINDCORNER_MULTIVERSION void poisson_terms(const double* n, const double* weigh
                                             const double* t, int bins, double amplitude,
                                             double direct, double ambient, double least,
                                             LinearTerms* terms) {
-  constexpr int kLanes = 4;
+  constexpr int kLanes = 4;  // half as many: nine sums have to stay in registers
   double ga[kLanes] = {}, gc[kLanes] = {}, gb[kLanes] = {}, haa[kLanes] = {}, hac[kLanes] = {},
          hab[kLanes] = {}, hcc[kLanes] = {}, hcb[kLanes] = {}, hbb[kLanes] = {};
   const auto add = [&](int i, int k) {

@@ -94,7 +94,8 @@ class PublishedNetwork : public Network {
   torch::nn::Linear output;
 };
 
-/// One of the ensemble. Its outputs are a mean and the logarithm of a variance for each target.
+/// One of the ensemble. Its outputs are a mean and the logarithm of a variance for each target. Its
+/// widths are by judgement, four to eight times the published network's.
 class WideNetwork : public Network {
  public:
   explicit WideNetwork(const CnnShape& shape)
