@@ -40,28 +40,37 @@
 namespace blindcorner {
 namespace {
 
-/// How often sampling may send the fit back to refinement.
+/// How often sampling may send the fit back to refinement. By judgement: it bounds the time where
+/// kWorthAnother does not end it.
 constexpr int kMaxReturns = 3;
-/// Gain in log posterior that changes the answer.
+/// Gain in log posterior that changes the answer: a move of sqrt(2 * 0.01) = 0.14 standard
+/// deviations, or a per cent of a mode's weight.
 constexpr double kWorthAnother = 0.01;
 /// Captures of one sensor placement for which tables of exact histograms pay: they cost seconds,
 /// and save some ten milliseconds each.
 constexpr int kManyCaptures = 50;
-/// Starts that are followed at a time: more find out too late that others are better.
+/// Starts that are followed at a time: more find out too late that others are better, fewer leave
+/// cores idle. Four by judgement, whatever the machine, so that answers do not depend on it.
 constexpr std::size_t kStartsAtOnce = 4;
 /// Difference in log posterior between closed-form light and the model at an optimum, or between
 /// what the optimum has and what a right one is expected to have, that shows closed form to be too
-/// rough to choose starts with (another optimum may gain as much), and starts that the model
-/// chooses then.
+/// rough to choose starts with: nearly what places may be below the best one before they are
+/// dropped (FitOptions::negligible_log_posterior), so that it may have dropped the right one.
 constexpr double kTooRough = 10;
 /// So rough that descents on closed-form light, corrected by the model where they stand, do not get
-/// to optima: the steps of the model's own cost four times as much.
+/// to optima: the steps of the model's own cost four times as much. By judgement between kTooRough
+/// and the thousand that it is off at 100,000 photons, where optima of a box and of two spheres
+/// were missed in two captures of twelve each.
 constexpr double kNoGuide = 100;
-/// Standard deviations of photon noise that a right optimum hardly ever lacks.
+/// Standard deviations of photon noise that a right optimum hardly ever lacks: one in 740 does.
 constexpr double kNoNoise = 3;
-/// Times as rough as there that it may be elsewhere.
+/// Times as rough as there that it may be elsewhere, and starts that the model chooses then. Both
+/// by judgement: a larger factor has the model look at more places, each start costs it a descent.
 constexpr double kRoughElsewhere = 1.5;
 constexpr std::size_t kMorePlaces = 8;
+/// Places that the model has not judged yet are kept down to so many times the fall that is
+/// negligible. By judgement: it may still raise one against the best by half of that fall.
+constexpr double kBeforeModel = 1.5;
 /// Yaws from which the best optimum is looked for anew: 45 degrees apart where half a turn brings
 /// an object back to itself. A box in the street at 3,000, 10,000 and 30,000 photons (60 captures
 /// each): normalised error 1.16, 2.63, 3.19 without, 1.12, 1.02, 1.03 with them, for half as much
@@ -69,25 +78,31 @@ constexpr std::size_t kMorePlaces = 8;
 /// levels of light had a mean squared normalised error of 1.12, and 1.05 with them, for a tenth
 /// more time.
 constexpr int kYaws = 4;
-/// Steps in which the rest of the pose follows the yaw, two standard deviations each at most.
+/// Steps in which the rest of the pose follows the yaw, two standard deviations each at most. By
+/// judgement; it ends before when a step gains nothing.
 constexpr int kFollowing = 6;
 /// A place this far below the best optimum in log posterior holds less than a per cent of the
 /// posterior, gains of its own descent included.
 constexpr double kWorthDescending = 6;
-/// Optima farther than this from a place, in grid spacings along some unknown, are not its own.
+/// Optima farther than this from a place, in grid spacings along some unknown, are not its own:
+/// they are nearer to another point of the grid.
 constexpr double kElsewhere = 0.5;
 /// Times that the best optimum is looked for anew: turned, or, of several objects, one's place
 /// while the others stay; and places of each that are followed. Two spheres at 100,000 photons
-/// needed one round and two places.
+/// needed one round and two places, a third of these.
 constexpr int kMaxRounds = 3;
 constexpr std::size_t kPlacesEach = 6;
 /// Captures of a joint fit that search for the rest of them, where there are so many times more;
 /// what they must gain over the empty scene in log posterior, misfit counted (a signal-to-noise
-/// ratio of 14); and optima that may be left.
+/// ratio of sqrt(2 * 100) = 14); and optima that may be left. The numbers of captures
+/// and of optima by judgement: a search by so few costs half of one by all, or less.
 constexpr std::size_t kFew = 4, kTimesFew = 2;
 constexpr double kClear = 100;
 constexpr std::size_t kFewOptima = 8;
-/// Finite-difference steps of the sensor's own pose, m and rad.
+/// Effective samples below which a flag says so: of 20, a variance is known to sqrt(2 / 20) = 32 %.
+constexpr double kFewEffective = 20;
+/// Finite-difference steps of the sensor's own pose, m and rad (a metre away as long): 4 mm of path
+/// at most, for a pulse of 4 cm an error of (h / sigma)^2 / 6 = 0.2 %.
 constexpr double kSensorStep = 2e-3;
 
 /// Places that are about as good as the best optimum and have none near them: closed-form light,
@@ -215,7 +230,7 @@ std::vector<Refined> turn(const PoseObjective& objective, double negligible, dou
   const CompiledScene& compiled = objective.compiled();
   const bool by_model = roughness > kTooRough && !compiled.spline;
   // Closed form may be off by its roughness at either place.
-  const double hopeless = 1.5 * negligible + 2 * roughness;
+  const double hopeless = kBeforeModel * negligible + 2 * roughness;
   for (int round = 0; round < kMaxRounds; ++round) {
     std::vector<PoseVector> places = turned(objective, optima.front(), hopeless);
     if (places.empty()) break;
@@ -227,7 +242,7 @@ std::vector<Refined> turn(const PoseObjective& objective, double negligible, dou
       const auto reached = merge(compiled, approach_all(objective, places), negligible);
       places.clear();
       for (const Refined& place : reached) {
-        if (place.value.log_posterior < before - 1.5 * negligible) break;
+        if (place.value.log_posterior < before - kBeforeModel * negligible) break;
         const bool known = std::ranges::any_of(optima, [&](const Refined& optimum) {
           return same_place(compiled, optimum.pose, place.pose);
         });
@@ -382,17 +397,17 @@ void set_flags(const Scene& scene, const Posterior& posterior, double left_over,
   flag(result.false_alarm_probability.value_or(1) > kAlarm &&
            result.posterior.presence_probability < 0.5,
        "nothing_detected");
-  flag(mixture.modes.size() > 1 && mixture.modes.front().weight < 0.9, "multimodal");
+  flag(mixture.modes.size() > 1 && mixture.modes.front().weight < kOneMode, "multimodal");
   flag(!mixture.modes.front().undetermined.empty(), "undetermined");
   flag(result.goodness_of_fit.inflation > 1, "model_misfit");
   flag(left_over < kUnexplained, "unexplained_light");
   flag(posterior.sampled, "sampled");
-  flag(posterior.sampled && posterior.effective_samples < 20, "few_effective_samples");
+  flag(posterior.sampled && posterior.effective_samples < kFewEffective, "few_effective_samples");
   bool at_bound = false;
   for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
     if (period_of(scene, i) > 0) continue;
     const double value = mixture.modes.front().optimum[static_cast<Eigen::Index>(i)];
-    const double margin = 1e-6 * scene.unknowns[i].range();
+    const double margin = 1e-6 * scene.unknowns[i].range();  // far below any posterior's width
     at_bound = at_bound || value < scene.unknowns[i].lower + margin ||
                value > scene.unknowns[i].upper - margin;
   }
@@ -627,14 +642,14 @@ Fitter::Impl::Search Fitter::Impl::search(const PoseObjective& objective,
   double best = -std::numeric_limits<double>::infinity();
   double largest_gain = 0;
   for (std::size_t next = 0; next < scored.starts.size();) {
-    // A start that would have to gain twice what any has gained so far cannot win.
+    // A start that would have to gain twice what any of three or more has gained so far cannot win.
     std::vector<const Candidate*> chosen;
     for (; next < scored.starts.size() && chosen.size() < kStartsAtOnce; ++next) {
       const Candidate& start = scored.starts[next];
       // Light of several objects is too rough in closed form to say so.
-      const bool hopeless =
-          compiled.objects().empty() && basins.size() >= 3 &&
-          start.log_posterior + 2 * largest_gain < best - 1.5 * options.negligible_log_posterior;
+      const bool hopeless = compiled.objects().empty() && basins.size() >= 3 &&
+                            start.log_posterior + 2 * largest_gain <
+                                best - kBeforeModel * options.negligible_log_posterior;
       if (!hopeless) chosen.push_back(&start);
     }
     // Of those that a wide pulse brings to the same place one will do.
@@ -668,7 +683,8 @@ Fitter::Impl::Search Fitter::Impl::search(const PoseObjective& objective,
   if (!basins.empty()) negligible += unexplained(objective, basins.front());
   std::vector<PoseVector> places;
   for (const Refined& basin : basins) {
-    if (basin.value.log_posterior < basins.front().value.log_posterior - 1.5 * negligible) break;
+    const double least = basins.front().value.log_posterior - kBeforeModel * negligible;
+    if (basin.value.log_posterior < least) break;
     places.push_back(basin.pose);
   }
   std::vector<Refined> optima = polish_all(objective, places, negligible);

@@ -14,20 +14,23 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Places along each unknown coordinate.
+/// Places along each unknown coordinate, by judgement: 729 of three, in the middles of ninths of
+/// the ranges.
 constexpr int kLattice = 9;
-/// Cells along each side of a zone and of the lit field.
+/// Cells along each side of a zone and of the lit field, by judgement: of each, the
+/// nearest and the farthest of these corners count.
 constexpr int kZoneCells = 2, kFieldCells = 6;
-/// A share of the search region that is worth a sentence.
+/// A share of the search region that is worth a sentence: by judgement.
 constexpr double kWorthSaying = 0.02;
-/// As good as all of it.
+/// As good as all of it: all but less than half a per cent, which a sentence would round to all.
 constexpr double kAll = 0.995;
-/// Of the pulse's core: light is in a bin that it reaches by this many standard deviations.
+/// Of the pulse's core: light is in a bin that it reaches by this many standard deviations, all but
+/// 2 % of it.
 constexpr double kPulse = 2;
 /// A fit this many standard deviations off, with deviances this many times the expected, is not a
 /// matter of details: the stability table's wrong scenes stay below 30.
 constexpr double kFarOff = 30, kManyTimes = 2;
-/// Counts differ by more than this factor: brightness, not shape.
+/// Counts differ by more than this factor: brightness, not shape. By judgement.
 constexpr double kOtherBrightness = 1.15;
 
 /// Pieces of the relay that one zone, or all, look at or are lit by.

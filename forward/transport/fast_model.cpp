@@ -98,6 +98,7 @@ std::vector<Vector3d> FastModel::relay_corners() const {
     for (int i = 0; i < a->size(); ++i) {
       const Vector3d center = a->area_center(i);
       const Vector3d normal = a->normal(i);
+      // Directions alike to 1e-5, offsets to 0.1 mm: one surface, but for rounding.
       auto plane = std::ranges::find_if(planes, [&](const Plane& p) {
         return (p.normal - normal).squaredNorm() < 1e-10 &&
                std::abs(p.normal.dot(center) - p.offset) < 1e-4;

@@ -20,7 +20,7 @@ using Eigen::Vector3d;
 
 /// Beyond this many standard deviations an edge is out of the lobe's reach (1e-9 of it).
 constexpr double kReach = 6;
-/// Farther than this no relay is, m.
+/// Farther than this no relay is, m: scenes end at 100 km (forward/scene/limits.h).
 constexpr double kFarthest = 1e6;
 using Lane = std::array<double, LobeField::kChunk>;
 
@@ -89,7 +89,9 @@ BLINDCORNER_MULTIVERSION void make_frame(const LobeRays& rays, std::size_t n,
     const double va = vx * ax + vy * ay + vz * az, vc = vx * cx + vy * cy + vz * cz;
     const double gx = dx + rays.lx[i], gy = dy + rays.ly[i], gz = dz + rays.lz[i];
     const double gu = gx * ux + gy * uy + gz * uz, gv = gx * vx + gy * vy + gz * vz;
-    // The light that goes out changes like (d . m) (d . n) / r^2, m the object's normal.
+    // The light that goes out changes like (d . m) (d . n) / r^2, m the object's normal. Its cosine
+    // is bounded, by judgement: of faces that are seen from within 3 degrees there is hardly any
+    // light.
     const double dm = std::max(dx * mx + dy * my + dz * mz, 0.05);
     const double bx = mx / dm - 4 * dx, by = my / dm - 4 * dy, bz = mz / dm - 4 * dz;
     const double bu = bx * ux + by * uy + bz * uz, bv = bx * vx + by * vy + bz * vz;
@@ -355,6 +357,8 @@ LobeField::Outline LobeField::outline(Corners corners, const Vector3d& normal) {
   for (int i = 0; i < count; ++i) {
     across.push_back(normal.cross(corner(i + 1) - corner(i)).normalized());
   }
+  // Cosine of the angle between two edges' normals below which they are opposite: by judgement,
+  // more than 107 degrees; edges that meet at right angles are not.
   constexpr double kOpposite = -0.3;
   std::vector<bool> taken(across.size(), false);
   Sides sides;

@@ -52,7 +52,7 @@ struct LobeSums {
 /// relay's tilt, where they change fast: exact to third order.
 class LobeField {
  public:
-  /// Directions that are looked at together.
+  /// Directions that are looked at together, by judgement: their moments stay in the cache.
   static constexpr std::size_t kChunk = 32;
 
   LobeField(const Scene& scene, const SensorPlacement& placement);

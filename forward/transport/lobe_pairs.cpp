@@ -14,7 +14,8 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Patches that are looked at together.
+/// Patches that are looked at together: two to four vectors of doubles, and few enough to skip
+/// many.
 constexpr std::size_t kBlock = 16;
 /// Squared distance in standard deviations at which a lobe ends. It is lowered by what it is there,
 /// so that it ends without a step; what is left is scaled to hold all of the light.

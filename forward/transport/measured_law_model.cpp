@@ -18,7 +18,8 @@ namespace {
 using Eigen::Vector3d;
 
 /// A law falls without end at right angles to its axis and at its spot; beyond these it stays
-/// constant.
+/// constant. By judgement: within a degree of the surface, and nearer than objects are large,
+/// nobody measures.
 constexpr double kMinCosine = 0.02;
 constexpr double kMinDistance = 0.05;  // m
 

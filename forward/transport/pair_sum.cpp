@@ -15,8 +15,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Energy that the tabulated pulse may lose at either end.
-constexpr double kPulseTail = 1e-8;
 /// Lobes are cut here, in standard deviations: exp(-4.5^2 / 2) = 4e-5 of the light is beyond.
 constexpr double kLobeCut = 4.5;
 /// Cosines below this are rounding of single precision hits, not light.
@@ -30,7 +28,7 @@ struct Run {
 };
 
 std::vector<Run> runs_of(const std::vector<Leg>& legs) {
-  constexpr std::size_t kRun = 8;
+  constexpr std::size_t kRun = 8;  // by judgement: short enough to be narrow, long enough to save
   std::vector<Run> runs;
   for (std::size_t begin = 0; begin < legs.size(); begin += kRun) {
     Run run{begin, std::min(begin + kRun, legs.size()), Vector3d::Zero(), 0.0};
@@ -130,7 +128,8 @@ void light_of_lobe(LobeArrays& in, const Lobe& lobe, double first, double cells_
   }
 }
 
-/// Rays along each side of a patch that straddles a shadow's edge.
+/// Rays along each side of a patch that straddles a shadow's edge: its share is known to an eighth,
+/// and such patches are few.
 constexpr int kShadowRays = 4;
 
 bool blocked(const Blockers& blockers, const Vector3d& from, const Vector3d& to) {

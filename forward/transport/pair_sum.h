@@ -13,6 +13,9 @@
 
 namespace blindcorner {
 
+/// Energy that a tabulated pulse of the reference may lose at either end: far below its own error.
+inline constexpr double kPulseTail = 1e-8;
+
 /// Bodies that may stand in the way of an inner leg.
 using Blockers = std::vector<const RayScene*>;
 

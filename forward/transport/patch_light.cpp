@@ -212,7 +212,8 @@ BLINDCORNER_MULTIVERSION void retro_light_of_patches(const Scratch& s, const Pat
   for (int i = 0; i < n; ++i) {
     const double weight = scale * w[i] * (albedo[i] / kPi);
     const double r = l[i] - leg[i];
-    // Lobe: p scatters about r by sigma r, stretched along the tilt by 1/cos.
+    // Lobe: p scatters about r by sigma r, stretched along the tilt by 1/cos: by judgement 20 times
+    // at most, because the footprint's light falls with the cosine.
     const double dn = dx[i] * nx[i] + dy[i] * ny[i] + dz[i] * nz[i];
     const double cosine = std::max(-dn, 0.05);
     const double cx = way_in * lx[i] + dx[i];
@@ -283,7 +284,7 @@ BLINDCORNER_MULTIVERSION void lobe_light_of_patches(const Scratch& s, std::size_
 BLINDCORNER_MULTIVERSION void add_to_cells(const Pulses& p, std::size_t begin, std::size_t end,
                                            double cells_per_metre, int count, Sums* cells,
                                            Range& touched) {
-  constexpr std::size_t kChunk = 64;
+  constexpr std::size_t kChunk = 64;  // by judgement: vectors of each array stay in the cache
   alignas(64) std::array<double, kChunk> near0, near1, near2, far0, far1, far2;
   alignas(64) std::array<std::int32_t, kChunk> cell, inside;
   const double step = 1 / cells_per_metre;

@@ -166,6 +166,7 @@ struct Scratch {
   }
 };
 
+/// Of a cell: two along either edge.
 constexpr int kNodes = 4;
 
 /// A cell as 2 x 2 Gauss-Legendre nodes, or as its centre with a path variance from its edges.
@@ -228,7 +229,8 @@ void lobe_light_of_patches(const Scratch& s, std::size_t n, const LobeLight& lig
                            const Eigen::Vector3d& u, const Eigen::Vector3d& v, LightSums& sums);
 
 /// Cells before path zero and after the end of the time axis, for pulses that only just reach it:
-/// four standard deviations of the widest.
+/// four standard deviations of the widest, which is six of the sensor's pulse (widest_blur), in
+/// cells of kPathCell = 0.4 of that: 60.
 constexpr int kCellMargin = 64;
 
 /// Adds pulses to the two nearest of `count` path cells, each in proportion to nearness and with

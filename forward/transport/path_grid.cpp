@@ -12,17 +12,19 @@
 namespace blindcorner {
 namespace {
 
-/// Cells beyond each end of a leg, for the splines and for two convolved.
+/// Cells beyond each end of a leg, for the splines and for two convolved: four cells hold a path.
 constexpr int kMargin = 8;
 /// Cells that the inverse of the spline's samples reaches: 0.27^16 = 1e-9.
 constexpr int kSharpening = 16;
 /// Share of the pulse's energy that may be cut off at either end, and of the peak below which taps
-/// are left out.
+/// are left out: by judgement, a tenth of the finest tolerance that a fit asks for.
 constexpr double kOutside = 1e-5;
-/// Coarsest and finest step in standard deviations of the pulse.
+/// Coarsest and finest step in standard deviations of the pulse, between which the first is taken
+/// whose error is small enough; that falls with the fourth power of the step.
 constexpr double kCoarsest = 1.0;
 constexpr double kFinest = 0.1;
-/// Most cells to the bin.
+/// Most cells to the bin, by judgement: a bin so much wider than the pulse hides what is left. And
+/// how much finer the next step is: 0.8^4 = 0.4 of the error.
 constexpr int kMaxPhases = 64;
 constexpr double kRefinement = 0.8;
 /// Zeros around light that is convolved, so that four cells can be taken at once.
@@ -77,7 +79,8 @@ BLINDCORNER_MULTIVERSION void place(const double* paths, const double* weights, 
 /// Copies of the cells that legs are added to in turn: legs of like path would else wait for each
 /// other.
 constexpr std::size_t kLanes = 4;
-/// Fewer legs are not worth the lanes.
+/// Fewer legs are not worth the lanes: four to each, by judgement, because lanes have to be cleared
+/// and summed.
 constexpr std::size_t kWorthLanes = 16;
 
 /// Adds the legs [begin, end) to `lanes` copies of the cells, each `stride` cells after the last,

@@ -14,7 +14,8 @@ namespace {
 /// Width of a path cell in pulse standard deviations: pairs in one cell differ by a spread of
 /// s = 0.4^2 / 6 = 0.03, whose closure error is below 1e-4. Wider cells leave kinks in the pose.
 constexpr double kPathCell = 0.4;
-/// Parts of a costly object's cells, side by side; fixed, so that sums do not depend on threads.
+/// Parts of a costly object's cells, side by side; fixed, so that sums do not depend on threads. By
+/// judgement: some for each core.
 constexpr std::size_t kParts = 4;
 
 }  // namespace

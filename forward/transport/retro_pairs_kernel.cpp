@@ -78,7 +78,8 @@ class RetroPairsKernel final : public RetroKernel {
     }
   }
 
-  /// Some ten nanoseconds a pair, of which few are in reach, for each of some hundred nodes.
+  /// Some ten nanoseconds a pair, of which few are in reach, for each of some hundred nodes:
+  /// with so many, a node takes up to a millisecond.
   bool costly() const override {
     return static_cast<double>(sampling().lit.size()) * sampling().seen.size() > kCostly;
   }

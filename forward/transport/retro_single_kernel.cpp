@@ -14,7 +14,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Less than this of a lobe's light is none.
+/// Less than this of a lobe's light is none: the normal distribution's own error (8e-8).
 constexpr double kNoShare = 1e-7;
 
 /// Clears the first `count` sums, to be added to.

@@ -27,11 +27,12 @@ constexpr double kMidpointError = 0.35;
 constexpr double kRuleSpread = 0.75;
 /// The same for points seen an angle apart, against inverse squares: an angle over ln(1 / e). The
 /// relay's error is as large for the directions along which no path changes, and there a point more
-/// costs little; the object is small.
+/// costs little; the object is small. By judgement: the search for a sampling scales what relay and
+/// object get, so that what matters is how angles compare with paths.
 constexpr double kRelayRuleAngle = 0.5;
 constexpr double kObjectRuleAngle = 1.8;
 /// Most points along an edge of a relay cell; larger cells are halved, so that dim ones can do with
-/// fewer points.
+/// fewer points. By judgement.
 constexpr double kMaxRulePoints = 8;
 /// Quarterings of a cell that straddles a border; what is left of it is shared between the
 /// surfaces, and deeper ones change no shipped scene's error by 1e-4 of the light.
@@ -39,8 +40,11 @@ constexpr int kEdgeDepth = 2;
 /// Edge of what shares the lobes of its middle, in those for which a midpoint will do: lobes matter
 /// at the edges of the light only.
 constexpr double kAnchorEdge = 2;
-/// Cosine between normals of cells on one side of the object.
+/// Cosine between normals of cells on one side of the object, 26 degrees: by judgement, boxes have
+/// sides 90 degrees apart.
 constexpr double kSameSide = 0.9;
+/// Doubles of the widest vector register (512 bits).
+constexpr std::size_t kLanes = 8;
 
 /// Middles of the object at the probed placements, in lanes that are summed side by side.
 class ProbedMiddles {
@@ -74,7 +78,6 @@ class ProbedMiddles {
   }
 
  private:
-  static constexpr std::size_t kLanes = 8;
   using Lanes = std::array<double, kLanes>;
   static double total(const Lanes& lanes) {
     double sum = 0;
@@ -290,7 +293,6 @@ class RelaySampler {
 
 /// Patches as the object sees them at a probed placement, in its own frame, in lanes.
 struct SeenFromObject {
-  static constexpr std::size_t kLanes = 8;
   std::vector<double> x, y, z, counts;
   /// m^2: a patch stands for several, which spread by that much. A placement that happens to touch
   /// the one is no nearer to the light.
@@ -314,7 +316,6 @@ BLINDCORNER_MULTIVERSION void add_cell(const SurfaceCell& cell, const SeenFromOb
                uz = size * cell.half_u.z();
   const double vx = size * cell.half_v.x(), vy = size * cell.half_v.y(),
                vz = size * cell.half_v.z();
-  constexpr std::size_t kLanes = SeenFromObject::kLanes;
   alignas(64) std::array<double, kLanes> weight{}, path{}, angle{};
   for (std::size_t i = 0; i < from.x.size(); i += kLanes) {
     for (std::size_t k = 0; k < kLanes; ++k) {
@@ -340,6 +341,7 @@ BLINDCORNER_MULTIVERSION void add_cell(const SurfaceCell& cell, const SeenFromOb
 
 std::vector<SeenFromObject> seen_from_probes(const PatchArrays& seen, const SceneTransport& of) {
   std::vector<SeenFromObject> views;
+  // Some 64 of them, by judgement: what a cell exchanges with them is a weight only.
   const int stride = std::max(1, seen.size() / 64);
   for (std::size_t p = 0; p < of.probes.size(); ++p) {
     const Transform to_object = of.T_world_probes[p].inverse(Eigen::Isometry);
@@ -354,7 +356,7 @@ std::vector<SeenFromObject> seen_from_probes(const PatchArrays& seen, const Scen
       const double area = 4 * seen.half_u(i).cross(seen.half_v(i)).norm();
       view.nearest2.push_back(stride * area / (2 * kPi));  // mean square within a disc
     }
-    while (view.counts.size() % SeenFromObject::kLanes != 0) {
+    while (view.counts.size() % kLanes != 0) {
       for (auto* v : {&view.x, &view.y, &view.z, &view.nearest2}) v->push_back(v->back());
       view.counts.push_back(0);
     }
@@ -391,6 +393,8 @@ void sample_object(const SensorView& view, const SamplingNeeds& needs, Sampling&
   std::vector<SurfaceCell> cells;
   CellSums sums;
   double angle = 1;  // of cells, root mean square
+  // In steps of a quarter, so that cells are not much finer than they must be, down to a limit of
+  // the time, by judgement.
   for (into.object_edge = extent; into.object_edge > extent / 64; into.object_edge /= 1.25) {
     const std::size_t before = cells.size();
     cells = divide(hidden.shape, Transform::Identity(), 1.0, into.object_edge, 1);
@@ -427,6 +431,7 @@ SensorView::SensorView(std::shared_ptr<const SceneTransport> of, const SensorPla
       placement(at),
       setup(transport->scene, placement, transport->rays),
       confocal(transport->scene.sensor.illumination == Illumination::confocal) {
+  // By judgement: what is looked at coarsely chooses kernels and borders, and no light is summed.
   RelaySampling coarse;
   coarse.centers_only = true;
   coarse.with_radiance = false;

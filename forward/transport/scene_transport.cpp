@@ -24,6 +24,8 @@ std::vector<Transform> transforms(const Scene& scene, const std::vector<Placemen
 
 /// Poses all over the given ranges of the unknowns.
 std::vector<PoseVector> halton_poses(const std::vector<Unknown>& unknowns) {
+  // By judgement: the time of a search for a sampling goes with their number. One base an unknown,
+  // the smallest primes (Halton).
   constexpr int kPoses = 8;
   constexpr std::array<int, 6> kPrimes{2, 3, 5, 7, 11, 13};
   std::vector<PoseVector> poses;
@@ -54,7 +56,7 @@ std::vector<PoseVector> poses_to_judge_by(const Scene& scene) {
 
 /// Largest standard deviation of a pulse's path, in those of the sensor's own pulse. Points of a
 /// rule have none, sampling keeps that of a group of patches below two; a lobe on a grazing relay
-/// spreads paths of its own.
+/// spreads paths of its own, by judgement up to six: what is wider is taken as that.
 double widest_blur(Kernel kernel) {
   switch (kernel) {
     case Kernel::lambertian:
@@ -91,7 +93,9 @@ double SceneTransport::pulse_sigma(double extra) const {
 }
 
 std::shared_ptr<const PulseTable> SceneTransport::pulses(double extra, Kernel kernel) const {
-  constexpr double kOutside = 1e-4;  // share of the energy
+  // Share of the energy that may be cut off at either end: a hundredth of the fast model's own
+  // default tolerance.
+  constexpr double kOutside = 1e-4;
   return pulses_.get({extra, kernel}, [&] {
     const double widest =
         extra + std::pow(widest_blur(kernel) * pulse_sigma(extra) / kSpeedOfLight, 2);

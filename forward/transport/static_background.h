@@ -15,7 +15,8 @@
 namespace blindcorner {
 
 /// How finely the light that bounces on within the known scene is sampled. Cells get smaller with
-/// their distance to what they face, down to a least edge.
+/// their distance to what they face, down to a least edge. By judgement of time: what they leave
+/// out is measured against a coarser sampling and carried in the likelihood.
 struct StaticLightSampling {
   int zone_divisions = 1;       ///< patches of two bounces along each side of a zone, at least
   int outer_divisions = 2;      ///< the same of three bounces

@@ -16,7 +16,8 @@ namespace {
 using Eigen::Vector3d;
 
 /// Above this ratio of lobe footprint to lit spot the single sum of a retroreflector is replaced by
-/// pairs.
+/// pairs. By judgement: below, what the sum leaves out at edges is found out by comparison with
+/// pairs (find_sampling), which costs time once.
 constexpr double kSingleSumRatio = 0.05;
 /// Segments of the polyhedron that stands for a curved body. Any number gives the same light,
 /// because a polyhedron inside a convex body hides nothing from its surface.
@@ -26,7 +27,7 @@ constexpr int kBodySegments = 12;
 /// Gilbert's algorithm on the hulls' difference (SIAM J. Control 4, 1966): the nearest point to the
 /// origin found so far is a candidate normal. False when none was found, which proves nothing.
 bool separated(const std::vector<Vector3d>& a, const std::vector<Vector3d>& b, double margin) {
-  constexpr int kSteps = 60;
+  constexpr int kSteps = 60;  // by judgement: an early end only keeps a face that hides nothing
   const auto farthest = [](const std::vector<Vector3d>& points, const Vector3d& along) {
     return *std::max_element(
         points.begin(), points.end(),
@@ -157,7 +158,9 @@ std::vector<Vector3d> search_region_corners(const Scene& scene, int index) {
 }
 
 std::optional<std::vector<Unknown>> ranges_near_relay(const Scene& scene) {
-  constexpr double kNear = 2;  // half edges of the part, in the region's distances from the relay
+  // Half edges of the part, in the region's distances from the relay. By judgement: light falls
+  // with the fourth power, at that distance to the side to a 25th.
+  constexpr double kNear = 2;
   std::vector<Unknown> near = scene.unknowns;
   bool smaller = false;
   for (int object = 0; object < object_count(scene); ++object) {

@@ -14,11 +14,13 @@
 namespace blindcorner {
 namespace {
 
-/// Change of the log likelihood along an axis below which the axis is left open.
+/// Change of the log likelihood along an axis below which the axis is left open: what a Gaussian
+/// falls by within one standard deviation.
 constexpr double kTells = 0.5;
-/// Most moves from voxel to voxel at one distance of voxels.
+/// Most moves from voxel to voxel at one distance of voxels: across the first grid, of as many.
 constexpr int kMaxMoves = 20;
-/// Rounds of parabolas, each at half the step of the one before.
+/// Rounds of parabolas, each at half the step of the one before: the last step is an eighth of the
+/// climb's, a 16th of the pulse or less.
 constexpr int kRefinements = 3;
 
 /// The score of one capture as a function of the pose.

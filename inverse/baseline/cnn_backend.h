@@ -13,7 +13,7 @@
 
 namespace blindcorner {
 
-/// Networks of the ensemble.
+/// Networks of the ensemble: as many as of Lakshminarayanan et al. (2017).
 inline constexpr int kWideMembers = 5;
 
 struct CnnShape {

@@ -20,7 +20,8 @@ constexpr double kPicosecond = 1e-12;
 /// Two convolutions of three bins each need five bins to leave one; two of five bins in steps of
 /// two need thirteen.
 int fewest_bins(CnnArchitecture network) { return network == CnnArchitecture::wide ? 13 : 5; }
-/// Angles whose range is within this share of a whole turn have no ends.
+/// Angles whose range is within this share of a whole turn have no ends: scene files state degrees
+/// or radians with a few digits.
 constexpr double kWholeTurn = 0.999;
 
 /// x (m), y (m) and yaw (rad) of a sensor.
@@ -57,7 +58,8 @@ void describe_sensor_poses(const Scene& scene, std::span<const Capture> captures
     squares += planar_difference(pose, description.sensor_center).cwiseAbs2() / count;
   }
   for (int i = 0; i < 3; ++i) {
-    // What never changes tells nothing, and must not be blown up when it does.
+    // What never changes tells nothing, and must not be blown up when it does: a micrometre is
+    // above rounding and below any move.
     constexpr double kConstant = 1e-6;  // m or rad
     const double deviation = std::sqrt(squares[i]);
     description.sensor_scale[i] = deviation > kConstant ? deviation : 1.0;
@@ -113,7 +115,7 @@ void check_fields(const CnnDescription& d, const std::string& where) {
   const auto fail = [&](const std::string& field, const std::string& accepted) {
     throw Error(where + ": metadata." + field, "accepted: " + accepted);
   };
-  // As of a scene: a file cannot ask for a network of any size.
+  // As of a scene (forward/scene/limits.h): a file cannot ask for a network of any size.
   constexpr int kMaxZones = 256 * 256, kMaxBins = 131072;
   if (d.zones < 1 || d.zones > kMaxZones) fail("zones", "1 to " + std::to_string(kMaxZones));
   const int fewest = fewest_bins(d.network);
@@ -290,7 +292,8 @@ void standardise_inputs(std::span<const Capture* const> captures, CnnDescription
       square[i] += value * value / count;
     }
   }
-  constexpr double kConstant = 1e-7;  // of the mean: a bin that never changes, as of a dead zone
+  // Of the mean: a bin that never changes, as of a dead zone. Above 1e-8, the rounding of squares.
+  constexpr double kConstant = 1e-7;
   for (std::size_t i = 0; i < size; ++i) {
     const double deviation = std::sqrt(std::max(0.0, square[i] - mean[i] * mean[i]));
     square[i] = deviation > kConstant * std::abs(mean[i]) ? deviation : 1.0;
@@ -327,7 +330,7 @@ Eigen::MatrixXd decode_covariance(const CnnDescription& d, const CnnStatement& s
       const double cosine = statement.mean[static_cast<std::size_t>(next)];
       const double sine = statement.mean[static_cast<std::size_t>(next + 1)];
       const double turn = u.period / (2 * kPi);
-      const double square = std::max(cosine * cosine + sine * sine, 1e-6);  // none is stated
+      const double square = std::max(cosine * cosine + sine * sine, 1e-6);  // below, none is stated
       slope(i, next++) = -turn * sine / square;
       slope(i, next++) = turn * cosine / square;
     } else {

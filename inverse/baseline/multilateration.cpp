@@ -19,11 +19,13 @@
 namespace blindcorner {
 namespace {
 
-/// Steps in which a time axis is searched, bins; a parabola goes on from there.
+/// Steps in which a time axis is searched, bins; a parabola goes on from there. A pulse is a bin
+/// wide or wider, so that it is no farther away than an eighth of it.
 constexpr double kPeakStep = 0.25;
-/// Error of a peak's place beside photon noise, bins: paths spread over spot and object.
+/// Error of a peak's place beside photon noise, bins: paths spread over spot and object. By
+/// judgement; it bounds the weight of bright zones.
 constexpr double kPeakError = 0.25;
-/// Residuals beyond this many standard deviations lose influence.
+/// Residuals beyond this many standard deviations lose influence: one in twenty of normal ones.
 constexpr double kRobustFrom = 2;
 
 /// What a zone's peak says.

@@ -18,16 +18,22 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Sampling of the model that gives the static background, which depends on it no more.
+/// Sampling of the model that gives the static background, which does not depend on it: any will
+/// do, and none has to be searched for.
 constexpr SamplingStep kAnySampling{2, 2, false};
-/// Steps along the longest range in which the search region is probed for its time gate.
+/// Steps along the longest range in which the search region is probed for its time gate, and most
+/// probes: (5 + 1)^3. By judgement: both ends are among them, where light is earliest and latest
+/// but for curvature.
 constexpr int kProbeSteps = 5;
 constexpr int kMaxProbes = 216;
-/// Standard deviations of a path that belong to the time gate.
+/// Standard deviations of a path that belong to the time gate: 95 % of a normal one, and all of one
+/// that is even (root of 3).
 constexpr double kGateDeviations = 2;
-/// Share of the pulse's energy that may lie before or behind the gate.
+/// Share of the pulse's energy that may lie before or behind the gate, by judgement: it is fitted
+/// as background.
 constexpr double kGateTail = 0.01;
-/// Fewest bins without the object's light that the static background is fitted in.
+/// Fewest bins without the object's light that the static background is fitted in: three for each
+/// of its two unknowns, by judgement.
 constexpr int kFewestBins = 6;
 
 double square(double x) { return x * x; }

@@ -10,7 +10,7 @@ namespace {
 using Eigen::Vector3d;
 
 /// Patches along each side of the field, and of a zone: means and variances of smooth path lengths
-/// need no more.
+/// need no more. Of an even side, n of them lack 1 / n^2 of the variance: 3 % of the field's.
 constexpr int kFieldDivisions = 6;
 constexpr int kZoneDivisions = 2;
 

@@ -8,12 +8,13 @@
 namespace blindcorner {
 namespace {
 
-/// Least expected counts.
+/// Least expected counts, far below one in all bins; roots need them above zero.
 constexpr double kDark = 1e-12;
 /// Features of a zone beside its bins: ambient light outside its time gate, priors of ambient light
 /// and of an amplitude of its own.
 constexpr Eigen::Index kMoreFeatures = 3;
-/// The quadratic estimate of a squared distance may be this much too large.
+/// The quadratic estimate of a squared distance may be this much too large: by judgement. A larger
+/// factor costs time only, a smaller one may leave out a pose that counts, and lower the bound.
 constexpr double kEstimate = 3;
 
 }  // namespace
@@ -97,6 +98,7 @@ LookAlike::Fit LookAlike::compare(const TestLight& test) const {
 double LookAlike::amplitude_for(double norm, double projection, double truth) const {
   const LinearUnknowns& unknowns = solver_.unknowns();
   if (unknowns.amplitude == LinearMode::fixed || truth <= 0) return truth;
+  // Steps of at most one each: as far as starts are from the truth (20), and Newton's at the end.
   constexpr int kSteps = 20;
   const double precision = std::pow(unknowns.amplitude_prior.sigma_log, -2);
   const auto value = [&](double u) {

@@ -23,7 +23,8 @@ namespace {
 /// second with the noise that the first left, the third with the bins that are usable by the
 /// second's.
 constexpr int kRounds = 3;
-/// Most steps of Levenberg and Marquardt in a round; it stops before when it gains no more.
+/// Most steps of Levenberg and Marquardt in a round; it stops before when it gains no more. By
+/// judgement: the next round goes on where one has not ended.
 constexpr int kIterations = 8;
 
 /// True pose of a capture in the order of the scene's unknowns.

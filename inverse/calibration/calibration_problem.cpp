@@ -58,7 +58,7 @@ void add_pulse(const Scene& scene, double log_sigma, std::vector<InstrumentParam
     list.push_back(p);
     p.name = "impulse_response.sigma_ps";
     p.prior = mixed->sigma * 1e12;
-    p.step = 5e-3;
+    p.step = 5e-3;  // beside the box, sigma changes little
     p.apply = [](Scene& s, double u) { scale_pulse(s, 1, std::exp(u)); };
     list.push_back(p);
   } else if (!std::holds_alternative<TableResponse>(shape)) {
@@ -167,7 +167,7 @@ std::vector<InstrumentParameter> instrument_parameters(const Scene& scene,
   p.prior = bin * 1e12;
   p.logarithmic = true;
   p.sigma = options.bin_width_relative;
-  p.step = 1e-4;
+  p.step = 1e-4;  // hundreds of bins away it is a hundredth of one
   p.apply = [](Scene& s, double u) { s.sensor.bin_width *= std::exp(u); };
   list.push_back(p);
   add_pulse(scene, options.pulse_log, list);
@@ -388,7 +388,7 @@ void CalibrationProblem::solve(Eigen::VectorXd& u, int iterations,
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::DENSE_QR;
   options.max_num_iterations = iterations;
-  options.function_tolerance = 1e-5;
+  options.function_tolerance = 1e-5;  // of some 1e5 bins' half deviance a unit of log likelihood
   options.num_threads = 1;
   options.logging_type = ceres::SILENT;
   ceres::Solver::Summary summary;

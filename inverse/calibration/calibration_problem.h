@@ -22,7 +22,9 @@ struct InstrumentParameter {
   double sigma = 0;          ///< of u
   bool logarithmic = false;  ///< value = prior * exp(u), else prior + unit * u
   double unit = 1;
-  double step = 1e-3;  ///< of u, for differences
+  /// Of u, for differences: a thousandth of a bin or of a logarithm, a millimetre. Far above
+  /// rounding, and below what any is known to.
+  double step = 1e-3;
   std::function<void(Scene&, double)> apply;
   bool fixed = false;
 

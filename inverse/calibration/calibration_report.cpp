@@ -140,7 +140,7 @@ std::vector<CalibrationView> views(const CalibrationProblem& problem, const Eval
     view.zone = z;
     const double most = *std::max_element(count.begin(), count.end());
     for (std::size_t k = 0; k < bins && most > 0; ++k) {
-      if (count[k] < 0.3 * most) continue;
+      if (count[k] < 0.3 * most) continue;  // by judgement: means of few captures are noise
       view.measured.push_back(measured[k] / count[k]);
       view.before.push_back(old[k] / count[k]);
       view.after.push_back(fitted[k] / count[k]);

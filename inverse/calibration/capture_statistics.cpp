@@ -10,6 +10,7 @@
 namespace blindcorner {
 
 bool has_data(const Observation& observation, const ObservedZone& zone, double level) {
+  // As of a zone with a ten thousandth of the exposures, by judgement: none to speak of.
   constexpr double kProportion = 1e4;
   return observation.noise_model(zone).variance(level) <=
          kProportion * observation.likelihood.front()->variance(level);
@@ -43,6 +44,7 @@ std::vector<double> huber_weights(const CalibrationProblem& problem, const Evalu
   std::vector<double> weights = keep;
   for (std::size_t c = 0; c < evaluations.size(); ++c) {
     const double bins = degrees_of_freedom(problem.observation(c));
+    // Captures count less from half as far on as they are left out at.
     const double limit = usual * (bins + 0.5 * sigmas * std::sqrt(2 * bins));
     if (evaluations[c].deviance > limit) {
       weights[c] *= std::sqrt(limit / evaluations[c].deviance);
@@ -78,6 +80,10 @@ double typical_log_amplitude(const Evaluations& evaluations) {
 }
 
 double brightness_spread(const Evaluations& free, const std::vector<double>& keep) {
+  // A brightness known to less than half of itself says nothing about a spread of some per cent. An
+  // excess counts up to three standard deviations (one capture must not set the spread) of its
+  // error and a spread of 14 %; its weight is that of a square whose spread is 10 %. By judgement:
+  // spreads of that order are expected.
   double sum = 0, weight = 0;
   for (std::size_t c = 0; c < free.size(); ++c) {
     const double error = free[c].log_amplitude_error;

@@ -12,7 +12,8 @@
 namespace blindcorner {
 namespace {
 
-/// Captures that decide: right and wrong layouts differ by hundreds in deviance with as many.
+/// Captures that decide: right and wrong layouts differ by hundreds in deviance with as many, far
+/// more than kWrapGain.
 constexpr std::size_t kMaxCaptures = 48;
 /// A wrap is refuted by another one whose deviance is this much less (five sigma).
 constexpr double kWrapGain = 25;
@@ -25,7 +26,7 @@ constexpr int kReweightings = 8;
 /// sixteenth, which moves no light worth telling layouts apart by (a pulse is a bin wide or wider).
 constexpr double kStep = 0.5;
 constexpr double kFineStep = 0.125;
-/// Prior standard deviations of the time zero that are searched on either side.
+/// Prior standard deviations of the time zero that are searched on either side: 95 % of it.
 constexpr double kTimeZeroSigmas = 2.0;
 
 /// Some of the captures, spread over those given, enough to tell a few discrete choices apart.

@@ -91,6 +91,7 @@ double trimmed_dispersion(const std::vector<Square>& squares, double dispersion)
     if (s.counts >= kFewCounts * dispersion) ratios.push_back(s.square / s.mean);
   }
   if (ratios.size() < kMinSquares) return mean > 0 && square > 0 ? square / mean : dispersion;
+  // What is trimmed depends on the result, which each turn brings closer: by judgement, enough.
   for (int i = 0; i < 20; ++i) {
     double sum = 0;
     std::size_t count = 0;
@@ -109,7 +110,7 @@ double trimmed_dispersion(const std::vector<Square>& squares, double dispersion)
 Eigen::VectorXd trimmed_law(const std::vector<Square>& squares, const std::vector<int>& group,
                             Eigen::VectorXd law) {
   const Eigen::Index groups = law.size() - 1;
-  for (int i = 0; i < 30; ++i) {
+  for (int i = 0; i < 30; ++i) {  // as above
     Eigen::MatrixXd h = Eigen::MatrixXd::Zero(groups + 1, groups + 1);
     Eigen::VectorXd g = Eigen::VectorXd::Zero(groups + 1);
     for (const Square& s : squares) {
@@ -124,7 +125,7 @@ Eigen::VectorXd trimmed_law(const std::vector<Square>& squares, const std::vecto
       g[groups] += weight * s.mean * s.square / kTrimmedMean;
     }
     // The slope by elimination of the floors, then the floors, and once more the slope where a
-    // floor had to be raised.
+    // floor had to be raised: a variance must not vanish, and a thousandth of the level is none.
     const auto floors = [&](double slope) {
       for (Eigen::Index k = 0; k < groups; ++k) {
         if (h(k, k) <= 0) continue;

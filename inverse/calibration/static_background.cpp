@@ -12,22 +12,29 @@
 namespace blindcorner {
 namespace {
 
-/// Captures of which fewer say nothing about a bin's scatter; photons have a law of their own.
+/// Captures of which fewer say nothing about a bin's scatter, known to a quarter of eight (root of
+/// 1 / 14); photons have a law of their own.
 constexpr std::size_t kMinCaptures = 8;
-/// Bins that hold nothing, of which fewer say nothing about a capture's level.
+/// Bins that hold nothing, of which fewer say nothing about a capture's level: the fewest whose
+/// median one bad one cannot move away.
 constexpr std::size_t kMinBins = 3;
-/// Standard errors by which static light refutes zero.
+/// Standard errors by which static light refutes zero: of thousands of bins none does by chance.
 constexpr double kFound = 5.0;
 /// Counts further off than this many standard deviations are taken as this far: one capture with
-/// something in view must not make a background.
+/// something in view must not make a background. By judgement: of a normal variable one
+/// in 5e8 is as far off.
 constexpr double kClip = 6.0;
-/// Turns in which lit bins and the level of the others are told apart.
+/// Turns in which lit bins and the level of the others are told apart, by judgement: each finds
+/// what the one before has hidden.
 constexpr int kTurns = 4;
-/// Variance over that of the zone's other bins at which a bin cannot be used ...
+/// Variance over that of the zone's other bins at which a bin cannot be used, by judgement: claims
+/// that rest on it are off by a factor of root two ...
 constexpr double kRestless = 2.0;
-/// ... if that is this many standard deviations above one, of a chi-square variable.
+/// ... if that is this many standard deviations above one, of a chi-square variable: not by chance
+/// among thousands of bins.
 constexpr double kRestlessSigmas = 8.0;
-/// Photons of the ambient light in a bin, over all captures, of which fewer condemn no bin.
+/// Photons of the ambient light in a bin, over all captures, of which fewer condemn no bin: of 20,
+/// less than half is 2.2 standard deviations too few.
 constexpr double kMinPhotons = 20.0;
 
 /// Counts of one bin in one capture that the object does not light.
@@ -148,6 +155,7 @@ BinMean mean_of(const std::vector<Sample>& samples) {
   for (const Sample& s : samples) values.push_back(s.value);
   const double middle = median(values);
   for (double& value : values) value = std::abs(value - middle);
+  // Of a normal variable the standard deviation is 1.4826 median absolute deviations.
   const double scatter = 1.4826 * median(std::move(values));
   std::vector<double> clipped;
   double cautious = 0;

@@ -9,7 +9,8 @@
 
 namespace blindcorner {
 
-/// Light of the object below this share of its zone's peak is none to speak of.
+/// Light of the object below this share of its zone's peak is none to speak of: by judgement, one
+/// photon where the brightest bin has a thousand.
 inline constexpr double kDarkShare = 1e-3;
 
 /// What is known when static light is looked for.

@@ -19,6 +19,15 @@ constexpr std::size_t kMaxCaptures = 96;
 /// Of three unknowns, one in two thousand is larger (chi-square of 18).
 constexpr double kMaxError = 6.0;
 
+/// Search for the factor by secants, by judgement: it starts at the error itself, at most at 3,
+/// takes three fits of all captures, ends within 3 % (their mean is known to a tenth), goes on by
+/// 1.3 where the error hardly falls, and never goes above kMaxError, beyond which no error counts.
+constexpr double kMaxStart = 3.0;
+constexpr int kMaxSecants = 3;
+constexpr double kCloseEnough = 0.03;
+constexpr double kFlat = -0.05;
+constexpr double kOnwards = 1.3;
+
 /// Mean squared normalised error of fits to the calibration's own captures.
 double normalised_error(const Scene& scene, const CalibrationProblem& problem,
                         const std::vector<double>& keep) {
@@ -62,17 +71,17 @@ double find_variance_scale(const Scene& scene, const CalibrationProblem& problem
   double low = 1;
   double low_error = normalised_error(scene, problem, keep);
   if (low_error <= 1) return 1;
-  double high = std::min(low_error, 3.0);
-  for (int i = 0; i < 3; ++i) {
+  double high = std::min(low_error, kMaxStart);
+  for (int i = 0; i < kMaxSecants; ++i) {
     Scene scaled = scene;
     scale_variance(scaled, high);
     const double error = normalised_error(scaled, problem, keep);
-    if (std::abs(std::log(error)) < 0.03) return high;
+    if (std::abs(std::log(error)) < kCloseEnough) return high;
     const double slope = (std::log(error) - std::log(low_error)) / (std::log(high) - std::log(low));
-    const double next = slope < -0.05 ? high * std::exp(-std::log(error) / slope) : 1.3 * high;
+    const double next = slope < kFlat ? high * std::exp(-std::log(error) / slope) : kOnwards * high;
     low = high;
     low_error = error;
-    high = std::clamp(next, 1.0, 6.0);
+    high = std::clamp(next, 1.0, kMaxError);
   }
   return high;
 }

@@ -11,7 +11,8 @@ namespace {
 /// Share of the photon variance below which the error is left out: it would widen a standard
 /// deviation by half as much.
 constexpr double kMinShare = 0.01;
-/// Bins to either side that tell how bright a bin is: its own count alone would weigh itself.
+/// Bins to either side that tell how bright a bin is: its own count alone would weigh itself, and
+/// has a fifth of the say. By judgement; light changes over a pulse, which is a bin wide or wider.
 constexpr int kReach = 2;
 
 }  // namespace

@@ -16,7 +16,8 @@ namespace {
 /// Exposures that stand for none: a thousand standard deviations tell nothing.
 constexpr double kNoExposure = 1e-6;
 
-/// Pile-up that hides less than this share of the light is left as it is.
+/// Pile-up that hides less than this share of the light is left as it is: by judgement. The
+/// scale of the light is fitted anyway, its shape changes by less.
 constexpr double kPileUpMatters = 0.01;
 
 /// Counts as they would be without pile-up, and the share of the light that was recorded.
@@ -54,7 +55,8 @@ Unpiled without_pile_up(const Sensor& sensor, const Capture& capture) {
   return {std::move(corrected), sum / count};
 }
 
-/// Share of captures that may saturate a bin before it is left out of all.
+/// Share of captures that may saturate a bin before it is left out of all: by judgement between
+/// leaving out those captures, and losing the bin in the others.
 constexpr double kRarelySaturated = 0.05;
 
 /// Longest run of bins that are not `full` in [first, end); the later one of two.

@@ -7,7 +7,8 @@
 namespace blindcorner {
 namespace {
 
-/// Scales beyond this are no correction of a light that is roughly right.
+/// Scales beyond this are no correction of a light that is roughly right: by judgement. Beyond, the
+/// light is corrected by what is added alone.
 constexpr double kMaxScale = 4;
 
 ShapeBuffer& scratch() {

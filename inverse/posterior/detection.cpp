@@ -31,14 +31,16 @@ double EmptyScores::exceeded_by(double share) const {
 
 namespace {
 
-/// Levels of light and exposures beyond this many octaves are taken for that many.
+/// Levels of light and exposures beyond this many octaves are taken for that many: by judgement, a
+/// factor of a million either way is more than captures differ by.
 constexpr double kMaxOctaves = 20;
 /// Octaves between levels. An octave moves the law's location and scale by at most 0.04
 /// (DENALI-like and TMF8828 scenes, 2^-8 to 2^8 photons a bin), a third of what 128 captures leave
 /// uncertain, and all levels are simulated with the same deviates: nothing is gained by
 /// interpolating.
 constexpr int kStep = 2;
-/// A zone that has less than this share of the most exposures, in octaves, has none to speak of.
+/// A zone that has less than this share of the most exposures, in octaves, has none to speak of: a
+/// thousandth, which adds as little to what all zones say.
 constexpr int kMinShare = -10;
 
 int octaves(double ratio) {
@@ -48,7 +50,7 @@ int octaves(double ratio) {
 
 /// Expected counts that equal their own standard deviation.
 double light_unit(const BinLikelihood& noise_model) {
-  constexpr int kIterations = 60;  // each halves the error of the logarithm
+  constexpr int kIterations = 60;  // each halves the logarithm's error, to rounding
   double counts = 1;
   for (int i = 0; i < kIterations; ++i) counts = std::sqrt(noise_model.variance(counts));
   return counts;

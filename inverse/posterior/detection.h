@@ -12,7 +12,7 @@
 
 namespace blindcorner {
 
-/// A false-alarm probability above this is called no detection.
+/// A false-alarm probability above this is called no detection: by convention.
 inline constexpr double kAlarm = 0.05;
 
 /// Probability of presence from the evidences with and without an object.

@@ -20,15 +20,28 @@
 namespace blindcorner {
 namespace {
 
-/// Degrees of freedom of the proposal's Student t: tails heavier than any posterior's.
+/// Degrees of freedom of the proposal's Student t: tails heavier than any posterior's, with the
+/// fewest whole degrees that leave a fourth moment.
 constexpr double kTailFreedom = 5;
-/// Share of the first samples that are drawn over the scored grid's cells; least share later on.
+/// Share of the first samples that are drawn over the scored grid's cells; least share later on, by
+/// which no weight of what the grid covers is more than ten times the grid's own (Hesterberg 1995).
+/// By judgement, as is the most that the grid may get.
 constexpr double kGridShare = 0.4;
-constexpr double kMinGridShare = 0.1;
+constexpr double kMinGridShare = 0.1, kMaxGridShare = 0.9;
+/// Share of a new component, share that all components have alike, and the least weight of a peak
+/// at first, against the heaviest. By judgement: none must be starved.
+constexpr double kNewShare = 0.15;
+constexpr double kSharedOut = 0.1;
+constexpr double kMinEvidence = 1e-2;
+/// Factor on the variance of the samples' own moments: they are drawn from 14 % wider than they
+/// are, because a proposal that is too narrow costs more than one that is too wide. By judgement.
+constexpr double kWiden = 1.3;
 /// The grid's scores are flattened by this power before they are sampled: closed form is some log
-/// units off, and what it scores too low must still be drawn.
+/// units off, and what it scores too low must still be drawn: ten units count as four, by
+/// judgement.
 constexpr double kGridTemper = 0.4;
-/// Accuracy of a sample's log posterior.
+/// Accuracy of a sample's log posterior: its weight is right to a per cent, where 256 samples of
+/// like weight tell a share to 6 %.
 constexpr double kAccuracy = 1e-2;
 /// Growth of a standard deviation, and move of the mean in standard deviations, that the later half
 /// of the samples may still bring. Compared with the stage before, ridges that grew by less at each
@@ -36,8 +49,10 @@ constexpr double kAccuracy = 1e-2;
 /// were in the 95 % region and .936 now, mean squared normalised error 1.15 and 1.05.
 constexpr double kGrowth = 1.2;
 constexpr double kShift = 0.4;
-/// Samples about the heaviest one that a component is made of.
+/// Samples about the heaviest one that a component is made of: some twice the 21 moments of six
+/// unknowns.
 constexpr std::size_t kNeighbours = 40;
+/// By judgement: they bound the time.
 constexpr int kStages = 6;      ///< that make up the samples asked for, at least
 constexpr int kMaxAtOnce = 40;  ///< samples of a stage: the sooner one learns, the fewer it takes
 constexpr int kMaxTimes = 4;    ///< as many samples as asked for, when few are effective
@@ -171,7 +186,7 @@ class Sampler {
     shares_.push_back(0);
     for (const Peak& peak : components_) {
       // No mode is starved: its Laplace evidence may be far off.
-      shares_.push_back(std::max(std::exp(peak.log_evidence - best), 1e-2));
+      shares_.push_back(std::max(std::exp(peak.log_evidence - best), kMinEvidence));
       total += shares_.back();
     }
     for (double& share : shares_) share *= (1 - kGridShare) / total;
@@ -209,13 +224,13 @@ class Sampler {
       share = std::max(share, 1e-12);
       sum += share;
     }
-    const double floor = 0.1 / static_cast<double>(next.size());
+    const double floor = kSharedOut / static_cast<double>(next.size());
     double rest = 0;
     for (std::size_t c = 1; c < next.size(); ++c) {
       next[c] = floor + next[c] / sum;
       rest += next[c];
     }
-    next[0] = std::clamp(next[0] / sum, kMinGridShare, 0.9);
+    next[0] = std::clamp(next[0] / sum, kMinGridShare, kMaxGridShare);
     for (std::size_t c = 1; c < next.size(); ++c) next[c] *= (1 - next[0]) / rest;
     shares_ = std::move(next);
   }
@@ -317,12 +332,13 @@ class Sampler {
         (*std::ranges::max_element(weighty, {}, &PosteriorSample::weight))->pose;
     Peak peak;
     moments(scene_, weighty, reference, peak.center, peak.covariance);
-    peak.covariance *= 1.3;
+    peak.covariance *= kWiden;
     finish_peak(peak);
     return peak;
   }
 
-  /// Root and determinant of a component's covariance, which is kept from vanishing.
+  /// Root and determinant of a component's covariance, which is kept from vanishing: a standard
+  /// deviation is at least a hundredth of the grid's spacing.
   void finish_peak(Peak& peak) const {
     for (Eigen::Index i = 0; i < peak.center.size(); ++i) {
       peak.covariance(i, i) += 1e-4 * std::pow(objective_.compiled().spacing[i], 2);
@@ -345,8 +361,8 @@ class Sampler {
           std::exp(log_student(peak, mahalanobis2(scene_, peak, samples_[i].pose))));
     }
     components_.push_back(peak);
-    for (double& share : shares_) share *= 0.85;
-    shares_.push_back(0.15);
+    for (double& share : shares_) share *= 1 - kNewShare;
+    shares_.push_back(kNewShare);
     drawn_.push_back(0);
   }
 

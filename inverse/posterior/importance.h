@@ -11,8 +11,8 @@
 
 namespace blindcorner {
 
-/// Accuracy of a sample's log posterior: its weight is right to a thousandth, far below what 256
-/// samples can tell.
+/// Accuracy of the log posterior of optima, and on the ways between and along them: densities there
+/// are right to a thousandth, far below what 256 samples can tell.
 constexpr double kSampleAccuracy = 1e-3;
 
 /// A mode of the posterior before its weight is known.

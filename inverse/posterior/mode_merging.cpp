@@ -10,13 +10,15 @@ namespace blindcorner {
 namespace {
 
 /// Optima closer than this share of the grid's spacing along every unknown are one. Spacings are
-/// about the pose's uncertainty at moderate light, and descents end a small share of that apart.
+/// about the pose's uncertainty at moderate light, and descents end a small share of that apart: by
+/// judgement between that share and one.
 constexpr double kSamePlace = 0.25;
 /// Standard deviations within which an optimum belongs to a better one: two equal Gaussians have
 /// one summit until they are two standard deviations apart.
 constexpr double kMergeDistance = 1.0;
 /// Modes are apart when the way between them falls this far in log posterior below the lower one:
-/// as far as one Gaussian falls 1.4 standard deviations from its summit.
+/// as far as one Gaussian falls 1.4 standard deviations from its summit. By judgement: a shallower
+/// valley is filled by the samples of either.
 constexpr double kValley = 1.0;
 /// Places that are looked at on the way from one optimum to another, the likeliest valley first.
 constexpr std::array kPlaces{0.5, 0.25, 0.75};

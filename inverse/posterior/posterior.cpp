@@ -43,15 +43,16 @@ constexpr double kBent = 2;
 /// A mode with less than exp(-7) = 0.1 % of the evidence need not follow Laplace.
 constexpr double kMinorEvidence = 7.0;
 /// A sample this much above the best optimum shows a local optimum that was missed: twenty times
-/// the accuracy of a sample.
+/// the accuracy of an optimum's own log posterior, twice that of a sample's.
 constexpr double kBetter = 20 * kSampleAccuracy;
 /// One apart from every optimum and at most this much below the best may lie near such a one: least
 /// squares gains about that much on a sample. Descents on a spline are so cheap, and so many, that
 /// there only a better sample counts.
 constexpr double kPromising = 1.0;
-/// Log posterior by which a sample must exceed what the known optima's widths say.
+/// Log posterior by which a sample must exceed what the known optima's widths say: it is then seven
+/// times as likely. By judgement.
 constexpr double kSurprise = 2.0;
-/// Places that sampling proposes at once; there are further rounds.
+/// Places that sampling proposes at once, by judgement; there are further rounds.
 constexpr std::size_t kMaxPromising = 3;
 
 Peak make_peak(const PoseObjective& objective, const Refined& optimum, const MovedModels* moved,
@@ -86,6 +87,8 @@ struct AlongAxis {
   double mass = 0, mean = 0, variance = 0;  ///< in units of the Gaussian's
 };
 AlongAxis integrate(const std::array<double, std::size(kAway)>& ratios) {
+  // At the ends even what falls by 1 / kLaplaceFactor as much as a Gaussian is down to 2e-6; steps
+  // are far finer than those at which the fall is known.
   constexpr double kEnd = 6, kStep = 0.05;
   const auto ratio = [&](double t) {
     const auto above = std::ranges::upper_bound(kAway, t);
@@ -203,7 +206,8 @@ double best_evidence(const std::vector<Peak>& peaks) {
 SampleLights sample_lights(const PoseObjective& objective,
                            const std::vector<const Refined*>& optima,
                            const std::vector<Peak>& peaks, double inflation) {
-  // What a Gaussian falls to one standard deviation from its peak.
+  // What a Gaussian falls by within one standard deviation of its peak, and where it has fallen by
+  // 12.5, as far as what is negligible.
   constexpr double kAgreement = 0.5;
   constexpr double kReach = 5;
   const CompiledScene& compiled = objective.compiled();
@@ -455,6 +459,7 @@ Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& 
       // The samples' mean is off by a share 1 / N of the covariance, and the inverse of theirs too
       // large by N / (N - n - 1).
       covariance *= 1 + (n + 2) / effective;
+      // Samples on top of each other leave a per cent of Laplace's width.
       covariance += 1e-4 * peaks[j].covariance;
     }
     if (weight > std::exp(-options.negligible)) add_mode(j, weight, mean, covariance);

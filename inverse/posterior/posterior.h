@@ -12,14 +12,20 @@
 
 namespace blindcorner {
 
+/// Weight of the heaviest mode below which a result is called multimodal, by judgement: the others
+/// hold the truth once in ten captures or more.
+inline constexpr double kOneMode = 0.9;
+
 /// Mean and covariance of a mixture from its modes, whose weights sum to one; circular unknowns
 /// are unrolled about the first mode.
 void set_moments(const Scene& scene, PoseMixture& mixture);
 
 struct PosteriorOptions {
-  double negligible = 12.0;  ///< modes below the heaviest's weight by exp(-negligible) are dropped
-  int samples = 256;         ///< of the importance sampler; 0: Laplace everywhere
-  double inflation = 1.0;    ///< of covariances and of the information, from the goodness of fit
+  /// Modes with less than exp(-negligible) of the weight are dropped, as by
+  /// FitOptions::negligible_log_posterior.
+  double negligible = 12.0;
+  int samples = 256;       ///< of the importance sampler, as a fit's; 0: Laplace everywhere
+  double inflation = 1.0;  ///< of covariances and of the information, from the goodness of fit
   std::uint64_t seed = 1;
   Eigen::MatrixXd model_error;  ///< [n, n] added to modes' covariances; empty: none
 };

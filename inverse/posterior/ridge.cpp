@@ -21,16 +21,19 @@ constexpr double kRidgeFall = 4.5;
 /// (10,000 photons) it falls by 5 to 8 and rises again.
 constexpr double kRidgeEnd = 10;
 /// Axes that are followed: at least this long in units of the longest. Shorter ones leave the
-/// sampler's Student t less to miss.
+/// sampler's Student t less to miss. By judgement, as is their number: each costs two walks.
 constexpr double kLongAxis = 0.5;
 constexpr std::size_t kMaxAxes = 2;
-/// Steps across the ridge at a place; and the way across, in standard deviations, below which the
-/// next step along the ridge may be twice as long.
+/// Steps across the ridge at a place, by judgement; and the way across, in standard deviations,
+/// below which the next step along the ridge may be twice as long: the shortest that is climbed at
+/// once.
 constexpr int kMaxCorrections = 3;
 constexpr double kStraight = 0.4;
-/// Steps along the ridge, standard deviations of the peak.
+/// Steps along the ridge, standard deviations of the peak. A component is as long as the step that
+/// leads to it, so that neighbours overlap. By judgement: longer steps pass bends by.
 constexpr double kFirstStep = 1, kShortestStep = 0.2, kLongestStep = 2;
-/// Steps to one side. A ridge whose end is not reached by then is drawn from by what samples learn.
+/// Steps to one side, by judgement. A ridge whose end is not reached by then, up to 20 standard
+/// deviations away, is drawn from by what samples learn.
 constexpr int kMaxSteps = 10;
 
 /// Principal axes of a peak, one standard deviation long, as columns, longest first: principal in

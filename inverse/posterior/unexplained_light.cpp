@@ -19,9 +19,11 @@ namespace {
 constexpr std::size_t kLookedFor = 24;
 /// The fraction of the golden ratio: the places that its multiples choose are spread evenly.
 constexpr double kGolden = 0.61803398874989485;
-/// A place whose light the fitted unknowns explain but for this share is not looked at.
+/// A place whose light the fitted unknowns explain but for this share, a hundredth in amplitude, is
+/// not looked at: errors of differences are of that order.
 constexpr double kMinUnexplained = 1e-4;
-/// Of an object's size, up and down.
+/// Of an object's size, up and down. By judgement: what is looked for is the direction alone, which
+/// is that of all sizes about as far off.
 constexpr double kSizeStep = 0.1;
 /// Errors of the static background go together over at most so many bins and zones: 15
 /// (robot_corridor), 36 (tmf8828_wall), 40 (street_corner), as StaticBackgroundModel measures it.

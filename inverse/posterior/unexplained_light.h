@@ -32,7 +32,8 @@ struct ScoreTest {
 ScoreTest score_test(const Eigen::VectorXd& score, const Eigen::MatrixXd& information,
                      const Eigen::VectorXd& spread);
 
-/// A probability that comes about once in two hundred captures of a right model: flagged below.
+/// A probability that comes about once in two hundred captures of a right model: flagged below. By
+/// judgement: every capture is tested, so it has to be rarer than a false alarm.
 inline constexpr double kUnexplained = 0.005;
 
 struct UnexplainedLight {

@@ -12,9 +12,14 @@ namespace {
 /// Where slopes are asked, standard deviations: half of one tells a slope from the curvature that
 /// is taken for the Gaussian's.
 constexpr double kProbe = 0.5;
-/// Farthest that one step goes, and shortest that is worth one, standard deviations.
+/// Farthest that one step goes, and shortest that is worth one, standard deviations: a Gaussian has
+/// fallen to 14 % at the one, and to 92 % at the other. By judgement.
 constexpr double kFarthest = 2, kNearest = 0.4;
+/// Of a step that goes down: they make the farthest one shorter than what is worth one.
 constexpr int kHalvings = 3;
+/// Least curvature along a step that is learned from, in units of the Gaussian's: a place where the
+/// target is ten times as wide is no maximum of its own. By judgement.
+constexpr double kMinCurvature = 1e-2;
 
 /// Slopes of the log target, per standard deviation.
 Eigen::VectorXd slope_along(const Eigen::MatrixXd& directions, const LogTarget& target,
@@ -35,7 +40,7 @@ Eigen::VectorXd slope_along(const Eigen::MatrixXd& directions, const LogTarget& 
 /// `fall` is how the slope fell along `step`.
 void learn(const Eigen::VectorXd& step, const Eigen::VectorXd& fall, Eigen::MatrixXd& inverse) {
   const double curvature = step.dot(fall);
-  if (!(curvature > 1e-2 * step.squaredNorm())) return;  // no maximum there
+  if (!(curvature > kMinCurvature * step.squaredNorm())) return;  // no maximum there
   const Eigen::Index m = step.size();
   const Eigen::MatrixXd left =
       Eigen::MatrixXd::Identity(m, m) - step * fall.transpose() / curvature;

@@ -24,16 +24,34 @@ using Eigen::Vector3d;
 constexpr double kGridStep = 1.2;
 /// Finite-difference step in the same unit: truncation (h / sigma)^2 / 6 = 1.5e-4.
 constexpr double kDifferenceStep = 0.03;
-/// Largest yaw steps, rad: cosines change even where no path does.
+/// Largest yaw steps, rad: cosines change even where no path does. Half a step off, one still is
+/// cos(pi / 16) = 0.98; a difference errs by h^2 / 6 = 2e-5.
 constexpr double kYawGrid = kPi / 8;
 constexpr double kYawDifference = 0.01;
-/// Light below this share of the brightest bin does not count as reaching a bin.
+/// Largest difference steps of a size, whose light goes with its square, and of any unknown against
+/// its range: by judgement, far above rounding, and a hundredth of what they are taken over.
+constexpr double kSizeDifference = 0.01;
+constexpr double kRangeDifference = 0.01;
+/// Least rate of a path, m per unit, where an object that moves straight away has 2: else an
+/// unknown that changes no path would have steps without end. By judgement.
+constexpr double kMinRate = 0.2;
+/// Light below this share of the brightest bin does not count as reaching a bin: of 100,000 photons
+/// it is less than one.
 constexpr double kReach = 1e-5;
-/// Most memory for the scored poses' histograms.
+/// Static background below this share of the brightest bin is rounding (kNoLight in
+/// static_background.cpp).
+constexpr double kNoBackground = 1e-7;
+/// Most memory for the scored poses' histograms: by judgement, what a computer of a few GB spares.
 constexpr double kTemplateBytes = 6e8;
+/// Share of all bins that histograms hold, to tell how many fit: a rough mean, by judgement.
+constexpr double kBinsHeld = 0.6;
+/// Factor by which a pulse is widened until the grid is small enough: the grid of three unknowns
+/// then has up to 1.1^3 = 1.3 times fewer poses than it might. Widened so far, it tells nothing.
+constexpr double kWiden = 1.1, kMaxWidening = 64;
 /// Grid step for a spline, in units of the pulse: its error is then 0.25 %.
 constexpr double kSplineStep = 0.75;
-/// Limits of the spline through them: it touches 4^unknowns histograms for one pose.
+/// Limits of the spline through them: it touches 4^unknowns histograms for one pose, 64 of three
+/// unknowns and 256 of four; its memory is on top of theirs, and less.
 constexpr std::size_t kSplineUnknowns = 3;
 constexpr double kSplineBytes = 4e8;
 
@@ -58,7 +76,7 @@ PoseVector path_rates(const Scene& scene, const std::vector<Vector3d>& relay) {
         ++count;
       }
     }
-    rates[i] = std::max(std::sqrt(rates[i] / count), 0.2);
+    rates[i] = std::max(std::sqrt(rates[i] / count), kMinRate);
   }
   return rates;
 }
@@ -150,7 +168,7 @@ std::vector<std::vector<TimeGate>> reach(const CompiledScene& compiled) {
       if (summarise && !zone.dead) {
         const auto reached = [&](int k) {
           return brightest.zone(z)[k] > kReach * object_peak ||
-                 std::abs(direct.zone(z)[k]) > 1e-7 * direct_peak;
+                 std::abs(direct.zone(z)[k]) > kNoBackground * direct_peak;
         };
         while (gate.first < gate.end && !reached(gate.first)) ++gate.first;
         while (gate.first < gate.end && !reached(gate.end - 1)) --gate.end;
@@ -245,8 +263,8 @@ PoseVector difference_steps(const Scene& scene, const SensorPlacement& placement
     const auto k = static_cast<Eigen::Index>(i);
     double step = kDifferenceStep * pulse_path * 2 / rates[k];
     if (scene.unknowns[i].component == Component::yaw) step = std::min(step, kYawDifference);
-    if (scene.unknowns[i].component == Component::size) step = std::min(step, 0.01);
-    steps[k] = std::min(step, 0.01 * scene.unknowns[i].range());
+    if (scene.unknowns[i].component == Component::size) step = std::min(step, kSizeDifference);
+    steps[k] = std::min(step, kRangeDifference * scene.unknowns[i].range());
   }
   return steps;
 }
@@ -397,7 +415,7 @@ std::vector<std::vector<TimeGate>> closed_form_gates(const CompiledScene& compil
           const double* direct = light.zone(z);
           const double peak = *std::ranges::max_element(light.values);
           for (int k = 0; k < sensor.bins; ++k) {
-            if (std::abs(direct[k]) <= 1e-7 * peak) continue;
+            if (std::abs(direct[k]) <= kNoBackground * peak) continue;
             gate.first = std::min(gate.first, k - 2);
             gate.end = std::max(gate.end, k + 3);
           }
@@ -446,7 +464,7 @@ std::vector<CompiledScene::ObjectGrid> render_objects(const CompiledScene& compi
     double pulse = compiled.pulse_path;
     make_grid(alone, rates, pulse);
     while (grid_size(alone) > most) {
-      pulse *= 1.1;
+      pulse *= kWiden;
       make_grid(alone, rates, pulse, pulse / compiled.pulse_path);
     }
     fill_grid(alone);
@@ -496,12 +514,14 @@ ModelSet make_models(const CompiledScene& compiled, FastModelOptions fast,
 
 /// Sampling step at most of a matt object's levels, halved with each. The oblique floor's light of
 /// the last level was 1.2 % off (L2) with that of the first level, moved by 1.4 standard deviations
-/// at 100,000 photons.
+/// at 100,000 photons. The first level's limit for the object is the step that the search for a
+/// sampling begins with, for the relay half of it.
 constexpr double kMaxRelay = 2.8, kMaxObject = 5.6;
 
 /// What a level asks of the fast model. The sampling that suffices for the first level is refined
 /// with the tolerance that it is given in units of; no search is made. Light of lobes comes from
-/// pairs, because one sum has an error of its own.
+/// pairs, because one sum has an error of its own; of coarser pairs than sqrt(8) and 4 it was
+/// larger than that of one sum.
 FastModelOptions options_of(int level, const SamplingStep& first, bool lobes) {
   FastModelOptions fast;
   if (!lobes) {
@@ -588,8 +608,8 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
     };
     return make_models(*compiled, fast, made);
   };
-  const double features =
-      static_cast<double>(placements.size()) * scene.sensor.zone_count() * scene.sensor.bins * 0.6;
+  const double features = static_cast<double>(placements.size()) * scene.sensor.zone_count() *
+                          scene.sensor.bins * kBinsHeld;
   double most = std::min<double>(grid.max_poses, kTemplateBytes / (4 * features));
   // A grid fine enough for a spline, where that is affordable.
   bool spline = false;
@@ -606,8 +626,8 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
   double widening = 1;
   if (!spline) {
     make_grid(*compiled, rates, compiled->pulse_path / grid.density, 1 / grid.density);
-    while (grid_size(*compiled) > most && widening < 64) {
-      widening *= 1.1;
+    while (grid_size(*compiled) > most && widening < kMaxWidening) {
+      widening *= kWiden;
       make_grid(*compiled, rates, widening * compiled->pulse_path / grid.density,
                 widening / grid.density);
     }

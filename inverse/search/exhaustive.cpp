@@ -14,9 +14,11 @@
 namespace blindcorner {
 namespace {
 
-/// Accuracy of a grid point's log posterior; what is refined is exact.
+/// Accuracy of a grid point's log posterior, whose weight is then right to a thousandth; what is
+/// refined is exact.
 constexpr double kAccuracy = 1e-3;
-/// Optima this much below the best in log posterior do not matter.
+/// Optima this much below the best in log posterior do not matter: as the fit's
+/// (FitOptions::negligible_log_posterior).
 constexpr double kNegligible = 12;
 
 }  // namespace
@@ -137,7 +139,7 @@ ExhaustiveResult ExhaustiveSearch::search(const Capture& capture,
   for (int i = 0; i < count; ++i) {
     const auto k = static_cast<std::size_t>(i);
     const double weight = std::exp(values[k].log_integrand - top);
-    if (weight < 1e-12) continue;
+    if (weight < 1e-12) continue;  // of all points together less than 1e-6 of the best one
     double nearest = std::numeric_limits<double>::infinity();
     std::size_t own = 0;
     for (std::size_t j = 0; j < mixture.modes.size(); ++j) {
@@ -185,8 +187,8 @@ ExhaustiveResult ExhaustiveSearch::search(const Capture& capture,
   const Mass& mass = masses[heaviest];
   if (mass.weight > 0) {
     result.heaviest.weight = mass.weight / total;
-    // Sums over a grid are good to a percent while the step is below twice the width; what is
-    // narrower is left to Laplace's approximation.
+    // Sums over a grid are good to a percent while the step is below twice the width (here
+    // below 1.7 times); what is narrower is left to Laplace's approximation.
     const Eigen::VectorXd width = precision[heaviest].diagonal().array().rsqrt();
     if ((width.array() > 0.6 * compiled.spacing.array()).all()) {
       const PoseVector shift = mass.first / mass.weight;

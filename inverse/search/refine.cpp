@@ -17,7 +17,8 @@ namespace blindcorner {
 namespace {
 
 /// When to stop. Tolerances are relative decreases of half the deviance, which is of the order of
-/// the number of bins (1e3): 1e-2 in log likelihood to tell basins apart, 1e-3 at the end.
+/// the number of bins (1e3): 0.1 in log likelihood to get near, 1e-2 to tell basins apart, 1e-3 at
+/// the end. Iterations are limits of the time, by judgement: more where they are cheap.
 struct Stop {
   int iterations;
   double function_tolerance;
@@ -27,15 +28,17 @@ constexpr Stop kApproach{8, 1e-4};
 constexpr Stop kApproachCheap{40, 1e-5};
 constexpr Stop kSettle{12, 1e-6};
 constexpr Stop kPolish{25, 1e-6, true};
-/// Corrections of the steering light by the model in a row, and the gain in log posterior that
-/// calls for another.
+/// Corrections of the steering light by the model in a row: each leaves of a move the share by
+/// which the steering light's derivatives are off, two its square. And the gain in log posterior
+/// that calls for another, from a move of a tenth of a standard deviation.
 constexpr int kMaxCorrections = 2;
 constexpr double kWorthCorrecting = 0.005;
 /// Gain in log posterior from a move of a fifth of a standard deviation: for less no failed step is
 /// tried again.
 constexpr double kSmallGain = 0.02;
 /// A gain from a move of two standard deviations, over which the difference between the rough
-/// models and better ones may change; and how often that is looked up.
+/// models and better ones may change; and how often that is looked up, by judgement: it bounds the
+/// time.
 constexpr double kLargeGain = 2;
 constexpr int kMaxMoves = 3;
 /// Optima this far below the best in log posterior hold less than a per cent of the posterior each:
@@ -43,7 +46,8 @@ constexpr int kMaxMoves = 3;
 constexpr double kWorthSettling = 5;
 /// Places no more than this above the parabola about a better one, in log posterior, and within so
 /// many standard deviations of it, are on the slopes of its peak: a descent has ended early there,
-/// and another would end at that peak.
+/// and another would end at that peak. What a Gaussian falls by within one of them, and, by
+/// judgement, as far as its parabola may be trusted: there it has fallen by 8.
 constexpr double kAboveSlope = 0.5;
 constexpr double kOnSlope = 4;
 
@@ -52,7 +56,8 @@ constexpr double kOnSlope = 4;
 /// eliminated unknowns.
 constexpr double kAccuracy = 1e-10;
 
-/// Distance from a bound at which an unknown is held, against its range.
+/// Distance from a bound at which an unknown is held, against its range: far above the rounding of
+/// 1e-16, far below any uncertainty.
 constexpr double kAtBound = 1e-9;
 
 /// Residuals of a pose with the linear unknowns eliminated; the light is differentiated
@@ -187,6 +192,7 @@ void minimise(const PoseObjective& objective, const LightSource& light, const St
   options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
   options.max_num_iterations = stop.iterations;
   options.function_tolerance = stop.function_tolerance;
+  // So small that the function's tolerance decides.
   options.parameter_tolerance = 1e-7;
   options.gradient_tolerance = 1e-9;
   // Steps over a bound end at it, and the next one is held there: no search along the way.

@@ -19,24 +19,27 @@
 namespace blindcorner {
 namespace {
 
-/// Poses scored exactly: this many times the wanted starts, but at least `kMinExact`.
+/// Poses scored exactly: this many times the wanted starts, but at least `kMinExact`. By judgement:
+/// neighbours of a local maximum score nearly as well, and one of them becomes a start.
 constexpr int kExactPerStart = 8;
 constexpr int kMinExact = 64;
 /// Gain in log likelihood over the empty scene below which an object is faint: about a hundred
-/// photons on a background of as many.
+/// photons on a background of as many; a signal-to-noise ratio of sqrt(2 * 100) = 14.
 constexpr double kFaint = 100;
 /// Poses that the model scores again where closed form is too rough: it costs a hundred times as
-/// much.
+/// much, so that they cost ten times as much as closed form's 600 poses.
 constexpr std::size_t kMaxByModel = 64;
 /// Accuracy of a template's log posterior, far below what half a grid step does to it.
 constexpr double kAccuracy = 1e-2;
-/// Templates whose exact scores are worked out at a time.
+/// Templates whose exact scores are worked out at a time, by judgement: some for each core, few
+/// enough to stop in time.
 constexpr std::size_t kTogether = 8;
 /// Starts that are refined even when the grid has fewer local maxima: ridges run between its
-/// points.
+/// points. By judgement: as many as are followed at a time.
 constexpr std::size_t kMinStarts = 4;
 
-/// Photons in a bin that is dark; and a variance that a weight, which is single precision, stands.
+/// Photons in a bin that is dark, far below one in all bins; and a variance that a weight, which is
+/// single precision and ends at 1e38, stands.
 constexpr double kDarkPhotons = 1e-12;
 constexpr double kNoVariance = 1e-30;
 
@@ -46,6 +49,7 @@ float gain(float projection, float norm) {
   return 0.5F * positive * positive / std::max(norm, 1e-30F);
 }
 
+/// Floats of the widest vector register (512 bits).
 constexpr int kLanes = 16;
 
 /// sum t a
@@ -110,6 +114,7 @@ std::vector<int> best_first(const Eigen::VectorXf& scores, std::size_t count) {
 // max over u of p e^u - n e^2u / 2 - (u - mu)^2 / 2 s^2, by Newton's method from both sides: there
 // may be a maximum at what the data say and one at what the prior says.
 Eigen::VectorXf gain_under_prior(const GainOfAmplitude& gains, const AmplitudePrior& prior) {
+  // From starts on the right side each at least doubles the digits: enough to compare poses.
   constexpr int kSteps = 3;
   using Array = Eigen::ArrayXf;
   const Array p = gains.projection.array();
@@ -409,7 +414,8 @@ class Arranger {
 
 std::vector<Candidate> object_starts(const PoseObjective& objective, const LinearSolution& empty,
                                      std::size_t count) {
-  // Places of the first object, of each further one beside them, and sweeps over what is best.
+  // Places of the first object, of each further one beside them, and sweeps over what is best. By
+  // judgement: they bound the time.
   constexpr std::size_t kFirst = 12, kNext = 6, kSwept = 8;
   const std::size_t objects = objective.compiled().objects().size();
   const Arranger arranger(objective, empty);
@@ -513,7 +519,8 @@ Scored score(const PoseObjective& objective, const LinearSolution& empty, int co
   std::vector<bool> known(compiled.poses.size());
   double best = -std::numeric_limits<double>::infinity();
   double gain = 0;  // of the best, over the empty scene
-  // A template half a step off keeps at least 0.8 of its gain over the empty scene.
+  // A template half a step off keeps at least 0.8 of its gain over the empty scene (kGridStep: 0.91
+  // squared), and lacks at most 0.25 of what it has.
   const auto cut = [&] { return best - negligible - 0.25 * gain; };
   // Exact scores of poses that a filter thinks best. Its score approximates the gain over the empty
   // scene; when even half as much again falls short of what a start needs, the rest does too.

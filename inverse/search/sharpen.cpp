@@ -28,7 +28,8 @@ constexpr double kSmallMove = 0.2;
 /// oblique floor at a million photons: by 0.3 to 2, half of them by less than 0.6).
 constexpr double kLeft = 0.5;
 /// Changes of the log posterior at the optimum that are not worth a better model: what it changes
-/// there it may change elsewhere, and more.
+/// there it may change elsewhere, and more: by it, a mode's weight changes by a third. By
+/// judgement.
 constexpr double kSmallShift = 0.3;
 /// What the levels of one kind of material are worth.
 struct Levels {
@@ -41,11 +42,13 @@ struct Levels {
   /// Move that is carried in the covariance rather than looked for with the next level.
   double carried;
 };
+/// One standard deviation, or a factor of e in the posterior, is no correction any more.
 constexpr Levels kMatt{{0.06, 0.02, 0.007, 0.002}, 1, 1, kSmallMove};
 /// A better model of a lobe sums over pairs: each level costs five to ten times as much as the one
 /// before. Optima are corrected where they stand even if that is far, and end a third of a standard
 /// deviation from where the model's own derivatives lead (street corner), in a third of the time;
-/// what is carried widens the covariance by 8 % at most.
+/// what is carried widens the covariance by 8 % at most. What is no correction any more, four
+/// standard deviations or 20 in log posterior, is by judgement.
 constexpr Levels kLobes{{0.1, 0.02, 0.005, 0.003}, 4, 20, 0.4};
 
 /// Moves the optima that may matter; `here`: the models' light at the first.

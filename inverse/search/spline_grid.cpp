@@ -14,7 +14,8 @@
 namespace blindcorner {
 namespace {
 
-/// Values below this share of the largest one are taken as zero: the spline's ripples.
+/// Values below this share of the largest one are taken as zero: the spline's ripples, which beside
+/// the light fall by 2 - sqrt(3) = 0.27 from point to point, to this within seven.
 constexpr float kRipple = 1e-4F;
 
 /// From values to B-spline coefficients along one axis, [coefficients, points].

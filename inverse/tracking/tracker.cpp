@@ -25,12 +25,17 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-/// A direction counts as measured when the frame took away this share of its variance.
+/// A direction counts as measured when the frame took away this share of its variance: a per cent
+/// of its standard deviation. By judgement.
 constexpr double kMeasured = 0.02;
-/// One innovation counts at most this much when the inflation is adapted: it may be an outlier.
+/// One innovation counts at most this much when the inflation is adapted, three standard deviations
+/// squared: it may be an outlier.
 constexpr double kMaxSurprise = 9;
-/// Below this probability of presence a track ends.
+/// Below this probability of presence a track ends: absence is then the likelier.
 constexpr double kGone = 0.5;
+/// Share of the time constant that one frame may count, by judgement: after a long gap, one frame
+/// must not set the inflation.
+constexpr double kMaxElapsed = 0.1;
 
 double log_sum(double a, double b) {
   const double top = std::max(a, b);
@@ -400,7 +405,7 @@ void Tracker::keep(std::vector<Hypothesis> hypotheses) {
 void Tracker::adapt(const Innovation& innovation, double dt) {
   if (innovation.freedom < 1) return;
   const double surprise = std::min(innovation.squared / innovation.freedom, kMaxSurprise);
-  inflation_ *= std::exp((surprise - 1) * std::min(dt / options_.inflation_time, 0.1));
+  inflation_ *= std::exp((surprise - 1) * std::min(dt / options_.inflation_time, kMaxElapsed));
   inflation_ = std::clamp(inflation_, 1.0, options_.max_inflation);
 }
 
@@ -495,7 +500,8 @@ TrackSummary summary_of(const TrackLayout& layout, const TrackPoint& point) {
   return summary;
 }
 
-/// Whether a position is where the search held it back: within 1e-3 of the range.
+/// Whether a position is where the search held it back: within 1e-3 of the range, because the
+/// filter moves a mean off the border a little, where a fit's optimum stays on it.
 bool at_bound(const Scene& scene, const Gaussian& state) {
   for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
     const Unknown& unknown = scene.unknowns[i];
@@ -532,7 +538,7 @@ FitResult track_frame(const Fitter& fitter, Tracker& tracker, const Capture& cap
     const TrackMode& mode = point.modes.front();
     frame->describe(mode.state.mean.head(tracker.layout().measured), result);
     result.goodness_of_fit.inflation = point.inflation;
-    if (point.modes.size() > 1 && mode.weight < 0.9) result.flags.emplace_back("multimodal");
+    if (point.modes.size() > 1 && mode.weight < kOneMode) result.flags.emplace_back("multimodal");
     if (mode.coasted > 0) result.flags.emplace_back("predicted");
     if (at_bound(fitter.scene(), mode.state)) result.flags.emplace_back("at_bound");
     if (mode.age == 0) result.flags.emplace_back("track_started");

@@ -94,7 +94,8 @@ class PublishedNetwork : public Network {
   torch::nn::Linear output;
 };
 
-/// One of the ensemble. Its outputs are a mean and the logarithm of a variance for each target.
+/// One of the ensemble. Its outputs are a mean and the logarithm of a variance for each target. Its
+/// widths are by judgement, four to eight times the published network's.
 class WideNetwork : public Network {
  public:
   explicit WideNetwork(const CnnShape& shape)
@@ -206,7 +207,8 @@ Entries unpickled(const std::string& bytes, const std::string& where) {
   const char* const kAccepted =
       "is damaged, truncated or no file of weights; accepted: what cnn train or PyTorch's "
       "torch.save wrote, a dict of tensors and the text 'metadata'";
-  // The archive's reader forgives an end that is cut off; a zip archive ends with this record.
+  // The archive's reader forgives an end that is cut off; a zip archive ends with this record (end
+  // of central directory, without a comment).
   constexpr std::size_t kEndRecord = 22;
   if (bytes.size() < kEndRecord || bytes.compare(bytes.size() - kEndRecord, 4, "PK\x05\x06") != 0) {
     throw Error(where, kAccepted);
@@ -340,6 +342,7 @@ class FlatAdam {
   void zero_gradients() { gradients_.zero_(); }
 
   void step() {
+    // Adam's own (Kingma and Ba 2015).
     constexpr double kBeta1 = 0.9, kBeta2 = 0.999, kEpsilon = 1e-8;
     const torch::NoGradGuard no_gradient;
     ++steps_;
@@ -521,7 +524,8 @@ class TorchTrainer : public CnnTrainer {
   }
 
  private:
-  /// Seeds of members are this far apart: an odd number without a pattern.
+  /// Seeds of members are this far apart: an odd number without a pattern, 2^64 over the golden
+  /// ratio.
   static constexpr std::uint64_t kMemberSeeds = 0x9e3779b97f4a7c15;
 
   DataTensors data_;

@@ -29,7 +29,8 @@ struct CnnTrainingOptions {
   bool standardise = true;
   /// Standard deviations at which standardised values are clipped, > 0; 0: they are not. A bin that
   /// hardly changed in training changes by hundreds of its deviations when the sensor moves by a
-  /// few centimetres, and the network's answer with it.
+  /// few centimetres, and the network's answer with it: on tmf8828_wall, elsewhere than trained,
+  /// the median error was 16.7 cm without, 11.0 cm with it (360 epochs).
   double input_bound = 5;
   std::uint64_t seed = 1;        ///< of weights, order of captures and dropout
   std::uint64_t split_seed = 1;  ///< of which captures are held back

@@ -10,7 +10,8 @@
 namespace blindcorner {
 
 struct MatchedFilterOptions {
-  int max_poses = 20'000;  ///< of the grid, whose spacing grows until they are no more
+  /// Of the grid, whose spacing grows until they are no more: as FitOptions::max_scored_poses.
+  int max_poses = 20'000;
   /// Their histograms are closed-form pulses, of microseconds each; else the cheap fast model's,
   /// whose tables take seconds.
   bool closed_form = true;

@@ -13,7 +13,7 @@ struct MultilaterationOptions {
   /// A peak counts from this many standard deviations of photon noise on; among some hundred
   /// places of a time axis, noise alone gets to 4 once in a hundred zones.
   double threshold = 4;
-  int starts_per_axis = 3;  ///< evenly over the search region
+  int starts_per_axis = 3;  ///< evenly over the search region; by judgement, 27 of three axes
 
   /// Throws Error naming the field that is out of range.
   void validate() const;

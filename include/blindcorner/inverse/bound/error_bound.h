@@ -18,10 +18,10 @@ struct BoundOptions {
   double ambient = 0.0;    ///< >= 0, counts per bin of one exposure
   /// Poses of the search region that are looked at for being mistaken for each other. What lies
   /// between them is not found, which makes the bound lower, never wrong.
-  int test_poses = 1000;
+  int test_poses = 1000;          ///< by judgement: ten along each axis of three unknowns
   bool prior = true;              ///< count what the scene says about the pose before any capture
-  double model_tolerance = 0.05;  ///< of the fast model
-  int empty_captures = 128;       ///< simulated for the false-alarm threshold
+  double model_tolerance = 0.05;  ///< of the fast model, by judgement
+  int empty_captures = 128;       ///< simulated for the false-alarm threshold, as a fit's
   std::uint64_t seed = 1;
 
   /// Throws Error naming the field that is out of range.

@@ -13,6 +13,9 @@
 namespace blindcorner {
 
 /// Standard deviations of the priors about what the scene file says; 0 keeps a parameter fixed.
+/// They are by judgement: a scene file states times to a bin, which zones share but for a
+/// twentieth, a clock to 3 %, a pulse's width to a third, spots to 3 cm, and gains hardly at all.
+/// Parameters of which the captures say more than that do not depend on it (`determined`).
 struct CalibrationOptions {
   double time_zero_bins = 1.0;        ///< bins, shared by all zones
   double zone_time_zero_bins = 0.05;  ///< bins, each zone's own on top of that
@@ -32,14 +35,17 @@ struct CalibrationOptions {
   bool wraps = true;
   /// Estimate each zone's static background, and find bins that cannot be used.
   bool background = true;
-  /// A capture whose deviance is this many standard deviations too large is left out.
+  /// A capture whose deviance is this many standard deviations too large is left out: by judgement,
+  /// because a model that is a little off spreads deviances more than noise does.
   double outlier_sigmas = 8.0;
-  /// A parameter is determined when its standard error is below this share of its prior's sigma.
+  /// A parameter is determined when its standard error is below this share of its prior's sigma:
+  /// above, less than a third of a bit was learned about it (log2 of 0.8 is -0.32).
   double determined_share = 0.8;
-  /// Smallest spread of the object's brightness, natural logarithm.
+  /// Smallest spread of the object's brightness, natural logarithm: by judgement, objects of one
+  /// kind are no more alike.
   double least_brightness_log = 0.05;
   /// Probability that a capture is disturbed by what the model does not know, where the scene
-  /// states none; see Scene.
+  /// states none; see Scene. By judgement: captures for a calibration are taken with care.
   double outlier_probability = 0.01;
   /// Scale the noise until the calibration's own captures, fitted as if their poses were not known,
   /// have a mean squared normalised error of one.

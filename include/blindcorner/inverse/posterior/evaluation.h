@@ -18,8 +18,10 @@ struct EstimateError {
 };
 
 struct EvaluationOptions {
-  int resamples = 2000;    ///< of the bootstrap over groups
-  double interval = 0.95;  ///< share of the resamples that the intervals hold
+  /// Of the bootstrap over groups: fifty beyond either end of the interval, whose share is thereby
+  /// known to a seventh.
+  int resamples = 2000;
+  double interval = 0.95;  ///< share of the resamples that the intervals hold, by convention
   std::uint64_t seed = 1;
 
   /// Throws Error naming the field that is out of range.

@@ -20,27 +20,32 @@
 
 namespace blindcorner {
 
-/// How hypotheses are kept. What is known about the object's motion is in Motion.
+/// How hypotheses are kept. What is known about the object's motion is in Motion. Probabilities and
+/// times are priors by judgement, of which the order of magnitude matters.
 struct TrackerOptions {
   /// Probability that a frame shows nothing of an object that is there, or something else.
   double missed_probability = 0.01;
   /// Probability per frame that the object is where the track did not expect it.
   double lost_probability = 1e-4;
-  /// Chance of an innovation as improbable as this asks for a search of the whole region.
+  /// Chance of an innovation as improbable as this asks for a search of the whole region: it is
+  /// searched in vain once in a thousand frames.
   double gate_probability = 1e-3;
   /// Time after which the whole region is searched in any case, s. While a track is young, that is
   /// done each time its age has doubled.
   double search_interval = 2.0;
-  /// Hypotheses closer than this (squared Mahalanobis distance under the wider one) are one.
+  /// Hypotheses closer than this (squared Mahalanobis distance under the wider one) are one: two
+  /// equal Gaussians have one summit until they are two standard deviations apart.
   double merge_distance2 = 1.0;
-  /// Hypotheses with less weight are dropped; at most `max_modes` are kept.
+  /// Hypotheses with less weight are dropped: what has lost the track starts with as little. At
+  /// most `max_modes` are kept: each costs a descent a frame.
   double negligible_weight = 1e-4;
   int max_modes = 8;
   /// Mean time that an object stays, and, at a prior probability of presence of one half, stays
   /// away, s.
   double dwell_time = 60.0;
   /// Time constant with which the inflation of the measurement's covariance follows the normalised
-  /// innovations, s.
+  /// innovations, s: many frames, and less than an object stays. And the most it may become, of
+  /// standard deviations three times as large: beyond, it is the model that is wrong.
   double inflation_time = 5.0;
   double max_inflation = 10.0;
   /// Frames that are kept for smoothing, beside the last: memory is then bounded. 0: all.
