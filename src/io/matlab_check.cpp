@@ -127,8 +127,9 @@ class Walk {
       const auto extent = static_cast<std::int32_t>(number(sizes.data, i));
       if (extent < 0) damaged("a negative size");
       product *= extent;
+      // Looked at each time: hundreds of large extents and a zero would be infinity times zero.
+      if (product > std::numeric_limits<std::int32_t>::max()) damaged("more than 2^31 numbers");
     }
-    if (product > std::numeric_limits<std::int32_t>::max()) damaged("more than 2^31 numbers");
     return static_cast<std::size_t>(product);
   }
 

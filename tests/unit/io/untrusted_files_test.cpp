@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cstring>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -182,6 +183,9 @@ TEST(Matlab, SizesBeyondTheDataAreRefused) {
               HasSubstr("m.mat: found an array of 8 numbers that holds 6"));
   EXPECT_THAT(message(matlab_file({100'000, 100'000}, 6)), HasSubstr("more than 2^31"));
   EXPECT_THAT(message(matlab_file({-1, 6}, 6)), HasSubstr("a negative size"));
+  std::vector<std::int32_t> beyond_doubles(40, std::numeric_limits<std::int32_t>::max());
+  beyond_doubles.push_back(0);
+  EXPECT_THAT(message(matlab_file(beyond_doubles, 6)), HasSubstr("more than 2^31"));
   EXPECT_EQ(message(matlab_file({2, 3}, 6, 4)), "") << "text";
   EXPECT_THAT(message(matlab_file({2, 4}, 6, 4)), HasSubstr("8 numbers that holds 6"));
   for (const std::uint32_t other : {2U, 3U, 5U, 16U}) {  // structure, object, sparse, function
