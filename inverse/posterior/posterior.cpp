@@ -454,11 +454,11 @@ Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& 
     // Moments need several samples per dimension; with fewer the Laplace shape is kept.
     const double effective = weight * weight / squares;
     const auto n = static_cast<double>(mean.size());
-    if (effective > 2 * n) {
+    if (effective > 2 * (n + 2)) {
       moments(scene, own, peaks[j].center, mean, covariance);
-      // The samples' mean is off by a share 1 / N of the covariance, and the inverse of theirs too
-      // large by N / (N - n - 1).
-      covariance *= 1 + (n + 2) / effective;
+      // The samples' mean is off by a share 1 / N of the covariance, and the inverse of theirs, a
+      // Wishart matrix of N - 1 degrees of freedom over N, too large by N / (N - n - 2) in the mean.
+      covariance *= (effective + 1) / (effective - n - 2);
       // Samples on top of each other leave a per cent of Laplace's width.
       covariance += 1e-4 * peaks[j].covariance;
     }
