@@ -284,7 +284,7 @@ double ErrorBound::Impl::detection_at(const ShapeBuffer& light,
     const BinLikelihood& noise_model = observation->noise_model(zone);
     for (int k = 0; k < zone.bins(); ++k) {
       const Eigen::Index row = zone_begin[z] + k;
-      const double mean = std::max(static_cast<double>(filter->mean()[row]), 1e-12);
+      const double mean = noise_model.lit(filter->mean()[row]);
       const double variance = noise_model.variance(mean);
       const double share = zone.weight_of(k) * object[row] * object[row] / variance;
       empty_noise += share;

@@ -312,8 +312,8 @@ std::vector<CalibrationProblem::Evaluation> CalibrationProblem::evaluate(const S
                       result.linear.direct[i], result.mean[i].data());
       for (std::size_t k = 0; k < zone.counts.size(); ++k) {
         const double s = result.linear.amplitude[i] * result.object[i][k];
-        information +=
-            s * s / observation.noise_model(zone).variance(std::max(result.mean[i][k], 1e-12));
+        const BinLikelihood& noise_model = observation.noise_model(zone);
+        information += s * s / noise_model.variance(noise_model.lit(result.mean[i][k]));
       }
     }
     result.log_amplitude =

@@ -27,8 +27,8 @@ std::string worst_bin_text(const Observation& observation,
       early = early && light[k] <= least;
       const double mean = evaluation.mean[i][k];
       const double off = zone.counts[k] - mean;
-      const double square =
-          off * off / observation.noise_model(zone).variance(std::max(mean, 1e-12));
+      const BinLikelihood& noise_model = observation.noise_model(zone);
+      const double square = off * off / noise_model.variance(noise_model.lit(mean));
       if (square <= worst) continue;
       worst = square;
       char line[160];

@@ -57,8 +57,8 @@ struct Misfit {
 
   Misfit(const Row& row, double gain) {
     const Eigen::ArrayXd mean = row.ambient + gain * row.light;
-    variance = (mean + row.known).cwiseMax(1e-12).unaryExpr([&](double m) {
-      return row.noise_model->variance(m);
+    variance = (mean + row.known).unaryExpr([&](double m) {
+      return row.noise_model->variance(row.noise_model->lit(m));
     });
     squares = (row.counts - mean).square() / variance;
   }

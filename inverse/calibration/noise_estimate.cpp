@@ -56,9 +56,9 @@ std::vector<Square> squared_residuals(const CalibrationProblem& problem,
       // What the fitted ambient light took away.
       double lost = 0;
       if (scene.linear.ambient == LinearMode::per_zone) {
-        const double own = observation.noise_model(zone).variance(
-                               std::max(evaluations[c].linear.ambient[i], 1e-12)) /
-                           zone.bins();
+        const BinLikelihood& noise_model = observation.noise_model(zone);
+        const double own =
+            noise_model.variance(noise_model.lit(evaluations[c].linear.ambient[i])) / zone.bins();
         const auto& priors = scene.linear.ambient_prior;
         const double prior = priors.empty() ? 1e300 : std::pow(priors[index].sigma, 2);
         lost = prior / (prior + own);
@@ -160,11 +160,12 @@ void learn_ambient(const CalibrationProblem& problem, const Evaluations& flat,
     for (std::size_t i = 0; i < observation.zones.size(); ++i) {
       const ObservedZone& zone = observation.zones[i];
       const double level = flat[c].linear.ambient[i];
-      const double lit = std::max(level, 1e-12);
+      const BinLikelihood& noise_model = observation.noise_model(zone);
+      const double lit = noise_model.lit(level);
       if (!has_data(observation, zone, lit)) continue;
       levels[static_cast<std::size_t>(zone.zone)].push_back(level);
       variances[static_cast<std::size_t>(zone.zone)].push_back(
-          observation.noise_model(zone).variance(lit) / zone.bins());
+          noise_model.variance(lit) / zone.bins());
     }
   }
   std::vector<NormalPrior> priors(zones, NormalPrior{0, 1e6});

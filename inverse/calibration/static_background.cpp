@@ -110,7 +110,7 @@ std::vector<DarkBins> dark_bins(const CalibrationProblem& problem, const Evaluat
           std::max(k > 0 ? direct[k - 1] : 0.0, k + 1 < count ? direct[k + 1] : 0.0);
       if (lit[first + k] || std::max(direct[k], beside) > limit) continue;
       const double n = observed.counts[k];
-      const double mean = std::max(evaluation.mean[*own][k], 1e-12);
+      const double mean = noise_model.lit(evaluation.mean[*own][k]);
       DarkCount one;
       one.bin = first + k;
       one.count = n - direct[k] - evaluation.linear.amplitude[*own] * evaluation.object[*own][k];

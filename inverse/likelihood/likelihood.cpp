@@ -323,7 +323,7 @@ class PoissonLikelihood final : public BinLikelihood {
   double value(double n, double m) const override {
     return scale() * (n > 0 ? m - n * std::log(m) : m);
   }
-  double information(double m) const override { return scale() / std::max(m, kMinInformed); }
+  double information(double m) const override { return scale() / lit(m); }
   double best(double n) const override { return n; }
   double saturated(double n) const override { return n > 0 ? value(n, n) : 0.0; }
   double half_deviance(double n, double m, double /*least_value*/) const override {
@@ -400,7 +400,7 @@ class PoissonLikelihood final : public BinLikelihood {
   void add_deviance_moments(std::span<const double> means, double& expected,
                             double& variance) const override {
     static const PoissonDeviance moments;
-    for (const double m : means) moments.add(std::max(scale() * m, 1e-12), expected, variance);
+    for (const double m : means) moments.add(scale() * lit(m), expected, variance);
   }
 
   double quantile(double mean, double deviate) const override {
@@ -412,7 +412,6 @@ class PoissonLikelihood final : public BinLikelihood {
   static bool near(double n, double m) { return std::abs((m - n) / std::max(n, 1e-300)) < kNear; }
 
   static constexpr double kMinMean = 1e-300;
-  static constexpr double kMinInformed = 1e-12;  ///< below it the information says no more
 };
 
 class GaussianLikelihood final : public BinLikelihood {

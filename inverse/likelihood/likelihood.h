@@ -58,6 +58,9 @@ class BinLikelihood {
   /// Exposures over the dispersion, where the noise model has one: where photons are counted,
   /// photons per count.
   double scale() const { return scale_; }
+  /// An expected count, or where photons are counted and it is darker, what a share of one photon
+  /// makes, which is far below one in all bins: counts may be averages over any number of exposures.
+  double lit(double m) const { return counts_photons_ ? std::max(m, kDarkPhotons / scale_) : m; }
   /// Whether a count of zero stands for "zero or less".
   virtual bool censored() const { return false; }
   /// Variance of a count when m is expected.
@@ -107,6 +110,9 @@ class BinLikelihood {
   /// The count that is exceeded as rarely when `mean` is expected as a standard normal deviate
   /// exceeds `deviate`: draws that change little with the mean, the same with every library.
   virtual double quantile(double mean, double deviate) const = 0;
+
+ protected:
+  static constexpr double kDarkPhotons = 1e-12;
 
  private:
   bool counts_photons_;

@@ -28,7 +28,7 @@ void complete(const ObservedZone& zone, const BinLikelihood& noise_model,
               const LinearUnknowns& unknowns, const OwnUnknowns& own, double ambient,
               Eigen::Matrix3d& information) {
   if (own.ambient && zone.outside_bins > 0) {
-    information(1, 1) += zone.outside_bins * noise_model.information(std::max(ambient, 1e-12));
+    information(1, 1) += zone.outside_bins * noise_model.information(ambient);
   }
   if (own.ambient && !unknowns.ambient_prior.empty()) {
     information(1, 1) +=
@@ -80,7 +80,7 @@ Eigen::MatrixXd fisher_information(const LinearSolver& solver, std::span<const Z
     row += bins;
     Eigen::VectorXd mean(bins);
     solver.expected(zone, shapes[z], a, linear.ambient[z], linear.direct[z], mean.data());
-    if (noise_model.counts_photons()) mean = mean.cwiseMax(1e-12);
+    for (double& m : mean) m = noise_model.lit(m);
     Eigen::VectorXd weight(bins);
     Eigen::MatrixXd local = Eigen::MatrixXd::Zero(bins, 3);
     for (int k = 0; k < bins; ++k) {

@@ -104,8 +104,7 @@ Eigen::VectorXd spread_of(const PoseObjective& objective, const ShapeBuffer& at,
     for (int k = 0; k < zone.bins(); ++k, ++row) {
       const double weight = zone.weight_of(k);
       const double m = mean[static_cast<std::size_t>(k)];
-      const double one =
-          weight * noise_model.information(noise_model.counts_photons() ? std::max(m, 1e-12) : m);
+      const double one = weight * noise_model.information(m);
       const double together = weight + (1 - weight) * kMaxTogether;
       for (Eigen::Index q = 0; q < light.cols(); ++q) {
         const double square = one * light(row, q) * light(row, q);

@@ -38,9 +38,7 @@ constexpr std::size_t kTogether = 8;
 /// points. By judgement: as many as are followed at a time.
 constexpr std::size_t kMinStarts = 4;
 
-/// Photons in a bin that is dark, far below one in all bins; and a variance that a weight, which is
-/// single precision and ends at 1e38, stands.
-constexpr double kDarkPhotons = 1e-12;
+/// A variance that a weight, which is single precision and ends at 1e38, stands.
 constexpr double kNoVariance = 1e-30;
 
 /// Gain in log likelihood of the best amplitude that is not negative.
@@ -161,15 +159,13 @@ MatchedFilter::MatchedFilter(const PoseObjective& objective, const LinearSolutio
     const ObservedZone& zone = observation.zones[z];
     const BinLikelihood& noise_model = observation.noise_model(zone);
     const int bins = zone.bins();
-    // Counts may be averages over any number of exposures: a share of one photon is what is dark.
-    const double dark = kDarkPhotons / (noise_model.counts_photons() ? noise_model.scale() : 1.0);
     zone_begin_.push_back(row);
     mean.resize(static_cast<std::size_t>(bins));
     objective.solver().expected(zone, buffer.shapes[z], empty.amplitude[z], empty.ambient[z],
                                 empty.direct[z], mean.data());
     for (int k = 0; k < bins; ++k) {
       const auto i = static_cast<std::size_t>(k);
-      double level = std::max(mean[i], dark);
+      double level = noise_model.lit(mean[i]);
       if (weights == Weights::observed) {
         const double before = zone.counts[static_cast<std::size_t>(std::max(k - 1, 0))];
         const double after = zone.counts[static_cast<std::size_t>(std::min(k + 1, bins - 1))];
@@ -188,7 +184,7 @@ MatchedFilter::MatchedFilter(const PoseObjective& objective, const LinearSolutio
     double slope = 0;
     if (unknowns.ambient == LinearMode::per_zone) {
       const double c = empty.ambient[z];
-      const double weight = 1 / std::max(noise_model.variance(std::max(c, dark)), kNoVariance);
+      const double weight = 1 / std::max(noise_model.variance(noise_model.lit(c)), kNoVariance);
       beyond = zone.outside_bins * weight;
       if (priors == Priors::used) {
         slope = (zone.outside_count - zone.outside_bins * c) * weight;

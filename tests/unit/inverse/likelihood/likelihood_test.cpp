@@ -232,6 +232,17 @@ TEST_P(EveryNoiseModel, ResidualIsSmoothAtTheBestMean) {
   }
 }
 
+// Counts may be averages over any number of exposures: what is dark is so in photons. (With means
+// held above 1e-12 of a count, dark bins of captures in W/m^2 told next to nothing.)
+TEST(Poisson, UnitOfCountsDoesNotMatter) {
+  const NoiseModel noise = PoissonNoise{};
+  const auto photons = make_likelihood(noise, 1, 1);
+  const auto averages = make_likelihood(noise, 1, 1e16);
+  for (const double m : {0.0, 1e-13, 1e-6, 0.1, 3.0}) {
+    EXPECT_NEAR(averages->information(1e-16 * m) / 1e32 / photons->information(m), 1, 1e-9) << m;
+  }
+}
+
 /// Expected squared score by summing over counts or integrating over values.
 double expected_information(const NoiseCase& noise_case, double m) {
   const auto owner = noise_case.likelihood();
