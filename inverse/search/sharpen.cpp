@@ -112,6 +112,11 @@ ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima,
     const double size = std::sqrt(square / wider);
     const double shift = std::abs(value.log_posterior - top.value.log_posterior) / wider;
     if (size < kSmallMove && shift < kSmallShift) break;
+    const double left = std::max(levels.errors[static_cast<std::size_t>(level)] / before, kLeft);
+    if (level + 1 == kModelLevels && left * std::sqrt(square) >= levels.carried) {
+      // No model is left to say where the next move would lead: it may be as long in any direction.
+      error.covariance += square / static_cast<double>(n) * precision.inverse();
+    }
     objective.use(finer);
     if (size > levels.large_move || shift > levels.large_shift) {
       // What worse models say of other optima, and of the posterior's shape, is no longer good.
@@ -123,7 +128,6 @@ ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima,
       sharpen_each(objective, optima, then);
       optima = merge(compiled, std::move(optima), negligible);
     }
-    const double left = std::max(levels.errors[static_cast<std::size_t>(level)] / before, kLeft);
     error.covariance *= left * left;
     error.level = level;
     // What the next one would move it, errors being alike.

@@ -20,7 +20,8 @@ struct ModelError {
 /// have them. Where the next one changes more than a correction can, the optima are searched for
 /// again, from `places` too, and it becomes the rough model as well; of lobes, whose better models
 /// are dear, only where it changes far more. The covariance is that of the last move, of which a
-/// part is left to the models after it.
+/// part is left to the models after it; where there are none, and that part is not small beside the
+/// photon noise, it may lead anywhere.
 ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima,
                    const std::vector<PoseVector>& places, double negligible);
 

@@ -33,7 +33,6 @@ std::string row_html(const StabilityResult& result) {
   if (!result.measured.detail.empty()) {
     html += "<div class=\"why\">" + html_safe(result.measured.detail) + "</div>";
   }
-  if (!row.open.empty()) html += "<div class=\"why\">Known: " + html_safe(row.open) + "</div>";
   html += "</td><td class=\"number\">" + with_unit(result.measured.value, row.unit) +
           "</td><td class=\"number\">" + with_unit(row.limit, row.unit) + "</td><td>" +
           limit_origin_name(row.origin) + "<div class=\"why\">" + html_safe(row.reason) +
@@ -58,7 +57,6 @@ std::string stability_json(const std::vector<StabilityResult>& results) {
                     {"origin", limit_origin_name(row.origin)},
                     {"reason", row.reason},
                     {"detail", result.measured.detail},
-                    {"open", row.open},
                     {"verdict", result.holds ? "holds" : "fails"},
                     {"cpu_s", result.seconds}});
   }

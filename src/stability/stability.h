@@ -29,7 +29,6 @@ struct StabilityRow {
   LimitOrigin origin = LimitOrigin::arithmetic;
   std::string reason;  ///< why the limit is what it is
   std::function<StabilityMeasurement()> measure;
-  std::string open = {};  ///< why the row is known to fail; empty: it must hold
 };
 
 /// A row that ran.
