@@ -18,6 +18,9 @@ namespace {
 
 /// Samples that show a posterior.
 constexpr int kShownSamples = 400;
+/// What the truth's own sampling may add to the mean squared normalised error: as much as 2000
+/// captures of two unknowns tell.
+constexpr double kMaxTruthError = 0.05;
 
 std::string light_of(const CoverageLevel& level) {
   return level.photons ? formatted("%g photons on average", *level.photons)
@@ -41,11 +44,23 @@ std::string warnings_text(const WarningShares& w) {
       100 * w.at_bound, 100 * w.warned, 100 * w.unwarned);
 }
 
+std::string truth_text(const CoverageLevel& level) {
+  if (!level.truth_error) return {};
+  std::string text =
+      formatted("Half the sampling of the truth adds %.3f to the mean squared normalised error, "
+                "so that its own adds less. ",
+                *level.truth_error);
+  if (*level.truth_error > kMaxTruthError) {
+    text += "WARNING: that is not small; ask for a denser truth (--truth). ";
+  }
+  return text;
+}
+
 std::string level_text(const CoverageLevel& level) {
   const auto far = std::ranges::count_if(
       level.trials, [](const ClaimTrial& t) { return !t.error.empty() || t.level > 0.99; });
   const double outside = static_cast<double>(far) / static_cast<double>(level.trials.size());
-  return formatted(
+  return truth_text(level) + formatted(
       "%d captures, %d of them without an answer; photons of the object: median %.3g; median error "
       "%.4f m, median claimed %.4f m; mean squared normalised error by Student's t, which does not "
       "take errors for normal: %.3f to %.3f; outside of the 99 %% region: %.1f %%. ",
@@ -222,6 +237,7 @@ nlohmann::ordered_json coverage_level_json(const CoverageLevel& level) {
   json["median_claimed_m"] = number_or_null(level.median_claimed);
   json["mean_square_low"] = number_or_null(level.mean_square_low);
   json["mean_square_high"] = number_or_null(level.mean_square_high);
+  if (level.truth_error) json["truth_error"] = number_or_null(*level.truth_error);
   json["claims"] = claims_json(level.claims);
   json["flagged"] = warnings_json(level.warnings);
   json["wrong"] = nlohmann::ordered_json::array();

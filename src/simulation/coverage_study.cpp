@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <numeric>
 
 #include "blindcorner/forward/error.h"
 #include "blindcorner/inverse/bound/error_bound.h"
@@ -30,6 +31,10 @@ constexpr int kMinStatements = 10;
 constexpr std::uint64_t kTrialSeed = 1'000'003;
 /// Of right captures that the best test flags: about what the fit's own flags cost together.
 constexpr double kBestTestAlarms = 0.01;
+/// Objects whose light is rendered with half of the sampling too: enough to warn, for a per cent of
+/// the time of 2000 captures. And the least sampling, DrawOptions::sampling.
+constexpr int kTruthChecks = 24;
+constexpr double kMinSampling = 0.1;
 
 std::string percent(const char* pattern, double a, double b = 0) {
   char text[96];
@@ -136,6 +141,12 @@ void summarise(const Scene& scene, CoverageLevel& level) {
   level.mean_square_high = interval.high / unknowns;
 }
 
+/// For captures without noise.
+Fitter without_samples(const Scene& scene, FitOptions options) {
+  options.importance_samples = options.empty_captures = 0;
+  return Fitter(scene, options);
+}
+
 void study_wrong(const Scene& scene, const CoverageOptions& options, const Fitter& fitter,
                  const std::vector<std::vector<DrawnObject>>& wrong_objects,
                  const std::function<void()>& advance, CoverageLevel& level) {
@@ -143,9 +154,7 @@ void study_wrong(const Scene& scene, const CoverageOptions& options, const Fitte
   const auto count =
       std::min(level.trials.size(), static_cast<std::size_t>(options.wrong_captures));
   const std::span<const ClaimTrial> right(level.trials.data(), count);
-  FitOptions pose_only = options.fit;
-  pose_only.importance_samples = pose_only.empty_captures = 0;
-  const Fitter explains(scene, pose_only);
+  const Fitter explains = without_samples(scene, options.fit);
   for (std::size_t a = 0; a < assumptions.size(); ++a) {
     auto trials = claim_trials(fitter, wrong_objects[a], level.exposure, level.seed, advance);
     run_trials(trials.size(), {}, [&](std::size_t i) {
@@ -156,6 +165,30 @@ void study_wrong(const Scene& scene, const CoverageOptions& options, const Fitte
     level.wrong.push_back(
         wrong_figures(assumptions[a], trials, right.subspan(0, std::min(count, trials.size()))));
   }
+}
+
+/// The first objects in light of half the sampling; none where there is no such light.
+std::vector<DrawnObject> coarser_objects(const Scene& scene, const CoverageOptions& options) {
+  DrawOptions draw = draw_options(options);
+  draw.objects = std::min(draw.objects, kTruthChecks);
+  draw.sampling *= 0.5;
+  if (draw.light != TrueLight::reference || draw.sampling < kMinSampling) return {};
+  return draw_objects(scene, draw);
+}
+
+double truth_error(const Fitter& fitter, std::span<const DrawnObject> objects,
+                   std::span<const DrawnObject> coarser, const Exposure& exposure) {
+  const Scene& scene = fitter.scene();
+  std::vector<double> squares(coarser.size());
+  run_trials(coarser.size(), {}, [&](std::size_t i) {
+    const PoseMixture fine = fitter.fit(expected_capture_of(scene, objects[i], exposure)).posterior;
+    const PoseMixture coarse =
+        fitter.fit(expected_capture_of(scene, coarser[i], exposure)).posterior;
+    const PoseVector d = pose_error(scene, coarse.mean, fine.mean);
+    squares[i] = d.dot(fine.covariance.ldlt().solve(d)) / static_cast<double>(d.size());
+  });
+  return std::accumulate(squares.begin(), squares.end(), 0.0) /
+         static_cast<double>(squares.size());
 }
 
 }  // namespace
@@ -310,6 +343,7 @@ CoverageScene study_coverage(const Scene& scene, const CoverageOptions& options,
                                                           : std::vector<DrawnObject>{});
     }
   }
+  const std::vector<DrawnObject> coarser = coarser_objects(scene, options);
   CoverageScene study{scene, {}};
   for (const ClaimLevel& light : light_levels(scene, options)) {
     CoverageLevel level;
@@ -318,6 +352,10 @@ CoverageScene study_coverage(const Scene& scene, const CoverageOptions& options,
     level.trials = claim_trials(fitter, objects, level.exposure, level.seed, advance);
     summarise(scene, level);
     level.example = ambiguous_example(fitter, objects, level.trials, level.exposure, level.seed);
+    if (!coarser.empty()) {
+      level.truth_error = truth_error(without_samples(scene, options.fit), objects, coarser,
+                                      level.exposure);
+    }
     if (options.wrong_captures > 0) {
       study_wrong(scene, options, fitter, wrong_objects, advance, level);
     }

@@ -115,6 +115,10 @@ struct CoverageLevel : ClaimLevel {
   WarningShares warnings;
   double median_error = 0, median_claimed = 0;       ///< m
   double mean_square_low = 0, mean_square_high = 0;  ///< Student's 95 % interval of that mean
+  /// Mean squared normalised error that the reference renderer's own sampling makes, at most: that
+  /// of answers to light without noise at half the sampling, from those at the whole. Empty: other
+  /// light, or no coarser sampling.
+  std::optional<double> truth_error;
   std::vector<WrongFigures> wrong;
   std::optional<AmbiguousExample> example;
 };

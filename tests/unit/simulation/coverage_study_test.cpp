@@ -236,6 +236,28 @@ TEST(CoverageStudy, SizeAndBrightnessFreeAreAsSureAsTheySay) {
   EXPECT_LT(squares, 1.46);
 }
 
+// Near the relay the renderer's own sampling shows in bright captures: it must not be taken for the
+// fit's error. A denser truth errs less, and brighter light shows more of it.
+TEST(CoverageStudy, SaysWhatTheTruthsSamplingAdds) {
+  const Scene scene = read_scene(std::string(SOURCE_DIR) + "/scenes/tmf8828_wall.json");
+  const auto added = [&](double sampling, double photons, TrueLight light = TrueLight::reference) {
+    CoverageOptions options;
+    options.captures = 4;
+    options.wrong_captures = 0;
+    options.photons = {photons};
+    options.sampling = sampling;
+    options.light = light;
+    options.fit.importance_samples = options.fit.empty_captures = 0;
+    return study_coverage(scene, options).levels.front().truth_error;
+  };
+  const auto coarse = added(0.3, 1e5), dense = added(0.6, 1e5), dim = added(0.3, 1e3);
+  ASSERT_TRUE(coarse && dense && dim);
+  EXPECT_LT(*dense, 0.5 * *coarse);
+  EXPECT_LT(*dim, 0.1 * *coarse);
+  EXPECT_FALSE(added(0.15, 1e3)) << "half of it is less than the renderer takes";
+  EXPECT_FALSE(added(1, 1e3, TrueLight::sensor));
+}
+
 TEST(DrawnObjects, AreTheSameWhateverTheSceneIsWrongAbout) {
   const Scene scene = read_scene(std::string(SOURCE_DIR) + "/scenes/denali_like.json");
   DrawOptions options;
