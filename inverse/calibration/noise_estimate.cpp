@@ -164,8 +164,8 @@ void learn_ambient(const CalibrationProblem& problem, const Evaluations& flat,
       const double lit = noise_model.lit(level);
       if (!has_data(observation, zone, lit)) continue;
       levels[static_cast<std::size_t>(zone.zone)].push_back(level);
-      variances[static_cast<std::size_t>(zone.zone)].push_back(
-          noise_model.variance(lit) / zone.bins());
+      variances[static_cast<std::size_t>(zone.zone)].push_back(noise_model.variance(lit) /
+                                                               zone.bins());
     }
   }
   std::vector<NormalPrior> priors(zones, NormalPrior{0, 1e6});

@@ -59,7 +59,8 @@ class BinLikelihood {
   /// photons per count.
   double scale() const { return scale_; }
   /// An expected count, or where photons are counted and it is darker, what a share of one photon
-  /// makes, which is far below one in all bins: counts may be averages over any number of exposures.
+  /// makes, which is far below one in all bins: counts may be averages over any number of
+  /// exposures.
   double lit(double m) const { return counts_photons_ ? std::max(m, kDarkPhotons / scale_) : m; }
   /// Whether a count of zero stands for "zero or less".
   virtual bool censored() const { return false; }

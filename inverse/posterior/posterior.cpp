@@ -457,7 +457,8 @@ Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& 
     if (effective > 2 * (n + 2)) {
       moments(scene, own, peaks[j].center, mean, covariance);
       // The samples' mean is off by a share 1 / N of the covariance, and the inverse of theirs, a
-      // Wishart matrix of N - 1 degrees of freedom over N, too large by N / (N - n - 2) in the mean.
+      // Wishart matrix of N - 1 degrees of freedom over N, too large by N / (N - n - 2) in the
+      // mean.
       covariance *= (effective + 1) / (effective - n - 2);
       // Samples on top of each other leave a per cent of Laplace's width.
       covariance += 1e-4 * peaks[j].covariance;

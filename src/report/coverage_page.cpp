@@ -46,10 +46,10 @@ std::string warnings_text(const WarningShares& w) {
 
 std::string truth_text(const CoverageLevel& level) {
   if (!level.truth_error) return {};
-  std::string text =
-      formatted("Half the sampling of the truth adds %.3f to the mean squared normalised error, "
-                "so that its own adds less. ",
-                *level.truth_error);
+  std::string text = formatted(
+      "Half the sampling of the truth adds %.3f to the mean squared normalised error, "
+      "so that its own adds less. ",
+      *level.truth_error);
   if (*level.truth_error > kMaxTruthError) {
     text += "WARNING: that is not small; ask for a denser truth (--truth). ";
   }
@@ -60,13 +60,16 @@ std::string level_text(const CoverageLevel& level) {
   const auto far = std::ranges::count_if(
       level.trials, [](const ClaimTrial& t) { return !t.error.empty() || t.level > 0.99; });
   const double outside = static_cast<double>(far) / static_cast<double>(level.trials.size());
-  return truth_text(level) + formatted(
-      "%d captures, %d of them without an answer; photons of the object: median %.3g; median error "
-      "%.4f m, median claimed %.4f m; mean squared normalised error by Student's t, which does not "
-      "take errors for normal: %.3f to %.3f; outside of the 99 %% region: %.1f %%. ",
-      static_cast<int>(level.trials.size()), level.failures, level.median_photons,
-      level.median_error, level.median_claimed, level.mean_square_low, level.mean_square_high,
-      100 * outside);
+  return truth_text(level) +
+         formatted(
+             "%d captures, %d of them without an answer; photons of the object: median %.3g; "
+             "median error "
+             "%.4f m, median claimed %.4f m; mean squared normalised error by Student's t, which "
+             "does not "
+             "take errors for normal: %.3f to %.3f; outside of the 99 %% region: %.1f %%. ",
+             static_cast<int>(level.trials.size()), level.failures, level.median_photons,
+             level.median_error, level.median_claimed, level.mean_square_low,
+             level.mean_square_high, 100 * outside);
 }
 
 /// The modes' stated weights against the shares of right ones.

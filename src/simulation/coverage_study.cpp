@@ -187,8 +187,7 @@ double truth_error(const Fitter& fitter, std::span<const DrawnObject> objects,
     const PoseVector d = pose_error(scene, coarse.mean, fine.mean);
     squares[i] = d.dot(fine.covariance.ldlt().solve(d)) / static_cast<double>(d.size());
   });
-  return std::accumulate(squares.begin(), squares.end(), 0.0) /
-         static_cast<double>(squares.size());
+  return std::accumulate(squares.begin(), squares.end(), 0.0) / static_cast<double>(squares.size());
 }
 
 }  // namespace
@@ -353,8 +352,8 @@ CoverageScene study_coverage(const Scene& scene, const CoverageOptions& options,
     summarise(scene, level);
     level.example = ambiguous_example(fitter, objects, level.trials, level.exposure, level.seed);
     if (!coarser.empty()) {
-      level.truth_error = truth_error(without_samples(scene, options.fit), objects, coarser,
-                                      level.exposure);
+      level.truth_error =
+          truth_error(without_samples(scene, options.fit), objects, coarser, level.exposure);
     }
     if (options.wrong_captures > 0) {
       study_wrong(scene, options, fitter, wrong_objects, advance, level);
