@@ -2,6 +2,7 @@
 /// Likelihood of histogram bins under the sensor's noise model.
 #pragma once
 
+#include <algorithm>
 #include <memory>
 #include <span>
 
@@ -112,10 +113,9 @@ class BinLikelihood {
   /// exceeds `deviate`: draws that change little with the mean, the same with every library.
   virtual double quantile(double mean, double deviate) const = 0;
 
- protected:
+ private:
   static constexpr double kDarkPhotons = 1e-12;
 
- private:
   bool counts_photons_;
   double scale_;
 };

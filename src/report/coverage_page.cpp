@@ -63,10 +63,9 @@ std::string level_text(const CoverageLevel& level) {
   return truth_text(level) +
          formatted(
              "%d captures, %d of them without an answer; photons of the object: median %.3g; "
-             "median error "
-             "%.4f m, median claimed %.4f m; mean squared normalised error by Student's t, which "
-             "does not "
-             "take errors for normal: %.3f to %.3f; outside of the 99 %% region: %.1f %%. ",
+             "median error %.4f m, median claimed %.4f m; mean squared normalised error by "
+             "Student's t, which does not take errors for normal: %.3f to %.3f; outside of the "
+             "99 %% region: %.1f %%. ",
              static_cast<int>(level.trials.size()), level.failures, level.median_photons,
              level.median_error, level.median_claimed, level.mean_square_low,
              level.mean_square_high, 100 * outside);

@@ -32,9 +32,8 @@ constexpr std::uint64_t kTrialSeed = 1'000'003;
 /// Of right captures that the best test flags: about what the fit's own flags cost together.
 constexpr double kBestTestAlarms = 0.01;
 /// Objects whose light is rendered with half of the sampling too: enough to warn, for a per cent of
-/// the time of 2000 captures. And the least sampling, DrawOptions::sampling.
+/// the time of 2000 captures.
 constexpr int kTruthChecks = 24;
-constexpr double kMinSampling = 0.1;
 
 std::string percent(const char* pattern, double a, double b = 0) {
   char text[96];
@@ -147,14 +146,14 @@ Fitter without_samples(const Scene& scene, FitOptions options) {
   return Fitter(scene, options);
 }
 
+/// `explains` fits captures without noise.
 void study_wrong(const Scene& scene, const CoverageOptions& options, const Fitter& fitter,
-                 const std::vector<std::vector<DrawnObject>>& wrong_objects,
+                 const Fitter& explains, const std::vector<std::vector<DrawnObject>>& wrong_objects,
                  const std::function<void()>& advance, CoverageLevel& level) {
   const std::vector<WrongAssumption> assumptions = wrong_assumptions(scene);
   const auto count =
       std::min(level.trials.size(), static_cast<std::size_t>(options.wrong_captures));
   const std::span<const ClaimTrial> right(level.trials.data(), count);
-  const Fitter explains = without_samples(scene, options.fit);
   for (std::size_t a = 0; a < assumptions.size(); ++a) {
     auto trials = claim_trials(fitter, wrong_objects[a], level.exposure, level.seed, advance);
     run_trials(trials.size(), {}, [&](std::size_t i) {
@@ -172,7 +171,7 @@ std::vector<DrawnObject> coarser_objects(const Scene& scene, const CoverageOptio
   DrawOptions draw = draw_options(options);
   draw.objects = std::min(draw.objects, kTruthChecks);
   draw.sampling *= 0.5;
-  if (draw.light != TrueLight::reference || draw.sampling < kMinSampling) return {};
+  if (draw.light != TrueLight::reference || draw.sampling < DrawOptions::kMinSampling) return {};
   return draw_objects(scene, draw);
 }
 
@@ -343,6 +342,7 @@ CoverageScene study_coverage(const Scene& scene, const CoverageOptions& options,
     }
   }
   const std::vector<DrawnObject> coarser = coarser_objects(scene, options);
+  const Fitter explains = without_samples(scene, options.fit);
   CoverageScene study{scene, {}};
   for (const ClaimLevel& light : light_levels(scene, options)) {
     CoverageLevel level;
@@ -352,11 +352,10 @@ CoverageScene study_coverage(const Scene& scene, const CoverageOptions& options,
     summarise(scene, level);
     level.example = ambiguous_example(fitter, objects, level.trials, level.exposure, level.seed);
     if (!coarser.empty()) {
-      level.truth_error =
-          truth_error(without_samples(scene, options.fit), objects, coarser, level.exposure);
+      level.truth_error = truth_error(explains, objects, coarser, level.exposure);
     }
     if (options.wrong_captures > 0) {
-      study_wrong(scene, options, fitter, wrong_objects, advance, level);
+      study_wrong(scene, options, fitter, explains, wrong_objects, advance, level);
     }
     study.levels.push_back(std::move(level));
   }

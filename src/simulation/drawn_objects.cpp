@@ -92,7 +92,7 @@ void DrawOptions::validate() const {
     throw Error("DrawOptions.objects",
                 "found " + std::to_string(objects) + ", accepted: at least 1");
   }
-  if (!(sampling >= 0.1 && sampling <= 10)) {
+  if (!(sampling >= kMinSampling && sampling <= kMaxSampling)) {
     throw Error("DrawOptions.sampling",
                 "found " + std::to_string(sampling) + ", accepted: 0.1 to 10");
   }

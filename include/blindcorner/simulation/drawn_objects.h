@@ -28,9 +28,11 @@ struct DrawnObject {
 };
 
 struct DrawOptions {
+  static constexpr double kMinSampling = 0.1, kMaxSampling = 10;
+
   int objects = 100;
   TrueLight light = TrueLight::reference;
-  double sampling = 1.0;  ///< of the reference renderer, in units of its default, 0.1 to 10
+  double sampling = 1.0;  ///< of the reference renderer, in units of its default
   /// How the true scene differs from the one that methods are told: a name of wrong_assumptions();
   /// empty: it does not.
   std::string wrong;
