@@ -163,7 +163,7 @@ TEST(StaticReturns, OfTheLightCornerAgreeWithTheTracer) {
   std::printf("later bounces: %d bins, scale %.4f, relative L2 %.4f\n", count, scale, relative);
   EXPECT_GT(count, 200);
   EXPECT_NEAR(scale, 1.0, 0.005);
-  EXPECT_LT(relative, 0.015);
+  EXPECT_LT(relative, 0.007);
 }
 
 INSTANTIATE_TEST_SUITE_P(Mitransient, ReferenceTransients,
