@@ -607,10 +607,12 @@ std::vector<PoseVector> best_by_model(const PoseObjective& objective, const Scor
     double log_posterior;
     PoseVector pose;
   };
+  // Of several objects, starts are arranged; scored poses of all together are far between.
+  const std::vector<Candidate>& known = compiled.objects().empty() ? scored.exact : scored.starts;
   std::vector<Place> places;
-  for (const Candidate& c : scored.exact) {
+  for (const Candidate& c : known) {
     if (places.size() == kMaxByModel) break;
-    if (c.log_posterior < scored.exact.front().log_posterior - within) break;
+    if (c.log_posterior < known.front().log_posterior - within) break;
     places.push_back({0, c.pose});
   }
   tbb::this_task_arena::isolate([&] {

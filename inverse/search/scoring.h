@@ -99,9 +99,9 @@ std::vector<PoseVector> other_places(const PoseObjective& objective, const PoseV
 Scored score(const PoseObjective& objective, const LinearSolution& empty, int count,
              double negligible);
 
-/// Of the poses that were scored exactly in closed form, the best by the model's own light that are
-/// no neighbours, at most `count`: for captures so bright that the closed form is too rough. Looks
-/// at those whose score is at most `within` below the best.
+/// Of the poses that were scored exactly in closed form, of several objects of the starts, the best
+/// by the model's own light that are no neighbours, at most `count`: for captures so bright that
+/// the closed form is too rough. Looks at those whose score is at most `within` below the best.
 std::vector<PoseVector> best_by_model(const PoseObjective& objective, const Scored& scored,
                                       std::size_t count, double within);
 
