@@ -95,7 +95,7 @@ StaticLightSampling coarser_than(StaticLightSampling sampling) {
 }
 
 /// Part of that difference that is carried. By `benchmark coverage` at 3,000, 30,000 and 1,000,000
-/// photons squared errors of poses are then 0.65 to 1.15 of what is claimed (street, corridor,
+/// photons squared errors of poses are then 0.7 to 1.4 of what is claimed (street, corridor,
 /// reference floor); with 0.8 of a coarser sampling it was 0.3 to 0.7.
 constexpr double kOfCoarser = 0.3;
 
