@@ -331,11 +331,17 @@ void add_solver_benchmark(CLI::App& benchmark, int& exit_code) {
   command.add_option("-o,--output", arguments->output, "directory for solver.json, all trials");
   add_capture_directories(command, arguments->directories);
   add_sweep_options(command, arguments->sweep);
+  for (const char* own :
+       {"--least-photons", "--most-photons", "--amplitude-spread", "--starts", "--tolerance",
+        "--density", "--max-poses", "--save-captures", "--saved-captures"}) {
+    command.get_option(own)->excludes("--sweep");
+  }
   command.callback([arguments, captures, &exit_code] {
     if (arguments->sweep.wanted) {
       SweepOptions& options = arguments->sweep.options;
       if (captures->count() > 0) options.captures = arguments->captures;
       options.seed = arguments->seed;
+      options.sampling = arguments->truth;
       const std::string& output = arguments->output;
       exit_code =
           run_sweep(arguments->sweep, arguments->scenes, output.empty() ? "out/benchmark" : output);

@@ -311,6 +311,7 @@ nlohmann::ordered_json sweep_json(const SweepReport& report) {
   json["format"] = "blindcorner.sweep/1";
   json["captures"] = report.options.captures;
   json["seed"] = report.options.seed;
+  json["truth_sampling"] = report.options.sampling;
   json["true_light"] = report.options.light == TrueLight::reference ? "reference" : "sensor";
   json["wrong"] = report.options.wrong;
   const SweepVerdict& verdict = report.verdict;

@@ -304,6 +304,7 @@ SweepScene sweep_scene(const Scene& scene, const std::vector<SweptMethod>& metho
   DrawOptions draw;
   draw.objects = options.captures;
   draw.light = options.light;
+  draw.sampling = options.sampling;
   draw.wrong = options.wrong;
   draw.seed = options.seed;
   const std::vector<DrawnObject> objects = draw_objects(scene, draw);

@@ -908,6 +908,10 @@ TEST_F(Cli, SweepComparesSettingsAndOtherMethodsBesideTheBound) {
   const Outcome setting = run("benchmark solver --sweep " + scene + " --settings quik -o out");
   EXPECT_EQ(setting.exit_code, 2);
   EXPECT_THAT(setting.err, HasSubstr("did you mean quick"));
+  // What the sweep has of its own, or has not, is not passed over.
+  const Outcome passed_over = run("benchmark solver --sweep " + scene + " --tolerance 0.2 -o out");
+  EXPECT_EQ(passed_over.exit_code, 2);
+  EXPECT_THAT(passed_over.err, AllOf(HasSubstr("--tolerance"), HasSubstr("--sweep")));
   EXPECT_EQ(run("benchmark solver").exit_code, 2);
 }
 

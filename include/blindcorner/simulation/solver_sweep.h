@@ -54,7 +54,8 @@ struct SweepOptions {
   /// Photons of the third bounce, on average over the search region, over an equal background.
   std::vector<double> photons = {10, 100, 1e3, 1e4, 1e5, 1e6};
   TrueLight light = TrueLight::reference;
-  std::string wrong;  ///< what the scene is wrong about, as DrawOptions::wrong
+  double sampling = 1.0;  ///< of the reference renderer, as DrawOptions::sampling
+  std::string wrong;      ///< what the scene is wrong about, as DrawOptions::wrong
   std::uint64_t seed = 1;
 
   /// Throws Error naming the field that is out of range.

@@ -8,6 +8,7 @@
 #include <random>
 #include <set>
 
+#include "blindcorner/io/scene_file.h"
 #include "unit/error_message.h"
 #include "unit/test_scenes.h"
 
@@ -181,6 +182,30 @@ TEST(SolverSweep, AsksAllMethodsTheSameCapturesBesideTheBound) {
                 sweep_scene(scene, methods, none);
               }),
               HasSubstr("photons"));
+}
+
+// Bright captures show the sampling of their truth: whoever asks for a denser one must get it.
+TEST(SolverSweep, RendersTheTruthWithTheSamplingAskedFor) {
+  const Scene scene = read_scene(SOURCE_DIR "/scenes/denali_like.json");
+  const auto counts_with = [&](double sampling) {
+    std::vector<double> counts;
+    const SweptMethod listener{"listener", "", false, 1, [&counts]() -> SweepAnswerer {
+                                 return [&counts](const Capture& capture) {
+                                   counts = capture.counts.values;
+                                   return SweepAnswer{PoseVector::Zero(2), {}};
+                                 };
+                               }};
+    SweepOptions options;
+    options.captures = 2;
+    options.photons = {1e9};
+    options.sampling = sampling;
+    sweep_scene(scene, {listener}, options);
+    return counts;
+  };
+  const std::vector<double> coarse = counts_with(0.1);
+  ASSERT_FALSE(coarse.empty());
+  EXPECT_EQ(coarse, counts_with(0.1));
+  EXPECT_NE(coarse, counts_with(0.3));
 }
 
 }  // namespace
