@@ -54,11 +54,11 @@ constexpr double kMinBackgroundError = 1e-6;
 /// reference floor, whose own light is 80 times the object's: 10 % of what bounces there (L2 over
 /// photon noise) without them, then 2.8, 1.6 and 0.9 %. Patches that touch what they face need the
 /// small angles. For scenes where they cost at most this many legs: up to 4 ms.
-struct FinerSampling {
-  double middle_angle, outer_angle, least_patch, least_middle;
-};
-constexpr std::array<FinerSampling, 3> kFinerSamplings = {
-    {{0.3, 0.4, 4, 0.008}, {0.2, 0.3, 2, 0.008}, {0.2, 0.2, 1.5, 0.005}}};
+constexpr std::array<StaticLightSampling, 3> kFinerSamplings = {{
+    {.outer_angle = 0.4, .middle_angle = 0.3},
+    {.least_patch = 2, .outer_angle = 0.3, .middle_angle = 0.2},
+    {.least_patch = 1.5, .outer_angle = 0.2, .middle_angle = 0.2, .least_middle = 0.005},
+}};
 constexpr std::size_t kCheapLegs = 350'000;
 
 StaticLightSampling sampling_for(const Scene& scene) {
@@ -66,12 +66,7 @@ StaticLightSampling sampling_for(const Scene& scene) {
   const SensorPlacement own = sensor_placement(scene);
   if (!own.relay_points.empty()) return sampling;
   const RelaySetup setup(scene, own);
-  for (const FinerSampling& step : kFinerSamplings) {
-    StaticLightSampling finer = sampling;
-    finer.middle_angle = step.middle_angle;
-    finer.outer_angle = step.outer_angle;
-    finer.least_patch = step.least_patch;
-    finer.least_middle = step.least_middle;
+  for (const StaticLightSampling& finer : kFinerSamplings) {
     if (KnownBounces(scene, finer).legs(setup) > kCheapLegs) break;
     sampling = finer;
   }
