@@ -301,15 +301,15 @@ std::vector<Chart> charts(const std::vector<Row>& rows) {
     error.series = {{"RMS error", {}, SeriesStyle::marked_line},
                     {"claimed", {}, SeriesStyle::marked_line},
                     {"median error", {}, SeriesStyle::marked_line},
-                    {"photon bound", {}, SeriesStyle::line}};
+                    {"photon bound", {}, SeriesStyle::marked_line}};
     if (rows[first].file_limit > 0) {
       error.rules = {{"noise of the traced light", rows[first].file_limit, false}};
     }
     Chart share{rows[first].scene + ": truth in the 95 % region",
                 "log10 of the photons of the object", "share of captures"};
     share.series = {{"posterior", {}, SeriesStyle::marked_line},
-                    {"its 95 % interval", {}, SeriesStyle::line, colour::kLine},
-                    {"", {}, SeriesStyle::line, colour::kLine}};
+                    {"its 95 % interval", {}, SeriesStyle::marked_line, colour::kLine},
+                    {"", {}, SeriesStyle::marked_line, colour::kLine}};
     share.rules = {{"95 %", kRegion, false}};
     for (Chart* chart : {&error, &share}) chart->width = 560, chart->height = 330;
     for (std::size_t i = first; i < end; ++i) {
