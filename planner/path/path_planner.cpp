@@ -73,10 +73,14 @@ std::vector<Eigen::Vector2d> points_of(const PlanningGrid& grid, const PathReque
   return points;
 }
 
-/// Smaller is better.
 int faults(const Path& path) {
   return (path.flags.footprint_collides ? 4 : 0) + (path.flags.curvature_exceeded ? 2 : 0) +
          (path.flags.partly_unsmoothed ? 1 : 0);
+}
+
+bool is_better(const Path& a, const Path& b) {
+  if (faults(a) != faults(b)) return faults(a) < faults(b);
+  return a.flags.curvature_exceeded && a.greatest_curvature < b.greatest_curvature;
 }
 
 }  // namespace
@@ -129,7 +133,7 @@ Path PathPlanner::plan(const PlanningGrid& grid, const PathRequest& request) {
     path.expansions += best.expansions;
     path.search_time += best.search_time;
     path.smoothing_time += best.smoothing_time;
-    if (path.found() && faults(path) < faults(best)) {
+    if (path.found() && is_better(path, best)) {
       best = std::move(path);
     } else {
       best.expansions = path.expansions;
@@ -151,7 +155,8 @@ Path PathPlanner::plan_once(const PlanningGrid& grid, const PathRequest& request
   begin = Clock::now();
   if (cells.status == PathStatus::found) {
     const std::vector<Eigen::Vector2d> points = points_of(grid, request, cells);
-    path = smooth(grid, shortcut(grid, points), {request.start_heading, request.goal_heading},
+    path = smooth(grid, shortcut(grid, points),
+                  {request.start_heading, request.goal_heading, request.start_curvature},
                   options_.smoothing);
   }
   path.grid_length = cells.length;

@@ -172,12 +172,13 @@ void Replanner::reset() {
 }
 
 PlanUpdate Replanner::update(const PlanningGrid& grid, const PlanarPose& vehicle, double speed,
-                             const Eigen::Vector2d& goal, std::optional<double> goal_heading) {
+                             const Eigen::Vector2d& goal, std::optional<double> goal_heading,
+                             double curvature) {
   const auto begin = std::chrono::steady_clock::now();
   PlanUpdate update;
   update.status = PathStatus::found;
   const bool finite = is_finite(vehicle) && std::isfinite(speed) && goal.allFinite() &&
-                      std::isfinite(goal_heading.value_or(0));
+                      std::isfinite(goal_heading.value_or(0)) && std::isfinite(curvature);
   update.reason = finite ? assess(grid, vehicle, goal, goal_heading) : PlanReason::not_finite;
   if (update.reason == PlanReason::not_finite) {
     halt(grid, vehicle, speed, update);
@@ -187,7 +188,8 @@ PlanUpdate Replanner::update(const PlanningGrid& grid, const PlanarPose& vehicle
     ++age_;
     keep(update);
   } else {
-    Path path = planner_.plan(grid, {vehicle.position, vehicle.heading, goal, goal_heading});
+    Path path =
+        planner_.plan(grid, {vehicle.position, vehicle.heading, goal, goal_heading, curvature});
     update.status = path.status;
     update.flags = path.flags;
     decide(grid, vehicle, speed, std::move(path), update);

@@ -2,12 +2,14 @@
 #include "blindcorner/planner/path/smoothing.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <string>
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
+#include "planner/path/least_curved.h"
 #include "planner/path/spline.h"
 
 namespace blindcorner {
@@ -36,17 +38,25 @@ constexpr double kSamplesPerCell = 8;
 constexpr int kRiskRounds = 8;
 /// Of the rounds in which the waypoints are followed again where nothing else helps.
 constexpr int kStiffRounds = 10;
+/// Distances are known up to so many cells beyond what the footprint needs.
+constexpr double kClearanceCells = 4;
+/// Cells kept from obstacles: more where distances between cells' centres were taken too far.
+constexpr std::array kMargins{0.25, 0.5, 1.0};
 /// A curve may be that much riskier than the waypoints beside it.
 constexpr double kMoreRisk = 0.1;
 /// Curvature above the limit by this share is rounding.
 constexpr double kCurvatureRounding = 1e-3;
 
+/// Of a whole curve, at its sampled poses.
+struct CurveCheck {
+  int collisions = 0;             ///< poses that touch an obstacle
+  double greatest_curvature = 0;  ///< 1/m
+};
+
 /// What is wrong near each control point.
-struct Review {
+struct Review : CurveCheck {
   std::vector<Eigen::Vector2d> push;         ///< m, away from obstacles
   std::vector<bool> collides, tight, risky;  ///< [control point]
-  int collisions = 0;                        ///< sampled poses that touch an obstacle
-  double greatest_curvature = 0;             ///< 1/m
   bool any_risky = false;
 
   explicit Review(std::size_t points)
@@ -65,6 +75,26 @@ std::size_t samples_of(const CubicBezier& piece, double spacing) {
 /// The shorter way round from one heading to another, rad.
 double turn_between(double from, double to) { return std::remainder(to - from, 2 * kPi); }
 
+/// Calls `visit(piece, t, t before it)` at places of each piece at most `spacing` apart; the first
+/// is its own t before.
+template <typename Visit>
+void for_each_place(std::span<const CubicBezier> pieces, double spacing, const Visit& visit) {
+  for (std::size_t k = 0; k < pieces.size(); ++k) {
+    const auto samples = static_cast<double>(samples_of(pieces[k], spacing));
+    for (double i = 0; i <= samples; ++i) visit(k, i / samples, std::max(0.0, i - 1) / samples);
+  }
+}
+
+/// Curvature at a place of a piece, 1/m. A curve that turns back on itself has none between two
+/// places, but opposite headings at them.
+double greatest_of(const CubicBezier& piece, double before, double t) {
+  const double here = std::abs(piece.curvature(t));
+  const double turn = std::abs(turn_between(piece.heading(before), piece.heading(t)));
+  if (turn < 0.5 * kPi) return here;
+  const double chord = (piece.point(t) - piece.point(before)).norm();
+  return chord > 0 ? std::max(here, turn / chord) : std::numeric_limits<double>::infinity();
+}
+
 bool exceeds(double curvature, double turning_radius) {
   return turning_radius > 0 && std::abs(curvature) * turning_radius > 1 + kCurvatureRounding;
 }
@@ -80,12 +110,13 @@ class Smoother {
 
  private:
   bool solve_in_rounds();
+  void solve_at_once();
+  void keep_if_better(const std::vector<CubicBezier>& pieces, const CurveCheck& found);
+  CurveCheck check(std::span<const CubicBezier> pieces) const;
   void follow_waypoints_where_wrong();
   void solve();
   Review review() const;
-  void review_pose(const CubicBezier& piece, std::size_t index, double t, Review& review) const;
-  void review_turn(const CubicBezier& piece, std::size_t index, double t, double before,
-                   Review& review) const;
+  void review_place(std::size_t index, double t, double before, Review& review) const;
   void space_targets(std::span<const Eigen::Vector2d> along);
   void adapt(const Review& review);
   bool too_tight(double curvature) const { return exceeds(curvature, options_.min_turning_radius); }
@@ -97,11 +128,14 @@ class Smoother {
   std::vector<Eigen::Vector2d> waypoints_;  ///< evenly spaced
   double spacing_ = 0;                      ///< of control points, m
   double first_weight_ = 0;
+  Eigen::Vector2d bend_ = {0, 0};  ///< m, start_bend of spline_pieces
   std::vector<Eigen::Vector2d> targets_, control_;
   std::vector<double> weights_;
   std::vector<double> most_risk_;  ///< cost factor allowed at each control point
   std::vector<CubicBezier> pieces_;
   double greatest_curvature_ = 0;
+  std::vector<CubicBezier> best_;  ///< the least curved that touches nothing; none: empty
+  double least_curvature_ = std::numeric_limits<double>::infinity();  ///< of best_, 1/m
 };
 
 Smoother::Smoother(const PlanningGrid& grid, std::span<const Eigen::Vector2d> waypoints,
@@ -125,7 +159,12 @@ Smoother::Smoother(const PlanningGrid& grid, std::span<const Eigen::Vector2d> wa
   };
   fix(0, waypoints.front());
   fix(count - 1, waypoints.back());
-  if (ends.start_heading) fix(1, waypoints.front() + ahead(*ends.start_heading));
+  if (ends.start_heading) {
+    const double left = *ends.start_heading + 0.5 * kPi;
+    bend_ = spacing_ * ends.start_curvature * ahead(left);
+    fix(0, targets_[0] - bend_ / 6);
+    fix(1, targets_[0] + ahead(*ends.start_heading) + bend_ / 2);
+  }
   if (ends.goal_heading) fix(count - 2, waypoints.back() - ahead(*ends.goal_heading));
   for (std::size_t i = 0; i < count; ++i) {
     double most = 1;
@@ -143,40 +182,74 @@ double Smoother::cost_factor(const Eigen::Vector2d& point) const {
 
 std::vector<CubicBezier> Smoother::run(PathFlags& flags) {
   if (!solve_in_rounds()) {
-    follow_waypoints_where_wrong();
-    flags.partly_unsmoothed = true;
+    solve_at_once();
+    if (best_.empty()) {
+      follow_waypoints_where_wrong();
+      flags.partly_unsmoothed = true;
+    } else {
+      pieces_ = best_;
+    }
   }
-  const Review result = review();
+  const CurveCheck result = check(pieces_);
   greatest_curvature_ = result.greatest_curvature;
   flags.curvature_exceeded = too_tight(greatest_curvature_);
   flags.footprint_collides = result.collisions > 0;
   return pieces_;
 }
 
-/// Whether the curve is fine. If not it is the least curved of those that touch nothing, or the
-/// last one.
+/// Whether the curve is fine.
 bool Smoother::solve_in_rounds() {
-  double least_curvature = std::numeric_limits<double>::infinity();
-  std::vector<Eigen::Vector2d> best;
   for (int round = 0; round < options_.max_rounds; ++round) {
     solve();
     const Review found = review();
-    if (found.collisions == 0) {
-      if (!too_tight(found.greatest_curvature) && (!found.any_risky || round >= kRiskRounds)) {
-        return true;
-      }
-      if (found.greatest_curvature < least_curvature) {
-        least_curvature = found.greatest_curvature;
-        best = control_;
-      }
+    if (found.collisions == 0 && !too_tight(found.greatest_curvature) &&
+        (!found.any_risky || round >= kRiskRounds)) {
+      return true;
     }
+    keep_if_better(pieces_, found);
     adapt(found);
     if ((round + 1) % kSpacingRounds == 0) space_targets(control_);
   }
-  if (best.empty()) return false;
-  control_ = std::move(best);
-  pieces_ = spline_pieces(control_);
-  return true;
+  return false;
+}
+
+void Smoother::keep_if_better(const std::vector<CubicBezier>& pieces, const CurveCheck& found) {
+  if (found.collisions > 0 || found.greatest_curvature >= least_curvature_) return;
+  least_curvature_ = found.greatest_curvature;
+  best_ = pieces;
+}
+
+/// Rounds move the curve by what is wrong here and there, and fail where a turn has to begin well
+/// before the place that makes it tight. All that is asked of a curve is then asked at once.
+void Smoother::solve_at_once() {
+  if (options_.min_turning_radius == 0) return;  // corners may be turned on the spot
+  const double cell = grid_.geometry().cell_size;
+  const std::vector<double> clearance =
+      signed_clearance(grid_, options_.footprint.circumscribed_radius() + kClearanceCells * cell);
+  CurveLimits limits;
+  limits.footprint = options_.footprint;
+  limits.turning_radius = options_.min_turning_radius;
+  limits.curvature_rate = options_.max_curvature_rate;
+  limits.fixed_first = fixed(1) ? 2 : 1;
+  limits.fixed_last = fixed(weights_.size() - 2) ? 2 : 1;
+  std::vector<Eigen::Vector2d> control = evenly_spaced(waypoints_, 2 * waypoints_.size() - 1);
+  limits.start_bend = bend_ / 4;
+  if (fixed(1)) {
+    const Eigen::Vector2d ahead = targets_[1] - targets_[0] - bend_ / 2;
+    control[0] = waypoints_[0] - limits.start_bend / 6;
+    control[1] = control[0] + ahead / 2 + limits.start_bend / 2;
+  }
+  if (fixed(weights_.size() - 2)) {
+    control[control.size() - 2] = 0.5 * (targets_[weights_.size() - 2] + targets_.back());
+  }
+  for (const double margin : kMargins) {
+    limits.margin = margin * cell;
+    control = least_curved(grid_, clearance, control, limits);
+    const std::vector<CubicBezier> pieces = spline_pieces(control, limits.start_bend);
+    const CurveCheck found = check(pieces);
+    keep_if_better(pieces, found);
+    if (found.collisions == 0) return;
+  }
 }
 
 void Smoother::follow_waypoints_where_wrong() {
@@ -208,30 +281,34 @@ void Smoother::solve() {
   for (std::size_t i = 0; i < control_.size(); ++i) {
     if (fixed(i)) control_[i] = targets_[i];
   }
-  pieces_ = spline_pieces(control_);
+  pieces_ = spline_pieces(control_, bend_);
+}
+
+CurveCheck Smoother::check(std::span<const CubicBezier> pieces) const {
+  CurveCheck found;
+  for_each_place(pieces, grid_.geometry().cell_size / kSamplesPerCell,
+                 [&](std::size_t k, double t, double before) {
+                   const double curvature = greatest_of(pieces[k], before, t);
+                   found.greatest_curvature = std::max(found.greatest_curvature, curvature);
+                   const PlanarPose pose{pieces[k].point(t), pieces[k].heading(t)};
+                   if (!grid_.is_free(options_.footprint, pose)) ++found.collisions;
+                 });
+  return found;
 }
 
 Review Smoother::review() const {
   Review review(control_.size());
-  for (std::size_t k = 0; k < pieces_.size(); ++k) {
-    const std::size_t samples =
-        samples_of(pieces_[k], grid_.geometry().cell_size / kSamplesPerCell);
-    const auto at = [samples](std::size_t i) {
-      return static_cast<double>(i) / static_cast<double>(samples);
-    };
-    for (std::size_t i = 0; i <= samples; ++i) {
-      review_pose(pieces_[k], k, at(i), review);
-      if (i > 0) review_turn(pieces_[k], k, at(i), at(i - 1), review);
-    }
-  }
+  for_each_place(
+      pieces_, grid_.geometry().cell_size / kSamplesPerCell,
+      [&](std::size_t k, double t, double before) { review_place(k, t, before, review); });
   return review;
 }
 
-void Smoother::review_pose(const CubicBezier& piece, std::size_t index, double t,
-                           Review& review) const {
+void Smoother::review_place(std::size_t index, double t, double before, Review& review) const {
+  const CubicBezier& piece = pieces_[index];
   const Eigen::Vector2d position = piece.point(t);
   const std::size_t nearest = index + (t < 0.5 ? 0 : 1);
-  const double curvature = std::abs(piece.curvature(t));
+  const double curvature = greatest_of(piece, before, t);
   review.greatest_curvature = std::max(review.greatest_curvature, curvature);
   if (too_tight(curvature)) review.tight[nearest] = true;
   if (cost_factor(position) > most_risk_[nearest]) review.risky[nearest] = review.any_risky = true;
@@ -257,17 +334,6 @@ void Smoother::review_pose(const CubicBezier& piece, std::size_t index, double t
     }
     if (push.norm() > review.push[moved].norm()) review.push[moved] = push;
   }
-}
-
-/// A curve that turns back on itself has no curvature between two samples, but opposite headings.
-void Smoother::review_turn(const CubicBezier& piece, std::size_t index, double t, double before,
-                           Review& review) const {
-  const double turn = std::abs(turn_between(piece.heading(before), piece.heading(t)));
-  if (turn < 0.5 * kPi) return;
-  const double chord = (piece.point(t) - piece.point(before)).norm();
-  const double curvature = chord > 0 ? turn / chord : std::numeric_limits<double>::infinity();
-  review.greatest_curvature = std::max(review.greatest_curvature, curvature);
-  if (too_tight(curvature)) review.tight[index + (t < 0.5 ? 0 : 1)] = true;
 }
 
 void Smoother::adapt(const Review& review) {
@@ -382,6 +448,10 @@ void SmoothingOptions::validate() const {
   if (!(point_spacing >= 0) || !std::isfinite(point_spacing)) {
     throw Error("SmoothingOptions.point_spacing = " + std::to_string(point_spacing) +
                 "; accepted: a number of metres >= 0");
+  }
+  if (!(max_curvature_rate >= 0) || !std::isfinite(max_curvature_rate)) {
+    throw Error("SmoothingOptions.max_curvature_rate = " + std::to_string(max_curvature_rate) +
+                "; accepted: a number of 1/m^2 >= 0");
   }
   if (max_rounds < 1) {
     throw Error("SmoothingOptions.max_rounds = " + std::to_string(max_rounds) +

@@ -55,10 +55,11 @@ class PentadiagonalSystem {
 
 }  // namespace
 
-std::vector<CubicBezier> spline_pieces(std::span<const Eigen::Vector2d> control) {
+std::vector<CubicBezier> spline_pieces(std::span<const Eigen::Vector2d> control,
+                                       const Eigen::Vector2d& start_bend) {
   const std::size_t n = control.size();
   const auto at = [&](std::size_t i) -> Eigen::Vector2d {  // 0: the mirrored point before the first
-    if (i == 0) return 2 * control[0] - control[1];
+    if (i == 0) return 2 * control[0] - control[1] + start_bend;
     if (i == n + 1) return 2 * control[n - 1] - control[n - 2];
     return control[i - 1];
   };

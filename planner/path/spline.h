@@ -13,7 +13,10 @@ namespace blindcorner {
 /// Bezier pieces of the uniform cubic B-spline of these control points, 2 or more. The ends are
 /// prolonged by mirrored points, so that the curve begins at the first control point, towards the
 /// second one and without curvature, and ends likewise. One piece fewer than control points.
-std::vector<CubicBezier> spline_pieces(std::span<const Eigen::Vector2d> control);
+/// `start_bend` is added to the point that is mirrored at the start: the curve begins with it as
+/// its second derivative by the number of the control point, and a sixth of it from the first one.
+std::vector<CubicBezier> spline_pieces(std::span<const Eigen::Vector2d> control,
+                                       const Eigen::Vector2d& start_bend = {0, 0});
 
 /// Control points p that minimise sum |p[i-1] - 2 p[i] + p[i+1]|^2 + sum w[i] |p[i] - q[i]|^2. All
 /// weights are > 0; 2 or more points.

@@ -98,6 +98,10 @@ class DriveLoop {
   VehicleState believed() const { return world_.believed(state()); }
   Polygon outline() const;
   std::vector<double> occupancy() const;
+  /// 1/m that the wheels are turned to; 0 of what turns on the spot.
+  double steered_curvature() const {
+    return limits_.wheelbase > 0 ? std::tan(believed().steering_angle) / limits_.wheelbase : 0.0;
+  }
   double speed() const { return options_.speed.value_or(world_.speed()); }
 
   const Drive& drive_;
@@ -305,7 +309,8 @@ void DriveLoop::plan() {
   const PlanningGrid planning = replanner_.planner().grid(drive_.map, occupancy_);
   const VehicleState at = believed();
   const PlanUpdate update =
-      replanner_.update(planning, {at.position, at.yaw}, at.speed, drive_.route[next_goal_]);
+      replanner_.update(planning, {at.position, at.yaw}, at.speed, drive_.route[next_goal_],
+                        std::nullopt, steered_curvature());
   plan_text_ = update.text();
   follow(update);
   if (drive_.speed_mode == SpeedMode::safe && follower_) limit_speed();
@@ -353,9 +358,7 @@ void DriveLoop::limit_speed() {
       hypotheses_.of(grid_.hidden_mixture(), grid_.not_seen());
   std::vector<double> limits = safe_speed_limits(
       path, limits_, outlook_->encounters(hypotheses, here), here, safe_speed_options(drive_));
-  const double turning =
-      limits_.wheelbase > 0 ? std::tan(believed().steering_angle) / limits_.wheelbase : 0.0;
-  const std::vector<double> steerable = steerable_speeds(path, limits_, here, turning);
+  const std::vector<double> steerable = steerable_speeds(path, limits_, here, steered_curvature());
   std::ranges::transform(limits, steerable, limits.begin(),
                          [](double a, double b) { return std::min(a, b); });
   follower_->limit_speed(limits, believed());

@@ -57,6 +57,10 @@ PathPlannerOptions planner_options(const DriveVehicle& vehicle, const VehicleMod
   const VehicleRectangle body = model.footprint();
   const double margin = kMargin * body.width;
   options.smoothing.min_turning_radius = turning_radius(vehicle, model.limits(), speed);
+  const VehicleLimits limits = model.limits();
+  if (limits.wheelbase > 0 && std::isfinite(limits.steering_rate)) {
+    options.smoothing.max_curvature_rate = limits.steering_rate / (limits.wheelbase * speed);
+  }
   options.smoothing.footprint =
       VehicleFootprint::rectangle(body.length + 2 * margin, body.width + 2 * margin, body.center_x);
   return options;

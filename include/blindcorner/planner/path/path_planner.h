@@ -30,6 +30,7 @@ struct PathRequest {
   std::optional<double> start_heading;              ///< rad; none: any
   Eigen::Vector2d goal = Eigen::Vector2d::Zero();   ///< m
   std::optional<double> goal_heading;               ///< rad; none: any
+  double start_curvature = 0;  ///< 1/m, left is positive; counts where `start_heading` is given
 };
 
 /// Search, shortcuts, smoothing. Where the vehicle does not fit around a corner of the path that

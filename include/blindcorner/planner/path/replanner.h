@@ -81,9 +81,11 @@ class Replanner {
   explicit Replanner(const PathPlannerOptions& planner = {}, const ReplannerOptions& options = {});
 
   /// Decides for one frame; stops where a number is not finite. `grid` as `PathPlanner::grid` makes
-  /// it; `speed` forward, m/s.
+  /// it; `speed` forward, m/s; `curvature` that the vehicle drives now, 1/m: new plans begin with
+  /// it.
   PlanUpdate update(const PlanningGrid& grid, const PlanarPose& vehicle, double speed,
-                    const Eigen::Vector2d& goal, std::optional<double> goal_heading = std::nullopt);
+                    const Eigen::Vector2d& goal, std::optional<double> goal_heading = std::nullopt,
+                    double curvature = 0);
   const PathPlanner& planner() const { return planner_; }
   /// Forgets the present plan.
   void reset();

@@ -16,6 +16,9 @@ struct SmoothingOptions {
   VehicleFootprint footprint;
   /// The vehicle turns no tighter, m; 0: it can turn on the spot.
   double min_turning_radius = 0;
+  /// The vehicle's curvature changes no faster, 1/m^2: its steering rate over wheelbase and speed.
+  /// 0: at once.
+  double max_curvature_rate = 0;
   /// Distance between points of the path, m; 0: half a cell.
   double point_spacing = 0;
   /// Most rounds in which the curve is pushed off obstacles and flattened.
@@ -34,6 +37,7 @@ std::vector<Eigen::Vector2d> shortcut(const PlanningGrid& grid,
 /// Ends of a path; a heading that is not given is free.
 struct PathEnds {
   std::optional<double> start_heading, goal_heading;  ///< rad
+  double start_curvature = 0;  ///< 1/m, left is positive; counts where `start_heading` is given
 };
 
 /// Poses along a path's curve that a collision is looked for at: an eighth of a cell apart whatever
