@@ -18,13 +18,15 @@ namespace blindcorner {
 namespace {
 
 /// Weights of what a curve costs.
-constexpr double kCurved = 10, kSteered = 3, kTouches = 30, kBent = 0.1, kDrawn = 0.01;
+constexpr double kCurved = 10, kSteered = 10, kTouches = 30, kBent = 0.1, kDrawn = 0.01;
 /// Squared length of a derivative, m^2, that is none.
 constexpr double kCusp = 1e-12;
 /// Share of the curvature limit from which curvature costs: what is penalised ends a little beyond.
 constexpr double kSharpFrom = 0.95;
 constexpr int kIterations = 50;
-constexpr double kTolerance = 1e-4;
+constexpr double kTolerance = 1e-5;
+/// Curves are looked at once in so many cells.
+constexpr double kPlaceCells = 2;
 
 /// A place on the curve: position and its first three derivatives by the place in a piece, in rows,
 /// are shares of four control points, and what is fixed.
@@ -180,7 +182,8 @@ std::vector<Eigen::Vector2d> least_curved(const PlanningGrid& grid,
                                  new BendCost{kBent * share * radius / (spacing * spacing)}),
                              nullptr, points[i - 1].data(), points[i].data(), points[i + 1].data());
   }
-  const auto places = std::max(4, static_cast<int>(std::ceil(spacing / geometry.cell_size)));
+  const auto places =
+      std::max(4, static_cast<int>(std::ceil(spacing / (kPlaceCells * geometry.cell_size))));
   const auto residuals = 2 + static_cast<int>(limits.footprint.disc_offsets().size());
   for (std::size_t k = 0; k + 1 < n; ++k) {
     for (int i = 0; i < places; ++i) {

@@ -23,6 +23,9 @@ constexpr double kStiff = 100;
 /// of control points, s: the curve's scale), has the curvature a / (2 sqrt(2) s): Green's function
 /// of s^4 p'''' + p. This is s over the turning radius for a right angle.
 constexpr double kScaleOfRadius = 0.5554;
+/// And at the corner the curvature changes by a / (2 s^2) along the curve: of this over the root of
+/// the rate that the steering can follow, for a right angle.
+constexpr double kScaleOfRate = 0.8862;
 /// Without a turning radius corners are rounded over so many cells.
 constexpr double kScaleOfCell = 2;
 /// Factors by which weights change in a round, and what a push is multiplied with (the curve gives
@@ -40,8 +43,10 @@ constexpr int kRiskRounds = 8;
 constexpr int kStiffRounds = 10;
 /// Distances are known up to so many cells beyond what the footprint needs.
 constexpr double kClearanceCells = 4;
+/// As many control points as in the rounds, and then twice as many.
+constexpr int kLevels = 2;
 /// Cells kept from obstacles: more where distances between cells' centres were taken too far.
-constexpr std::array kMargins{0.25, 0.5, 1.0};
+constexpr std::array kMargins{0.25, 0.75};
 /// A curve may be that much riskier than the waypoints beside it.
 constexpr double kMoreRisk = 0.1;
 /// Curvature above the limit by this share is rounding.
@@ -51,6 +56,7 @@ constexpr double kCurvatureRounding = 1e-3;
 struct CurveCheck {
   int collisions = 0;             ///< poses that touch an obstacle
   double greatest_curvature = 0;  ///< 1/m
+  double excess = 0;              ///< greatest curvature, or rate of it, over what the vehicle can
 };
 
 /// What is wrong near each control point.
@@ -87,7 +93,7 @@ void for_each_place(std::span<const CubicBezier> pieces, double spacing, const V
 
 /// Curvature at a place of a piece, 1/m. A curve that turns back on itself has none between two
 /// places, but opposite headings at them.
-double greatest_of(const CubicBezier& piece, double before, double t) {
+double curvature_at(const CubicBezier& piece, double before, double t) {
   const double here = std::abs(piece.curvature(t));
   const double turn = std::abs(turn_between(piece.heading(before), piece.heading(t)));
   if (turn < 0.5 * kPi) return here;
@@ -95,9 +101,18 @@ double greatest_of(const CubicBezier& piece, double before, double t) {
   return chord > 0 ? std::max(here, turn / chord) : std::numeric_limits<double>::infinity();
 }
 
-bool exceeds(double curvature, double turning_radius) {
-  return turning_radius > 0 && std::abs(curvature) * turning_radius > 1 + kCurvatureRounding;
+/// Curvature or the rate of it, from one place of a piece to the next, over what the vehicle can;
+/// 0 where it can turn on the spot.
+double excess_at(const CubicBezier& piece, double before, double t,
+                 const SmoothingOptions& options) {
+  const double tight = options.min_turning_radius * curvature_at(piece, before, t);
+  const double length = (piece.point(t) - piece.point(before)).norm();
+  if (options.max_curvature_rate == 0 || length == 0) return tight;
+  const double rate = std::abs(piece.curvature(t) - piece.curvature(before)) / length;
+  return std::max(tight, rate / options.max_curvature_rate);
 }
+
+bool exceeds(double excess) { return excess > 1 + kCurvatureRounding; }
 
 class Smoother {
  public:
@@ -119,7 +134,6 @@ class Smoother {
   void review_place(std::size_t index, double t, double before, Review& review) const;
   void space_targets(std::span<const Eigen::Vector2d> along);
   void adapt(const Review& review);
-  bool too_tight(double curvature) const { return exceeds(curvature, options_.min_turning_radius); }
   bool fixed(std::size_t i) const { return weights_[i] >= kFixed; }
   double cost_factor(const Eigen::Vector2d& point) const;
 
@@ -134,15 +148,17 @@ class Smoother {
   std::vector<double> most_risk_;  ///< cost factor allowed at each control point
   std::vector<CubicBezier> pieces_;
   double greatest_curvature_ = 0;
-  std::vector<CubicBezier> best_;  ///< the least curved that touches nothing; none: empty
-  double least_curvature_ = std::numeric_limits<double>::infinity();  ///< of best_, 1/m
+  std::vector<CubicBezier> best_;  ///< of the least excess that touches nothing; none: empty
+  double least_excess_ = std::numeric_limits<double>::infinity();  ///< of best_
 };
 
 Smoother::Smoother(const PlanningGrid& grid, std::span<const Eigen::Vector2d> waypoints,
                    const PathEnds& ends, const SmoothingOptions& options)
     : grid_(grid), options_(options) {
-  const double scale = std::max(kScaleOfRadius * options.min_turning_radius,
-                                kScaleOfCell * grid.geometry().cell_size);
+  const double rate = options.max_curvature_rate;
+  const double scale = std::max({kScaleOfRadius * options.min_turning_radius,
+                                 rate > 0 ? kScaleOfRate / std::sqrt(rate) : 0.0,
+                                 kScaleOfCell * grid.geometry().cell_size});
   const double length = polyline_length(waypoints);
   const auto count = static_cast<std::size_t>(std::max(4.0, std::ceil(2 * length / scale) + 1));
   waypoints_ = evenly_spaced(waypoints, count);
@@ -192,7 +208,7 @@ std::vector<CubicBezier> Smoother::run(PathFlags& flags) {
   }
   const CurveCheck result = check(pieces_);
   greatest_curvature_ = result.greatest_curvature;
-  flags.curvature_exceeded = too_tight(greatest_curvature_);
+  flags.curvature_exceeded = exceeds(result.excess);
   flags.footprint_collides = result.collisions > 0;
   return pieces_;
 }
@@ -202,7 +218,7 @@ bool Smoother::solve_in_rounds() {
   for (int round = 0; round < options_.max_rounds; ++round) {
     solve();
     const Review found = review();
-    if (found.collisions == 0 && !too_tight(found.greatest_curvature) &&
+    if (found.collisions == 0 && !exceeds(found.excess) &&
         (!found.any_risky || round >= kRiskRounds)) {
       return true;
     }
@@ -214,41 +230,45 @@ bool Smoother::solve_in_rounds() {
 }
 
 void Smoother::keep_if_better(const std::vector<CubicBezier>& pieces, const CurveCheck& found) {
-  if (found.collisions > 0 || found.greatest_curvature >= least_curvature_) return;
-  least_curvature_ = found.greatest_curvature;
+  if (found.collisions > 0 || found.excess >= least_excess_) return;
+  least_excess_ = found.excess;
   best_ = pieces;
 }
 
 /// Rounds move the curve by what is wrong here and there, and fail where a turn has to begin well
-/// before the place that makes it tight. All that is asked of a curve is then asked at once.
+/// before the place that makes it tight. All that is asked of a curve is then asked at once: first
+/// of as many control points, since a curve is moved as a whole by few of them, and then, if that
+/// is not enough, of twice as many.
 void Smoother::solve_at_once() {
   if (options_.min_turning_radius == 0) return;  // corners may be turned on the spot
   const double cell = grid_.geometry().cell_size;
   const std::vector<double> clearance =
       signed_clearance(grid_, options_.footprint.circumscribed_radius() + kClearanceCells * cell);
+  std::vector<Eigen::Vector2d> control = waypoints_;
+  for (std::size_t i = 0; i < control.size(); ++i) {
+    if (fixed(i)) control[i] = targets_[i];
+  }
   CurveLimits limits;
   limits.footprint = options_.footprint;
   limits.turning_radius = options_.min_turning_radius;
   limits.curvature_rate = options_.max_curvature_rate;
+  limits.start_bend = bend_;
   limits.fixed_first = fixed(1) ? 2 : 1;
-  limits.fixed_last = fixed(weights_.size() - 2) ? 2 : 1;
-  std::vector<Eigen::Vector2d> control = evenly_spaced(waypoints_, 2 * waypoints_.size() - 1);
-  limits.start_bend = bend_ / 4;
-  if (fixed(1)) {
-    const Eigen::Vector2d ahead = targets_[1] - targets_[0] - bend_ / 2;
-    control[0] = waypoints_[0] - limits.start_bend / 6;
-    control[1] = control[0] + ahead / 2 + limits.start_bend / 2;
-  }
-  if (fixed(weights_.size() - 2)) {
-    control[control.size() - 2] = 0.5 * (targets_[weights_.size() - 2] + targets_.back());
-  }
-  for (const double margin : kMargins) {
-    limits.margin = margin * cell;
-    control = least_curved(grid_, clearance, control, limits);
-    const std::vector<CubicBezier> pieces = spline_pieces(control, limits.start_bend);
-    const CurveCheck found = check(pieces);
-    keep_if_better(pieces, found);
-    if (found.collisions == 0) return;
+  limits.fixed_last = fixed(control.size() - 2) ? 2 : 1;
+  for (int level = 0; level < kLevels; ++level) {
+    if (level > 0) {
+      control = subdivided(control, limits.start_bend);
+      limits.start_bend /= 4;
+    }
+    for (const double margin : kMargins) {
+      limits.margin = margin * cell;
+      control = least_curved(grid_, clearance, control, limits);
+      const std::vector<CubicBezier> pieces = spline_pieces(control, limits.start_bend);
+      const CurveCheck found = check(pieces);
+      keep_if_better(pieces, found);
+      if (found.collisions == 0) break;
+    }
+    if (!exceeds(least_excess_)) return;
   }
 }
 
@@ -288,8 +308,9 @@ CurveCheck Smoother::check(std::span<const CubicBezier> pieces) const {
   CurveCheck found;
   for_each_place(pieces, grid_.geometry().cell_size / kSamplesPerCell,
                  [&](std::size_t k, double t, double before) {
-                   const double curvature = greatest_of(pieces[k], before, t);
+                   const double curvature = curvature_at(pieces[k], before, t);
                    found.greatest_curvature = std::max(found.greatest_curvature, curvature);
+                   found.excess = std::max(found.excess, excess_at(pieces[k], before, t, options_));
                    const PlanarPose pose{pieces[k].point(t), pieces[k].heading(t)};
                    if (!grid_.is_free(options_.footprint, pose)) ++found.collisions;
                  });
@@ -308,9 +329,9 @@ void Smoother::review_place(std::size_t index, double t, double before, Review& 
   const CubicBezier& piece = pieces_[index];
   const Eigen::Vector2d position = piece.point(t);
   const std::size_t nearest = index + (t < 0.5 ? 0 : 1);
-  const double curvature = greatest_of(piece, before, t);
-  review.greatest_curvature = std::max(review.greatest_curvature, curvature);
-  if (too_tight(curvature)) review.tight[nearest] = true;
+  const double excess = excess_at(piece, before, t, options_);
+  review.excess = std::max(review.excess, excess);
+  if (exceeds(excess)) review.tight[nearest] = true;
   if (cost_factor(position) > most_risk_[nearest]) review.risky[nearest] = review.any_risky = true;
 
   const PlanarPose pose{position, piece.heading(t)};
@@ -510,7 +531,7 @@ Path smooth(const PlanningGrid& grid, std::span<const Eigen::Vector2d> waypoints
     path.greatest_curvature =
         greatest_turn(path.pieces, ends) / std::min(spacing, 0.5 * grid.geometry().cell_size);
     path.flags = {
-        .curvature_exceeded = exceeds(path.greatest_curvature, options.min_turning_radius),
+        .curvature_exceeded = exceeds(path.greatest_curvature * options.min_turning_radius),
         .partly_unsmoothed = true,
         .footprint_collides = touches_obstacle(grid, options.footprint,
                                                checked_poses(grid, path, ends, options.footprint))};

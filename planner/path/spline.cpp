@@ -72,6 +72,23 @@ std::vector<CubicBezier> spline_pieces(std::span<const Eigen::Vector2d> control,
   return pieces;
 }
 
+std::vector<Eigen::Vector2d> subdivided(std::span<const Eigen::Vector2d> control,
+                                        const Eigen::Vector2d& start_bend) {
+  const std::size_t n = control.size();
+  std::vector<Eigen::Vector2d> points;
+  for (std::size_t i = 0; i < n; ++i) {
+    if (i > 0) points.emplace_back((control[i - 1] + control[i]) / 2);
+    if (i == 0) {
+      points.emplace_back(control[0] + start_bend / 8);
+    } else if (i + 1 < n) {
+      points.emplace_back((control[i - 1] + 6 * control[i] + control[i + 1]) / 8);
+    } else {
+      points.push_back(control[i]);
+    }
+  }
+  return points;
+}
+
 std::vector<Eigen::Vector2d> flattened(std::span<const Eigen::Vector2d> targets,
                                        std::span<const double> weights) {
   std::vector<Eigen::Vector2d> points(targets.size());

@@ -18,6 +18,11 @@ namespace blindcorner {
 std::vector<CubicBezier> spline_pieces(std::span<const Eigen::Vector2d> control,
                                        const Eigen::Vector2d& start_bend = {0, 0});
 
+/// Control points of the same curve with half the spacing: one more between any two. `start_bend`
+/// becomes a quarter of what it was.
+std::vector<Eigen::Vector2d> subdivided(std::span<const Eigen::Vector2d> control,
+                                        const Eigen::Vector2d& start_bend = {0, 0});
+
 /// Control points p that minimise sum |p[i-1] - 2 p[i] + p[i+1]|^2 + sum w[i] |p[i] - q[i]|^2. All
 /// weights are > 0; 2 or more points.
 std::vector<Eigen::Vector2d> flattened(std::span<const Eigen::Vector2d> targets,
