@@ -51,6 +51,8 @@ constexpr std::array kMargins{0.25, 0.75};
 constexpr double kMoreRisk = 0.1;
 /// Curvature above the limit by this share is rounding.
 constexpr double kCurvatureRounding = 1e-3;
+/// The rate of it may be above by this share: who follows a path steers a little earlier or later.
+constexpr double kRateMargin = 0.05;
 
 /// Of a whole curve, at its sampled poses.
 struct CurveCheck {
@@ -109,7 +111,7 @@ double excess_at(const CubicBezier& piece, double before, double t,
   const double length = (piece.point(t) - piece.point(before)).norm();
   if (options.max_curvature_rate == 0 || length == 0) return tight;
   const double rate = std::abs(piece.curvature(t) - piece.curvature(before)) / length;
-  return std::max(tight, rate / options.max_curvature_rate);
+  return std::max(tight, rate / ((1 + kRateMargin) * options.max_curvature_rate));
 }
 
 bool exceeds(double excess) { return excess > 1 + kCurvatureRounding; }

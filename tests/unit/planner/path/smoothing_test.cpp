@@ -51,6 +51,21 @@ TEST(Spline, BeginsAndEndsAtItsControlPoints) {
   }
 }
 
+TEST(Spline, SubdividedIsTheSameCurve) {
+  const std::vector<Eigen::Vector2d> control{{0, 0}, {1, 1}, {2, 0}, {4, 1}, {4, 3}};
+  const Eigen::Vector2d bend(-0.3, 0.6);
+  const std::vector<CubicBezier> whole = spline_pieces(control, bend);
+  const std::vector<CubicBezier> halves = spline_pieces(subdivided(control, bend), bend / 4);
+  ASSERT_EQ(halves.size(), 2 * whole.size());
+  for (std::size_t k = 0; k < whole.size(); ++k) {
+    for (const double t : {0.0, 0.3, 0.8}) {
+      EXPECT_NEAR((halves[2 * k].point(t) - whole[k].point(t / 2)).norm(), 0, 1e-14);
+      EXPECT_NEAR((halves[2 * k + 1].point(t) - whole[k].point((1 + t) / 2)).norm(), 0, 1e-14);
+    }
+  }
+  EXPECT_NEAR((whole.front().second_derivative(0) - bend).norm(), 0, 1e-12);
+}
+
 TEST(Spline, FlattenedPointsAreTheLeastSquares) {
   // At the minimum the gradient is zero: D'D p + w (p - q), D the second differences.
   const std::vector<Eigen::Vector2d> q{{0, 0}, {1, 2}, {2, -1}, {3, 5}, {4, 0}, {5, 1}};
@@ -161,6 +176,22 @@ TEST(Smooth, SaysThatAHeadingCannotBeMet) {
   options.min_turning_radius = 4;
   const std::vector<Eigen::Vector2d> corners{{4, 5}, {6, 5}};
   EXPECT_TRUE(smooth(grid, corners, {kPi, 0.0}, options).flags.curvature_exceeded);
+}
+
+TEST(Smooth, BeginsWithTheCurvatureThatIsDriven) {
+  const GridGeometry geometry{.columns = 100, .rows = 100, .cell_size = 0.5};
+  const PlanningGrid grid(geometry, std::vector<double>(geometry.cells(), 0));
+  SmoothingOptions options;
+  options.min_turning_radius = 4;
+  const std::vector<Eigen::Vector2d> corners{{10, 10}, {30, 14}, {40, 40}};
+  for (const double curvature : {-0.12, 0.0, 0.2}) {
+    const Path path = smooth(grid, corners, {0.3, {}, curvature}, options);
+    EXPECT_FALSE(path.flags.curvature_exceeded) << curvature;
+    EXPECT_NEAR((path.pieces.front().point(0) - corners.front()).norm(), 0, 1e-12);
+    EXPECT_NEAR(path.points.front().heading, 0.3, 1e-12);
+    EXPECT_NEAR(path.points.front().curvature, curvature, 1e-12);
+    check_points(path);
+  }
 }
 
 /// Denser than what the smoother itself looks at, which may miss 1/500 of a cell.
