@@ -30,7 +30,8 @@ double nearest_arc_length(std::span<const PathPoint> points, const Eigen::Vector
 
 /// What is to be known of a path that was found.
 struct PathFlags {
-  bool curvature_exceeded = false;  ///< it turns tighter than the vehicle somewhere, ends included
+  bool curvature_exceeded = false;  ///< it turns tighter than the vehicle somewhere, ends included,
+                                    ///< or faster into a turn than the vehicle can steer
   bool partly_unsmoothed = false;   ///< some of it follows the corners of the straight lines
   bool footprint_collides = false;  ///< the vehicle touches an obstacle, turns on the spot included
 };

@@ -52,13 +52,12 @@ std::vector<PathPoint> checked_poses(const PlanningGrid& grid, const Path& path,
 /// control points p minimise sum |p[i-1] - 2 p[i] + p[i+1]|^2 + sum w[i] |p[i] - q[i]|^2, q evenly
 /// spaced along the waypoints. Where the vehicle touches an obstacle, q is pushed away from it;
 /// where the curve is too tight, or changes its curvature too fast, w is lowered. Where that ends
-/// without success, collisions, curvature and its rate are asked of all control points at once, by
-/// nonlinear least squares, for which a path that needs a turning radius is given the curve of the
-/// least excess that touches nothing. Where there is none, w is raised until the curve follows the
-/// waypoints again, and the flags say so. Where that collides as well, the path is the straight
-/// lines themselves, with turns on the spot at their corners and from and to
-/// the headings of the ends. Collision and curvature are checked at points an eighth of a cell
-/// apart.
+/// without success, and there is a turning radius, all that is asked of all control points at once,
+/// by nonlinear least squares (planner/path/least_curved.h). Of the curves that touch nothing the
+/// one that exceeds the limits least is taken. Where there is none, w is raised until the curve
+/// follows the waypoints again, and the flags say so. Where that collides as well, the path is the
+/// straight lines themselves, with turns on the spot at their corners and from and to the headings
+/// of the ends. Collision and curvature are checked at points an eighth of a cell apart.
 Path smooth(const PlanningGrid& grid, std::span<const Eigen::Vector2d> waypoints,
             const PathEnds& ends, const SmoothingOptions& options);
 
