@@ -73,6 +73,7 @@ std::vector<Eigen::Vector2d> points_of(const PlanningGrid& grid, const PathReque
   return points;
 }
 
+/// Smaller is better.
 int faults(const Path& path) {
   return (path.flags.footprint_collides ? 4 : 0) + (path.flags.curvature_exceeded ? 2 : 0) +
          (path.flags.partly_unsmoothed ? 1 : 0);

@@ -52,7 +52,7 @@ std::vector<PathPoint> checked_poses(const PlanningGrid& grid, const Path& path,
 /// control points p minimise sum |p[i-1] - 2 p[i] + p[i+1]|^2 + sum w[i] |p[i] - q[i]|^2, q evenly
 /// spaced along the waypoints. Where the vehicle touches an obstacle, q is pushed away from it;
 /// where the curve is too tight, or changes its curvature too fast, w is lowered. Where that ends
-/// without success, and there is a turning radius, all that is asked of all control points at once,
+/// without success, and there is a turning radius, everything is asked of all points at once,
 /// by nonlinear least squares (planner/path/least_curved.h). Of the curves that touch nothing the
 /// one that exceeds the limits least is taken. Where there is none, w is raised until the curve
 /// follows the waypoints again, and the flags say so. Where that collides as well, the path is the
