@@ -9,7 +9,6 @@
 #include <ImfStdIO.h>
 #include <ImfStringAttribute.h>
 #include <ImfTestFile.h>
-#include <ImfVersion.h>
 
 #include <cmath>
 #include <filesystem>
@@ -104,7 +103,6 @@ void check_extent(const CaptureFile& file, const Imath::Box2i& gate, double file
 
 CaptureFile read_checked(const std::string& path) {
   Imf::InputFile image(path.c_str());
-  if (Imf::isMultiPart(image.version())) throw Error(path, "has several parts, accepted one");
   const Imf::Header& header = image.header();
   check_channel(header, path);
   CaptureFile file =

@@ -10,7 +10,9 @@
 namespace blindcorner {
 namespace {
 
-constexpr std::size_t kMagicAndVersion = 8;
+constexpr std::size_t kMagic = 4, kMagicAndVersion = 8;
+/// Of the version: a header for each part follows.
+constexpr std::int32_t kSeveralParts = 0x1000;
 
 /// Little-endian, at a place that has four bytes.
 std::int32_t integer_at(const std::string& bytes, std::size_t at) {
@@ -65,6 +67,10 @@ bool fits(const std::string& bytes, std::size_t box) {
 }  // namespace
 
 void check_exr_header(const std::string& bytes, const std::string& path) {
+  if (bytes.size() < kMagicAndVersion) throw Error(path, "is truncated: its header has no end");
+  if ((integer_at(bytes, kMagic) & kSeveralParts) != 0) {
+    throw Error(path, "has several parts, accepted one");
+  }
   // Attributes follow each other: name, type (both end with a zero), size, value; an empty name
   // ends the header (OpenEXR file layout).
   std::size_t at = kMagicAndVersion;

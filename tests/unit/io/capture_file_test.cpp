@@ -222,6 +222,16 @@ TEST_F(CaptureFileTest, DamagedBytesNeverCrash) {
   }
 }
 
+// OpenEXR would read a second header, whose sizes may say anything, before it tells of several.
+TEST_F(CaptureFileTest, SeveralPartsAreRefusedBeforeTheyAreRead) {
+  const std::string path = folder_.file("parts.exr");
+  write_captures(path, make_captures(1, 3, 3, 16));
+  std::string bytes = read_text(path);
+  bytes[5] = static_cast<char>(bytes[5] | 0x10);
+  write_text(path, bytes);
+  EXPECT_EQ(read_error(path), path + ": has several parts, accepted one");
+}
+
 TEST_F(CaptureFileTest, UnreadableFilesAreNamedWithTheReason) {
   EXPECT_EQ(read_error(folder_.file("none.exr")), folder_.file("none.exr") + ": no such file");
   EXPECT_EQ(read_error(folder_.path()), folder_.path() + ": is a directory, not a file");
