@@ -7,12 +7,11 @@
 #include <ceres/solver.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdint>
-#include <memory>
 
 #include "blindcorner/planner/path/distance_transform.h"
+#include "planner/path/spline.h"
 
 namespace blindcorner {
 namespace {
@@ -21,7 +20,8 @@ namespace {
 constexpr double kCurved = 10, kSteered = 10, kTouches = 30, kBent = 0.1, kDrawn = 0.01;
 /// Squared length of a derivative, m^2, that is none.
 constexpr double kCusp = 1e-12;
-/// Share of the curvature limit from which curvature costs: what is penalised ends a little beyond.
+/// Share of their limits from which curvature and its rate cost: what is penalised ends a little
+/// beyond.
 constexpr double kSharpFrom = 0.95;
 constexpr int kIterations = 50;
 constexpr double kTolerance = 1e-5;
@@ -161,9 +161,8 @@ std::vector<Eigen::Vector2d> least_curved(const PlanningGrid& grid,
   const Interpolated interpolated(heights);
   std::vector<Eigen::Vector2d> points = start;
   const std::size_t n = points.size();
-  double length = 0;
-  for (std::size_t i = 1; i < n; ++i) length += (points[i] - points[i - 1]).norm();
-  const double spacing = length / static_cast<double>(n - 1), radius = limits.turning_radius;
+  const double spacing = polyline_length(start) / static_cast<double>(n - 1);
+  const double radius = limits.turning_radius;
 
   ceres::Problem problem;
   for (std::size_t i = 0; i < n; ++i) {

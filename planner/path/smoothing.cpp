@@ -61,6 +61,11 @@ struct CurveCheck {
   double excess = 0;              ///< greatest curvature, or rate of it, over what the vehicle can
 };
 
+/// What is wrong at one of them.
+struct PlaceFaults {
+  bool tight = false, collides = false;
+};
+
 /// What is wrong near each control point.
 struct Review : CurveCheck {
   std::vector<Eigen::Vector2d> push;         ///< m, away from obstacles
@@ -103,11 +108,11 @@ double curvature_at(const CubicBezier& piece, double before, double t) {
   return chord > 0 ? std::max(here, turn / chord) : std::numeric_limits<double>::infinity();
 }
 
-/// Curvature or the rate of it, from one place of a piece to the next, over what the vehicle can;
-/// 0 where it can turn on the spot.
-double excess_at(const CubicBezier& piece, double before, double t,
+/// A curvature, or the rate at which it changes from one place of a piece to the next, over what
+/// the vehicle can; 0 where it can turn on the spot.
+double excess_at(const CubicBezier& piece, double before, double t, double curvature,
                  const SmoothingOptions& options) {
-  const double tight = options.min_turning_radius * curvature_at(piece, before, t);
+  const double tight = options.min_turning_radius * curvature;
   const double length = (piece.point(t) - piece.point(before)).norm();
   if (options.max_curvature_rate == 0 || length == 0) return tight;
   const double rate = std::abs(piece.curvature(t) - piece.curvature(before)) / length;
@@ -130,6 +135,7 @@ class Smoother {
   void solve_at_once();
   void keep_if_better(const std::vector<CubicBezier>& pieces, const CurveCheck& found);
   CurveCheck check(std::span<const CubicBezier> pieces) const;
+  PlaceFaults add_place(const CubicBezier& piece, double t, double before, CurveCheck& curve) const;
   void follow_waypoints_where_wrong();
   void solve();
   Review review() const;
@@ -308,15 +314,22 @@ void Smoother::solve() {
 
 CurveCheck Smoother::check(std::span<const CubicBezier> pieces) const {
   CurveCheck found;
-  for_each_place(pieces, grid_.geometry().cell_size / kSamplesPerCell,
-                 [&](std::size_t k, double t, double before) {
-                   const double curvature = curvature_at(pieces[k], before, t);
-                   found.greatest_curvature = std::max(found.greatest_curvature, curvature);
-                   found.excess = std::max(found.excess, excess_at(pieces[k], before, t, options_));
-                   const PlanarPose pose{pieces[k].point(t), pieces[k].heading(t)};
-                   if (!grid_.is_free(options_.footprint, pose)) ++found.collisions;
-                 });
+  for_each_place(
+      pieces, grid_.geometry().cell_size / kSamplesPerCell,
+      [&](std::size_t k, double t, double before) { add_place(pieces[k], t, before, found); });
   return found;
+}
+
+/// Takes a place into what is known of its curve.
+PlaceFaults Smoother::add_place(const CubicBezier& piece, double t, double before,
+                                CurveCheck& curve) const {
+  const double curvature = curvature_at(piece, before, t);
+  const double excess = excess_at(piece, before, t, curvature, options_);
+  const bool free = grid_.is_free(options_.footprint, {piece.point(t), piece.heading(t)});
+  curve.greatest_curvature = std::max(curve.greatest_curvature, curvature);
+  curve.excess = std::max(curve.excess, excess);
+  curve.collisions += free ? 0 : 1;
+  return {exceeds(excess), !free};
 }
 
 Review Smoother::review() const {
@@ -331,16 +344,14 @@ void Smoother::review_place(std::size_t index, double t, double before, Review& 
   const CubicBezier& piece = pieces_[index];
   const Eigen::Vector2d position = piece.point(t);
   const std::size_t nearest = index + (t < 0.5 ? 0 : 1);
-  const double excess = excess_at(piece, before, t, options_);
-  review.excess = std::max(review.excess, excess);
-  if (exceeds(excess)) review.tight[nearest] = true;
+  const PlaceFaults faults = add_place(piece, t, before, review);
+  if (faults.tight) review.tight[nearest] = true;
   if (cost_factor(position) > most_risk_[nearest]) review.risky[nearest] = review.any_risky = true;
 
-  const PlanarPose pose{position, piece.heading(t)};
-  if (grid_.is_free(options_.footprint, pose)) return;
-  ++review.collisions;
+  if (!faults.collides) return;
   review.collides[index] = review.collides[index + 1] = true;
-  const Eigen::Vector2d ahead(std::cos(pose.heading), std::sin(pose.heading));
+  const double heading = piece.heading(t);
+  const Eigen::Vector2d ahead(std::cos(heading), std::sin(heading));
   const double radius = options_.footprint.disc_radius();
   for (const double offset : options_.footprint.disc_offsets()) {
     const Eigen::Vector2d center = position + offset * ahead;

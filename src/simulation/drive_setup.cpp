@@ -56,8 +56,8 @@ PathPlannerOptions planner_options(const DriveVehicle& vehicle, const VehicleMod
   options.grid.risk_weight = kRiskWeight;
   const VehicleRectangle body = model.footprint();
   const double margin = kMargin * body.width;
-  options.smoothing.min_turning_radius = turning_radius(vehicle, model.limits(), speed);
   const VehicleLimits limits = model.limits();
+  options.smoothing.min_turning_radius = turning_radius(vehicle, limits, speed);
   if (limits.wheelbase > 0 && std::isfinite(limits.steering_rate)) {
     options.smoothing.max_curvature_rate = limits.steering_rate / (limits.wheelbase * speed);
   }

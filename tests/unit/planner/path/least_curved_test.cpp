@@ -7,9 +7,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "blindcorner/forward/constants.h"
 #include "blindcorner/planner/path/path_planner.h"
-#include "planner/path/spline.h"
 #include "test_maps.h"
 
 namespace blindcorner {
