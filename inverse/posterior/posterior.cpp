@@ -13,6 +13,7 @@
 #include <ranges>
 
 #include "blindcorner/forward/constants.h"
+#include "inverse/posterior/along_axis.h"
 #include "inverse/posterior/importance.h"
 #include "inverse/posterior/mode_merging.h"
 #include "inverse/posterior/prior_moments.h"
@@ -24,21 +25,10 @@ namespace {
 /// An unknown is called undetermined when its posterior keeps this share of the prior's width: less
 /// than a third of a bit was learned about it (log2 of 0.8 is -0.32).
 constexpr double kUndetermined = 0.8;
-/// Laplace holds when the posterior 1.5 sigma from the optimum has fallen by 1.5^2/2, give or take
-/// this factor, in every direction: its width is then right to the factor's root, 16 %. Of a plate
-/// and board's captures (2000) those that Laplace held for had a mean squared normalised error of
-/// 1.14 with a factor of 1.5 and 1.08 with this one and the moments along the axes; 1.25 gives 1.06
-/// and makes a frame of the street a seventh dearer.
-constexpr double kSigmaPoint = 1.5;
-constexpr double kLaplaceFactor = 1.35;
-/// Farther out it must have fallen by 3^2/2 over that factor at least: along ridges of equal paths
-/// it falls like a Gaussian at first and then no more.
-constexpr double kTailPoint = 3;
-/// Where the fall is looked at, in standard deviations, ascending.
-constexpr std::array kAway{-kTailPoint, -kSigmaPoint, 0.0, kSigmaPoint, kTailPoint};
-/// Ratio of that fall to the Gaussian's from which a ridge is taken to bend. Of an oblique floor's
-/// plate (10,000 photons), whose samples missed half of the ridge, it is 3 to 25; of the frames
-/// of the street and of both TMF8828 scenes that were looked at (some twenty) at most 1.9.
+/// Ratio of a fall to the Gaussian's (FallRatios) from which a ridge is taken to bend. Of an
+/// oblique floor's plate (10,000 photons), whose samples missed half of the ridge, it is 3 to 25;
+/// of the frames of the street and of both TMF8828 scenes that were looked at (some twenty) at
+/// most 1.9.
 constexpr double kBent = 2;
 /// A mode with less than exp(-7) = 0.1 % of the evidence need not follow Laplace.
 constexpr double kMinorEvidence = 7.0;
@@ -81,41 +71,11 @@ Peak make_peak(const PoseObjective& objective, const Refined& optimum, const Mov
   return peak;
 }
 
-/// Integrals over a direction in which the log posterior falls by `ratio(t) t^2 / 2` at `t`
-/// standard deviations of its Gaussian.
-struct AlongAxis {
-  double mass = 0, mean = 0, variance = 0;  ///< in units of the Gaussian's
-};
-AlongAxis integrate(const std::array<double, std::size(kAway)>& ratios) {
-  // At the ends even what falls by 1 / kLaplaceFactor as much as a Gaussian is down to 2e-6; steps
-  // are far finer than those at which the fall is known.
-  constexpr double kEnd = 6, kStep = 0.05;
-  const auto ratio = [&](double t) {
-    const auto above = std::ranges::upper_bound(kAway, t);
-    if (above == std::begin(kAway)) return ratios.front();
-    if (above == std::end(kAway)) return ratios.back();
-    const auto i = static_cast<std::size_t>(above - std::begin(kAway));
-    const double part = (t - kAway[i - 1]) / (kAway[i] - kAway[i - 1]);
-    return std::lerp(ratios[i - 1], ratios[i], part);
-  };
-  AlongAxis sums;
-  for (double t = -kEnd; t <= kEnd; t += kStep) {
-    const double density = std::exp(-0.5 * ratio(t) * t * t);
-    sums.mass += density;
-    sums.mean += density * t;
-    sums.variance += density * t * t;
-  }
-  sums.mean /= sums.mass;
-  sums.variance = sums.variance / sums.mass - sums.mean * sums.mean;
-  sums.mass *= kStep / std::sqrt(2 * kPi);
-  return sums;
-}
-
 /// Fall of the log posterior along each principal axis of a peak over that of its Gaussian, at the
 /// points of kAway; NaN outside of the prior.
 struct AxisFalls {
-  Eigen::MatrixXd axes;  ///< [n, n] one standard deviation each, as columns
-  std::vector<std::array<double, std::size(kAway)>> ratios;  ///< [n]
+  Eigen::MatrixXd axes;            ///< [n, n] one standard deviation each, as columns
+  std::vector<FallRatios> ratios;  ///< [n]
   /// All within the factor; where the near points are not, no farther ones are looked at.
   bool gaussian = false;
 
@@ -183,7 +143,7 @@ Peak corrected_laplace(const Scene& scene, const Refined& optimum, const Peak& p
   corrected.covariance.setZero();
   for (std::size_t i = 0; i < falls.ratios.size(); ++i) {
     const Eigen::VectorXd sigma = falls.axes.col(static_cast<Eigen::Index>(i));
-    const AlongAxis along = integrate(falls.ratios[i]);
+    const AlongAxis along = integrate_along(falls.ratios[i]);
     corrected.center += along.mean * sigma;
     corrected.covariance += along.variance * sigma * sigma.transpose();
     corrected.log_evidence += std::log(along.mass);

@@ -51,6 +51,11 @@ constexpr Levels kMatt{{0.06, 0.02, 0.007, 0.002}, 1, 1, kSmallMove};
 /// standard deviations or 20 in log posterior, is by judgement.
 constexpr Levels kLobes{{0.1, 0.02, 0.005, 0.003}, 4, 20, 0.4};
 
+const Levels& levels_of(const Scene& scene) {
+  const bool lobes = std::holds_alternative<RetroreflectiveMaterial>(scene.hidden.material);
+  return lobes ? kLobes : kMatt;
+}
+
 /// Moves the optima that may matter; `here`: the models' light at the first.
 void sharpen_each(const PoseObjective& objective, std::vector<Refined>& optima,
                   const ShapeBuffer& here) {
@@ -73,6 +78,10 @@ void sharpen_each(const PoseObjective& objective, std::vector<Refined>& optima,
 
 }  // namespace
 
+double light_error(const Scene& scene, int level) {
+  return levels_of(scene).errors.at(static_cast<std::size_t>(level));
+}
+
 ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima,
                    const std::vector<PoseVector>& places, double negligible) {
   const CompiledScene& compiled = objective.compiled();
@@ -80,9 +89,7 @@ ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima,
   const auto n = static_cast<Eigen::Index>(compiled.unknown_count());
   error.covariance.setZero(n, n);
   if (compiled.knowledge->coarse() == nullptr) return error;  // measured laws are exact
-  const bool lobes =
-      std::holds_alternative<RetroreflectiveMaterial>(compiled.scene.hidden.material);
-  const Levels& levels = lobes ? kLobes : kMatt;
+  const Levels& levels = levels_of(compiled.scene);
   for (int level = 1; level < kModelLevels; ++level) {
     const double before = levels.errors[static_cast<std::size_t>(level) - 1];
     const Refined& top = optima.front();

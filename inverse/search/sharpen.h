@@ -9,6 +9,9 @@
 
 namespace blindcorner {
 
+/// Relative error (L2) of the light of the models of a level, at most (of the shipped scenes).
+double light_error(const Scene& scene, int level);
+
 /// What is left of the model's error.
 struct ModelError {
   Eigen::MatrixXd covariance;  ///< [n, n] of the pose

@@ -5,6 +5,7 @@
 #include <tbb/task_arena.h>
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -15,12 +16,14 @@
 #include "blindcorner/forward/error.h"
 #include "inverse/likelihood/background_error.h"
 #include "inverse/likelihood/light_slope.h"
+#include "inverse/posterior/along_axis.h"
 #include "inverse/posterior/fisher_information.h"
 #include "inverse/posterior/fitted_histograms.h"
 #include "inverse/posterior/goodness_of_fit.h"
 #include "inverse/posterior/mode_merging.h"
 #include "inverse/search/refine.h"
 #include "inverse/search/scoring.h"
+#include "inverse/search/sharpen.h"
 
 namespace blindcorner {
 namespace {
@@ -39,6 +42,14 @@ constexpr double kSmallMove = 0.3;
 /// Standard deviations over which the slopes of a correction hold, by judgement: within one,
 /// a likelihood is taken for a Gaussian elsewhere, too.
 constexpr double kSlopesHold = 1;
+/// Level of the models that correct the light at the end, and the most paths (lit times seen times
+/// object points) that a render of them may sum over: some 100 ms. Of the street's drives, frames
+/// cost 15 to 60 ms so, and 1 to 7 s where the car is close to the turn.
+constexpr int kFiner = 1;
+constexpr double kMostPaths = 3e9;
+/// Bounds of what a fall may be of a Gaussian's, by judgement: as little makes a posterior three
+/// times as wide, as much five times as narrow.
+constexpr double kLeastFall = 0.1, kMostFall = 25;
 /// What the linear unknowns may lack in log posterior, far below kWorthAStep.
 constexpr double kAccuracy = 1e-6;
 /// Starts that are followed when nothing is known, by judgement: a missed one is looked for again
@@ -79,16 +90,8 @@ class CaptureLikelihood final : public FrameLikelihood {
 
   Update update(const Gaussian& prior, const Eigen::VectorXd& start,
                 double inflation) const override {
-    const State best = compiled_.coarse.empty() ? optimum_on_model(prior, start, inflation)
-                                                : optimum_steered(prior, start, inflation);
-    Update result;
-    result.posterior.mean = best.at;
-    result.posterior.covariance = best.covariance;
-    result.log_likelihood = best.linear.log_likelihood;
-    const auto n = static_cast<double>(best.at.size());
-    result.log_evidence =
-        best.log_posterior + 0.5 * n * std::log(2 * kPi) + 0.5 * log_determinant(best.covariance);
-    return result;
+    return compiled_.coarse.empty() ? on_model(prior, start, inflation)
+                                    : steered(prior, start, inflation);
   }
 
   std::vector<Eigen::VectorXd> starts() const override {
@@ -139,6 +142,17 @@ class CaptureLikelihood final : public FrameLikelihood {
     LinearSolution linear;
     double log_posterior = -std::numeric_limits<double>::infinity();
     Eigen::MatrixXd covariance;
+    double signal = 0;  ///< squared signal-to-noise ratio of the light; 0 where it is no unknown
+  };
+  /// Of a prior: its inverse covariance and the log of its density at the mean.
+  struct PriorNorm {
+    explicit PriorNorm(const Gaussian& prior)
+        : precision(prior.covariance.llt().solve(
+              Eigen::MatrixXd::Identity(prior.mean.size(), prior.mean.size()))),
+          log(-0.5 * (static_cast<double>(prior.mean.size()) * std::log(2 * kPi) +
+                      log_determinant(prior.covariance))) {}
+    Eigen::MatrixXd precision;
+    double log;
   };
   /// Derivatives of the light, [rows, poses].
   struct Slopes {
@@ -165,28 +179,30 @@ class CaptureLikelihood final : public FrameLikelihood {
     for (double& value : light.object) value *= a;
   }
 
-  State optimum_on_model(const Gaussian& prior, const Eigen::VectorXd& start,
-                         double inflation) const {
+  Update on_model(const Gaussian& prior, const Eigen::VectorXd& start, double inflation) const {
     Eigen::VectorXd at = start;
     if (compiled_.spline) at = descend(*compiled_.spline, prior, at, inflation).at;
-    return descend(compiled_.models(), prior, at, inflation);
+    const State best = descend(compiled_.models(), prior, at, inflation);
+    return as_it_falls(compiled_.models(), prior, best, inflation);
   }
 
   /// The model corrects the closed-form light, first its values, then its slopes as well, until
-  /// that hardly moves the optimum. Slopes hold over a standard deviation.
-  State optimum_steered(const Gaussian& prior, const Eigen::VectorXd& start,
-                        double inflation) const {
+  /// that hardly moves the optimum. Slopes hold over a standard deviation. At the end a finer model
+  /// corrects the values: the model's error is much the same in frame after frame, so that no
+  /// number of them averages it out. By what it may still be, the frame counts for less.
+  Update steered(const Gaussian& prior, const Eigen::VectorXd& start, double inflation) const {
     const LightSource steering(compiled_.coarse);
     State best;
     best.at = start;
     std::optional<Slopes> slopes;
+    Correction correction;
     for (int k = 0; k < kCorrections; ++k) {
       const PoseVector before = best.at.head(poses());
       ShapeBuffer model;
       ShapeBuffer cheap;
       objective_.shapes(compiled_.models(), before, model);
       objective_.shapes(steering, before, cheap);
-      Correction correction = objective_.correction(before, model, cheap);
+      correction = objective_.correction(before, model, cheap);
       if (k > 0) {
         if (!slopes || standard_deviations(best, slopes->pose) > kSlopesHold) {
           slopes.emplace();
@@ -200,7 +216,91 @@ class CaptureLikelihood final : public FrameLikelihood {
       best = descend(steering.corrected(correction), prior, best.at, inflation);
       if (k > 0 && standard_deviations(best, before) < kSmallMove) break;
     }
-    return best;
+    // How far the model's own error may move the optimum, in standard deviations.
+    double error = light_error(compiled_.scene, 0) * std::sqrt(best.signal);
+    const ModelSet* finer = error > kSmallMove ? affordable(kFiner) : nullptr;
+    if (finer != nullptr) {
+      const PoseVector pose = best.at.head(poses());
+      ShapeBuffer model;
+      ShapeBuffer cheap;
+      objective_.shapes(*finer, pose, model);
+      objective_.shapes(steering, pose, cheap);
+      correction = objective_.correction(pose, model, cheap);
+      if (slopes) objective_.correct_slope(slopes->model, slopes->cheap, correction);
+      best = descend(steering.corrected(correction), prior, best.at, inflation);
+      error = light_error(compiled_.scene, kFiner) * std::sqrt(best.signal);
+    }
+    const LightSource light = steering.corrected(correction);
+    Update result = as_it_falls(light, prior, best, inflation);
+    if (error > kSmallMove) {
+      const double wider = inflation * (1 + error * error);
+      const State uncertain = descend(light, prior, best.at, wider);
+      result.posterior = as_it_falls(light, prior, uncertain, wider).posterior;
+    }
+    return result;
+  }
+
+  /// The models of a level, where one render of them costs no more than a frame may.
+  const ModelSet* affordable(int level) const {
+    const ModelSet& models = compiled_.models_at(level);
+    for (const auto& model : models) {
+      const std::optional<ModelSize> size = model->size();
+      const bool pairs = model->sampling_step() && model->sampling_step()->lobe_pairs;
+      if (pairs && size &&
+          double(size->lit_points) * size->seen_points * size->object_points > kMostPaths) {
+        return nullptr;
+      }
+    }
+    return &models;
+  }
+
+  /// The posterior about an optimum: the Gaussian of the expected information where the posterior
+  /// falls like it, else what has the moments of one that falls along each principal axis as this
+  /// one does, and is the product of these. Dim light leaves more unknown than its expected
+  /// information says. Outside of the search region, what cannot be looked at falls as a Gaussian.
+  Update as_it_falls(const LightSource& light, const Gaussian& prior, const State& best,
+                     double inflation) const {
+    const Eigen::Index n = best.at.size();
+    Update result;
+    result.posterior.mean = best.at;
+    result.posterior.covariance = best.covariance;
+    result.log_likelihood = best.linear.log_likelihood;
+    result.log_evidence = best.log_posterior + 0.5 * static_cast<double>(n) * std::log(2 * kPi) +
+                          0.5 * log_determinant(best.covariance);
+    const PriorNorm norm(prior);
+    ShapeBuffer buffer;
+    State state = best;
+    const auto ratio = [&](const Eigen::VectorXd& axis, double away) {
+      state.at = best.at + away * axis;
+      if (!inside(state.at) || goes_round(away * axis)) return 1.0;
+      evaluate(light, prior, norm, inflation, state, buffer);
+      const double fall = (best.log_posterior - state.log_posterior) / (0.5 * away * away);
+      return std::clamp(fall, kLeastFall, kMostFall);
+    };
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(best.covariance);
+    const Eigen::MatrixXd axes =
+        eigen.eigenvectors() *
+        Eigen::MatrixXd(eigen.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal());
+    for (Eigen::Index i = 0; i < n; ++i) {
+      FallRatios ratios;
+      ratios.fill(1);
+      bool gaussian = true;
+      for (std::size_t k = 0; k < kAway.size(); ++k) {
+        if (std::abs(kAway[k]) != kSigmaPoint) continue;
+        ratios[k] = ratio(axes.col(i), kAway[k]);
+        gaussian = gaussian && ratios[k] >= 1 / kLaplaceFactor && ratios[k] <= kLaplaceFactor;
+      }
+      if (gaussian) continue;
+      for (std::size_t k = 0; k < kAway.size(); ++k) {
+        if (std::abs(kAway[k]) == kTailPoint) ratios[k] = ratio(axes.col(i), kAway[k]);
+      }
+      const AlongAxis along = integrate_along(ratios);
+      result.posterior.mean += along.mean * axes.col(i);
+      result.posterior.covariance += (along.variance - 1) * axes.col(i) * axes.col(i).transpose();
+      result.log_evidence += std::log(along.mass);
+    }
+    wrap(result.posterior.mean);
+    return result;
   }
 
   /// How far a state lies from a pose, in its own standard deviations.
@@ -216,6 +316,27 @@ class CaptureLikelihood final : public FrameLikelihood {
     return d;
   }
 
+  bool inside(const Eigen::VectorXd& at) const {
+    Eigen::VectorXd clamped = at;
+    clamp(clamped);
+    return clamped == at;
+  }
+
+  /// Whether a way leads more than half around a circle: what is there counts already.
+  bool goes_round(const Eigen::VectorXd& way) const {
+    for (std::size_t i = 0; i < compiled_.scene.unknowns.size(); ++i) {
+      const double period = period_of(compiled_.scene, i);
+      if (period > 0 && std::abs(way[static_cast<Eigen::Index>(i)]) > period / 2) return true;
+    }
+    return false;
+  }
+
+  void wrap(Eigen::VectorXd& at) const {
+    PoseVector pose = at.head(poses());
+    wrap_pose(compiled_.scene, pose);
+    at.head(poses()) = pose;
+  }
+
   /// Keeps a state inside the search region.
   void clamp(Eigen::VectorXd& at) const {
     for (std::size_t i = 0; i < compiled_.scene.unknowns.size(); ++i) {
@@ -227,13 +348,13 @@ class CaptureLikelihood final : public FrameLikelihood {
   }
 
   /// Log posterior of a state; `light` is filled.
-  void evaluate(const LightSource& source, const Gaussian& prior, const Eigen::MatrixXd& precision,
-                double log_norm, double inflation, State& state, ShapeBuffer& light) const {
+  void evaluate(const LightSource& source, const Gaussian& prior, const PriorNorm& norm,
+                double inflation, State& state, ShapeBuffer& light) const {
     fill(source, state.at, light);
     solver_.solve(light.shapes, state.linear, !state.linear.ambient.empty(), kAccuracy);
     const Eigen::VectorXd d = from_mean(prior, state.at);
     state.log_posterior = state.linear.log_likelihood / inflation + state.linear.log_prior +
-                          state.linear.log_volume + log_norm - 0.5 * d.dot(precision * d);
+                          state.linear.log_volume + norm.log - 0.5 * d.dot(norm.precision * d);
   }
 
   /// Gradient of the log likelihood and expected information, the zones' own linear unknowns
@@ -254,20 +375,19 @@ class CaptureLikelihood final : public FrameLikelihood {
   State descend(const LightSource& source, const Gaussian& prior, const Eigen::VectorXd& start,
                 double inflation) const {
     const Eigen::Index n = size();
-    const Eigen::MatrixXd precision = prior.covariance.llt().solve(Eigen::MatrixXd::Identity(n, n));
-    const double log_norm =
-        -0.5 * (static_cast<double>(n) * std::log(2 * kPi) + log_determinant(prior.covariance));
+    const PriorNorm norm(prior);
     State state;
     state.at = start;
     clamp(state.at);
     ShapeBuffer light;
-    evaluate(source, prior, precision, log_norm, inflation, state, light);
+    evaluate(source, prior, norm, inflation, state, light);
     for (int i = 0; i < kMaxSteps; ++i) {
       Eigen::VectorXd gradient;
       Eigen::MatrixXd information;
       linearise(source, state, light, gradient, information);
-      const Eigen::LDLT<Eigen::MatrixXd> curvature(information / inflation + precision);
-      gradient = gradient / inflation - precision * from_mean(prior, state.at);
+      if (n > poses()) state.signal = information(n - 1, n - 1);
+      const Eigen::LDLT<Eigen::MatrixXd> curvature(information / inflation + norm.precision);
+      gradient = gradient / inflation - norm.precision * from_mean(prior, state.at);
       state.covariance = curvature.solve(Eigen::MatrixXd::Identity(n, n));
       state.covariance = 0.5 * (state.covariance + state.covariance.transpose().eval());
       const Eigen::VectorXd step = curvature.solve(gradient);
@@ -277,7 +397,7 @@ class CaptureLikelihood final : public FrameLikelihood {
       for (int half = 0; half < kMaxHalvings; ++half, scale *= 0.5) {
         next.at = state.at + scale * step;
         clamp(next.at);
-        evaluate(source, prior, precision, log_norm, inflation, next, light);
+        evaluate(source, prior, norm, inflation, next, light);
         if (next.log_posterior > state.log_posterior) break;
       }
       if (!(next.log_posterior > state.log_posterior)) break;
@@ -285,9 +405,7 @@ class CaptureLikelihood final : public FrameLikelihood {
       state = std::move(next);
       if (gain < kWorthAStep) break;
     }
-    PoseVector pose = state.at.head(poses());
-    wrap_pose(compiled_.scene, pose);
-    state.at.head(poses()) = pose;
+    wrap(state.at);
     return state;
   }
 

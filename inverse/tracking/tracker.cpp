@@ -10,6 +10,7 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <ranges>
 #include <string>
 #include <utility>
 
@@ -86,6 +87,19 @@ Gaussian unknown_state(const Scene& scene, const TrackLayout& layout) {
   return prior;
 }
 
+/// A filtered state given also what the frames after a step say (Rauch, Tung & Striebel 1965):
+/// `step` takes it to `predicted`, which with these frames is `after`.
+Gaussian smoothed_by(const TrackLayout& layout, const MatrixXd& step, const Gaussian& filtered,
+                     const Gaussian& predicted, const Gaussian& after) {
+  const MatrixXd gain = predicted.covariance.ldlt().solve(step * filtered.covariance).transpose();
+  Gaussian smooth;
+  smooth.mean = filtered.mean + gain * layout.difference(predicted.mean, after.mean);
+  smooth.covariance =
+      filtered.covariance + gain * (after.covariance - predicted.covariance) * gain.transpose();
+  symmetrise(smooth.covariance);
+  return smooth;
+}
+
 double drift_of(const Motion& motion, Component component) {
   switch (component) {
     case Component::yaw:
@@ -114,6 +128,7 @@ void TrackerOptions::validate() const {
   require(merge_distance2 >= 0, "merge_distance2", "at least 0");
   require(negligible_weight >= 0 && negligible_weight < 1, "negligible_weight", "0 to below 1");
   require(max_modes >= 1, "max_modes", "at least 1");
+  require(young_frames >= 0, "young_frames", "at least 0");
   require(dwell_time > 0, "dwell_time", "above 0");
   require(inflation_time > 0, "inflation_time", "above 0");
   require(lag >= 0, "lag", "at least 0");
@@ -215,13 +230,20 @@ Tracker::Tracker(const Scene& scene, const Motion& motion, TrackerOptions option
   options_.validate();
 }
 
-TrackPoint Tracker::advance(double dt, const FrameLikelihood& frame) {
+TrackPoint Tracker::advance(double dt, std::shared_ptr<const FrameLikelihood> frame) {
   if (frames_ == 0) dt = 0;
   predict_all(dt);
   TrackPoint point;
   point.inflation = inflation_;
-  keep(explain(frame, point));
+  const bool began = modes_.empty();
+  if (began) {
+    young_.clear();
+    log_evidence_young_ = 0;
+  }
+  if (began || !young_.empty()) young_.push_back({frame, dt, inflation_});
+  keep(explain(*frame, point));
   if (presence_ < kGone) modes_.clear();
+  if (static_cast<int>(young_.size()) >= options_.young_frames) young_.clear();
   for (TrackMode& mode : modes_) {
     node_of(mode.node).dt = dt;
   }
@@ -287,15 +309,17 @@ std::vector<Tracker::Hypothesis> Tracker::explain(const FrameLikelihood& frame, 
   if (surprised || modes_.empty() || search_is_due()) {
     since_search_ = 0;
     point.searched = true;
+    const std::vector<VectorXd> starts = frame.starts();
+    if (!modes_.empty() && !young_.empty()) search_young(starts, shown);
     const double share = modes_.empty() ? 1.0 : options_.lost_probability;
-    search(frame, share, all);
+    search(frame, starts, share, all);
     // When the frame is not what was predicted: what a new object would explain, a disturbance may
     // explain as well.
     for (const Hypothesis& h : all) {
       if (surprised) log_other = log_sum(log_other, h.log_weight - std::log(share));
     }
   }
-  for (std::size_t i = 0; i < shown.size(); ++i) {
+  for (std::size_t i = 0; i < modes_.size(); ++i) {
     Hypothesis missed;
     missed.log_weight =
         std::log(modes_[i].weight) + std::log(options_.missed_probability) + log_other;
@@ -304,9 +328,11 @@ std::vector<Tracker::Hypothesis> Tracker::explain(const FrameLikelihood& frame, 
     missed.coasted = modes_[i].coasted + 1;
     missed.log_likelihood = modes_[i].log_likelihood;
     missed.parent = modes_[i].node;
-    shown[i].log_weight += std::log1p(-options_.missed_probability);
-    all.push_back(std::move(shown[i]));
     all.push_back(std::move(missed));
+  }
+  for (Hypothesis& next : shown) {
+    next.log_weight += std::log1p(-options_.missed_probability);
+    all.push_back(std::move(next));
   }
   double log_present = -std::numeric_limits<double>::infinity();
   for (const Hypothesis& h : all) log_present = log_sum(log_present, h.log_weight);
@@ -317,9 +343,8 @@ std::vector<Tracker::Hypothesis> Tracker::explain(const FrameLikelihood& frame, 
 }
 
 /// New hypotheses from the whole search region; `share` is their prior weight together.
-void Tracker::search(const FrameLikelihood& frame, double share,
-                     std::vector<Hypothesis>& hypotheses) {
-  const std::vector<VectorXd> starts = frame.starts();
+void Tracker::search(const FrameLikelihood& frame, std::span<const VectorXd> starts, double share,
+                     std::vector<Hypothesis>& hypotheses) const {
   std::vector<FrameLikelihood::Update> updates(starts.size());
   tbb::this_task_arena::isolate([&] {
     tbb::parallel_for(std::size_t{0}, starts.size(), [&](std::size_t i) {
@@ -330,18 +355,105 @@ void Tracker::search(const FrameLikelihood& frame, double share,
     Hypothesis born;
     born.log_weight = std::log(share) + update.log_evidence;
     born.log_likelihood = update.log_likelihood;
-    born.filtered.mean = VectorXd::Zero(layout_.size);
-    born.filtered.mean.head(layout_.measured) = update.posterior.mean;
-    born.filtered.covariance = motion_.initial_speed * motion_.initial_speed *
-                               MatrixXd::Identity(layout_.size, layout_.size);
-    born.filtered.covariance.topLeftCorner(layout_.measured, layout_.measured) =
-        update.posterior.covariance;
-    born.predicted = born.filtered;
+    born.predicted = born.filtered = at_first(update.posterior);
     // Starts that led to the same optimum are one explanation, not two.
     const bool known = std::any_of(hypotheses.begin(), hypotheses.end(),
                                    [&](const Hypothesis& h) { return too_close(h, born); });
     if (!known) hypotheses.push_back(std::move(born));
   }
+}
+
+/// The whole state when an object is first seen.
+Gaussian Tracker::at_first(const Gaussian& measured) const {
+  Gaussian state;
+  state.mean = VectorXd::Zero(layout_.size);
+  state.mean.head(layout_.measured) = measured.mean;
+  state.covariance = motion_.initial_speed * motion_.initial_speed *
+                     MatrixXd::Identity(layout_.size, layout_.size);
+  state.covariance.topLeftCorner(layout_.measured, layout_.measured) = measured.covariance;
+  return state;
+}
+
+/// What all frames of a young track say of an object that is at `place` at the latest of them. The
+/// frames are taken in backwards: the latest shows the most, and the ones before are then looked at
+/// about a place that is known. For linear frames that is the filter's own answer.
+Tracker::Hypothesis Tracker::judged_by_all(const VectorXd& place) const {
+  // What is known before any frame, at each frame's time.
+  std::vector<Gaussian> before{at_first(unknown_)};
+  for (std::size_t k = 1; k < young_.size(); ++k) {
+    before.push_back(before.back());
+    predict(layout_, motion_, young_[k].dt, before.back());
+  }
+  struct Step {
+    MatrixXd back;  ///< takes the state of the frame after to this frame's
+    Gaussian predicted, filtered;
+  };
+  std::vector<Step> steps;
+  Hypothesis result;
+  Gaussian state = before.back();
+  for (std::size_t k = young_.size(); k-- > 0;) {
+    Step step;
+    const bool latest = k + 1 == young_.size();
+    if (!latest) {
+      // The motion reversed: the state before, given the one after.
+      const MatrixXd F = transition(layout_, young_[k + 1].dt);
+      const MatrixXd& after = before[k + 1].covariance;
+      step.back = after.ldlt().solve(F * before[k].covariance).transpose();
+      state.mean = before[k].mean + step.back * layout_.difference(before[k + 1].mean, state.mean);
+      state.covariance =
+          before[k].covariance + step.back * (state.covariance - after) * step.back.transpose();
+      symmetrise(state.covariance);
+    }
+    step.predicted = state;
+    const Gaussian prior = measured_part(layout_, state);
+    const FrameLikelihood::Update update =
+        young_[k].likelihood->update(prior, latest ? place : prior.mean, young_[k].inflation);
+    condition(layout_, update.posterior, state);
+    result.log_weight += update.log_evidence;
+    if (latest) result.log_likelihood = update.log_likelihood;
+    step.filtered = state;
+    steps.push_back(std::move(step));
+  }
+  for (std::size_t k = steps.size(); k-- > 1;) {
+    state = smoothed_by(layout_, steps[k].back, steps[k - 1].filtered, steps[k].predicted, state);
+  }
+  result.log_weight -= log_evidence_young_;
+  result.predicted = result.filtered = state;
+  result.age = static_cast<int>(young_.size()) - 1;
+  return result;
+}
+
+/// A young track may have begun at the wrong one of several places, or lack the right one: where
+/// the object may be is judged by all frames since. `places` are those that a search found in the
+/// latest, `shown` the track's own modes, which become the outcome.
+void Tracker::search_young(std::vector<VectorXd> places, std::vector<Hypothesis>& shown) const {
+  for (const Hypothesis& h : shown) places.push_back(h.filtered.mean.head(layout_.measured));
+  std::vector<Hypothesis> judged(places.size());
+  tbb::this_task_arena::isolate([&] {
+    tbb::parallel_for(std::size_t{0}, places.size(),
+                      [&](std::size_t i) { judged[i] = judged_by_all(places[i]); });
+  });
+  std::stable_sort(judged.begin(), judged.end(), [](const Hypothesis& a, const Hypothesis& b) {
+    return a.log_weight > b.log_weight;
+  });
+  std::vector<Hypothesis> result;
+  const auto like = [&](std::vector<Hypothesis>& among, const Hypothesis& h) {
+    return std::ranges::find_if(among, [&](const Hypothesis& o) { return too_close(o, h); });
+  };
+  for (Hypothesis& next : judged) {
+    if (like(result, next) != result.end()) continue;
+    // One that the track has already goes on as such.
+    if (const auto own = like(shown, next); own != shown.end()) {
+      next.parent = own->parent;
+      next.predicted = own->predicted;
+      next.age = own->age;
+    }
+    result.push_back(std::move(next));
+  }
+  for (Hypothesis& own : shown) {
+    if (like(result, own) == result.end()) result.push_back(std::move(own));
+  }
+  shown = std::move(result);
 }
 
 bool Tracker::too_close(const Hypothesis& a, const Hypothesis& b) const {
@@ -385,6 +497,7 @@ void Tracker::keep(std::vector<Hypothesis> hypotheses) {
   }
   double total = 0;
   for (const double weight : weights) total += weight;
+  log_evidence_young_ += top + std::log(total);
   for (std::size_t i = 0; i < kept.size(); ++i) {
     Hypothesis& h = kept[i];
     Node node;
@@ -435,14 +548,7 @@ std::vector<std::optional<Gaussian>> Tracker::smoothed() const {
       at = node.parent;
       if (at < forgotten_nodes_) break;
       const Gaussian& before = node_of(at).filtered;
-      const MatrixXd gain = node.predicted.covariance.ldlt()
-                                .solve(transition(layout_, node.dt) * before.covariance)
-                                .transpose();
-      const Gaussian after = smooth;
-      smooth.mean = before.mean + gain * layout_.difference(node.predicted.mean, after.mean);
-      smooth.covariance = before.covariance +
-                          gain * (after.covariance - node.predicted.covariance) * gain.transpose();
-      symmetrise(smooth.covariance);
+      smooth = smoothed_by(layout_, transition(layout_, node.dt), before, node.predicted, smooth);
     }
   }
   return result;
@@ -525,9 +631,9 @@ FitResult track_frame(const Fitter& fitter, Tracker& tracker, const Capture& cap
   result.sources = {capture.source};
   result.indices = {capture.index};
   result.truth = capture.truth;
-  const auto frame = fitter.frame(capture);
+  const std::shared_ptr<const FrameLikelihood> frame = fitter.frame(capture);
   result.time_ms.prepare = milliseconds_since(start);
-  const TrackPoint point = tracker.advance(dt, *frame);
+  const TrackPoint point = tracker.advance(dt, frame);
   result.posterior = mixture_of(fitter.scene(), tracker.motion(), point);
   result.track = summary_of(tracker.layout(), point);
   if (point.modes.empty()) {

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <memory>
 
 #include "blindcorner/inverse/tracking/tracker.h"
 #include "blindcorner/planner/path/path_planner.h"
@@ -139,7 +140,8 @@ double distance(const TrackPoint& point, const Eigen::Vector2d& place) {
 StabilityMeasurement stands_still() {
   Tracker tracker(floor_scene(), Motion{});
   TrackPoint point;
-  for (int i = 0; i < 300; ++i) point = tracker.advance(0.1, PointFrame({1, 2}));
+  for (int i = 0; i < 300; ++i)
+    point = tracker.advance(0.1, std::make_shared<PointFrame>(Eigen::Vector2d(1, 2)));
   return {distance(point, {1, 2}), ""};
 }
 
@@ -148,7 +150,7 @@ StabilityMeasurement jumps() {
   TrackPoint point;
   for (int i = 0; i < 60; ++i) {
     const Eigen::Vector2d place = i < 50 ? Eigen::Vector2d(1, 2) : Eigen::Vector2d(-3, -1);
-    point = tracker.advance(0.1, PointFrame(place));
+    point = tracker.advance(0.1, std::make_shared<PointFrame>(place));
   }
   return {distance(point, {-3, -1}), ""};
 }
@@ -156,8 +158,9 @@ StabilityMeasurement jumps() {
 StabilityMeasurement vanishes() {
   Tracker tracker(floor_scene(), Motion{});
   TrackPoint point;
-  for (int i = 0; i < 40; ++i) point = tracker.advance(0.1, PointFrame({1, 2}));
-  for (int i = 0; i < 10; ++i) point = tracker.advance(0.1, EmptyFrame());
+  for (int i = 0; i < 40; ++i)
+    point = tracker.advance(0.1, std::make_shared<PointFrame>(Eigen::Vector2d(1, 2)));
+  for (int i = 0; i < 10; ++i) point = tracker.advance(0.1, std::make_shared<EmptyFrame>());
   return {point.presence_probability, ""};
 }
 
@@ -165,7 +168,7 @@ StabilityMeasurement long_gaps() {
   Tracker tracker(floor_scene(), Motion{});
   TrackPoint point;
   for (const double dt : {0.1, 1e-9, 1e4, 0.1, 1e-9}) {
-    point = tracker.advance(dt, PointFrame({1, 2}));
+    point = tracker.advance(dt, std::make_shared<PointFrame>(Eigen::Vector2d(1, 2)));
   }
   return {distance(point, {1, 2}), ""};
 }

@@ -10,6 +10,7 @@
 
 #include <Eigen/Core>
 #include <deque>
+#include <memory>
 #include <optional>
 #include <span>
 #include <vector>
@@ -40,6 +41,9 @@ struct TrackerOptions {
   /// most `max_modes` are kept: each costs a descent a frame.
   double negligible_weight = 1e-4;
   int max_modes = 8;
+  /// Frames of a young track that are kept: whenever the region is searched while it has no more of
+  /// them, each place is judged by all of them, the latest first. By judgement: a second or two.
+  int young_frames = 16;
   /// Mean time that an object stays, and, at a prior probability of presence of one half, stays
   /// away, s.
   double dwell_time = 60.0;
@@ -111,8 +115,9 @@ class Tracker {
  public:
   Tracker(const Scene& scene, const Motion& motion, TrackerOptions options = {});
 
-  /// Takes in the next frame, `dt` seconds after the one before (ignored for the first).
-  TrackPoint advance(double dt, const FrameLikelihood& frame);
+  /// Takes in the next frame, `dt` seconds after the one before (ignored for the first). Frames of
+  /// a young track are kept.
+  TrackPoint advance(double dt, std::shared_ptr<const FrameLikelihood> frame);
 
   /// The state at each frame given all frames, before and after: Rauch-Tung-Striebel smoothing
   /// along the hypotheses that survived. Empty where nothing was tracked. Of the frames that are
@@ -133,11 +138,21 @@ class Tracker {
     Gaussian predicted, filtered;
   };
   struct Hypothesis;
+  /// A frame of a young track.
+  struct YoungFrame {
+    std::shared_ptr<const FrameLikelihood> likelihood;
+    double dt = 0;  ///< s, since the frame before
+    double inflation = 1;
+  };
 
   void predict_all(double dt);
   bool search_is_due() const;
   std::vector<Hypothesis> explain(const FrameLikelihood& frame, TrackPoint& point);
-  void search(const FrameLikelihood& frame, double share, std::vector<Hypothesis>& hypotheses);
+  void search(const FrameLikelihood& frame, std::span<const Eigen::VectorXd> starts, double share,
+              std::vector<Hypothesis>& hypotheses) const;
+  Gaussian at_first(const Gaussian& measured) const;
+  Hypothesis judged_by_all(const Eigen::VectorXd& place) const;
+  void search_young(std::vector<Eigen::VectorXd> places, std::vector<Hypothesis>& shown) const;
   void keep(std::vector<Hypothesis> hypotheses);
   void adapt(const Innovation& innovation, double dt);
   bool too_close(const Hypothesis& a, const Hypothesis& b) const;
@@ -156,7 +171,9 @@ class Tracker {
 
   std::deque<Node> history_;
   int forgotten_nodes_ = 0;
-  std::deque<int> heaviest_;  ///< node of the heaviest mode after each kept frame; -1: none
+  std::deque<int> heaviest_;       ///< node of the heaviest mode after each kept frame; -1: none
+  std::vector<YoungFrame> young_;  ///< since the track began, while these are few
+  double log_evidence_young_ = 0;  ///< of these but the latest
   double presence_ = 0;
   double inflation_ = 1;
   double since_search_ = 0;

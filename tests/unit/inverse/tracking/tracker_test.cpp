@@ -13,6 +13,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <memory>
 #include <random>
 #include <string>
 
@@ -76,15 +77,26 @@ class LinearFrame final : public FrameLikelihood {
     result.log_evidence = log_normal(d, S);
     return result;
   }
-  std::vector<VectorXd> starts() const override { return peaks_; }
+  std::vector<VectorXd> starts() const override {
+    return {peaks_.begin(),
+            peaks_.begin() + static_cast<std::ptrdiff_t>(std::min(shown_, peaks_.size()))};
+  }
   double log_evidence_empty(double) const override { return -60; }
   void describe(const VectorXd&, FitResult&) const override {}
+
+  /// How many of the peaks a search finds.
+  std::size_t shown_ = 100;
 
  private:
   const TrackLayout& layout_;
   std::vector<VectorXd> peaks_;
   MatrixXd noise_;
 };
+
+std::shared_ptr<const FrameLikelihood> linear(const TrackLayout& layout,
+                                              std::vector<VectorXd> peaks, MatrixXd noise) {
+  return std::make_shared<LinearFrame>(layout, std::move(peaks), std::move(noise));
+}
 
 /// A frame that shows no object: any pose explains it worse than an empty scene does.
 class EmptyFrame final : public FrameLikelihood {
@@ -168,7 +180,7 @@ TEST(Tracker, IsTheKalmanFilterForLinearFrames) {
   Tracker tracker(scene, walking(), certain());
   Kalman kalman = kalman_before_first();
   for (std::size_t i = 0; i < walk.seen.size(); ++i) {
-    const LinearFrame frame(tracker.layout(), {walk.seen[i]}, walk.noise);
+    const auto frame = linear(tracker.layout(), {walk.seen[i]}, walk.noise);
     const TrackPoint point = tracker.advance(walk.dt[i], frame);
     if (i > 0) kalman.predict(walk.dt[i], walking().acceleration_density);
     kalman.update(walk.seen[i], walk.noise);
@@ -190,7 +202,7 @@ TEST(Tracker, SmootherIsTheJointPosteriorOfAllFrames) {
   precision.topLeftCorner(4, 4) = kalman_before_first().P.inverse();
   for (Eigen::Index i = 0; i < frames; ++i) {
     const auto k = static_cast<std::size_t>(i);
-    tracker.advance(walk.dt[k], LinearFrame(tracker.layout(), {walk.seen[k]}, walk.noise));
+    tracker.advance(walk.dt[k], linear(tracker.layout(), {walk.seen[k]}, walk.noise));
     precision.block(4 * i, 4 * i, 2, 2) += walk.noise.inverse();
     right.segment(4 * i, 2) += walk.noise.inverse() * walk.seen[k];
     if (i == 0) continue;
@@ -226,7 +238,7 @@ TEST(Tracker, FixedLagForgetsFramesButNothingOfTheOthers) {
   Tracker all(floor_scene(), walking(), certain());
   Tracker few(floor_scene(), walking(), lagged);
   for (std::size_t k = 0; k < walk.seen.size(); ++k) {
-    const LinearFrame frame(all.layout(), {walk.seen[k]}, walk.noise);
+    const auto frame = linear(all.layout(), {walk.seen[k]}, walk.noise);
     all.advance(walk.dt[k], frame);
     few.advance(walk.dt[k], frame);
   }
@@ -263,15 +275,62 @@ TEST(Tracker, RivalModesAreKeptUntilFramesDecide) {
   const VectorXd right = vector({1, 0.5});
   TrackPoint point;
   for (int i = 0; i < 6; ++i) {
-    point = tracker.advance(0.1, LinearFrame(tracker.layout(), {left, right}, noise));
+    point = tracker.advance(0.1, linear(tracker.layout(), {left, right}, noise));
     ASSERT_EQ(point.modes.size(), 2U) << i;
     EXPECT_NEAR(point.modes[0].weight, 0.5, 0.02) << i;
   }
   for (int i = 0; i < 3; ++i) {
-    point = tracker.advance(0.1, LinearFrame(tracker.layout(), {right}, noise));
+    point = tracker.advance(0.1, linear(tracker.layout(), {right}, noise));
   }
   EXPECT_GT(point.modes[0].weight, 0.99);
   EXPECT_NEAR(point.modes[0].state.mean[0], 1, 0.1);
+}
+
+TEST(Tracker, PlaceThatTheFirstSearchMissedWeighsByAllFrames) {
+  // Both places explain every frame alike; the search of the first frame finds one of them only.
+  const Scene scene = floor_scene();
+  const MatrixXd noise = 0.01 * MatrixXd::Identity(2, 2);
+  const std::vector<VectorXd> places{vector({-1, 0.5}), vector({1, 0.5})};
+  for (const int young : {0, 16}) {
+    TrackerOptions options;
+    options.young_frames = young;
+    Tracker tracker(scene, walking(), options);
+    TrackPoint point;
+    for (int i = 0; i < 4; ++i) {
+      auto frame = std::make_shared<LinearFrame>(tracker.layout(), places, noise);
+      if (i == 0) frame->shown_ = 1;
+      point = tracker.advance(0.1, frame);
+    }
+    if (young == 0) {
+      // As the object may be lost in any frame: one in ten thousand.
+      EXPECT_GT(point.modes[0].weight, 0.99);
+      continue;
+    }
+    ASSERT_EQ(point.modes.size(), 2U);
+    EXPECT_NEAR(point.modes[0].weight, 0.5, 0.02);
+    EXPECT_NEAR(point.modes[0].state.mean[0] + point.modes[1].state.mean[0], 0, 0.02);
+  }
+}
+
+TEST(Tracker, JudgedByAllFramesIsWhatTheFilterSaysOfLinearOnes) {
+  const Scene scene = floor_scene();
+  const Walk walk = random_walk(12);
+  TrackerOptions options = certain();
+  options.young_frames = 0;
+  Tracker filter(scene, walking(), options);
+  options.young_frames = 16;
+  options.search_interval = 1e-9;  // at each frame
+  Tracker judged(scene, walking(), options);
+  for (std::size_t i = 0; i < walk.seen.size(); ++i) {
+    const auto frame = linear(filter.layout(), {walk.seen[i]}, walk.noise);
+    const TrackPoint of_filter = filter.advance(walk.dt[i], frame);
+    const TrackPoint of_all = judged.advance(walk.dt[i], frame);
+    ASSERT_EQ(of_all.modes.size(), 1U) << i;
+    const Gaussian& a = of_filter.modes[0].state;
+    const Gaussian& b = of_all.modes[0].state;
+    EXPECT_LT((a.mean - b.mean).cwiseAbs().maxCoeff(), 1e-9) << i;
+    EXPECT_LT((a.covariance - b.covariance).cwiseAbs().maxCoeff(), 1e-9) << i;
+  }
 }
 
 TEST(Tracker, MissedDetectionOnlyPredicts) {
@@ -280,11 +339,11 @@ TEST(Tracker, MissedDetectionOnlyPredicts) {
   Tracker tracker(scene, walking());
   TrackPoint before;
   for (std::size_t i = 0; i < walk.seen.size(); ++i) {
-    before = tracker.advance(walk.dt[i], LinearFrame(tracker.layout(), {walk.seen[i]}, walk.noise));
+    before = tracker.advance(walk.dt[i], linear(tracker.layout(), {walk.seen[i]}, walk.noise));
   }
   Gaussian expected = before.modes[0].state;
   predict(tracker.layout(), walking(), 0.1, expected);
-  const TrackPoint after = tracker.advance(0.1, EmptyFrame());
+  const TrackPoint after = tracker.advance(0.1, std::make_shared<EmptyFrame>());
   ASSERT_FALSE(after.modes.empty());
   EXPECT_EQ(after.modes[0].coasted, 1);
   EXPECT_LT((after.modes[0].state.mean - expected.mean).norm(), 1e-12);
@@ -300,15 +359,15 @@ TEST(Tracker, EndsWhenTheObjectHasLeftAndStartsAgain) {
   const MatrixXd noise = 0.01 * MatrixXd::Identity(2, 2);
   Tracker tracker(scene, walking());
   const VectorXd place = vector({1, 1});
-  EXPECT_TRUE(tracker.advance(0.1, EmptyFrame()).modes.empty());
+  EXPECT_TRUE(tracker.advance(0.1, std::make_shared<EmptyFrame>()).modes.empty());
   for (int i = 0; i < 5; ++i) {
-    tracker.advance(0.1, LinearFrame(tracker.layout(), {place}, noise));
+    tracker.advance(0.1, linear(tracker.layout(), {place}, noise));
   }
   TrackPoint point;
-  for (int i = 0; i < 6; ++i) point = tracker.advance(0.1, EmptyFrame());
+  for (int i = 0; i < 6; ++i) point = tracker.advance(0.1, std::make_shared<EmptyFrame>());
   EXPECT_TRUE(point.modes.empty());
   EXPECT_LT(point.presence_probability, 0.1);
-  point = tracker.advance(0.1, LinearFrame(tracker.layout(), {place}, noise));
+  point = tracker.advance(0.1, linear(tracker.layout(), {place}, noise));
   ASSERT_EQ(point.modes.size(), 1U);
   EXPECT_EQ(point.modes[0].age, 0);
   const auto smoothed = tracker.smoothed();
@@ -325,7 +384,7 @@ TEST(Tracker, OneFrameElsewhereDoesNotMoveTheTrackButSeveralDo) {
   Tracker tracker(scene, walking());
   TrackPoint point;
   const auto see = [&](const VectorXd& place) {
-    point = tracker.advance(0.1, LinearFrame(tracker.layout(), {place}, noise));
+    point = tracker.advance(0.1, linear(tracker.layout(), {place}, noise));
   };
   for (int i = 0; i < 8; ++i) see(here);
   see(there);
@@ -344,7 +403,7 @@ TEST(Tracker, AYoungTrackIsSearchedAgainEachTimeItsAgeHasDoubled) {
   Tracker tracker(scene, walking());
   std::vector<int> searched;
   for (int frame = 0; frame < 20; ++frame) {
-    const LinearFrame seen(tracker.layout(), {vector({1, 1})}, noise);
+    const auto seen = linear(tracker.layout(), {vector({1, 1})}, noise);
     if (tracker.advance(0.125, seen).searched) searched.push_back(frame);
   }
   EXPECT_EQ(searched, (std::vector<int>{0, 1, 2, 4, 8, 16}));
@@ -361,8 +420,7 @@ TEST(Tracker, YawGoesAroundTheCircle) {
   const MatrixXd noise = 1e-3 * MatrixXd::Identity(1, 1);
   for (int i = 0; i < 40; ++i) {
     const double yaw = std::remainder(2.6 + 0.1 * i, 2 * kPi);  // passes pi after six frames
-    const TrackPoint point =
-        tracker.advance(0.1, LinearFrame(tracker.layout(), {vector({yaw})}, noise));
+    const TrackPoint point = tracker.advance(0.1, linear(tracker.layout(), {vector({yaw})}, noise));
     ASSERT_EQ(point.modes.size(), 1U) << i;
     EXPECT_EQ(point.modes[0].coasted, 0);
     EXPECT_LT(std::abs(std::remainder(point.modes[0].state.mean[0] - yaw, 2 * kPi)), 0.05) << i;
@@ -381,7 +439,7 @@ TEST(Tracker, InflationFollowsNoiseThatIsLargerThanSaid) {
   double sum = 0;
   for (int i = 0; i < 600; ++i) {
     const VectorXd z = vector({normal(random), normal(random)});
-    const TrackPoint point = tracker.advance(0.1, LinearFrame(tracker.layout(), {z}, said));
+    const TrackPoint point = tracker.advance(0.1, linear(tracker.layout(), {z}, said));
     if (i >= 200) sum += point.inflation / 400;
   }
   EXPECT_NEAR(sum, 4, 1.0);
@@ -479,6 +537,30 @@ TEST(CaptureLikelihood, FindsPoseAndBrightnessFromAPredictionNearby) {
   EXPECT_LT((both.posterior.mean - update.posterior.mean - 0.5 * shift).norm(), 0.1 * shift.norm());
   EXPECT_LT((both.posterior.covariance - 0.5 * update.posterior.covariance).norm(),
             0.1 * update.posterior.covariance.norm());
+}
+
+TEST(CaptureLikelihood, BrightLightClaimsNoMoreThanTheModelIsWorth) {
+  // A model that is wrong by some share of the light is worth as much as that many photons, however
+  // many there are: it is wrong alike in the next frame.
+  const Scene scene = read_scene(SOURCE_DIR "/scenes/denali_like.json");
+  FitOptions options;
+  options.empty_captures = 0;
+  const Fitter fitter(scene, options);
+  PoseVector pose(2);
+  for (Eigen::Index i = 0; i < 2; ++i) {
+    const Unknown& unknown = scene.unknowns[static_cast<std::size_t>(i)];
+    pose[i] = 0.5 * (unknown.lower + unknown.upper);
+  }
+  const auto claim = [&](double amplitude) {
+    const auto frame = fitter.frame(noiseless(scene, pose, amplitude));
+    Gaussian prior{VectorXd::Zero(3), MatrixXd::Identity(3, 3)};
+    prior.mean.head(2) = pose;
+    prior.mean[2] = std::log(amplitude);
+    return std::sqrt(frame->update(prior, prior.mean, 1).posterior.covariance(0, 0));
+  };
+  const double bright = claim(1e4), brighter = claim(1e6);
+  EXPECT_NEAR(brighter / bright, 1, 0.2);
+  EXPECT_GT(claim(1) / bright, 1.5);
 }
 
 TEST(CaptureLikelihood, StartsHoldTheTruth) {
