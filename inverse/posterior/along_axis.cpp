@@ -1,12 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "inverse/posterior/along_axis.h"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
 #include "blindcorner/forward/constants.h"
 
 namespace blindcorner {
+
+Eigen::MatrixXd principal_deviations(const Eigen::MatrixXd& covariance) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(covariance);
+  return eigen.eigenvectors() *
+         Eigen::MatrixXd(eigen.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal());
+}
+
+bool falls_like_gaussian(const FallRatios& ratios) {
+  for (std::size_t k = 0; k < kAway.size(); ++k) {
+    if (std::abs(kAway[k]) != kSigmaPoint) continue;
+    if (!(ratios[k] >= 1 / kLaplaceFactor && ratios[k] <= kLaplaceFactor)) return false;
+  }
+  return true;
+}
 
 AlongAxis integrate_along(const FallRatios& ratios) {
   // At the ends even what falls by 1 / kLaplaceFactor as much as a Gaussian is down to 2e-6; steps

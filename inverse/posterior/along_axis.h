@@ -3,6 +3,7 @@
 /// approximation, and what their moments then are.
 #pragma once
 
+#include <Eigen/Core>
 #include <array>
 
 namespace blindcorner {
@@ -20,8 +21,14 @@ constexpr double kTailPoint = 3;
 /// Where the fall is looked at, in standard deviations, ascending.
 constexpr std::array kAway{-kTailPoint, -kSigmaPoint, 0.0, kSigmaPoint, kTailPoint};
 
+/// Principal axes of a covariance, one standard deviation each, as columns.
+Eigen::MatrixXd principal_deviations(const Eigen::MatrixXd& covariance);
+
 /// Fall of a log posterior over that of its Gaussian, at the points of kAway.
 using FallRatios = std::array<double, kAway.size()>;
+
+/// Whether Laplace holds at the points that are kSigmaPoint away; the others are not looked at.
+bool falls_like_gaussian(const FallRatios& ratios);
 
 /// Integrals over a direction in which the log posterior falls by `ratio(t) t^2 / 2` at `t`
 /// standard deviations of its Gaussian, the ratio being linear between those that are known.

@@ -5,12 +5,9 @@
 #include <tbb/task_arena.h>
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
-#include <ranges>
 
 #include "blindcorner/forward/constants.h"
 #include "inverse/posterior/along_axis.h"
@@ -90,10 +87,8 @@ struct AxisFalls {
 AxisFalls axis_falls(const PoseObjective& objective, const Refined& optimum, const Peak& peak,
                      double inflation) {
   const Scene& scene = objective.compiled().scene;
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(peak.covariance);
   AxisFalls falls;
-  falls.axes = eigen.eigenvectors() *
-               Eigen::MatrixXd(eigen.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal());
+  falls.axes = principal_deviations(peak.covariance);
   falls.ratios.resize(static_cast<std::size_t>(peak.center.size()));
   for (auto& of_axis : falls.ratios) of_axis.fill(std::numeric_limits<double>::quiet_NaN());
   const LightSource light = light_near(objective, optimum);
@@ -115,13 +110,7 @@ AxisFalls axis_falls(const PoseObjective& objective, const Refined& optimum, con
     });
   };
   look_at(kSigmaPoint);
-  falls.gaussian = std::ranges::all_of(falls.ratios, [](const auto& of_axis) {
-    return std::ranges::all_of(
-        std::views::iota(std::size_t{0}, std::size(kAway)), [&](std::size_t k) {
-          return std::abs(kAway[k]) != kSigmaPoint ||
-                 (of_axis[k] >= 1 / kLaplaceFactor && of_axis[k] <= kLaplaceFactor);
-        });
-  });
+  falls.gaussian = std::ranges::all_of(falls.ratios, falls_like_gaussian);
   if (!falls.gaussian) return falls;
   look_at(kTailPoint);
   for (auto& of_axis : falls.ratios) {

@@ -5,7 +5,6 @@
 #include <tbb/task_arena.h>
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -247,7 +246,8 @@ class CaptureLikelihood final : public FrameLikelihood {
       const std::optional<ModelSize> size = model->size();
       const bool pairs = model->sampling_step() && model->sampling_step()->lobe_pairs;
       if (pairs && size &&
-          double(size->lit_points) * size->seen_points * size->object_points > kMostPaths) {
+          static_cast<double>(size->lit_points) * size->seen_points * size->object_points >
+              kMostPaths) {
         return nullptr;
       }
     }
@@ -277,23 +277,18 @@ class CaptureLikelihood final : public FrameLikelihood {
       const double fall = (best.log_posterior - state.log_posterior) / (0.5 * away * away);
       return std::clamp(fall, kLeastFall, kMostFall);
     };
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(best.covariance);
-    const Eigen::MatrixXd axes =
-        eigen.eigenvectors() *
-        Eigen::MatrixXd(eigen.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal());
+    const Eigen::MatrixXd axes = principal_deviations(best.covariance);
     for (Eigen::Index i = 0; i < n; ++i) {
       FallRatios ratios;
       ratios.fill(1);
-      bool gaussian = true;
-      for (std::size_t k = 0; k < kAway.size(); ++k) {
-        if (std::abs(kAway[k]) != kSigmaPoint) continue;
-        ratios[k] = ratio(axes.col(i), kAway[k]);
-        gaussian = gaussian && ratios[k] >= 1 / kLaplaceFactor && ratios[k] <= kLaplaceFactor;
-      }
-      if (gaussian) continue;
-      for (std::size_t k = 0; k < kAway.size(); ++k) {
-        if (std::abs(kAway[k]) == kTailPoint) ratios[k] = ratio(axes.col(i), kAway[k]);
-      }
+      const auto look_at = [&](double distance) {
+        for (std::size_t k = 0; k < kAway.size(); ++k) {
+          if (std::abs(kAway[k]) == distance) ratios[k] = ratio(axes.col(i), kAway[k]);
+        }
+      };
+      look_at(kSigmaPoint);
+      if (falls_like_gaussian(ratios)) continue;
+      look_at(kTailPoint);
       const AlongAxis along = integrate_along(ratios);
       result.posterior.mean += along.mean * axes.col(i);
       result.posterior.covariance += (along.variance - 1) * axes.col(i) * axes.col(i).transpose();

@@ -10,7 +10,6 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
-#include <ranges>
 #include <string>
 #include <utility>
 
@@ -357,9 +356,7 @@ void Tracker::search(const FrameLikelihood& frame, std::span<const VectorXd> sta
     born.log_likelihood = update.log_likelihood;
     born.predicted = born.filtered = at_first(update.posterior);
     // Starts that led to the same optimum are one explanation, not two.
-    const bool known = std::any_of(hypotheses.begin(), hypotheses.end(),
-                                   [&](const Hypothesis& h) { return too_close(h, born); });
-    if (!known) hypotheses.push_back(std::move(born));
+    if (like(hypotheses, born) == hypotheses.end()) hypotheses.push_back(std::move(born));
   }
 }
 
@@ -437,9 +434,6 @@ void Tracker::search_young(std::vector<VectorXd> places, std::vector<Hypothesis>
     return a.log_weight > b.log_weight;
   });
   std::vector<Hypothesis> result;
-  const auto like = [&](std::vector<Hypothesis>& among, const Hypothesis& h) {
-    return std::ranges::find_if(among, [&](const Hypothesis& o) { return too_close(o, h); });
-  };
   for (Hypothesis& next : judged) {
     if (like(result, next) != result.end()) continue;
     // One that the track has already goes on as such.
@@ -463,6 +457,13 @@ bool Tracker::too_close(const Hypothesis& a, const Hypothesis& b) const {
   return d.head(n).dot(spread.ldlt().solve(d)) < options_.merge_distance2;
 }
 
+/// The first of `among` that a hypothesis is too close to be another; their end where there is
+/// none.
+std::vector<Tracker::Hypothesis>::iterator Tracker::like(std::vector<Hypothesis>& among,
+                                                         const Hypothesis& hypothesis) const {
+  return std::ranges::find_if(among, [&](const Hypothesis& h) { return too_close(h, hypothesis); });
+}
+
 /// Merges, prunes and normalises; what is left are the modes.
 void Tracker::keep(std::vector<Hypothesis> hypotheses) {
   std::stable_sort(
@@ -476,18 +477,17 @@ void Tracker::keep(std::vector<Hypothesis> hypotheses) {
   for (const Hypothesis& next : hypotheses) {
     const double weight = std::exp(next.log_weight - top);
     if (!(weight > options_.negligible_weight)) break;
-    const auto like = std::find_if(kept.begin(), kept.end(),
-                                   [&](const Hypothesis& h) { return too_close(h, next); });
-    if (like == kept.end()) {
+    const auto known = like(kept, next);
+    if (known == kept.end()) {
       if (static_cast<int>(kept.size()) < options_.max_modes) {
         kept.push_back(next);
         weights.push_back(weight);
       }
       continue;
     }
-    double& own = weights[static_cast<std::size_t>(like - kept.begin())];
+    double& own = weights[static_cast<std::size_t>(known - kept.begin())];
     const double part = weight / (own + weight);
-    Gaussian& state = like->filtered;
+    Gaussian& state = known->filtered;
     const VectorXd d = layout_.difference(state.mean, next.filtered.mean);
     state.mean += part * d;
     state.covariance = (1 - part) * state.covariance + part * next.filtered.covariance +

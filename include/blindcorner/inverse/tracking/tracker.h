@@ -156,6 +156,8 @@ class Tracker {
   void keep(std::vector<Hypothesis> hypotheses);
   void adapt(const Innovation& innovation, double dt);
   bool too_close(const Hypothesis& a, const Hypothesis& b) const;
+  std::vector<Hypothesis>::iterator like(std::vector<Hypothesis>& among,
+                                         const Hypothesis& hypothesis) const;
 
   TrackLayout layout_;
   Motion motion_;

@@ -507,18 +507,33 @@ Capture noiseless(const Scene& scene, const PoseVector& pose, double amplitude) 
   return capture;
 }
 
-TEST(CaptureLikelihood, FindsPoseAndBrightnessFromAPredictionNearby) {
+/// Frames of a scene of two unknowns and a shared amplitude.
+class CaptureLikelihood : public testing::Test {
+ protected:
+  static FitOptions no_empty_captures() {
+    FitOptions options;
+    options.empty_captures = 0;
+    return options;
+  }
+
+  /// Each unknown at this share of its range.
+  PoseVector pose_at(double share) const {
+    PoseVector pose(static_cast<Eigen::Index>(scene.unknowns.size()));
+    for (Eigen::Index i = 0; i < pose.size(); ++i) {
+      const Unknown& unknown = scene.unknowns[static_cast<std::size_t>(i)];
+      pose[i] = unknown.lower + share * unknown.range();
+    }
+    return pose;
+  }
+
   const Scene scene = read_scene(SOURCE_DIR "/scenes/denali_like.json");
-  FitOptions options;
-  options.empty_captures = 0;
-  const Fitter fitter(scene, options);
+  const Fitter fitter{scene, no_empty_captures()};
+};
+
+TEST_F(CaptureLikelihood, FindsPoseAndBrightnessFromAPredictionNearby) {
   const TrackLayout layout(scene, walking());
   ASSERT_EQ(layout.measured, layout.poses + 1);
-  PoseVector pose(layout.poses);
-  for (Eigen::Index i = 0; i < pose.size(); ++i) {
-    const Unknown& unknown = scene.unknowns[static_cast<std::size_t>(i)];
-    pose[i] = 0.5 * (unknown.lower + unknown.upper);
-  }
+  const PoseVector pose = pose_at(0.5);
   const double amplitude = 1.7;
   const auto frame = fitter.frame(noiseless(scene, pose, amplitude));
   Gaussian wide{VectorXd::Zero(layout.measured), MatrixXd::Identity(3, 3)};
@@ -539,18 +554,10 @@ TEST(CaptureLikelihood, FindsPoseAndBrightnessFromAPredictionNearby) {
             0.1 * update.posterior.covariance.norm());
 }
 
-TEST(CaptureLikelihood, BrightLightClaimsNoMoreThanTheModelIsWorth) {
+TEST_F(CaptureLikelihood, BrightLightClaimsNoMoreThanTheModelIsWorth) {
   // A model that is wrong by some share of the light is worth as much as that many photons, however
   // many there are: it is wrong alike in the next frame.
-  const Scene scene = read_scene(SOURCE_DIR "/scenes/denali_like.json");
-  FitOptions options;
-  options.empty_captures = 0;
-  const Fitter fitter(scene, options);
-  PoseVector pose(2);
-  for (Eigen::Index i = 0; i < 2; ++i) {
-    const Unknown& unknown = scene.unknowns[static_cast<std::size_t>(i)];
-    pose[i] = 0.5 * (unknown.lower + unknown.upper);
-  }
+  const PoseVector pose = pose_at(0.5);
   const auto claim = [&](double amplitude) {
     const auto frame = fitter.frame(noiseless(scene, pose, amplitude));
     Gaussian prior{VectorXd::Zero(3), MatrixXd::Identity(3, 3)};
@@ -563,16 +570,8 @@ TEST(CaptureLikelihood, BrightLightClaimsNoMoreThanTheModelIsWorth) {
   EXPECT_GT(claim(1) / bright, 1.5);
 }
 
-TEST(CaptureLikelihood, StartsHoldTheTruth) {
-  const Scene scene = read_scene(SOURCE_DIR "/scenes/denali_like.json");
-  FitOptions options;
-  options.empty_captures = 0;
-  const Fitter fitter(scene, options);
-  PoseVector pose(2);
-  for (Eigen::Index i = 0; i < 2; ++i) {
-    const Unknown& unknown = scene.unknowns[static_cast<std::size_t>(i)];
-    pose[i] = unknown.lower + 0.3 * unknown.range();
-  }
+TEST_F(CaptureLikelihood, StartsHoldTheTruth) {
+  const PoseVector pose = pose_at(0.3);
   const auto starts = fitter.frame(noiseless(scene, pose, 1.0))->starts();
   ASSERT_FALSE(starts.empty());
   EXPECT_LT((starts.front().head(2) - pose).norm(), 0.01);
