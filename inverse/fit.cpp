@@ -882,6 +882,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   }
   std::ranges::copy(fit_hints(scene, result), std::back_inserter(result.hints));
   if (left_over < kUnexplained) result.hints.push_back(unexplained_hint(left_over));
+  if (model_error.too_dear) result.hints.push_back(too_dear_hint());
   result.time_ms.total = total.lap();
   return result;
 }

@@ -559,6 +559,18 @@ const ModelSet& CompiledScene::models_at(int level) const {
       .first->second;
 }
 
+const ModelSet* CompiledScene::models_within(int level, double most_paths) const {
+  const ModelSet& set = models_at(level);
+  double paths = 0;
+  for (const auto& model : set) {
+    const std::optional<SamplingStep> sampling = model->sampling_step();
+    const std::optional<ModelSize> size = model->size();
+    if (!sampling || !sampling->lobe_pairs || !size) continue;
+    paths += static_cast<double>(size->lit_points) * size->seen_points * size->object_points;
+  }
+  return paths > most_paths ? nullptr : &set;
+}
+
 namespace {
 
 /// The error of the static background inside the gates, counts.

@@ -72,6 +72,9 @@ struct CompiledScene {
   /// Models of a level of exactness, 0 (models()) to kModelLevels - 1, made when they are asked
   /// for. Thread safe.
   const ModelSet& models_at(int level) const;
+  /// The same; null where one render of them would sum over more than `most_paths` (lit times seen
+  /// times object points) of pairs of lobes.
+  const ModelSet* models_within(int level, double most_paths) const;
   /// Without closed-form models only.
   const ModelSet& cheap_models() const { return ladder[ladder.size() - 2]; }
   /// Memory that it keeps at present, bytes: tables by their size, models by an estimate. Thread

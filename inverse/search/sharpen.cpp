@@ -31,6 +31,10 @@ constexpr double kLeft = 0.5;
 /// there it may change elsewhere, and more: by it, a mode's weight changes by a third. By
 /// judgement.
 constexpr double kSmallShift = 0.3;
+/// The most paths (lit times seen times object points) of pairs of lobes that one render may sum
+/// over: some .3 s, of which a fit takes ten or more. Of the street's drives, a sensor close to the
+/// turn asks for more than three times as many: the fit then takes up to minutes, and 4 s without.
+constexpr double kMostPaths = 1e10;
 /// What the levels of one kind of material are worth.
 struct Levels {
   /// Relative error (L2) of each level's light on the shipped scenes, at most; the first level is
@@ -82,6 +86,12 @@ double light_error(const Scene& scene, int level) {
   return levels_of(scene).errors.at(static_cast<std::size_t>(level));
 }
 
+std::string too_dear_hint() {
+  return "A finer model of the light would take seconds a render from here and was left out: the "
+         "stated "
+         "uncertainty holds what it may change.";
+}
+
 ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima,
                    const std::vector<PoseVector>& places, double negligible) {
   const CompiledScene& compiled = objective.compiled();
@@ -93,13 +103,22 @@ ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima,
   for (int level = 1; level < kModelLevels; ++level) {
     const double before = levels.errors[static_cast<std::size_t>(level) - 1];
     const Refined& top = optima.front();
+    const PoseInformation known = pose_information(objective, top);
     // No error of this share of the light moves anything by more than this.
-    if (before * std::sqrt(pose_information(objective, top).signal) < kSmallMove) break;
-    const ModelSet& finer = compiled.models_at(level);
+    if (before * std::sqrt(known.signal) < kSmallMove) break;
+    const ModelSet* finer = compiled.models_within(level, kMostPaths);
+    if (finer == nullptr) {
+      // In any direction, by as many standard deviations as that.
+      const Eigen::MatrixXd precision = known.pose + prior_precision(compiled.scene);
+      const double square = before * before * known.signal;
+      error.covariance += square / static_cast<double>(n) * precision.inverse();
+      error.too_dear = true;
+      break;
+    }
     ShapeBuffer now;
     ShapeBuffer then;
     objective.shapes(light_near(objective, top), top.pose, now);
-    objective.shapes(finer, top.pose, then);
+    objective.shapes(*finer, top.pose, then);
     Eigen::MatrixXd change(objective.rows(), 1);
     for (Eigen::Index r = 0; r < change.rows(); ++r) {
       const auto k = static_cast<std::size_t>(r);
@@ -124,10 +143,10 @@ ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima,
       // No model is left to say where the next move would lead: it may be as long in any direction.
       error.covariance += square / static_cast<double>(n) * precision.inverse();
     }
-    objective.use(finer);
+    objective.use(*finer);
     if (size > levels.large_move || shift > levels.large_shift) {
       // What worse models say of other optima, and of the posterior's shape, is no longer good.
-      objective.use_roughly(finer);
+      objective.use_roughly(*finer);
       std::vector<PoseVector> starts = places;
       for (const Refined& optimum : optima) starts.push_back(optimum.pose);
       optima = polish_all(objective, starts, negligible);

@@ -3,6 +3,7 @@
 /// noise of what is fitted.
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "inverse/search/refine.h"
@@ -16,7 +17,11 @@ double light_error(const Scene& scene, int level);
 struct ModelError {
   Eigen::MatrixXd covariance;  ///< [n, n] of the pose
   int level = 0;               ///< of the models that decided, CompiledScene::models_at()
+  bool too_dear = false;       ///< the next one was asked for and costs too much
 };
+
+/// The sentence that says so.
+std::string too_dear_hint();
 
 /// Goes to tighter models for as long as the next one moves the best optimum by a noticeable part
 /// of its standard deviation: the objective then uses them, and the optima are moved to where they
@@ -24,7 +29,8 @@ struct ModelError {
 /// again, from `places` too, and it becomes the rough model as well; of lobes, whose better models
 /// are dear, only where it changes far more. The covariance is that of the last move, of which a
 /// part is left to the models after it; where there are none, and that part is not small beside the
-/// photon noise, it may lead anywhere.
+/// photon noise, it may lead anywhere. So may all that a worse model's light may lack where the
+/// next one costs too much.
 ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima,
                    const std::vector<PoseVector>& places, double negligible);
 

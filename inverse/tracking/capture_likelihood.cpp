@@ -217,7 +217,8 @@ class CaptureLikelihood final : public FrameLikelihood {
     }
     // How far the model's own error may move the optimum, in standard deviations.
     double error = light_error(compiled_.scene, 0) * std::sqrt(best.signal);
-    const ModelSet* finer = error > kSmallMove ? affordable(kFiner) : nullptr;
+    const ModelSet* finer =
+        error > kSmallMove ? compiled_.models_within(kFiner, kMostPaths) : nullptr;
     if (finer != nullptr) {
       const PoseVector pose = best.at.head(poses());
       ShapeBuffer model;
@@ -237,21 +238,6 @@ class CaptureLikelihood final : public FrameLikelihood {
       result.posterior = as_it_falls(light, prior, uncertain, wider).posterior;
     }
     return result;
-  }
-
-  /// The models of a level, where one render of them costs no more than a frame may.
-  const ModelSet* affordable(int level) const {
-    const ModelSet& models = compiled_.models_at(level);
-    for (const auto& model : models) {
-      const std::optional<ModelSize> size = model->size();
-      const bool pairs = model->sampling_step() && model->sampling_step()->lobe_pairs;
-      if (pairs && size &&
-          static_cast<double>(size->lit_points) * size->seen_points * size->object_points >
-              kMostPaths) {
-        return nullptr;
-      }
-    }
-    return &models;
   }
 
   /// The posterior about an optimum: the Gaussian of the expected information where the posterior

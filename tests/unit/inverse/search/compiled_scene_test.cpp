@@ -37,6 +37,19 @@ TEST(ModelLevels, OfWideLobesAreEachFinerThanTheLast) {
   }
 }
 
+// Sums over patches of a matt object are cheap at every level and count for nothing.
+TEST(ModelLevels, ArePairsThatCostMoreThanAsked) {
+  Scene scene = shipped("tmf8828_wall");
+  const auto matt = compiled(scene);
+  EXPECT_EQ(matt->models_within(1, 1), &matt->models_at(1));
+  scene.hidden.material = RetroreflectiveMaterial{8 * kDegree};
+  const auto lobes = compiled(scene);
+  const ModelSize size = lobes->models_at(1).front()->size().value();
+  const double paths = static_cast<double>(size.lit_points) * size.seen_points * size.object_points;
+  EXPECT_EQ(lobes->models_within(1, paths), &lobes->models_at(1));
+  EXPECT_EQ(lobes->models_within(1, paths - 1), nullptr);
+}
+
 // A tracked frame scores nothing and should not pay for it.
 TEST(ClosedFormTemplates, AreRenderedWhenSomebodyAsks) {
   const auto known = compiled(shipped("tmf8828_wall"));
