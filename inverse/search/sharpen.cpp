@@ -60,6 +60,12 @@ const Levels& levels_of(const Scene& scene) {
   return lobes ? kLobes : kMatt;
 }
 
+/// Covariance of a move that is as long in any direction, of this squared length in standard
+/// deviations.
+Eigen::MatrixXd in_any_direction(double square, const Eigen::MatrixXd& precision) {
+  return square / static_cast<double>(precision.rows()) * precision.inverse();
+}
+
 /// Moves the optima that may matter; `here`: the models' light at the first.
 void sharpen_each(const PoseObjective& objective, std::vector<Refined>& optima,
                   const ShapeBuffer& here) {
@@ -88,8 +94,7 @@ double light_error(const Scene& scene, int level) {
 
 std::string too_dear_hint() {
   return "A finer model of the light would take seconds a render from here and was left out: the "
-         "stated "
-         "uncertainty holds what it may change.";
+         "stated uncertainty holds what it may change.";
 }
 
 ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima,
@@ -108,10 +113,8 @@ ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima,
     if (before * std::sqrt(known.signal) < kSmallMove) break;
     const ModelSet* finer = compiled.models_within(level, kMostPaths);
     if (finer == nullptr) {
-      // In any direction, by as many standard deviations as that.
       const Eigen::MatrixXd precision = known.pose + prior_precision(compiled.scene);
-      const double square = before * before * known.signal;
-      error.covariance += square / static_cast<double>(n) * precision.inverse();
+      error.covariance += in_any_direction(before * before * known.signal, precision);
       error.too_dear = true;
       break;
     }
@@ -140,8 +143,8 @@ ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima,
     if (size < kSmallMove && shift < kSmallShift) break;
     const double left = std::max(levels.errors[static_cast<std::size_t>(level)] / before, kLeft);
     if (level + 1 == kModelLevels && left * std::sqrt(square) >= levels.carried) {
-      // No model is left to say where the next move would lead: it may be as long in any direction.
-      error.covariance += square / static_cast<double>(n) * precision.inverse();
+      // No model is left to say where the next move would lead.
+      error.covariance += in_any_direction(square, precision);
     }
     objective.use(*finer);
     if (size > levels.large_move || shift > levels.large_shift) {

@@ -38,7 +38,7 @@ TEST(ModelLevels, OfWideLobesAreEachFinerThanTheLast) {
 }
 
 // Sums over patches of a matt object are cheap at every level and count for nothing.
-TEST(ModelLevels, ArePairsThatCostMoreThanAsked) {
+TEST(ModelLevels, OfPairsThatCostMoreThanAskedAreLeftOut) {
   Scene scene = shipped("tmf8828_wall");
   const auto matt = compiled(scene);
   EXPECT_EQ(matt->models_within(1, 1), &matt->models_at(1));
