@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "blindcorner/forward/error.h"
+#include "planner/path/other_sides.h"
 
 namespace blindcorner {
 namespace {
@@ -19,6 +20,8 @@ double seconds_since(Clock::time_point start) {
 /// Beyond the circumscribed radius an obstacle is a risk up to this multiple of it: the car of
 /// 4.5 x 1.8 m then prefers 5 m of distance, the middle of a street of 10 m.
 constexpr double kRiskReach = 2;
+/// Passages of a path that cannot be driven whose other side is tried.
+constexpr std::size_t kMostPassages = 2;
 
 void check_place(const char* what, const Eigen::Vector2d& place,
                  const std::optional<double>& heading) {
@@ -84,6 +87,24 @@ bool is_better(const Path& a, const Path& b) {
   return a.flags.curvature_exceeded && a.greatest_curvature < b.greatest_curvature;
 }
 
+bool can_be_driven(const Path& path) {
+  return !path.flags.footprint_collides && !path.flags.curvature_exceeded;
+}
+
+/// What both took is counted.
+void take_better(Path& best, Path path) {
+  path.expansions += best.expansions;
+  path.search_time += best.search_time;
+  path.smoothing_time += best.smoothing_time;
+  if (path.found() && is_better(path, best)) {
+    best = std::move(path);
+  } else {
+    best.expansions = path.expansions;
+    best.search_time = path.search_time;
+    best.smoothing_time = path.smoothing_time;
+  }
+}
+
 }  // namespace
 
 PathPlannerOptions PathPlannerOptions::car() {
@@ -125,22 +146,25 @@ PlanningGrid PathPlanner::grid(const GridGeometry& geometry,
 Path PathPlanner::plan(const PlanningGrid& grid, const PathRequest& request) {
   check_place("start", request.start, request.start_heading);
   check_place("goal", request.goal, request.goal_heading);
+  Path best = plan_with_room(grid, request);
+  if (!best.found() || can_be_driven(best)) return best;
+  std::vector<Passage> passages = passages_of(grid, best);
+  if (passages.size() > kMostPassages) passages.resize(kMostPassages);
+  for (const Passage& passage : passages) {
+    take_better(best, plan_with_room(grid.with_closed(passage.cells), request));
+    if (can_be_driven(best)) break;
+  }
+  return best;
+}
+
+Path PathPlanner::plan_with_room(const PlanningGrid& grid, const PathRequest& request) {
   Path best = plan_once(grid, request);
   const double narrow = grid.options().lethal_radius;
   const double wide = options_.smoothing.footprint.circumscribed_radius();
   for (const double share : {0.5, 1.0}) {
     if (!best.found() || faults(best) == 0 || wide <= narrow) break;
-    Path path = plan_once(grid.with_lethal_radius(narrow + share * (wide - narrow)), request);
-    path.expansions += best.expansions;
-    path.search_time += best.search_time;
-    path.smoothing_time += best.smoothing_time;
-    if (path.found() && is_better(path, best)) {
-      best = std::move(path);
-    } else {
-      best.expansions = path.expansions;
-      best.search_time = path.search_time;
-      best.smoothing_time = path.smoothing_time;
-    }
+    take_better(best,
+                plan_once(grid.with_lethal_radius(narrow + share * (wide - narrow)), request));
   }
   return best;
 }

@@ -57,6 +57,7 @@ PlanningGrid::PlanningGrid(const GridGeometry& geometry, std::span<const double>
   }
   std::vector<double> known(occupancy.begin(), occupancy.end());
   obstacle_.resize(known.size());
+  closed_.assign(known.size(), 0);
   for (std::size_t i = 0; i < known.size(); ++i) {
     if (std::isnan(known[i])) known[i] = options.unknown_occupancy;
     if (!(known[i] >= 0 && known[i] <= 1)) {
@@ -74,6 +75,13 @@ PlanningGrid PlanningGrid::with_lethal_radius(double radius) const {
   PlanningGrid grid = *this;
   grid.options_.lethal_radius = radius;
   grid.options_.validate();
+  grid.find_steps();
+  return grid;
+}
+
+PlanningGrid PlanningGrid::with_closed(std::span<const Cell> cells) const {
+  PlanningGrid grid = *this;
+  for (const Cell& cell : cells) grid.closed_[geometry_.index(cell)] = 1;
   grid.find_steps();
   return grid;
 }
@@ -113,7 +121,8 @@ void PlanningGrid::find_steps() {
   traversable_.resize(geometry_.cells());
   float least = std::numeric_limits<float>::infinity(), greatest = 1;
   for (std::size_t i = 0; i < traversable_.size(); ++i) {
-    traversable_[i] = obstacle_[i] == 0 && clearance_[i] >= lethal ? 1 : 0;
+    const bool open = obstacle_[i] == 0 && closed_[i] == 0;
+    traversable_[i] = open && clearance_[i] >= lethal ? 1 : 0;
     if (traversable_[i] == 0) continue;
     least = std::min(least, cost_factor_[i]);
     greatest = std::max(greatest, cost_factor_[i]);

@@ -17,6 +17,9 @@ constexpr double kNever = std::numeric_limits<double>::infinity();
 /// Share by which a path may be tighter than the planner's turning radius
 /// (ReplannerOptions::max_curvature).
 constexpr double kCurvatureMargin = 0.05;
+/// A plan is looked at again in every frame while it is tighter than the turning radius by more
+/// than this share; one that is less tight by as much is taken.
+constexpr double kTightMargin = 0.1;
 
 void check_option(bool fine, const char* field, double value, const char* accepted) {
   if (fine && std::isfinite(value)) return;
@@ -109,6 +112,8 @@ std::string_view plan_reason_word(PlanReason reason) {
       return "blocked";
     case PlanReason::costlier:
       return "costlier";
+    case PlanReason::tight:
+      return "tight";
     case PlanReason::refresh:
       return "refresh";
     case PlanReason::stopped:
@@ -218,6 +223,28 @@ bool Replanner::drivable(const Path& path) const {
   return path.greatest_curvature <= most;
 }
 
+bool Replanner::is_tight(double curvature) const {
+  return curvature * planner_.options().smoothing.min_turning_radius > 1 + kTightMargin;
+}
+
+/// Of the present plan from the vehicle on, 1/m.
+double Replanner::curvature_ahead() const {
+  double most = 0;
+  for (std::size_t i = first_after(*plan_, arc_length_); i < plan_->points.size(); ++i) {
+    most = std::max(most, std::abs(plan_->points[i].curvature));
+  }
+  return most;
+}
+
+/// Whether a path is enough better than the rest of the present plan, which could be kept. `costs`:
+/// of the plan, to its end.
+bool Replanner::is_better(const Path& path, const std::vector<double>& costs) const {
+  const double ahead = curvature_ahead();
+  if (is_tight(ahead)) return path.greatest_curvature * (1 + kTightMargin) < ahead;
+  const double rest = costs[first_after(*plan_, arc_length_)];
+  return path.cost * (1 + options_.max_cost_growth) <= rest;
+}
+
 /// What speaks against the present plan, the gravest first.
 PlanReason Replanner::assess(const PlanningGrid& grid, const PlanarPose& vehicle,
                              const Eigen::Vector2d& goal, std::optional<double> goal_heading) {
@@ -236,6 +263,7 @@ PlanReason Replanner::assess(const PlanningGrid& grid, const PlanarPose& vehicle
   if (costs_to_end(grid, *plan_)[here] > (1 + options_.max_cost_growth) * planned_cost_[here]) {
     return PlanReason::costlier;
   }
+  if (plan_->flags.curvature_exceeded && is_tight(curvature_ahead())) return PlanReason::tight;
   if (options_.refresh_after > 0 && age_ >= options_.refresh_after) return PlanReason::refresh;
   return PlanReason::still_good;
 }
@@ -289,12 +317,12 @@ void Replanner::decide(const PlanningGrid& grid, const PlanarPose& vehicle, doub
                        PlanUpdate& update) {
   update.too_tight = path.found() && !drivable(path);
   const bool usable = path.found() && !path.flags.footprint_collides && !update.too_tight;
-  const bool could_keep =
-      update.reason == PlanReason::refresh || update.reason == PlanReason::costlier;
+  const bool could_keep = update.reason == PlanReason::refresh ||
+                          update.reason == PlanReason::costlier ||
+                          update.reason == PlanReason::tight;
   if (could_keep) {
     const std::vector<double> costs = costs_to_end(grid, *plan_);
-    const double rest = costs[first_after(*plan_, arc_length_)];
-    if (!usable || path.cost * (1 + options_.max_cost_growth) > rest) {
+    if (!usable || !is_better(path, costs)) {
       planned_cost_ = costs;
       age_ = 0;
       update.reason = PlanReason::new_plan_no_better;

@@ -181,18 +181,20 @@ std::string difference_section(const Drive& drive, const Results& results) {
   return html + "</tr></table>\n";
 }
 
-/// Differences of a figure between two perceptions, over trials that both drove to the goal and
-/// that have it (a speed through the corner is 0 where there is none).
+Results to_the_goal(const Results& results) { return chosen(results, &TrialResult::reached); }
+
+/// Differences of a figure between two perceptions, over trials of both that have it (a speed
+/// through the corner is 0 where there is none).
 std::vector<double> differences(const Results& first, const Results& second,
                                 double TrialResult::*figure) {
   std::map<std::uint64_t, double> other;
   for (const TrialResult& result : second) {
-    if (result.reached() && result.*figure > 0) other[result.trial.seed] = result.*figure;
+    if (result.*figure > 0) other[result.trial.seed] = result.*figure;
   }
   std::vector<double> values;
   for (const TrialResult& result : first) {
     const auto match = other.find(result.trial.seed);
-    if (!result.reached() || !(result.*figure > 0) || match == other.end()) continue;
+    if (!(result.*figure > 0) || match == other.end()) continue;
     values.push_back(result.*figure - match->second);
   }
   return values;
@@ -230,7 +232,7 @@ std::string corner_section(const Drive& drive, const Results& results) {
     const Results here = of(results, name);
     std::vector<double> speeds;
     for (const TrialResult& result : here) {
-      if (result.reached() && result.corner_speed > 0) speeds.push_back(result.corner_speed);
+      if (result.corner_speed > 0) speeds.push_back(result.corner_speed);
     }
     const auto collided = std::ranges::count(here, "collision", &TrialResult::outcome);
     const ShareInterval share =
@@ -242,9 +244,8 @@ std::string corner_section(const Drive& drive, const Results& results) {
   }
   return formatted(
              "<h2>Speed through the corner</h2>\n<p>Distance over time of each drive within %g m "
-             "of "
-             "(%g, %g) m; means over the drives that reach the goal, with 95 %% intervals "
-             "(Student's t); collisions of all drives (Wilson). ",
+             "of (%g, %g) m, also of drives that stop or collide there; means with 95 %% intervals "
+             "(Student's t), collisions with Wilson's. ",
              trials.corner_radius, trials.corner.x(), trials.corner.y()) +
          (drive.speed_mode == SpeedMode::safe
               ? formatted("Speeds are chosen with a risk of %g.", drive.risk)
@@ -332,7 +333,7 @@ std::string path_section(const Results& results) {
       "minus the second, means with 95 % intervals (Student).</p>\n"
       "<table><tr><th>pair<th>way, m<th>time, s</tr>\n";
   for (const auto& [first, second] : pairs) {
-    const Results a = of(results, first), b = of(results, second);
+    const Results a = to_the_goal(of(results, first)), b = to_the_goal(of(results, second));
     rows += formatted("<tr><td>%s - %s<td>", first, second) +
             mean_text(differences(a, b, &TrialResult::length)) + "<td>" +
             mean_text(differences(a, b, &TrialResult::time)) + "</tr>\n";

@@ -34,7 +34,8 @@ struct PathRequest {
 };
 
 /// Search, shortcuts, smoothing. Where the vehicle does not fit around a corner of the path that
-/// its narrow side allows, the search is made again with room for every heading.
+/// its narrow side allows, the search is made again with room for every heading; where it cannot
+/// drive what is found either, on the other sides of the obstacles that stand alone.
 class PathPlanner {
  public:
   explicit PathPlanner(const PathPlannerOptions& options = {});
@@ -47,6 +48,7 @@ class PathPlanner {
   Path plan(const PlanningGrid& grid, const PathRequest& request);
 
  private:
+  Path plan_with_room(const PlanningGrid& grid, const PathRequest& request);
   Path plan_once(const PlanningGrid& grid, const PathRequest& request);
 
   PathPlannerOptions options_;

@@ -72,6 +72,9 @@ class PlanningGrid {
 
   /// The same grid with another lethal radius, m.
   PlanningGrid with_lethal_radius(double radius) const;
+  /// The same grid where no path may lead through the centres of these cells of it. They are no
+  /// obstacles: a vehicle may reach into them.
+  PlanningGrid with_closed(std::span<const Cell> cells) const;
 
   /// Whether no obstacle, and nothing beyond a closed border, is nearer than `radius` to a point.
   /// A disc of radius 0 is free where its cell is no obstacle. Exact.
@@ -96,8 +99,8 @@ class PlanningGrid {
 
   GridGeometry geometry_;
   PlanningGridOptions options_;
-  std::vector<std::uint8_t> obstacle_, traversable_, steps_;  ///< [cell]
-  std::vector<float> clearance_, cost_factor_;                ///< [cell]
+  std::vector<std::uint8_t> obstacle_, closed_, traversable_, steps_;  ///< [cell]
+  std::vector<float> clearance_, cost_factor_;                         ///< [cell]
   double least_cost_factor_ = 1, greatest_cost_factor_ = 1;
 };
 

@@ -28,6 +28,7 @@ enum class PlanReason {
   off_path,      ///< the vehicle is too far from the path
   blocked,       ///< the path leads through an obstacle by now
   costlier,      ///< the rest of the path has become too risky
+  tight,         ///< the rest of the path is tighter than plans should be, for want of a better
   refresh,       ///< plans become old: what has become free is seen in no other way
   stopped,       ///< there was no path in the last frame
 
@@ -95,6 +96,9 @@ class Replanner {
                     const Eigen::Vector2d& goal, std::optional<double> goal_heading);
   bool is_new_goal(const Eigen::Vector2d& goal, std::optional<double> goal_heading) const;
   bool drivable(const Path& path) const;
+  double curvature_ahead() const;
+  bool is_tight(double curvature) const;
+  bool is_better(const Path& path, const std::vector<double>& costs) const;
   void adopt(const PlanningGrid& grid, Path path);
   void keep(PlanUpdate& update);
   void stand(const PlanarPose& vehicle, double speed, PlanUpdate& update);

@@ -176,6 +176,22 @@ TEST_F(ReplannerTest, RefusesWhatACarCannotDrive) {
   EXPECT_EQ(update({{10, 5}, 0}, 0).action, PlanAction::replan);
 }
 
+TEST_F(ReplannerTest, QuestionsATightPlanInEveryFrame) {
+  PathPlannerOptions car = options();
+  car.smoothing.min_turning_radius = 6;
+  ReplannerOptions nimble = replanner_options();
+  nimble.max_curvature = 2;
+  nimble.refresh_after = 0;
+  replanner_ = Replanner(car, nimble);
+  fill(6.9, 7.5, 3, 12, 1);  // an arc that leads 2.3 m aside within 4.6 m has a radius of 4.6 m
+  EXPECT_EQ(update({{2, 5}, 0}).text(), "replan: first_plan (curvature_exceeded)");
+  EXPECT_EQ(update({{2, 5}, 0}).text(), "keep: new_plan_no_better (curvature_exceeded)");
+  EXPECT_EQ(update({{2, 5}, 0}).text(), "keep: new_plan_no_better (curvature_exceeded)");
+  map_.occupancy.assign(map_.geometry.cells(), 0);
+  EXPECT_EQ(update({{2, 5}, 0}).text(), "replan: tight");
+  EXPECT_EQ(update({{2, 5}, 0}).text(), "keep: still_good");
+}
+
 TEST_F(ReplannerTest, SeesObstaclesBetweenPoints) {
   PathPlannerOptions coarse = options();
   coarse.smoothing.point_spacing = 4;

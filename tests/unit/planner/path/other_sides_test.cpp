@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "planner/path/other_sides.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "blindcorner/planner/path/path_planner.h"
+#include "test_maps.h"
+
+namespace blindcorner {
+namespace {
+
+/// The path of a robot of no size from left to right in the middle row.
+Path across(const PlanningGrid& grid) {
+  const GridGeometry& geometry = grid.geometry();
+  PathPlanner planner;
+  const int middle = geometry.rows / 2;
+  return planner.plan(
+      grid,
+      {geometry.center({0, middle}), {}, geometry.center({geometry.columns - 1, middle}), {}});
+}
+
+TEST(Passages, AreTheNarrowestLinesBesideEachIsland) {
+  const TestMap map = map_of({
+      "##################",
+      "###..............#",
+      "......#...........",
+      "......#.....#.....",
+      "......#......#....",
+      "......#...........",
+      "..................",
+      "..................",
+      "..................",
+      "##################",
+  });
+  const PlanningGrid grid(map.geometry, map.occupancy);
+  const Path path = across(grid);
+  ASSERT_TRUE(path.found());
+  const std::vector<Passage> passages = passages_of(grid, path);
+  ASSERT_EQ(passages.size(), 2U);
+  // Below the long island, and below the two cells that touch at a corner and are one.
+  EXPECT_NEAR(passages[0].width, 3, 0.5);
+  EXPECT_NEAR(passages[1].width, 4, 0.5);
+  for (const Cell& cell : passages[0].cells) EXPECT_TRUE(grid.traversable(cell));
+
+  const PlanningGrid closed = grid.with_closed(passages[0].cells);
+  for (const Cell& cell : passages[0].cells) {
+    EXPECT_FALSE(closed.traversable(cell));
+    EXPECT_FALSE(closed.obstacle(map.geometry.index(cell)));
+    EXPECT_TRUE(closed.is_free(VehicleFootprint::disc(0.4), {map.geometry.center(cell), 0}));
+    EXPECT_FALSE(closed.with_lethal_radius(0.1).traversable(cell));
+  }
+  const Path other = across(closed);
+  ASSERT_TRUE(other.found());
+  EXPECT_GT(other.at(other.nearest({6.5, 7.5})).position.y(), 7);  // above the long island
+}
+
+TEST(Passages, AreNoneBetweenTheMapsSides) {
+  const TestMap map = map_of({"#####", "..#..", ".....", "..#..", "#####"});
+  const PlanningGrid grid(map.geometry, map.occupancy);
+  EXPECT_TRUE(passages_of(grid, across(grid)).empty());
+}
+
+TEST(OtherSides, AreTakenWhereTheShorterOneIsTooTight) {
+  // Eight metres before a wall that stands a little more to the right. Which side is shorter does
+  // not depend on the heading; which one can be driven does.
+  TestMap map;
+  map.geometry = {.columns = 180, .rows = 140, .cell_size = 0.25, .origin = {0, -17.5}};
+  for (std::size_t i = 0; i < map.geometry.cells(); ++i) {
+    const Eigen::Vector2d at = map.geometry.center(map.geometry.cell(i));
+    const bool wall = at.x() > 14 && at.x() < 15 && at.y() > -3.3 && at.y() < 2.7;
+    map.occupancy.push_back(wall || std::abs(at.y()) > 17 ? 1 : 0);
+  }
+  PathPlannerOptions options = PathPlannerOptions::car();
+  options.smoothing.min_turning_radius = 9;
+  PathPlanner planner(options);
+  const PlanningGrid grid = planner.grid(map.geometry, map.occupancy);
+  const auto passes_at = [&](double heading) {
+    const Path path = planner.plan(grid, {{6, 0}, heading, {40, 0}, {}});
+    EXPECT_TRUE(path.found());
+    EXPECT_FALSE(path.flags.curvature_exceeded) << heading;
+    EXPECT_FALSE(path.flags.footprint_collides) << heading;
+    return path.at(path.nearest({14.5, 0})).position.y();
+  };
+  EXPECT_GT(passes_at(0.6), 2.7);
+  EXPECT_LT(passes_at(-0.6), -3.3);
+}
+
+}  // namespace
+}  // namespace blindcorner
