@@ -236,11 +236,15 @@ double Replanner::curvature_ahead() const {
   return most;
 }
 
-/// Whether a path is enough better than the rest of the present plan, which could be kept. `costs`:
-/// of the plan, to its end.
+/// Whether a path is enough better than the rest of the present plan, which could be kept: less
+/// tight where that one is tight, or cheaper and, there, not tighter. `costs`: of the plan, to its
+/// end.
 bool Replanner::is_better(const Path& path, const std::vector<double>& costs) const {
-  const double ahead = curvature_ahead();
-  if (is_tight(ahead)) return path.greatest_curvature * (1 + kTightMargin) < ahead;
+  const double ahead = curvature_ahead(), ratio = 1 + kTightMargin;
+  if (is_tight(ahead)) {
+    if (path.greatest_curvature * ratio < ahead) return true;
+    if (path.greatest_curvature > ahead * ratio) return false;
+  }
   const double rest = costs[first_after(*plan_, arc_length_)];
   return path.cost * (1 + options_.max_cost_growth) <= rest;
 }
