@@ -396,9 +396,11 @@ std::string replay_command(const Drive& drive, const Trial& trial) {
 
 std::string failures_section(const Drive& drive, const Results& results,
                              const std::function<bool(const Trial&)>& replayed) {
-  std::string html =
-      "<h2>Failed trials</h2>\n<table><tr><th>perception<th>speed, m/s<th>seed<th>outcome"
-      "<th>time, s<th>page<th>drive it again</tr>\n";
+  std::string html = "<h2>Failed trials</h2>\n";
+  if (std::ranges::all_of(results, &TrialResult::reached)) return html + "<p>None.</p>\n";
+  html +=
+      "<table><tr><th>perception<th>speed, m/s<th>seed<th>outcome<th>time, s<th>page"
+      "<th>drive it again</tr>\n";
   for (const TrialResult& result : results) {
     if (result.reached()) continue;
     const Trial& trial = result.trial;
