@@ -22,6 +22,10 @@ double seconds_since(Clock::time_point start) {
 constexpr double kRiskReach = 2;
 /// Passages of a path that cannot be driven whose other side is tried.
 constexpr std::size_t kMostPassages = 2;
+/// Of two sides that are both too tight the other one must be less tight by this factor: who
+/// changes sides for less ends before the obstacle. By judgement; curves that need 0.6 of friction,
+/// tighter by as much, need nearly all of it.
+constexpr double kWorthTheOtherSide = 1.5;
 
 void check_place(const char* what, const Eigen::Vector2d& place,
                  const std::optional<double>& heading) {
@@ -91,12 +95,18 @@ bool can_be_driven(const Path& path) {
   return !path.flags.footprint_collides && !path.flags.curvature_exceeded;
 }
 
+bool is_worth_the_other_side(const Path& other, const Path& path) {
+  if (path.flags.footprint_collides || can_be_driven(other)) return is_better(other, path);
+  return !other.flags.footprint_collides &&
+         other.greatest_curvature * kWorthTheOtherSide < path.greatest_curvature;
+}
+
 /// What both took is counted.
-void take_better(Path& best, Path path) {
+void take_better(Path& best, Path path, bool (*better)(const Path&, const Path&) = is_better) {
   path.expansions += best.expansions;
   path.search_time += best.search_time;
   path.smoothing_time += best.smoothing_time;
-  if (path.found() && is_better(path, best)) {
+  if (path.found() && better(path, best)) {
     best = std::move(path);
   } else {
     best.expansions = path.expansions;
@@ -151,7 +161,8 @@ Path PathPlanner::plan(const PlanningGrid& grid, const PathRequest& request) {
   std::vector<Passage> passages = passages_of(grid, best);
   if (passages.size() > kMostPassages) passages.resize(kMostPassages);
   for (const Passage& passage : passages) {
-    take_better(best, plan_with_room(grid.with_closed(passage.cells), request));
+    take_better(best, plan_with_room(grid.with_closed(passage.cells), request),
+                is_worth_the_other_side);
     if (can_be_driven(best)) break;
   }
   return best;

@@ -62,29 +62,58 @@ TEST(Passages, AreNoneBetweenTheMapsSides) {
   EXPECT_TRUE(passages_of(grid, across(grid)).empty());
 }
 
-TEST(OtherSides, AreTakenWhereTheShorterOneIsTooTight) {
-  // Eight metres before a wall that stands a little more to the right. Which side is shorter does
-  // not depend on the heading; which one can be driven does.
-  TestMap map;
-  map.geometry = {.columns = 180, .rows = 140, .cell_size = 0.25, .origin = {0, -17.5}};
-  for (std::size_t i = 0; i < map.geometry.cells(); ++i) {
-    const Eigen::Vector2d at = map.geometry.center(map.geometry.cell(i));
-    const bool wall = at.x() > 14 && at.x() < 15 && at.y() > -3.3 && at.y() < 2.7;
-    map.occupancy.push_back(wall || std::abs(at.y()) > 17 ? 1 : 0);
+/// A wall across a hall, a little more of it to the right of a car that is eight metres before it.
+/// Which side is shorter does not depend on the heading; which one can be driven does.
+class OtherSides : public ::testing::Test {
+ protected:
+  OtherSides() {
+    map_.geometry = {.columns = 180, .rows = 140, .cell_size = 0.25, .origin = {0, -17.5}};
+    for (std::size_t i = 0; i < map_.geometry.cells(); ++i) {
+      const Eigen::Vector2d at = map_.geometry.center(map_.geometry.cell(i));
+      const bool wall = at.x() > 14 && at.x() < 15 && at.y() > -3.3 && at.y() < 2.7;
+      map_.occupancy.push_back(wall || std::abs(at.y()) > 17 ? 1 : 0);
+    }
   }
-  PathPlannerOptions options = PathPlannerOptions::car();
-  options.smoothing.min_turning_radius = 9;
-  PathPlanner planner(options);
-  const PlanningGrid grid = planner.grid(map.geometry, map.occupancy);
-  const auto passes_at = [&](double heading) {
-    const Path path = planner.plan(grid, {{6, 0}, heading, {40, 0}, {}});
-    EXPECT_TRUE(path.found());
+  /// With the passages of another path closed, if it is told.
+  Path plan(double heading, double turning_radius, const Path* closed = nullptr) const {
+    PathPlannerOptions options = PathPlannerOptions::car();
+    options.smoothing.min_turning_radius = turning_radius;
+    PathPlanner planner(options);
+    PlanningGrid grid = planner.grid(map_.geometry, map_.occupancy);
+    if (closed != nullptr) grid = grid.with_closed(passages_of(grid, *closed).at(0).cells);
+    return planner.plan(grid, {{6, 0}, heading, {40, 0}, {}});
+  }
+  static double passes_at(const Path& path) {
+    return path.at(path.nearest({14.5, 0})).position.y();
+  }
+  TestMap map_;
+};
+
+TEST_F(OtherSides, AreTakenWhereTheShorterOneIsTooTight) {
+  for (const double heading : {0.6, -0.6}) {
+    const Path path = plan(heading, 9);
+    ASSERT_TRUE(path.found());
     EXPECT_FALSE(path.flags.curvature_exceeded) << heading;
     EXPECT_FALSE(path.flags.footprint_collides) << heading;
-    return path.at(path.nearest({14.5, 0})).position.y();
-  };
-  EXPECT_GT(passes_at(0.6), 2.7);
-  EXPECT_LT(passes_at(-0.6), -3.3);
+    EXPECT_EQ(passes_at(path) > 0, heading > 0);
+  }
+}
+
+TEST_F(OtherSides, AreNotChangedForALittleLessCurvature) {
+  const double heading = -0.1, radius = 25;  // which neither side allows
+  const Path left = plan(heading, radius);
+  ASSERT_TRUE(left.found());
+  EXPECT_GT(passes_at(left), 0);
+  EXPECT_TRUE(left.flags.curvature_exceeded);
+  EXPECT_FALSE(left.flags.footprint_collides);
+  const Path right = plan(heading, radius, &left);
+  ASSERT_TRUE(right.found());
+  EXPECT_LT(passes_at(right), 0);
+  EXPECT_TRUE(right.flags.curvature_exceeded);
+  EXPECT_LT(right.greatest_curvature, left.greatest_curvature);
+  EXPECT_GT(right.greatest_curvature, left.greatest_curvature / 1.5);
+  // Headed well to the right, it is so much less that the side is changed.
+  EXPECT_LT(passes_at(plan(-0.6, radius)), 0);
 }
 
 }  // namespace
