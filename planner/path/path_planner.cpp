@@ -23,8 +23,8 @@ constexpr double kRiskReach = 2;
 /// Passages of a path that cannot be driven whose other side is tried.
 constexpr std::size_t kMostPassages = 2;
 /// Of two sides that are both too tight the other one must be less tight by this factor: who
-/// changes sides for less ends before the obstacle. By judgement; curves that need 0.6 of friction,
-/// tighter by as much, need nearly all of it.
+/// changes sides for less may end before the obstacle. By judgement; curves that need 0.6 of
+/// friction, tighter by as much, need nearly all of it.
 constexpr double kWorthTheOtherSide = 1.5;
 
 void check_place(const char* what, const Eigen::Vector2d& place,
@@ -101,18 +101,15 @@ bool is_worth_the_other_side(const Path& other, const Path& path) {
          other.greatest_curvature * kWorthTheOtherSide < path.greatest_curvature;
 }
 
-/// What both took is counted.
+/// Keeps the better of two paths, with what both took.
 void take_better(Path& best, Path path, bool (*better)(const Path&, const Path&) = is_better) {
-  path.expansions += best.expansions;
-  path.search_time += best.search_time;
-  path.smoothing_time += best.smoothing_time;
-  if (path.found() && better(path, best)) {
-    best = std::move(path);
-  } else {
-    best.expansions = path.expansions;
-    best.search_time = path.search_time;
-    best.smoothing_time = path.smoothing_time;
-  }
+  const std::size_t expansions = best.expansions + path.expansions;
+  const double search_time = best.search_time + path.search_time;
+  const double smoothing_time = best.smoothing_time + path.smoothing_time;
+  if (path.found() && better(path, best)) best = std::move(path);
+  best.expansions = expansions;
+  best.search_time = search_time;
+  best.smoothing_time = smoothing_time;
 }
 
 }  // namespace

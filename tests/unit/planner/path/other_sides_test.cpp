@@ -74,7 +74,7 @@ class OtherSides : public ::testing::Test {
       map_.occupancy.push_back(wall || std::abs(at.y()) > 17 ? 1 : 0);
     }
   }
-  /// With the passages of another path closed, if it is told.
+  /// With the narrowest passage of another path closed, if one is told.
   Path plan(double heading, double turning_radius, const Path* closed = nullptr) const {
     PathPlannerOptions options = PathPlannerOptions::car();
     options.smoothing.min_turning_radius = turning_radius;
