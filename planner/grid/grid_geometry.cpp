@@ -3,34 +3,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <string>
 
 #include "blindcorner/forward/error.h"
 
 namespace blindcorner {
-namespace {
-
-/// Whole number below `value`, kept to what an int holds (for points far outside).
-int whole_below(double value) {
-  constexpr double kFarthest = std::numeric_limits<int>::max() / 4.0;
-  return static_cast<int>(std::clamp(std::floor(value), -kFarthest, kFarthest));
-}
-
-}  // namespace
-
 Cell GridGeometry::cell(std::size_t index) const {
   const auto width = static_cast<std::size_t>(columns);
   return {static_cast<int>(index % width), static_cast<int>(index / width)};
-}
-
-Eigen::Vector2d GridGeometry::center(const Cell& cell) const {
-  return origin + cell_size * Eigen::Vector2d(cell.column + 0.5, cell.row + 0.5);
-}
-
-Cell GridGeometry::cell_at(const Eigen::Vector2d& point) const {
-  const Eigen::Vector2d cells = (point - origin) / cell_size;
-  return {whole_below(cells.x()), whole_below(cells.y())};
 }
 
 std::vector<Cell> GridGeometry::cells_in(const Eigen::AlignedBox2d& box) const {

@@ -1,8 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "blindcorner/planner/path/path_planner.h"
 
+#include <tbb/enumerable_thread_specific.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
 #include <chrono>
 #include <cmath>
+#include <functional>
 #include <limits>
 
 #include "blindcorner/forward/error.h"
@@ -20,6 +27,9 @@ double seconds_since(Clock::time_point start) {
 /// Beyond the circumscribed radius an obstacle is a risk up to this multiple of it: the car of
 /// 4.5 x 1.8 m then prefers 5 m of distance, the middle of a street of 10 m.
 constexpr double kRiskReach = 2;
+/// Shares of the way from the vehicle's narrow side to its circumscribed radius that a path is
+/// tried with where the narrow side's does not do.
+constexpr std::array kMoreRoom{0.5, 1.0};
 /// Passages of a path that cannot be driven whose other side is tried.
 constexpr std::size_t kMostPassages = 2;
 /// Of two sides that are both too tight the other one must be less tight by this factor: who
@@ -92,7 +102,7 @@ bool is_better(const Path& a, const Path& b) {
 }
 
 bool can_be_driven(const Path& path) {
-  return !path.flags.footprint_collides && !path.flags.curvature_exceeded;
+  return path.found() && !path.flags.footprint_collides && !path.flags.curvature_exceeded;
 }
 
 bool is_worth_the_other_side(const Path& other, const Path& path) {
@@ -110,6 +120,24 @@ void take_better(Path& best, Path path, bool (*better)(const Path&, const Path&)
   best.expansions = expansions;
   best.search_time = search_time;
   best.smoothing_time = smoothing_time;
+}
+
+/// Paths 0 to `count` - 1, side by side, up to the first one that is enough: what follows it may be
+/// left out, and is not looked at.
+std::vector<Path> up_to_enough(std::size_t count, const std::function<Path(std::size_t)>& path,
+                               const std::function<bool(const Path&)>& enough) {
+  std::vector<Path> paths(count);
+  std::atomic<std::size_t> first_enough{count};
+  tbb::parallel_for(std::size_t{0}, count, [&](std::size_t i) {
+    if (i > first_enough) return;
+    paths[i] = path(i);
+    if (!enough(paths[i])) return;
+    std::size_t least = first_enough;
+    while (i < least && !first_enough.compare_exchange_weak(least, i)) {
+    }
+  });
+  paths.resize(std::min(count, first_enough + 1));
+  return paths;
 }
 
 }  // namespace
@@ -135,8 +163,18 @@ void PathPlannerOptions::validate() const {
   smoothing.validate();
 }
 
+/// Workspaces, one for each search that goes on at a time.
+class PathPlanner::Searches {
+ public:
+  explicit Searches(const GridSearchOptions& options) : of_thread_(GridSearch(options)) {}
+  GridSearch& of_this_thread() { return of_thread_.local(); }
+
+ private:
+  tbb::enumerable_thread_specific<GridSearch> of_thread_;
+};
+
 PathPlanner::PathPlanner(const PathPlannerOptions& options)
-    : options_(options), search_(options.search) {
+    : options_(options), searches_(std::make_unique<Searches>(options.search)) {
   options_.validate();
   const VehicleFootprint& footprint = options_.smoothing.footprint;
   if (options_.grid.lethal_radius == 0) options_.grid.lethal_radius = footprint.inscribed_radius();
@@ -145,52 +183,68 @@ PathPlanner::PathPlanner(const PathPlannerOptions& options)
   }
 }
 
+PathPlanner::~PathPlanner() = default;
+PathPlanner::PathPlanner(PathPlanner&&) noexcept = default;
+PathPlanner& PathPlanner::operator=(PathPlanner&&) noexcept = default;
+
 PlanningGrid PathPlanner::grid(const GridGeometry& geometry,
                                std::span<const double> occupancy) const {
   return {geometry, occupancy, options_.grid};
 }
 
-Path PathPlanner::plan(const PlanningGrid& grid, const PathRequest& request) {
+Path PathPlanner::plan(const PlanningGrid& grid, const PathRequest& request) const {
   check_place("start", request.start, request.start_heading);
   check_place("goal", request.goal, request.goal_heading);
   Path best = plan_with_room(grid, request);
   if (!best.found() || can_be_driven(best)) return best;
   std::vector<Passage> passages = passages_of(grid, best);
   if (passages.size() > kMostPassages) passages.resize(kMostPassages);
-  for (const Passage& passage : passages) {
-    take_better(best, plan_with_room(grid.with_closed(passage.cells), request),
-                is_worth_the_other_side);
-    if (can_be_driven(best)) break;
+  const auto on_other_side = [&](std::size_t i) {
+    return plan_with_room(grid.with_closed(passages[i].cells), request);
+  };
+  for (Path& path : up_to_enough(passages.size(), on_other_side, can_be_driven)) {
+    take_better(best, std::move(path), is_worth_the_other_side);
   }
   return best;
 }
 
-Path PathPlanner::plan_with_room(const PlanningGrid& grid, const PathRequest& request) {
+Path PathPlanner::plan_with_room(const PlanningGrid& grid, const PathRequest& request) const {
   Path best = plan_once(grid, request);
   const double narrow = grid.options().lethal_radius;
   const double wide = options_.smoothing.footprint.circumscribed_radius();
-  for (const double share : {0.5, 1.0}) {
-    if (!best.found() || faults(best) == 0 || wide <= narrow) break;
-    take_better(best,
-                plan_once(grid.with_lethal_radius(narrow + share * (wide - narrow)), request));
+  if (!best.found() || faults(best) == 0 || wide <= narrow) return best;
+  const std::vector<Eigen::Vector2d> waypoints = best.waypoints;
+  const auto with_more = [&](std::size_t i) {
+    return plan_once(grid.with_lethal_radius(narrow + kMoreRoom.at(i) * (wide - narrow)), request,
+                     waypoints);
+  };
+  const auto faultless = [](const Path& path) { return path.found() && faults(path) == 0; };
+  for (Path& path : up_to_enough(kMoreRoom.size(), with_more, faultless)) {
+    take_better(best, std::move(path));
   }
   return best;
 }
 
-Path PathPlanner::plan_once(const PlanningGrid& grid, const PathRequest& request) {
+/// `known`: waypoints that have been smoothed already; the path of these is not made again.
+Path PathPlanner::plan_once(const PlanningGrid& grid, const PathRequest& request,
+                            std::span<const Eigen::Vector2d> known) const {
   auto begin = Clock::now();
   const double radius = options_.smoothing.footprint.inscribed_radius();
-  const CellPath cells = search_.search(grid, search_cell(grid, radius, request.start),
-                                        search_cell(grid, radius, request.goal));
+  const CellPath cells = searches_->of_this_thread().search(
+      grid, search_cell(grid, radius, request.start), search_cell(grid, radius, request.goal));
   Path path;
   path.status = cells.status;
   const double search_time = seconds_since(begin);
   begin = Clock::now();
   if (cells.status == PathStatus::found) {
-    const std::vector<Eigen::Vector2d> points = points_of(grid, request, cells);
-    path = smooth(grid, shortcut(grid, points),
-                  {request.start_heading, request.goal_heading, request.start_curvature},
-                  options_.smoothing);
+    const std::vector<Eigen::Vector2d> waypoints = shortcut(grid, points_of(grid, request, cells));
+    if (std::ranges::equal(waypoints, known)) {
+      path.status = PathStatus::no_path;
+    } else {
+      path = smooth(grid, waypoints,
+                    {request.start_heading, request.goal_heading, request.start_curvature},
+                    options_.smoothing);
+    }
   }
   path.grid_length = cells.length;
   path.expansions = cells.expansions;

@@ -160,16 +160,18 @@ std::optional<Eigen::Vector2d> PlanningGrid::nearest_obstacle(const Eigen::Vecto
     const double distance = (candidate - at).squaredNorm();
     if (distance > least) return;
     least = distance;
-    nearest = geometry_.origin + geometry_.cell_size * candidate;
+    nearest = candidate;  // cells
   };
   const Eigen::Vector2d reach = Eigen::Vector2d::Constant(farthest);
   const Cell first = geometry_.cell_at(point - reach), last = geometry_.cell_at(point + reach);
+  const int first_column = std::max(first.column, 0);
+  const int last_column = std::min(last.column, geometry_.columns - 1);
   for (int row = std::max(first.row, 0); row <= std::min(last.row, geometry_.rows - 1); ++row) {
-    for (int column = std::max(first.column, 0);
-         column <= std::min(last.column, geometry_.columns - 1); ++column) {
-      if (obstacle_[geometry_.index({column, row})] != 0) {
-        consider(nearest_of_square(at, column, row));
-      }
+    const double beside = at.y() - std::clamp(at.y(), static_cast<double>(row), row + 1.0);
+    if (beside * beside > least) continue;
+    const std::uint8_t* obstacles = &obstacle_[geometry_.index({0, row})];
+    for (int column = first_column; column <= last_column; ++column) {
+      if (obstacles[column] != 0) consider(nearest_of_square(at, column, row));
     }
   }
   if (options_.closed_border) {
@@ -179,6 +181,7 @@ std::optional<Eigen::Vector2d> PlanningGrid::nearest_obstacle(const Eigen::Vecto
     consider({at.x(), at.y() < 0.5 * geometry_.rows ? std::min(at.y(), 0.0)
                                                     : std::max<double>(at.y(), geometry_.rows)});
   }
+  if (nearest) nearest = geometry_.origin + geometry_.cell_size * *nearest;
   return nearest;
 }
 
@@ -195,7 +198,34 @@ bool PlanningGrid::disc_is_free(const Eigen::Vector2d& center, double radius) co
   } else if (options_.closed_border) {
     return false;
   }
-  return radius < kTouch || !nearest_obstacle(center, radius - kTouch);
+  return radius < kTouch || !reaches_obstacle(center, radius - kTouch);
+}
+
+/// Whether a disc touches an obstacle's square, or a closed border.
+bool PlanningGrid::reaches_obstacle(const Eigen::Vector2d& center, double radius) const {
+  const Eigen::Vector2d at = (center - geometry_.origin) / geometry_.cell_size;  // cells
+  const double reach = radius / geometry_.cell_size;
+  if (options_.closed_border &&
+      std::min({at.x(), at.y(), geometry_.columns - at.x(), geometry_.rows - at.y()}) <= reach) {
+    return true;
+  }
+  const auto cell_of = [](double place, int cells) {
+    return static_cast<int>(std::clamp<double>(std::floor(place), -1, cells));
+  };
+  const int first_row = std::max(0, cell_of(at.y() - reach, geometry_.rows));
+  const int last_row = std::min(geometry_.rows - 1, cell_of(at.y() + reach, geometry_.rows));
+  for (int row = first_row; row <= last_row; ++row) {
+    const double beside = at.y() - std::clamp(at.y(), static_cast<double>(row), row + 1.0);
+    const double half = std::sqrt(std::max(0.0, reach * reach - beside * beside));
+    const int first = std::max(0, cell_of(at.x() - half, geometry_.columns));
+    const int last = std::min(geometry_.columns - 1, cell_of(at.x() + half, geometry_.columns));
+    const std::uint8_t* obstacles = &obstacle_[geometry_.index({0, row})];
+    if (std::any_of(obstacles + first, obstacles + last + 1,
+                    [](std::uint8_t obstacle) { return obstacle != 0; })) {
+      return true;
+    }
+  }
+  return false;
 }
 
 bool PlanningGrid::is_free(const VehicleFootprint& footprint, const PlanarPose& pose) const {

@@ -86,36 +86,56 @@ std::size_t samples_of(const CubicBezier& piece, double spacing) {
 }
 
 /// The shorter way round from one heading to another, rad.
-double turn_between(double from, double to) { return std::remainder(to - from, 2 * kPi); }
+double turn_between(double from, double to) {
+  const double turn = to - from;
+  return std::abs(turn) < kPi ? turn : std::remainder(turn, 2 * kPi);
+}
 
-/// Calls `visit(piece, t, t before it)` at places of each piece at most `spacing` apart; the first
-/// is its own t before.
+/// A place of a piece of a curve.
+struct CurvePlace {
+  Eigen::Vector2d position;  ///< m
+  double heading = 0;        ///< rad
+  double curvature = 0;      ///< 1/m, left is positive
+};
+
+CurvePlace place_at(const CubicBezier& piece, double t) {
+  return {piece.point(t), piece.heading(t), piece.curvature(t)};
+}
+
+/// Calls `visit(piece, t, place, place before it)` at places of each piece at most `spacing` apart;
+/// the first is its own place before.
 template <typename Visit>
 void for_each_place(std::span<const CubicBezier> pieces, double spacing, const Visit& visit) {
   for (std::size_t k = 0; k < pieces.size(); ++k) {
     const auto samples = static_cast<double>(samples_of(pieces[k], spacing));
-    for (double i = 0; i <= samples; ++i) visit(k, i / samples, std::max(0.0, i - 1) / samples);
+    CurvePlace before = place_at(pieces[k], 0);
+    visit(k, 0.0, before, before);
+    for (double i = 1; i <= samples; ++i) {
+      const CurvePlace here = place_at(pieces[k], i / samples);
+      visit(k, i / samples, here, before);
+      before = here;
+    }
   }
 }
 
-/// Curvature at a place of a piece, 1/m. A curve that turns back on itself has none between two
-/// places, but opposite headings at them.
-double curvature_at(const CubicBezier& piece, double before, double t) {
-  const double here = std::abs(piece.curvature(t));
-  const double turn = std::abs(turn_between(piece.heading(before), piece.heading(t)));
-  if (turn < 0.5 * kPi) return here;
-  const double chord = (piece.point(t) - piece.point(before)).norm();
-  return chord > 0 ? std::max(here, turn / chord) : std::numeric_limits<double>::infinity();
+/// Curvature at a place, 1/m. A curve that turns back on itself has none between two places, but
+/// opposite headings at them.
+double curvature_at(const CurvePlace& here, const CurvePlace& before) {
+  const double curvature = std::abs(here.curvature);
+  const double turn = std::abs(turn_between(before.heading, here.heading));
+  if (turn < 0.5 * kPi) return curvature;
+  const double chord = (here.position - before.position).norm();
+  return chord > 0 ? std::max(curvature, turn / chord) : std::numeric_limits<double>::infinity();
 }
 
-/// A curvature, or the rate at which it changes from one place of a piece to the next, over what
-/// the vehicle can; 0 where it can turn on the spot.
-double excess_at(const CubicBezier& piece, double before, double t, double curvature,
+/// A curvature, or the rate at which it changes from one place to the next, over what the vehicle
+/// can; 0 where it can turn on the spot.
+double excess_at(const CurvePlace& here, const CurvePlace& before, double curvature,
                  const SmoothingOptions& options) {
   const double tight = options.min_turning_radius * curvature;
-  const double length = (piece.point(t) - piece.point(before)).norm();
+  const double length = (here.position - before.position).norm();
   if (options.max_curvature_rate == 0 || length == 0) return tight;
-  const double rate = std::abs(piece.curvature(t) - piece.curvature(before)) / length;
+  const double rate = std::abs(here.curvature - before.curvature) / length;
   return std::max(tight, rate / ((1 + kRateMargin) * options.max_curvature_rate));
 }
 
@@ -135,11 +155,12 @@ class Smoother {
   void solve_at_once();
   void keep_if_better(const std::vector<CubicBezier>& pieces, const CurveCheck& found);
   CurveCheck check(std::span<const CubicBezier> pieces) const;
-  PlaceFaults add_place(const CubicBezier& piece, double t, double before, CurveCheck& curve) const;
+  PlaceFaults add_place(const CurvePlace& here, const CurvePlace& before, CurveCheck& curve) const;
   void follow_waypoints_where_wrong();
   void solve();
   Review review() const;
-  void review_place(std::size_t index, double t, double before, Review& review) const;
+  void review_place(std::size_t index, double t, const CurvePlace& here, const CurvePlace& before,
+                    Review& review) const;
   void space_targets(std::span<const Eigen::Vector2d> along);
   void adapt(const Review& review);
   bool fixed(std::size_t i) const { return weights_[i] >= kFixed; }
@@ -314,18 +335,18 @@ void Smoother::solve() {
 
 CurveCheck Smoother::check(std::span<const CubicBezier> pieces) const {
   CurveCheck found;
-  for_each_place(
-      pieces, grid_.geometry().cell_size / kSamplesPerCell,
-      [&](std::size_t k, double t, double before) { add_place(pieces[k], t, before, found); });
+  for_each_place(pieces, grid_.geometry().cell_size / kSamplesPerCell,
+                 [&](std::size_t /*piece*/, double /*t*/, const CurvePlace& here,
+                     const CurvePlace& before) { add_place(here, before, found); });
   return found;
 }
 
 /// Takes a place into what is known of its curve.
-PlaceFaults Smoother::add_place(const CubicBezier& piece, double t, double before,
+PlaceFaults Smoother::add_place(const CurvePlace& here, const CurvePlace& before,
                                 CurveCheck& curve) const {
-  const double curvature = curvature_at(piece, before, t);
-  const double excess = excess_at(piece, before, t, curvature, options_);
-  const bool free = grid_.is_free(options_.footprint, {piece.point(t), piece.heading(t)});
+  const double curvature = curvature_at(here, before);
+  const double excess = excess_at(here, before, curvature, options_);
+  const bool free = grid_.is_free(options_.footprint, {here.position, here.heading});
   curve.greatest_curvature = std::max(curve.greatest_curvature, curvature);
   curve.excess = std::max(curve.excess, excess);
   curve.collisions += free ? 0 : 1;
@@ -334,27 +355,27 @@ PlaceFaults Smoother::add_place(const CubicBezier& piece, double t, double befor
 
 Review Smoother::review() const {
   Review review(control_.size());
-  for_each_place(
-      pieces_, grid_.geometry().cell_size / kSamplesPerCell,
-      [&](std::size_t k, double t, double before) { review_place(k, t, before, review); });
+  for_each_place(pieces_, grid_.geometry().cell_size / kSamplesPerCell,
+                 [&](std::size_t k, double t, const CurvePlace& here, const CurvePlace& before) {
+                   review_place(k, t, here, before, review);
+                 });
   return review;
 }
 
-void Smoother::review_place(std::size_t index, double t, double before, Review& review) const {
-  const CubicBezier& piece = pieces_[index];
-  const Eigen::Vector2d position = piece.point(t);
+void Smoother::review_place(std::size_t index, double t, const CurvePlace& here,
+                            const CurvePlace& before, Review& review) const {
   const std::size_t nearest = index + (t < 0.5 ? 0 : 1);
-  const PlaceFaults faults = add_place(piece, t, before, review);
+  const PlaceFaults faults = add_place(here, before, review);
   if (faults.tight) review.tight[nearest] = true;
-  if (cost_factor(position) > most_risk_[nearest]) review.risky[nearest] = review.any_risky = true;
+  if (cost_factor(here.position) > most_risk_[nearest])
+    review.risky[nearest] = review.any_risky = true;
 
   if (!faults.collides) return;
   review.collides[index] = review.collides[index + 1] = true;
-  const double heading = piece.heading(t);
-  const Eigen::Vector2d ahead(std::cos(heading), std::sin(heading));
+  const Eigen::Vector2d ahead(std::cos(here.heading), std::sin(here.heading));
   const double radius = options_.footprint.disc_radius();
   for (const double offset : options_.footprint.disc_offsets()) {
-    const Eigen::Vector2d center = position + offset * ahead;
+    const Eigen::Vector2d center = here.position + offset * ahead;
     if (grid_.disc_is_free(center, radius)) continue;
     // The control point that moves this disc most is the one beside it, not beside the vehicle.
     const double place = std::round(static_cast<double>(index) + t + offset / spacing_);

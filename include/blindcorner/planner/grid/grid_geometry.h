@@ -4,7 +4,9 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cstddef>
+#include <limits>
 #include <vector>
 
 namespace blindcorner {
@@ -38,14 +40,28 @@ struct GridGeometry {
   /// The cell that is stored at `index`.
   Cell cell(std::size_t index) const;
   /// Centre of a cell, m. Also of cells beside the grid.
-  Eigen::Vector2d center(const Cell& cell) const;
+  Eigen::Vector2d center(const Cell& cell) const {
+    return origin + cell_size * Eigen::Vector2d(cell.column + 0.5, cell.row + 0.5);
+  }
   /// The cell that holds a point (its lower and left sides belong to it), maybe beside the grid.
-  Cell cell_at(const Eigen::Vector2d& point) const;
+  Cell cell_at(const Eigen::Vector2d& point) const {
+    const Eigen::Vector2d cells = (point - origin) / cell_size;
+    return {whole_below(cells.x()), whole_below(cells.y())};
+  }
   /// Cells of the grid that a box (m) reaches into, row by row; a box beside the grid has none.
   std::vector<Cell> cells_in(const Eigen::AlignedBox2d& box) const;
 
   /// Throws Error naming the field when there is no cell, or its size is not a positive number.
   void validate() const;
+
+ private:
+  /// Whole number not above `value`, kept to what an int holds (for points far outside).
+  static int whole_below(double value) {
+    constexpr double kFarthest = std::numeric_limits<int>::max() / 4.0;
+    const double kept = std::clamp(value, -kFarthest, kFarthest);
+    const int towards_zero = static_cast<int>(kept);
+    return towards_zero - (kept < towards_zero ? 1 : 0);
+  }
 };
 
 }  // namespace blindcorner

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <memory>
 #include <optional>
 #include <span>
 
@@ -35,24 +36,30 @@ struct PathRequest {
 
 /// Search, shortcuts, smoothing. Where the vehicle does not fit around a corner of the path that
 /// its narrow side allows, the search is made again with room for every heading; where it cannot
-/// drive what is found either, on the other sides of the obstacles that stand alone.
+/// drive what is found either, on the other sides of the obstacles that stand alone. These further
+/// attempts go on side by side; what comes of them does not depend on how many at a time.
 class PathPlanner {
  public:
   explicit PathPlanner(const PathPlannerOptions& options = {});
+  ~PathPlanner();
+  PathPlanner(PathPlanner&&) noexcept;
+  PathPlanner& operator=(PathPlanner&&) noexcept;
 
   const PathPlannerOptions& options() const { return options_; }
   /// A grid as this planner's options want it. Throws Error as PlanningGrid does.
   PlanningGrid grid(const GridGeometry& geometry, std::span<const double> occupancy) const;
   /// `grid` as `grid()` makes it. Paths that are not there are told by the status; throws Error
   /// only for coordinates that are not numbers.
-  Path plan(const PlanningGrid& grid, const PathRequest& request);
+  Path plan(const PlanningGrid& grid, const PathRequest& request) const;
 
  private:
-  Path plan_with_room(const PlanningGrid& grid, const PathRequest& request);
-  Path plan_once(const PlanningGrid& grid, const PathRequest& request);
+  class Searches;
+  Path plan_with_room(const PlanningGrid& grid, const PathRequest& request) const;
+  Path plan_once(const PlanningGrid& grid, const PathRequest& request,
+                 std::span<const Eigen::Vector2d> known = {}) const;
 
   PathPlannerOptions options_;
-  GridSearch search_;
+  std::unique_ptr<Searches> searches_;
 };
 
 }  // namespace blindcorner

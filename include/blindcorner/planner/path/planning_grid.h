@@ -95,6 +95,7 @@ class PlanningGrid {
   void measure_clearance();
   void find_steps();
   bool is_traversable(int column, int row) const;
+  bool reaches_obstacle(const Eigen::Vector2d& center, double radius) const;
   void set_cost_factors(std::span<const double> occupancy);
 
   GridGeometry geometry_;

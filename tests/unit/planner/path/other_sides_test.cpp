@@ -2,6 +2,7 @@
 #include "planner/path/other_sides.h"
 
 #include <gtest/gtest.h>
+#include <tbb/task_arena.h>
 
 #include <cmath>
 
@@ -114,6 +115,22 @@ TEST_F(OtherSides, AreNotChangedForALittleLessCurvature) {
   EXPECT_GT(right.greatest_curvature, left.greatest_curvature / 1.5);
   // Headed well to the right, it is so much less that the side is changed.
   EXPECT_LT(passes_at(plan(-0.6, radius)), 0);
+}
+
+TEST_F(OtherSides, AreTheSameSideBySideAndOneByOne) {
+  tbb::task_arena one(1), four(4);
+  for (const double radius : {9.0, 25.0}) {
+    for (const double heading : {0.6, -0.1, -0.6}) {
+      Path in_turn, at_once;
+      one.execute([&] { in_turn = plan(heading, radius); });
+      four.execute([&] { at_once = plan(heading, radius); });
+      EXPECT_EQ(in_turn.expansions, at_once.expansions);
+      ASSERT_EQ(in_turn.points.size(), at_once.points.size());
+      for (std::size_t i = 0; i < in_turn.points.size(); ++i) {
+        EXPECT_EQ(in_turn.points[i].position, at_once.points[i].position);
+      }
+    }
+  }
 }
 
 }  // namespace
