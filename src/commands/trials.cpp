@@ -144,6 +144,11 @@ bool run_open_trials(const TrialsArguments& arguments, const Drive& drive,
   const std::vector<Trial> open =
       open_trials(plan_trials(drive, arguments.options), journal.results());
   Progress progress("trials", open.size());
+  // Drives begin at the same place: what the solver compiles there is compiled once.
+  std::shared_ptr<const Fitter> fitter;
+  if (std::ranges::any_of(open, [](const Trial& t) { return t.perception == "solver"; })) {
+    fitter = std::make_shared<const Fitter>(drive.scene);
+  }
   const Interruptible interruptible;
   std::size_t done = 0;
   try {
@@ -151,7 +156,7 @@ bool run_open_trials(const TrialsArguments& arguments, const Drive& drive,
         open, arguments.options.threads,
         [&](const Trial& trial) {
           if (Interruptible::asked()) throw TrialsInterrupted{};
-          return run_trial(drive, sensor, trial, {}, networks);
+          return run_trial(drive, sensor, trial, fitter, networks);
         },
         [&](const TrialResult& result) {
           journal.add(result);

@@ -148,7 +148,7 @@ DriveLoop::DriveLoop(const Drive& drive, const SimulatedSensor& sensor, const Dr
       world_(drive, options.seed),
       perception_(make_perception(
           options.perception,
-          {sensor.scene(), drive.motion, options.fit,
+          {sensor.scene(), drive.motion, options.fitter,
            [this](double time) { return world_.believed_hidden(sensed_from_, time); },
            options.injected_error, options.seed, options.networks})),
       delay_(declared_delay(drive, options.perception)),

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "simulation/solver_perception.h"
 
+#include <memory>
 #include <optional>
 
 #include "blindcorner/inverse/fit.h"
@@ -26,7 +27,8 @@ PoseVelocity velocity_of(const TrackLayout& layout, const Gaussian& state) {
 class SolverPerception final : public Perception {
  public:
   explicit SolverPerception(const PerceptionSetup& setup)
-      : fitter_(setup.scene, setup.fit), tracker_(setup.scene, setup.motion) {}
+      : fitter_(setup.fitter ? setup.fitter : std::make_shared<const Fitter>(setup.scene)),
+        tracker_(setup.scene, setup.motion) {}
 
   PerceptionAnswer perceive(const Capture& capture, const Transform& T_world_sensor,
                             double time) override {
@@ -35,7 +37,7 @@ class SolverPerception final : public Perception {
     placed.T_world_sensor = T_world_sensor;
     try {
       const double dt = last_ ? time - *last_ : 0.0;
-      const FitResult result = track_frame(fitter_, tracker_, placed, dt);
+      const FitResult result = track_frame(*fitter_, tracker_, placed, dt);
       last_ = time;
       answer.mixture = result.posterior;
       answer.flags = result.flags;
@@ -49,7 +51,7 @@ class SolverPerception final : public Perception {
   }
 
  private:
-  Fitter fitter_;
+  std::shared_ptr<const Fitter> fitter_;
   Tracker tracker_;
   std::optional<double> last_;  ///< s, of the last frame that was used
 };

@@ -139,10 +139,11 @@ DriveOptions options_of(const Trial& trial) {
 }
 
 TrialResult run_trial(const Drive& drive, const SimulatedSensor& sensor, const Trial& trial,
-                      const FitOptions& fit, const PerceptionNetworks& networks) {
+                      const std::shared_ptr<const Fitter>& fitter,
+                      const PerceptionNetworks& networks) {
   const auto start = std::chrono::steady_clock::now();
   DriveOptions options = options_of(trial);
-  options.fit = fit;
+  options.fitter = fitter;
   options.networks = networks;
   options.keep_pictures = false;
   options.keep_last_map = true;

@@ -50,7 +50,8 @@ class Perception {
 struct PerceptionSetup {
   const Scene& scene;  ///< as the vehicle knows it
   Motion motion;       ///< of hidden objects as a tracker assumes it
-  FitOptions fit;
+  /// Of that scene, for the solver: what it compiles serves all who share it. Null: one of its own.
+  std::shared_ptr<const Fitter> fitter;
   /// The hidden objects' true pose at a time, s; empty: there are none. For the oracle only.
   std::function<std::optional<PoseVector>(double)> truth;
   double injected_error = 0;      ///< m, by which misled oracles miss the truth

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -73,7 +74,8 @@ DriveOptions options_of(const Trial& trial);
 
 /// Drives one trial. The same trial has the same result, run time excepted.
 TrialResult run_trial(const Drive& drive, const SimulatedSensor& sensor, const Trial& trial,
-                      const FitOptions& fit = {}, const PerceptionNetworks& networks = {});
+                      const std::shared_ptr<const Fitter>& fitter = {},
+                      const PerceptionNetworks& networks = {});
 
 using TrialRun = std::function<TrialResult(const Trial&)>;
 using TrialDone = std::function<void(const TrialResult&)>;
