@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "blindcorner/planner/path/smoothing.h"
 
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -41,6 +44,8 @@ constexpr double kSamplesPerCell = 8;
 constexpr int kRiskRounds = 8;
 /// Of the rounds in which the waypoints are followed again where nothing else helps.
 constexpr int kStiffRounds = 10;
+/// Parts of a curve that are looked at side by side; what is found does not depend on it.
+constexpr std::size_t kParts = 4;
 /// Distances are known up to so many cells beyond what the footprint needs.
 constexpr double kClearanceCells = 4;
 /// As many control points as in the rounds, and then twice as many.
@@ -59,6 +64,12 @@ struct CurveCheck {
   int collisions = 0;             ///< poses that touch an obstacle
   double greatest_curvature = 0;  ///< 1/m
   double excess = 0;              ///< greatest curvature, or rate of it, over what the vehicle can
+
+  void add(const CurveCheck& next) {
+    collisions += next.collisions;
+    greatest_curvature = std::max(greatest_curvature, next.greatest_curvature);
+    excess = std::max(excess, next.excess);
+  }
 };
 
 /// What is wrong at one of them.
@@ -77,6 +88,21 @@ struct Review : CurveCheck {
         collides(points, false),
         tight(points, false),
         risky(points, false) {}
+
+  void take_push(std::size_t point, const Eigen::Vector2d& other) {
+    if (other.norm() > push[point].norm()) push[point] = other;
+  }
+  /// What is found in the part of the curve after this one.
+  void add(const Review& next) {
+    CurveCheck::add(next);
+    for (std::size_t i = 0; i < push.size(); ++i) {
+      take_push(i, next.push[i]);
+      collides[i] = collides[i] || next.collides[i];
+      tight[i] = tight[i] || next.tight[i];
+      risky[i] = risky[i] || next.risky[i];
+    }
+    any_risky = any_risky || next.any_risky;
+  }
 };
 
 /// Parts that a piece is cut into, so that none is longer than `spacing`.
@@ -102,20 +128,31 @@ CurvePlace place_at(const CubicBezier& piece, double t) {
   return {piece.point(t), piece.heading(t), piece.curvature(t)};
 }
 
-/// Calls `visit(piece, t, place, place before it)` at places of each piece at most `spacing` apart;
-/// the first is its own place before.
-template <typename Visit>
-void for_each_place(std::span<const CubicBezier> pieces, double spacing, const Visit& visit) {
-  for (std::size_t k = 0; k < pieces.size(); ++k) {
-    const auto samples = static_cast<double>(samples_of(pieces[k], spacing));
-    CurvePlace before = place_at(pieces[k], 0);
-    visit(k, 0.0, before, before);
-    for (double i = 1; i <= samples; ++i) {
-      const CurvePlace here = place_at(pieces[k], i / samples);
-      visit(k, i / samples, here, before);
-      before = here;
-    }
-  }
+/// Calls `visit(found, piece, t, place, place before it)` at places of each piece at most `spacing`
+/// apart, the first of which is its own place before, and returns what is found along all of them.
+/// Parts of the curve begin with `nothing` and are added up in their order.
+template <typename Found, typename Visit>
+Found look_along(std::span<const CubicBezier> pieces, double spacing, const Found& nothing,
+                 const Visit& visit) {
+  std::vector<Found> found(kParts, nothing);
+  // Isolated: whoever waits here must not begin another path meanwhile.
+  tbb::this_task_arena::isolate([&] {
+    tbb::parallel_for(std::size_t{0}, kParts, [&](std::size_t part) {
+      const std::size_t end = (part + 1) * pieces.size() / kParts;
+      for (std::size_t k = part * pieces.size() / kParts; k < end; ++k) {
+        const auto samples = static_cast<double>(samples_of(pieces[k], spacing));
+        CurvePlace before = place_at(pieces[k], 0);
+        visit(found[part], k, 0.0, before, before);
+        for (double i = 1; i <= samples; ++i) {
+          const CurvePlace here = place_at(pieces[k], i / samples);
+          visit(found[part], k, i / samples, here, before);
+          before = here;
+        }
+      }
+    });
+  });
+  for (std::size_t part = 1; part < kParts; ++part) found[0].add(found[part]);
+  return found[0];
 }
 
 /// Curvature at a place, 1/m. A curve that turns back on itself has none between two places, but
@@ -334,11 +371,10 @@ void Smoother::solve() {
 }
 
 CurveCheck Smoother::check(std::span<const CubicBezier> pieces) const {
-  CurveCheck found;
-  for_each_place(pieces, grid_.geometry().cell_size / kSamplesPerCell,
-                 [&](std::size_t /*piece*/, double /*t*/, const CurvePlace& here,
-                     const CurvePlace& before) { add_place(here, before, found); });
-  return found;
+  return look_along(
+      pieces, grid_.geometry().cell_size / kSamplesPerCell, CurveCheck(),
+      [&](CurveCheck& found, std::size_t /*piece*/, double /*t*/, const CurvePlace& here,
+          const CurvePlace& before) { add_place(here, before, found); });
 }
 
 /// Takes a place into what is known of its curve.
@@ -354,12 +390,9 @@ PlaceFaults Smoother::add_place(const CurvePlace& here, const CurvePlace& before
 }
 
 Review Smoother::review() const {
-  Review review(control_.size());
-  for_each_place(pieces_, grid_.geometry().cell_size / kSamplesPerCell,
-                 [&](std::size_t k, double t, const CurvePlace& here, const CurvePlace& before) {
-                   review_place(k, t, here, before, review);
-                 });
-  return review;
+  return look_along(pieces_, grid_.geometry().cell_size / kSamplesPerCell, Review(control_.size()),
+                    [&](Review& found, std::size_t k, double t, const CurvePlace& here,
+                        const CurvePlace& before) { review_place(k, t, here, before, found); });
 }
 
 void Smoother::review_place(std::size_t index, double t, const CurvePlace& here,
@@ -387,7 +420,7 @@ void Smoother::review_place(std::size_t index, double t, const CurvePlace& here,
       const double margin = 0.25 * grid_.geometry().cell_size;
       if (away.norm() > 0) push = away.normalized() * (radius + margin - away.norm());
     }
-    if (push.norm() > review.push[moved].norm()) review.push[moved] = push;
+    review.take_push(moved, push);
   }
 }
 
