@@ -3,6 +3,7 @@
 
 #include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <array>
@@ -163,7 +164,7 @@ void PathPlannerOptions::validate() const {
   smoothing.validate();
 }
 
-/// Workspaces, one for each search that goes on at a time.
+/// Workspaces, one for each thread that has searched.
 class PathPlanner::Searches {
  public:
   explicit Searches(const GridSearchOptions& options) : of_thread_(GridSearch(options)) {}
@@ -195,6 +196,14 @@ PlanningGrid PathPlanner::grid(const GridGeometry& geometry,
 Path PathPlanner::plan(const PlanningGrid& grid, const PathRequest& request) const {
   check_place("start", request.start, request.start_heading);
   check_place("goal", request.goal, request.goal_heading);
+  if (!std::isfinite(request.start_curvature)) {
+    throw Error("start_curvature", "found what is not a number, accepted: a number of 1/m");
+  }
+  // Isolated: whoever waits here must not pick up a caller's other work.
+  return tbb::this_task_arena::isolate([&] { return plan_on_all_sides(grid, request); });
+}
+
+Path PathPlanner::plan_on_all_sides(const PlanningGrid& grid, const PathRequest& request) const {
   Path best = plan_with_room(grid, request);
   if (!best.found() || can_be_driven(best)) return best;
   std::vector<Passage> passages = passages_of(grid, best);
@@ -213,10 +222,9 @@ Path PathPlanner::plan_with_room(const PlanningGrid& grid, const PathRequest& re
   const double narrow = grid.options().lethal_radius;
   const double wide = options_.smoothing.footprint.circumscribed_radius();
   if (!best.found() || faults(best) == 0 || wide <= narrow) return best;
-  const std::vector<Eigen::Vector2d> waypoints = best.waypoints;
   const auto with_more = [&](std::size_t i) {
     return plan_once(grid.with_lethal_radius(narrow + kMoreRoom.at(i) * (wide - narrow)), request,
-                     waypoints);
+                     best.waypoints);
   };
   const auto faultless = [](const Path& path) { return path.found() && faults(path) == 0; };
   for (Path& path : up_to_enough(kMoreRoom.size(), with_more, faultless)) {

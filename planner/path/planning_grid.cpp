@@ -210,7 +210,8 @@ bool PlanningGrid::reaches_obstacle(const Eigen::Vector2d& center, double radius
     return true;
   }
   const auto cell_of = [](double place, int cells) {
-    return static_cast<int>(std::clamp<double>(std::floor(place), -1, cells));
+    if (place >= cells) return cells;
+    return place > -1 ? static_cast<int>(std::floor(place)) : -1;  // no number: no cell
   };
   const int first_row = std::max(0, cell_of(at.y() - reach, geometry_.rows));
   const int last_row = std::min(geometry_.rows - 1, cell_of(at.y() + reach, geometry_.rows));

@@ -118,13 +118,13 @@ double turn_between(double from, double to) {
 }
 
 /// A place of a piece of a curve.
-struct CurvePlace {
+struct PlaceOnCurve {
   Eigen::Vector2d position;  ///< m
   double heading = 0;        ///< rad
   double curvature = 0;      ///< 1/m, left is positive
 };
 
-CurvePlace place_at(const CubicBezier& piece, double t) {
+PlaceOnCurve place_on_curve(const CubicBezier& piece, double t) {
   return {piece.point(t), piece.heading(t), piece.curvature(t)};
 }
 
@@ -135,16 +135,16 @@ template <typename Found, typename Visit>
 Found look_along(std::span<const CubicBezier> pieces, double spacing, const Found& nothing,
                  const Visit& visit) {
   std::vector<Found> found(kParts, nothing);
-  // Isolated: whoever waits here must not begin another path meanwhile.
+  // Isolated: another path, begun by whoever waits here, would delay this one.
   tbb::this_task_arena::isolate([&] {
     tbb::parallel_for(std::size_t{0}, kParts, [&](std::size_t part) {
       const std::size_t end = (part + 1) * pieces.size() / kParts;
       for (std::size_t k = part * pieces.size() / kParts; k < end; ++k) {
         const auto samples = static_cast<double>(samples_of(pieces[k], spacing));
-        CurvePlace before = place_at(pieces[k], 0);
+        PlaceOnCurve before = place_on_curve(pieces[k], 0);
         visit(found[part], k, 0.0, before, before);
         for (double i = 1; i <= samples; ++i) {
-          const CurvePlace here = place_at(pieces[k], i / samples);
+          const PlaceOnCurve here = place_on_curve(pieces[k], i / samples);
           visit(found[part], k, i / samples, here, before);
           before = here;
         }
@@ -152,12 +152,12 @@ Found look_along(std::span<const CubicBezier> pieces, double spacing, const Foun
     });
   });
   for (std::size_t part = 1; part < kParts; ++part) found[0].add(found[part]);
-  return found[0];
+  return std::move(found[0]);
 }
 
 /// Curvature at a place, 1/m. A curve that turns back on itself has none between two places, but
 /// opposite headings at them.
-double curvature_at(const CurvePlace& here, const CurvePlace& before) {
+double curvature_at(const PlaceOnCurve& here, const PlaceOnCurve& before) {
   const double curvature = std::abs(here.curvature);
   const double turn = std::abs(turn_between(before.heading, here.heading));
   if (turn < 0.5 * kPi) return curvature;
@@ -167,7 +167,7 @@ double curvature_at(const CurvePlace& here, const CurvePlace& before) {
 
 /// A curvature, or the rate at which it changes from one place to the next, over what the vehicle
 /// can; 0 where it can turn on the spot.
-double excess_at(const CurvePlace& here, const CurvePlace& before, double curvature,
+double excess_at(const PlaceOnCurve& here, const PlaceOnCurve& before, double curvature,
                  const SmoothingOptions& options) {
   const double tight = options.min_turning_radius * curvature;
   const double length = (here.position - before.position).norm();
@@ -192,12 +192,13 @@ class Smoother {
   void solve_at_once();
   void keep_if_better(const std::vector<CubicBezier>& pieces, const CurveCheck& found);
   CurveCheck check(std::span<const CubicBezier> pieces) const;
-  PlaceFaults add_place(const CurvePlace& here, const CurvePlace& before, CurveCheck& curve) const;
+  PlaceFaults add_place(const PlaceOnCurve& here, const PlaceOnCurve& before,
+                        CurveCheck& curve) const;
   void follow_waypoints_where_wrong();
   void solve();
   Review review() const;
-  void review_place(std::size_t index, double t, const CurvePlace& here, const CurvePlace& before,
-                    Review& review) const;
+  void review_place(std::size_t index, double t, const PlaceOnCurve& here,
+                    const PlaceOnCurve& before, Review& review) const;
   void space_targets(std::span<const Eigen::Vector2d> along);
   void adapt(const Review& review);
   bool fixed(std::size_t i) const { return weights_[i] >= kFixed; }
@@ -373,12 +374,12 @@ void Smoother::solve() {
 CurveCheck Smoother::check(std::span<const CubicBezier> pieces) const {
   return look_along(
       pieces, grid_.geometry().cell_size / kSamplesPerCell, CurveCheck(),
-      [&](CurveCheck& found, std::size_t /*piece*/, double /*t*/, const CurvePlace& here,
-          const CurvePlace& before) { add_place(here, before, found); });
+      [&](CurveCheck& found, std::size_t /*piece*/, double /*t*/, const PlaceOnCurve& here,
+          const PlaceOnCurve& before) { add_place(here, before, found); });
 }
 
 /// Takes a place into what is known of its curve.
-PlaceFaults Smoother::add_place(const CurvePlace& here, const CurvePlace& before,
+PlaceFaults Smoother::add_place(const PlaceOnCurve& here, const PlaceOnCurve& before,
                                 CurveCheck& curve) const {
   const double curvature = curvature_at(here, before);
   const double excess = excess_at(here, before, curvature, options_);
@@ -391,12 +392,12 @@ PlaceFaults Smoother::add_place(const CurvePlace& here, const CurvePlace& before
 
 Review Smoother::review() const {
   return look_along(pieces_, grid_.geometry().cell_size / kSamplesPerCell, Review(control_.size()),
-                    [&](Review& found, std::size_t k, double t, const CurvePlace& here,
-                        const CurvePlace& before) { review_place(k, t, here, before, found); });
+                    [&](Review& found, std::size_t k, double t, const PlaceOnCurve& here,
+                        const PlaceOnCurve& before) { review_place(k, t, here, before, found); });
 }
 
-void Smoother::review_place(std::size_t index, double t, const CurvePlace& here,
-                            const CurvePlace& before, Review& review) const {
+void Smoother::review_place(std::size_t index, double t, const PlaceOnCurve& here,
+                            const PlaceOnCurve& before, Review& review) const {
   const std::size_t nearest = index + (t < 0.5 ? 0 : 1);
   const PlaceFaults faults = add_place(here, before, review);
   if (faults.tight) review.tight[nearest] = true;

@@ -115,10 +115,6 @@ void print_real_time(const Drive& drive, const DriveResult& result) {
 
 Drive drive_of(const DriveArguments& arguments) {
   const Drive drive = read_lit_drive(arguments.drive, arguments.light);
-  check_perception(drive.perception, arguments.drive + ": perception.use");
-  for (const auto& [name, delay] : drive.delay) {
-    check_perception(name, arguments.drive + ": perception.delay_s");
-  }
   if (!arguments.perception.empty()) check_perception(arguments.perception, "--perception");
   return drive;
 }

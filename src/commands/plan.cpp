@@ -122,8 +122,10 @@ void add_vehicle_options(CLI::App& command, PlanArguments& arguments) {
 }  // namespace
 
 void add_plan_command(CLI::App& app, int& exit_code) {
-  CLI::App& command = *app.add_subcommand(
-      "plan", "a path on a map; writes path.json and index.html. Exit code 1: there is none");
+  CLI::App& command = *app.add_subcommand("plan",
+                                          "a path on a map; writes path.json and index.html. Exit "
+                                          "code 1: there is none, or the vehicle touches an "
+                                          "obstacle on it");
   const auto arguments = std::make_shared<PlanArguments>();
   command
       .add_option("MAP", arguments->map,

@@ -144,7 +144,7 @@ bool run_open_trials(const TrialsArguments& arguments, const Drive& drive,
   const std::vector<Trial> open =
       open_trials(plan_trials(drive, arguments.options), journal.results());
   Progress progress("trials", open.size());
-  // Drives begin at the same place: what the solver compiles there is compiled once.
+  // What the solver makes once for a scene is made once for all drives.
   std::shared_ptr<const Fitter> fitter;
   if (std::ranges::any_of(open, [](const Trial& t) { return t.perception == "solver"; })) {
     fitter = std::make_shared<const Fitter>(drive.scene);

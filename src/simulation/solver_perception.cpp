@@ -28,7 +28,7 @@ class SolverPerception final : public Perception {
  public:
   explicit SolverPerception(const PerceptionSetup& setup)
       : fitter_(setup.fitter ? setup.fitter : std::make_shared<const Fitter>(setup.scene)),
-        tracker_(setup.scene, setup.motion) {}
+        tracker_(fitter_->scene(), setup.motion) {}
 
   PerceptionAnswer perceive(const Capture& capture, const Transform& T_world_sensor,
                             double time) override {

@@ -1228,6 +1228,15 @@ TEST_F(Cli, TrialsRefuseWhatTheyCannotDo) {
     SCOPED_TRACE(options);
     expect_refused(run(drive + options));
   }
+  auto misspelled =
+      nlohmann::json::parse(text_of(std::string(SOURCE_DIR) + "/scenes/robot_drive.json"));
+  misspelled["scene"] = std::string(SOURCE_DIR) + "/scenes/robot_corridor.json";
+  misspelled["perception"]["delay_s"]["slover"] = 0.1;
+  std::ofstream(path("misspelled.json")) << misspelled;
+  const Outcome refused =
+      run("trials '" + path("misspelled.json") + "' -n 1 -o '" + path("out") + "'");
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_THAT(refused.err, HasSubstr("perception.delay_s: found \"slover\""));
   ASSERT_EQ(run(trials_of_robot(path("study"), "-n 1")).exit_code, 0);
   const Outcome other = run(trials_of_robot(path("study"), "-n 1 --seed 2"));
   EXPECT_EQ(other.exit_code, 2);

@@ -23,7 +23,7 @@ struct DriveOptions {
   std::string perception = "solver";
   std::uint64_t seed = 1;
   std::optional<double> speed;           ///< m/s; empty: the drive file's
-  std::shared_ptr<const Fitter> fitter;  ///< of the solver, for several drives; null: its own
+  std::shared_ptr<const Fitter> fitter;  ///< of the drive's scene, for the solver; null: its own
   bool keep_pictures = true;             ///< histograms and grids of the frames, for a page
   bool keep_last_map = false;   ///< the grid of the frame that last_map() finds, for statistics
   double injected_error = 0;    ///< m, of the misled oracles (perception.h)

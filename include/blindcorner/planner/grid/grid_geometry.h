@@ -55,10 +55,11 @@ struct GridGeometry {
   void validate() const;
 
  private:
-  /// Whole number not above `value`, kept to what an int holds (for points far outside).
+  /// Whole number not above `value`, kept to what an int holds (for points far outside, and for
+  /// what is not a number).
   static int whole_below(double value) {
     constexpr double kFarthest = std::numeric_limits<int>::max() / 4.0;
-    const double kept = std::clamp(value, -kFarthest, kFarthest);
+    const double kept = value > -kFarthest ? std::min(value, kFarthest) : -kFarthest;
     const int towards_zero = static_cast<int>(kept);
     return towards_zero - (kept < towards_zero ? 1 : 0);
   }

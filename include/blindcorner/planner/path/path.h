@@ -46,10 +46,11 @@ struct Path {
   /// 1/m, of the curve; a turn on the spot counts as one within the points' spacing, half a cell at
   /// most. Infinite at a cusp.
   double greatest_curvature = 0;
-  double length = 0;           ///< m
-  double grid_length = 0;      ///< m, of the path over cells that it was made from
-  double cost = 0;             ///< m, integral of the cost factor along it
-  std::size_t expansions = 0;  ///< cells, of all searches
+  double length = 0;       ///< m
+  double grid_length = 0;  ///< m, of the path over cells that it was made from
+  double cost = 0;         ///< m, integral of the cost factor along it
+  // Sums over the attempts that counted, which may have gone on side by side.
+  std::size_t expansions = 0;  ///< cells
   double search_time = 0;      ///< s
   double smoothing_time = 0;   ///< s
 

@@ -37,7 +37,8 @@ struct PathRequest {
 /// Search, shortcuts, smoothing. Where the vehicle does not fit around a corner of the path that
 /// its narrow side allows, the search is made again with room for every heading; where it cannot
 /// drive what is found either, on the other sides of the obstacles that stand alone. These further
-/// attempts go on side by side; what comes of them does not depend on how many at a time.
+/// attempts go on side by side; what comes of them does not depend on how many at a time. Can be
+/// moved, but not copied; one that was moved from must not plan.
 class PathPlanner {
  public:
   explicit PathPlanner(const PathPlannerOptions& options = {});
@@ -49,11 +50,12 @@ class PathPlanner {
   /// A grid as this planner's options want it. Throws Error as PlanningGrid does.
   PlanningGrid grid(const GridGeometry& geometry, std::span<const double> occupancy) const;
   /// `grid` as `grid()` makes it. Paths that are not there are told by the status; throws Error
-  /// only for coordinates that are not numbers.
+  /// only for coordinates and curvatures that are not numbers. Thread safe.
   Path plan(const PlanningGrid& grid, const PathRequest& request) const;
 
  private:
   class Searches;
+  Path plan_on_all_sides(const PlanningGrid& grid, const PathRequest& request) const;
   Path plan_with_room(const PlanningGrid& grid, const PathRequest& request) const;
   Path plan_once(const PlanningGrid& grid, const PathRequest& request,
                  std::span<const Eigen::Vector2d> known = {}) const;

@@ -125,6 +125,8 @@ TEST_F(OtherSides, AreTheSameSideBySideAndOneByOne) {
       one.execute([&] { in_turn = plan(heading, radius); });
       four.execute([&] { at_once = plan(heading, radius); });
       EXPECT_EQ(in_turn.expansions, at_once.expansions);
+      EXPECT_EQ(in_turn.greatest_curvature, at_once.greatest_curvature);
+      EXPECT_EQ(in_turn.flags.curvature_exceeded, at_once.flags.curvature_exceeded);
       ASSERT_EQ(in_turn.points.size(), at_once.points.size());
       for (std::size_t i = 0; i < in_turn.points.size(); ++i) {
         EXPECT_EQ(in_turn.points[i].position, at_once.points[i].position);

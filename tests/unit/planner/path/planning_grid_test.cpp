@@ -132,6 +132,21 @@ TEST(PlanningGrid, AClosedBorderKeepsTheVehicleInside) {
   EXPECT_FALSE(closed.disc_is_free({-0.1, 2.5}, 0.01));
 }
 
+TEST(PlanningGrid, DiscsBesideTheMapReachIntoIt) {
+  const TestMap map = map_of({"#...", "....", "...#"});
+  const PlanningGrid grid(map.geometry, map.occupancy);
+  // Nearest points of the obstacles: (1, 2) and (3, 1).
+  EXPECT_FALSE(grid.disc_is_free({-1, 2.5}, 1.1));
+  EXPECT_TRUE(grid.disc_is_free({-1, 2.5}, 0.9));
+  EXPECT_FALSE(grid.disc_is_free({6, -2}, 2.9));
+  EXPECT_TRUE(grid.disc_is_free({6, -2}, 2.8));
+  EXPECT_TRUE(grid.disc_is_free({-9, -9}, 3));
+  EXPECT_TRUE(grid.disc_is_free({9, 9}, 3));
+  const double nothing = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_TRUE(grid.disc_is_free({nothing, 1}, 0.5));  // nowhere, so beside no obstacle
+  EXPECT_FALSE(grid.is_free(VehicleFootprint::disc(0.5), {{nothing, 1}, 0}));
+}
+
 TEST(PlanningGrid, StepsDoNotCutCorners) {
   const TestMap map = map_of({"...", "#..", "..."});
   const PlanningGrid grid(map.geometry, map.occupancy);

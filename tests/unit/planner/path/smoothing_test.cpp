@@ -379,6 +379,7 @@ TEST(PathPlanner, TellsWhyThereIsNoPath) {
   EXPECT_EQ(status({-0.5, 0.5}, {4.5, 0.5}), PathStatus::start_outside);
   const double nothing = std::numeric_limits<double>::quiet_NaN();
   EXPECT_THROW(planner.plan(grid, {{nothing, 0}, {}, {1, 1}, {}}), Error);
+  EXPECT_THROW(planner.plan(grid, {{0.5, 0.5}, 0.0, {1.5, 0.5}, {}, nothing}), Error);
 }
 
 }  // namespace
