@@ -46,42 +46,62 @@ double relative_difference(const HistogramCube& a, const HistogramCube& b) {
   return size > 0 ? std::sqrt(difference / size) : 0.0;
 }
 
-/// How far all counts of a frame are off those of the reference, in standard deviations of their
-/// photon noise together: no estimate from the frame can be off by more of its own.
-double against_noise(const Scene& scene, const SensedLight& light, const SensedLight& reference) {
-  const LinearValues linear{scene.linear.fixed_amplitude, scene.linear.fixed_ambient,
-                            scene.linear.fixed_direct};
-  const HistogramCube sensed =
-      expected_counts(scene, light.three_bounce, light.static_background, linear);
-  const HistogramCube right =
-      expected_counts(scene, reference.three_bounce, reference.static_background, linear);
+/// Counts in standard deviations of all counts' photon noise together: no estimate from the frame
+/// can be off by more of its own.
+double against_noise(const HistogramCube& counts, const HistogramCube& expected) {
   double square = 0;
-  for (std::size_t i = 0; i < right.values.size(); ++i) {
-    if (right.values[i] > 0) {
-      square += std::pow(sensed.values[i] - right.values[i], 2) / right.values[i];
-    }
+  for (std::size_t i = 0; i < expected.values.size(); ++i) {
+    if (expected.values[i] > 0) square += std::pow(counts.values[i], 2) / expected.values[i];
   }
   return std::sqrt(square);
 }
 
+HistogramCube difference(HistogramCube a, const HistogramCube& b) {
+  for (std::size_t i = 0; i < a.values.size(); ++i) a.values[i] -= b.values[i];
+  return a;
+}
+
+/// Expected counts of a frame: all of them, those of light by way of the object, and the others.
+struct FrameCounts {
+  HistogramCube all, object, rest;
+};
+
+FrameCounts counts_of(const Scene& scene, const SensedLight& light) {
+  const LinearUnknowns& linear = scene.linear;
+  const HistogramCube dark(scene.sensor.rows, scene.sensor.columns, scene.sensor.bins);
+  FrameCounts counts;
+  counts.all = expected_counts(scene, light.three_bounce, light.static_background,
+                               {linear.fixed_amplitude, linear.fixed_ambient, linear.fixed_direct});
+  counts.object = expected_counts(scene, light.three_bounce, dark, {linear.fixed_amplitude, 0, 0});
+  counts.rest = difference(counts.all, counts.object);
+  return counts;
+}
+
 /// Simulated light against the reference renderer's on frames spread over the drive: relative L2,
-/// and against photon noise.
+/// and against the photon noise.
 void check_sensor(const SimulatedSensor& sensor, const DriveResult& result, int count) {
   std::vector<const DriveFrame*> sensed;
   for (const DriveFrame& frame : result.frames) {
     if (frame.counts) sensed.push_back(&frame);
   }
   const std::size_t frames = std::min(static_cast<std::size_t>(count), sensed.size());
-  std::printf("simulated sensor against the reference renderer (relative L2)\n");
-  std::printf("  %8s %12s %12s %14s\n", "time s", "three-bounce", "static", "/ photon noise");
+  std::printf(
+      "simulated sensor against the reference renderer: relative L2, and in standard deviations\n"
+      "of all counts' photon noise the difference and, of the object, the light itself\n"
+      "  %8s %12s %12s %12s %12s %12s\n",
+      "time s", "object", "/ noise", "its light", "static", "/ noise");
   for (std::size_t i = 0; i < frames; ++i) {
     const DriveFrame& frame = *sensed[i * sensed.size() / frames];
     const SensedLight light = sensor.light(frame.T_world_sensor, frame.truth);
     const SensedLight reference = sensor.reference_light(frame.T_world_sensor, frame.truth);
-    std::printf("  %8.2f %12.5f %12.6f %14.2f\n", frame.time,
+    const FrameCounts counts = counts_of(sensor.scene(), light);
+    const FrameCounts right = counts_of(sensor.scene(), reference);
+    std::printf("  %8.2f %12.5f %12.2f %12.2f %12.6f %12.2f\n", frame.time,
                 relative_difference(light.three_bounce, reference.three_bounce),
+                against_noise(difference(counts.object, right.object), right.all),
+                against_noise(right.object, right.all),
                 relative_difference(light.static_background, reference.static_background),
-                against_noise(sensor.scene(), light, reference));
+                against_noise(difference(counts.rest, right.rest), right.all));
     std::fflush(stdout);
   }
 }
