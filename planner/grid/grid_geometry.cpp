@@ -8,6 +8,7 @@
 #include "blindcorner/forward/error.h"
 
 namespace blindcorner {
+
 Cell GridGeometry::cell(std::size_t index) const {
   const auto width = static_cast<std::size_t>(columns);
   return {static_cast<int>(index % width), static_cast<int>(index / width)};

@@ -91,8 +91,8 @@ void write_tables(const fs::path& directory, const Drive& drive,
 
 /// Pages of failed trials, the first few of each perception; those that are there stay.
 void write_replays(const fs::path& directory, const Drive& drive, const SimulatedSensor& sensor,
-                   const PerceptionNetworks& networks, const std::vector<TrialResult>& results,
-                   int most) {
+                   const std::shared_ptr<const Fitter>& fitter, const PerceptionNetworks& networks,
+                   const std::vector<TrialResult>& results, int most) {
   std::vector<Trial> wanted;
   std::map<std::string, int> count;
   for (const TrialResult& result : results) {
@@ -104,6 +104,7 @@ void write_replays(const fs::path& directory, const Drive& drive, const Simulate
   Progress progress("replays", wanted.size());
   for (const Trial& trial : wanted) {
     DriveOptions options = options_of(trial);
+    options.fitter = fitter;
     options.networks = networks;
     const DriveResult driven = drive_through(drive, sensor, options);
     const fs::path page = directory / replay_page(trial);
@@ -139,16 +140,11 @@ struct TrialsInterrupted {};
 
 /// Runs what has no result in the journal yet; true: all of it.
 bool run_open_trials(const TrialsArguments& arguments, const Drive& drive,
-                     const SimulatedSensor& sensor, const PerceptionNetworks& networks,
-                     TrialJournal& journal) {
+                     const SimulatedSensor& sensor, const std::shared_ptr<const Fitter>& fitter,
+                     const PerceptionNetworks& networks, TrialJournal& journal) {
   const std::vector<Trial> open =
       open_trials(plan_trials(drive, arguments.options), journal.results());
   Progress progress("trials", open.size());
-  // What the solver makes once for a scene is made once for all drives.
-  std::shared_ptr<const Fitter> fitter;
-  if (std::ranges::any_of(open, [](const Trial& t) { return t.perception == "solver"; })) {
-    fitter = std::make_shared<const Fitter>(drive.scene);
-  }
   const Interruptible interruptible;
   std::size_t done = 0;
   try {
@@ -181,14 +177,17 @@ int run(const TrialsArguments& arguments) {
   const auto files = weight_files(drive, arguments.weights, arguments.options.perceptions);
   const PerceptionNetworks networks = load_networks(drive, files);
   const SimulatedSensor sensor(drive.scene);
+  // What the solver makes once for a scene is made once for all drives.
+  const auto fitter = std::make_shared<const Fitter>(drive.scene);
   make_directory(arguments.output);
   const fs::path directory = arguments.output;
   TrialJournal journal(arguments.output, study);
   keep_weights(directory, files);
-  const bool complete = run_open_trials(arguments, drive, sensor, networks, journal);
+  const bool complete = run_open_trials(arguments, drive, sensor, fitter, networks, journal);
   const std::vector<TrialResult> results = sorted(journal);
   write_tables(directory, drive, results);
-  if (complete) write_replays(directory, drive, sensor, networks, results, arguments.replays);
+  if (complete)
+    write_replays(directory, drive, sensor, fitter, networks, results, arguments.replays);
   const auto replayed = [&](const Trial& trial) {
     return fs::exists(directory / replay_page(trial));
   };

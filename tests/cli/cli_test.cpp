@@ -1228,8 +1228,7 @@ TEST_F(Cli, TrialsRefuseWhatTheyCannotDo) {
     SCOPED_TRACE(options);
     expect_refused(run(drive + options));
   }
-  auto misspelled =
-      nlohmann::json::parse(text_of(std::string(SOURCE_DIR) + "/scenes/robot_drive.json"));
+  json misspelled = json::parse(text_of(std::string(SOURCE_DIR) + "/scenes/robot_drive.json"));
   misspelled["scene"] = std::string(SOURCE_DIR) + "/scenes/robot_corridor.json";
   misspelled["perception"]["delay_s"]["slover"] = 0.1;
   std::ofstream(path("misspelled.json")) << misspelled;
