@@ -85,6 +85,7 @@ void PathFollower::limit_speed(const std::vector<double>& limits, const VehicleS
   const auto after =
       std::ranges::upper_bound(path_, arc_length_, {}, &PathPoint::arc_length) - path_.begin();
   const auto here = std::max<std::ptrdiff_t>(0, std::min(after, std::ssize(path_) - 1) - 1);
+  limited_ = true;
   SpeedProfileOptions ahead = options_.profile;
   ahead.start = std::max(0.0, state.speed);
   if (!limits.empty()) ahead.limits.assign(limits.begin() + here, limits.end());
@@ -142,6 +143,8 @@ FollowerOutput PathFollower::follow(const VehicleState& state) {
   if (feed_forward < 0 && state.speed < output.target_speed) {
     feed_forward *= std::max(0.0, state.speed) / output.target_speed;
   }
+  // Beyond a limit the profile rises again, but not for who is faster than it.
+  if (limited_ && state.speed > output.target_speed) feed_forward = std::min(feed_forward, 0.0);
 
   if (limits_.wheelbase == 0 && std::abs(output.heading_error) > kTurnFirst) {
     output.target_speed = feed_forward = 0;

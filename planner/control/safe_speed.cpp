@@ -179,4 +179,11 @@ std::vector<double> steerable_speeds(std::span<const PathPoint> path, const Vehi
   return speeds;
 }
 
+void stop_at(std::span<const PathPoint> path, double arc_length, std::span<double> speeds) {
+  for (std::size_t i = 0; i < path.size(); ++i) {
+    const bool last_before = i + 1 == path.size() || path[i + 1].arc_length > arc_length;
+    if (last_before) speeds[i] = 0;
+  }
+}
+
 }  // namespace blindcorner

@@ -11,6 +11,7 @@
 
 #include "blindcorner/planner/control/path_follower.h"
 #include "blindcorner/planner/control/path_outlook.h"
+#include "blindcorner/planner/control/predicted_contact.h"
 #include "blindcorner/planner/control/safe_speed.h"
 #include "blindcorner/planner/grid/line_of_sight.h"
 #include "blindcorner/planner/grid/occupancy_grid.h"
@@ -86,7 +87,7 @@ class DriveLoop {
   void update_map(const LineOfSightScan* scan, const AnswerEvent* event);
   void plan();
   void follow(const PlanUpdate& update);
-  void limit_speed();
+  void limit_speed(const PlanningGrid& planning);
   void step();
   void note_frame();
   bool finished();
@@ -116,6 +117,7 @@ class DriveLoop {
   PoseHypotheses hypotheses_;
   Vehicle vehicle_;
   VehicleLimits limits_;
+  VehicleFootprint body_;  ///< without a margin
   Replanner replanner_;
   std::optional<PathFollower> follower_;
   std::optional<PathOutlook> outlook_;  ///< of the follower's path, where speed is chosen by it
@@ -159,6 +161,7 @@ DriveLoop::DriveLoop(const Drive& drive, const SimulatedSensor& sensor, const Dr
       hypotheses_(map_scene(drive.scene, perception_->disc_radius()), drive.map),
       vehicle_(model_of(drive.vehicle)),
       limits_(vehicle_.model().limits()),
+      body_(footprint_of(vehicle_.model())),
       replanner_(planner_options(drive.vehicle, vehicle_.model(), speed()),
                  replanner_options(drive, limits_, speed())),
       faults_(options.seed ^ kFaultSeed) {
@@ -313,7 +316,7 @@ void DriveLoop::plan() {
                         std::nullopt, steered_curvature());
   plan_text_ = update.text();
   follow(update);
-  if (drive_.speed_mode == SpeedMode::safe && follower_) limit_speed();
+  if (drive_.speed_mode == SpeedMode::safe && follower_) limit_speed(planning);
 }
 
 /// A follower for a new path. A stop is driven along what is left of the path, to its end; where
@@ -345,8 +348,9 @@ void DriveLoop::follow(const PlanUpdate& update) {
   outlook_.reset();
 }
 
-/// Lowers the follower's speeds to those from which the vehicle can stop for what may be there.
-void DriveLoop::limit_speed() {
+/// Lowers the follower's speeds to those from which the vehicle can stop for what may be there, and
+/// for what it would touch beside its path.
+void DriveLoop::limit_speed(const PlanningGrid& planning) {
   const std::vector<PathPoint>& path = follower_->path();
   if (!outlook_) {
     outlook_.emplace(path, vehicle_.model().footprint(), drive_.sensor.T_vehicle_sensor, sight_,
@@ -362,6 +366,16 @@ void DriveLoop::limit_speed() {
   std::ranges::transform(limits, steerable, limits.begin(),
                          [](double a, double b) { return std::min(a, b); });
   follower_->limit_speed(limits, believed());
+  if (brake_) return;
+  Vehicle ahead(vehicle_);
+  ahead.place(believed());
+  const std::optional<double> contact = predicted_contact(
+      ahead, *follower_, planning, body_, prediction_options(drive_, limits_, believed().speed));
+  if (!contact) return;
+  stop_at(path, std::max(here, *contact - safe_speed_options(drive_).margin), limits);
+  follower_->limit_speed(limits, believed());
+  // Where it stands now is not where the plan has it.
+  if (std::abs(believed().speed) < kStands) replanner_.reset();
 }
 
 /// One control period.

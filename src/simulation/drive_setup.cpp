@@ -47,6 +47,11 @@ std::shared_ptr<const VehicleModel> model_of(const DriveVehicle& vehicle) {
   return make_differential_drive(parameters);
 }
 
+VehicleFootprint footprint_of(const VehicleModel& model) {
+  const VehicleRectangle body = model.footprint();
+  return VehicleFootprint::rectangle(body.length, body.width, body.center_x);
+}
+
 PathPlannerOptions planner_options(const DriveVehicle& vehicle, const VehicleModel& model,
                                    double speed) {
   PathPlannerOptions options =
@@ -113,6 +118,15 @@ PathOutlookOptions outlook_options(const Drive& drive, const VehicleLimits& limi
                     speed * safe.reaction_time + drive.vehicle.length;
   options.station_spacing = drive.vehicle.length / 5;
   options.side_margin = kMargin * drive.vehicle.width / 2;
+  return options;
+}
+
+PredictionOptions prediction_options(const Drive& drive, const VehicleLimits& limits,
+                                     double speed) {
+  PredictionOptions options;
+  const SafeSpeedOptions safe = safe_speed_options(drive);
+  options.distance = safe.margin + drive.vehicle.length + std::abs(speed) * safe.reaction_time +
+                     0.5 * speed * speed / (safe.braking * limits.friction);
   return options;
 }
 

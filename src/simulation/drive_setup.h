@@ -7,6 +7,7 @@
 
 #include "blindcorner/io/drive_file.h"
 #include "blindcorner/planner/control/path_outlook.h"
+#include "blindcorner/planner/control/predicted_contact.h"
 #include "blindcorner/planner/control/safe_speed.h"
 #include "blindcorner/planner/grid/line_of_sight.h"
 #include "blindcorner/planner/grid/occupancy_grid.h"
@@ -17,6 +18,9 @@
 namespace blindcorner {
 
 std::shared_ptr<const VehicleModel> model_of(const DriveVehicle& vehicle);
+
+/// The vehicle's outline, without a margin.
+VehicleFootprint footprint_of(const VehicleModel& model);
 
 PathPlannerOptions planner_options(const DriveVehicle& vehicle, const VehicleModel& model,
                                    double speed);
@@ -33,6 +37,9 @@ SafeSpeedOptions safe_speed_options(const Drive& drive);
 
 /// Looks as far as a vehicle at the wanted speed needs to slow down and then to stop.
 PathOutlookOptions outlook_options(const Drive& drive, const VehicleLimits& limits, double speed);
+
+/// Looks as far as a vehicle at this speed (m/s) needs to stop.
+PredictionOptions prediction_options(const Drive& drive, const VehicleLimits& limits, double speed);
 
 /// The scene whose hidden objects the map knows: as they are, or as discs of a radius (m).
 Scene map_scene(const Scene& scene, const std::optional<double>& disc_radius);

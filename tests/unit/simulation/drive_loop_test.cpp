@@ -287,6 +287,21 @@ double slowest_at_the_corner(const Drive& drive, const DriveResult& result) {
   return slowest;
 }
 
+// With the cyclist in sight the plans of this world turn more quickly than the car steers. One that
+// heeds its paths alone touches him at 3 m/s.
+TEST(SafeSpeedDrive, StopsForWhatItWouldTouchBesideItsPath) {
+  const Drive drive = read_drive(std::string(SOURCE_DIR) + "/scenes/street_safe_drive.json");
+  const SimulatedSensor street(drive.scene);
+  DriveOptions options;
+  options.keep_pictures = false;
+  options.perception = "los";
+  options.seed = 65;
+  options.speed = 8.102;
+  const DriveResult result = drive_through(drive, street, options);
+  EXPECT_NE(result.outcome, DriveOutcome::collision);
+  EXPECT_GT(result.clearance, 0.3);
+}
+
 TEST(SafeSpeedDrive, WhoKnowsThatNothingIsThereNeedNotSlowDown) {
   Drive drive = read_drive(std::string(SOURCE_DIR) + "/scenes/street_safe_drive.json");
   drive.truth.present = 0;

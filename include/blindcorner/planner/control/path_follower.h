@@ -65,6 +65,7 @@ class PathFollower {
   PathFollowerOptions options_;
   std::vector<double> profile_;
   double arc_length_ = 0;
+  bool limited_ = false;  ///< limit_speed() was called
 };
 
 /// A stop where there is no path at all: friction limit, steering held at the present curvature.

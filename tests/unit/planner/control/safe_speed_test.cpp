@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -55,6 +56,20 @@ TEST(SafeSpeed, NothingUnknownAsksForNothing) {
   const auto speeds = safe_speed_limits(straight_path(50, 0.5), car(), {}, 0, plain());
   for (const double speed : speeds) EXPECT_EQ(speed, kNever);
   EXPECT_TRUE(safe_speed_limits({}, car(), {}, 0, plain()).empty());
+}
+
+TEST(SafeSpeed, AStopIsOneAlsoForWhoOvershootsIt) {
+  const auto path = straight_path(10, 0.5);
+  std::vector<double> speeds(path.size(), kNever);
+  stop_at(path, 4.2, speeds);
+  for (std::size_t i = 0; i < path.size(); ++i) {
+    EXPECT_EQ(speeds[i], path[i].arc_length < 4 ? kNever : 0) << path[i].arc_length;
+  }
+  std::ranges::fill(speeds, kNever);
+  stop_at(path, 99, speeds);
+  EXPECT_EQ(speeds.back(), 0);
+  EXPECT_EQ(speeds[speeds.size() - 2], kNever);
+  stop_at({}, 1, {});
 }
 
 TEST(SafeSpeed, BeforeAWallOfTheUnknownItIsTheClosedForm) {
