@@ -10,7 +10,7 @@
 namespace blindcorner {
 namespace {
 
-/// A vehicle slower than this, m/s, goes nowhere that is worth a prediction.
+/// A vehicle that brakes and is slower than this, m/s, stands.
 constexpr double kStands = 0.05;
 /// Depths of overlap that differ by less, m, are the same.
 constexpr double kDeeper = 0.01;
@@ -51,7 +51,7 @@ std::optional<double> predicted_contact(Vehicle vehicle, PathFollower follower,
   for (double time = 0; time < options.time_limit && driven < options.distance;
        time += options.period) {
     const FollowerOutput output = follower.follow(state);
-    if (std::abs(state.speed) < kStands && output.target_speed < kStands) break;
+    if (std::abs(state.speed) < kStands && output.request.acceleration <= 0) break;
     vehicle.step(output.request, options.period);
     const VehicleState next = vehicle.state();
     driven += (next.position - state.position).norm();

@@ -118,10 +118,12 @@ TEST(PredictedContact, WhoOverlapsMayDriveOutButNotDeeper) {
   EXPECT_NEAR(*contact, 10, 0.2);
 }
 
-TEST(PredictedContact, AVehicleThatStandsTouchesNothing) {
+TEST(PredictedContact, OnlyWhoStaysWhereItStandsTouchesNothing) {
   const Vehicle car = car_at(10, 0);
-  const PathFollower follower = follower_at(car, straight_path(39, 0.25), 0);
-  EXPECT_FALSE(predicted_contact(car, follower, wall_from(11), body_of(car)));
+  const auto path = straight_path(39, 0.25);
+  const PlanningGrid grid = wall_from(15);
+  EXPECT_FALSE(predicted_contact(car, follower_at(car, path, 0), grid, body_of(car)));
+  EXPECT_TRUE(predicted_contact(car, follower_at(car, path, 5), grid, body_of(car)));
 }
 
 TEST(PredictedContact, RefusesOptionsThatAreNoNumbers) {
