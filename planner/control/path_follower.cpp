@@ -17,6 +17,8 @@ constexpr double kArrivedWithin = 0.1, kArrivedSpeed = 0.05;
 /// A vehicle that turns on the spot does so for heading errors beyond this.
 constexpr double kTurnFirst = kPi / 4;
 
+/// A limited vehicle that is faster than its profile by this much, m/s, is not driven on by it.
+constexpr double kTooFast = 0.5;
 /// Speeds below which a safe stop goes straight on, m/s.
 constexpr double kSlowCar = 1.0, kSlowRobot = 0.05;
 
@@ -85,7 +87,7 @@ void PathFollower::limit_speed(const std::vector<double>& limits, const VehicleS
   const auto after =
       std::ranges::upper_bound(path_, arc_length_, {}, &PathPoint::arc_length) - path_.begin();
   const auto here = std::max<std::ptrdiff_t>(0, std::min(after, std::ssize(path_) - 1) - 1);
-  limited_ = true;
+  limited_ = !limits.empty();
   SpeedProfileOptions ahead = options_.profile;
   ahead.start = std::max(0.0, state.speed);
   if (!limits.empty()) ahead.limits.assign(limits.begin() + here, limits.end());
@@ -143,8 +145,10 @@ FollowerOutput PathFollower::follow(const VehicleState& state) {
   if (feed_forward < 0 && state.speed < output.target_speed) {
     feed_forward *= std::max(0.0, state.speed) / output.target_speed;
   }
-  // Beyond a limit the profile rises again, but not for who is faster than it.
-  if (limited_ && state.speed > output.target_speed) feed_forward = std::min(feed_forward, 0.0);
+  // Beyond a limit the profile rises again, but not for a vehicle that is still too fast.
+  if (limited_ && feed_forward > 0) {
+    feed_forward *= std::clamp(1 - (state.speed - output.target_speed) / kTooFast, 0.0, 1.0);
+  }
 
   if (limits_.wheelbase == 0 && std::abs(output.heading_error) > kTurnFirst) {
     output.target_speed = feed_forward = 0;

@@ -3,29 +3,33 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <string>
+#include <vector>
 
 #include "blindcorner/forward/error.h"
 
 namespace blindcorner {
 namespace {
 
-/// A vehicle that brakes and is slower than this, m/s, stands.
-constexpr double kStands = 0.05;
+/// A vehicle that brakes and is slower than this, m/s, stays where it is.
+constexpr double kStays = 0.05;
 /// Depths of overlap that differ by less, m, are the same.
 constexpr double kDeeper = 0.01;
 
-/// How deep the vehicle is in obstacles, m: 0 where it touches none.
-double overlap(const PlanningGrid& grid, const VehicleFootprint& body, const VehicleState& state) {
+/// [discs] How deep each disc of the vehicle is in obstacles, m: 0 where it touches none, at most
+/// its radius.
+std::vector<double> overlaps(const PlanningGrid& grid, const VehicleFootprint& body,
+                             const VehicleState& state) {
   const double radius = body.disc_radius();
-  double deepest = 0;
+  const Eigen::Vector2d ahead(std::cos(state.yaw), std::sin(state.yaw));
+  std::vector<double> depths;
   for (const double offset : body.disc_offsets()) {
-    const Eigen::Vector2d center =
-        state.position + offset * Eigen::Vector2d(std::cos(state.yaw), std::sin(state.yaw));
+    const Eigen::Vector2d center = state.position + offset * ahead;
     const auto nearest = grid.nearest_obstacle(center, radius);
-    if (nearest) deepest = std::max(deepest, radius - (*nearest - center).norm());
+    depths.push_back(nearest ? radius - (*nearest - center).norm() : 0.0);
   }
-  return deepest;
+  return depths;
 }
 
 }  // namespace
@@ -46,18 +50,20 @@ std::optional<double> predicted_contact(Vehicle vehicle, PathFollower follower,
                                         const PredictionOptions& options) {
   options.validate();
   VehicleState state = vehicle.state();
-  double allowed = overlap(grid, body, state);
+  std::vector<double> allowed = overlaps(grid, body, state);
   double driven = 0;
   for (double time = 0; time < options.time_limit && driven < options.distance;
        time += options.period) {
     const FollowerOutput output = follower.follow(state);
-    if (std::abs(state.speed) < kStands && output.request.acceleration <= 0) break;
+    if (std::abs(state.speed) < kStays && output.request.acceleration <= 0) break;
     vehicle.step(output.request, options.period);
     const VehicleState next = vehicle.state();
     driven += (next.position - state.position).norm();
-    const double depth = overlap(grid, body, next);
-    if (depth > allowed + kDeeper) return output.arc_length;
-    allowed = std::min(allowed, depth);
+    const std::vector<double> depths = overlaps(grid, body, next);
+    for (std::size_t disc = 0; disc < depths.size(); ++disc) {
+      if (depths[disc] > allowed[disc] + kDeeper) return output.arc_length;
+      allowed[disc] = std::min(allowed[disc], depths[disc]);
+    }
     state = next;
   }
   return std::nullopt;

@@ -180,9 +180,14 @@ std::vector<double> steerable_speeds(std::span<const PathPoint> path, const Vehi
 }
 
 void stop_at(std::span<const PathPoint> path, double arc_length, std::span<double> speeds) {
+  if (speeds.size() != path.size() || std::isnan(arc_length)) {
+    throw Error("stop_at: " + std::to_string(speeds.size()) + " speeds, arc length " +
+                std::to_string(arc_length) + "; accepted: " + std::to_string(path.size()) +
+                " speeds, one for each sample, and a number");
+  }
   for (std::size_t i = 0; i < path.size(); ++i) {
-    const bool last_before = i + 1 == path.size() || path[i + 1].arc_length > arc_length;
-    if (last_before) speeds[i] = 0;
+    const bool reaches_it = i + 1 == path.size() || path[i + 1].arc_length > arc_length;
+    if (reaches_it) speeds[i] = 0;
   }
 }
 

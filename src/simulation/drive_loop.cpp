@@ -32,7 +32,7 @@ using Eigen::Vector2d;
 
 /// Control period, s: 20 cm at the highest speed of a street.
 constexpr double kStep = 0.02;
-/// A vehicle that has stood for so long without a path has stopped for good, s.
+/// A vehicle that has stood for so long without a path that it can drive has stopped for good, s.
 constexpr double kGivesUpAfter = 3.0;
 /// A vehicle slower than this stands, m/s: 6 cm until it gives up.
 constexpr double kStands = 0.02;
@@ -122,6 +122,7 @@ class DriveLoop {
   std::optional<PathFollower> follower_;
   std::optional<PathOutlook> outlook_;  ///< of the follower's path, where speed is chosen by it
   bool brake_ = true;                   ///< no path to follow, or one that ends too soon
+  bool held_ = false;                   ///< by what it would touch beside its path
   std::mt19937_64 faults_;
 
   double time_ = 0;             ///< s
@@ -315,6 +316,7 @@ void DriveLoop::plan() {
       replanner_.update(planning, {at.position, at.yaw}, at.speed, drive_.route[next_goal_],
                         std::nullopt, steered_curvature());
   plan_text_ = update.text();
+  held_ = false;
   follow(update);
   if (drive_.speed_mode == SpeedMode::safe && follower_) limit_speed(planning);
 }
@@ -372,10 +374,9 @@ void DriveLoop::limit_speed(const PlanningGrid& planning) {
   const std::optional<double> contact = predicted_contact(
       ahead, *follower_, planning, body_, prediction_options(drive_, limits_, believed().speed));
   if (!contact) return;
-  stop_at(path, std::max(here, *contact - safe_speed_options(drive_).margin), limits);
+  held_ = true;
+  stop_at(path, *contact - safe_speed_options(drive_).margin, limits);
   follower_->limit_speed(limits, believed());
-  // Where it stands now is not where the plan has it.
-  if (std::abs(believed().speed) < kStands) replanner_.reset();
 }
 
 /// One control period.
@@ -415,7 +416,7 @@ bool DriveLoop::finished() {
     }
     ++next_goal_;
   }
-  const bool stands = brake_ && std::abs(at.speed) < kStands;
+  const bool stands = (brake_ || held_) && std::abs(at.speed) < kStands;
   if (!stands) standing_since_ = -1;
   if (stands && standing_since_ < 0) standing_since_ = time_;
   result_.outcome = stands && time_ - standing_since_ >= kGivesUpAfter ? DriveOutcome::stopped

@@ -127,6 +127,8 @@ PredictionOptions prediction_options(const Drive& drive, const VehicleLimits& li
   const SafeSpeedOptions safe = safe_speed_options(drive);
   options.distance = safe.margin + drive.vehicle.length + std::abs(speed) * safe.reaction_time +
                      0.5 * speed * speed / (safe.braking * limits.friction);
+  options.time_limit =
+      std::max(options.time_limit, 2 * options.distance / std::max(1.0, std::abs(speed)));
   return options;
 }
 

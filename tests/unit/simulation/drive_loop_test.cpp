@@ -298,7 +298,8 @@ TEST(SafeSpeedDrive, StopsForWhatItWouldTouchBesideItsPath) {
   options.seed = 65;
   options.speed = 8.102;
   const DriveResult result = drive_through(drive, street, options);
-  EXPECT_NE(result.outcome, DriveOutcome::collision);
+  EXPECT_TRUE(result.outcome == DriveOutcome::reached || result.outcome == DriveOutcome::stopped)
+      << outcome_word(result.outcome);
   EXPECT_GT(result.clearance, 0.3);
 }
 

@@ -49,7 +49,8 @@ class PathFollower {
   /// Call once a control period, in order: the nearest point is looked for ahead of the last one.
   FollowerOutput follow(const VehicleState& state);
   /// Plans the speed anew from where the vehicle is, within limits at the path's samples (m/s; of
-  /// safe_speed.h; empty: none). Throws Error unless there is one for each.
+  /// safe_speed.h; empty: none). A vehicle that is faster than they allow brakes until
+  /// it is not. Throws Error unless there is one for each.
   void limit_speed(const std::vector<double>& limits, const VehicleState& state);
   /// The same steering, and the strongest braking that the friction circle leaves beside it.
   FollowerOutput stop(const VehicleState& state);
@@ -65,7 +66,7 @@ class PathFollower {
   PathFollowerOptions options_;
   std::vector<double> profile_;
   double arc_length_ = 0;
-  bool limited_ = false;  ///< limit_speed() was called
+  bool limited_ = false;  ///< by limit_speed()
 };
 
 /// A stop where there is no path at all: friction limit, steering held at the present curvature.

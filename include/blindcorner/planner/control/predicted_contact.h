@@ -21,10 +21,12 @@ struct PredictionOptions {
 
 /// Arc length of the follower's path at which its vehicle will touch an obstacle of the grid, m;
 /// none where it will not. The path may be free where its vehicle is not: one that turns more
-/// quickly than the steering can is left on the outside of the turn. So the vehicle's own equations
-/// are driven ahead with the follower's own commands, both copies, until the vehicle stands or has
-/// driven `distance`. The answer is rounded backwards to the place of the step before. A vehicle
-/// that overlaps obstacles already may drive out of them, but not deeper into them.
+/// quickly than the steering can is left on the outside of the turn. So copies of both drive on,
+/// the vehicle by its own equations and as the follower tells it, until it stays where it is or has
+/// driven `distance`, or for `time_limit`. A vehicle that turns on the spot stays where it is. The
+/// answer is rounded backwards to the place of the step before. What is beside the grid is free. A
+/// disc of the body that is in an obstacle from the start on may leave it, but not go deeper (than
+/// to its centre).
 std::optional<double> predicted_contact(Vehicle vehicle, PathFollower follower,
                                         const PlanningGrid& grid, const VehicleFootprint& body,
                                         const PredictionOptions& options = {});

@@ -78,8 +78,8 @@ std::vector<double> safe_speed_limits(std::span<const PathPoint> path, const Veh
 std::vector<double> steerable_speeds(std::span<const PathPoint> path, const VehicleLimits& limits,
                                      double from, double curvature);
 
-/// Sets the speeds, one for each sample, to 0 from an arc length of the path on: a vehicle that
-/// overshoots it stops there too.
+/// Sets the speeds to 0 from the last sample before an arc length on: a vehicle that overshoots it
+/// stops too. Throws Error unless there is a speed for each sample.
 void stop_at(std::span<const PathPoint> path, double arc_length, std::span<double> speeds);
 
 }  // namespace blindcorner

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <limits>
 
 #include "blindcorner/forward/error.h"
@@ -118,6 +119,19 @@ TEST(PredictedContact, WhoOverlapsMayDriveOutButNotDeeper) {
   EXPECT_NEAR(*contact, 10, 0.2);
 }
 
+TEST(PredictedContact, AnOverlapBehindDoesNotHideAnObstacleAhead) {
+  const Vehicle car = car_at(10, 2);
+  const PathFollower follower = follower_at(car, straight_path(39, 0.25), 2);
+  const double front = car.model().footprint().length / 2;
+  const auto both = [&](double ahead) {
+    return ground([=](const Eigen::Vector2d& center) {
+      return center.x() < 10 - front + 0.5 || center.x() > 10 + ahead;
+    });
+  };
+  EXPECT_TRUE(predicted_contact(car, follower, both(front + 1), body_of(car)));
+  EXPECT_FALSE(predicted_contact(car, follower, both(front + 20), body_of(car)));
+}
+
 TEST(PredictedContact, OnlyWhoStaysWhereItStandsTouchesNothing) {
   const Vehicle car = car_at(10, 0);
   const auto path = straight_path(39, 0.25);
@@ -129,9 +143,14 @@ TEST(PredictedContact, OnlyWhoStaysWhereItStandsTouchesNothing) {
 TEST(PredictedContact, RefusesOptionsThatAreNoNumbers) {
   const Vehicle car = car_at(10, 1);
   const PathFollower follower = follower_at(car, straight_path(39, 0.25), 1);
-  PredictionOptions options;
-  options.period = 0;
-  EXPECT_THROW(predicted_contact(car, follower, wall_from(30), body_of(car), options), Error);
+  for (const auto option :
+       {&PredictionOptions::period, &PredictionOptions::distance, &PredictionOptions::time_limit}) {
+    for (const double wrong : {0.0, -1.0, std::nan("")}) {
+      PredictionOptions options;
+      options.*option = wrong;
+      EXPECT_THROW(predicted_contact(car, follower, wall_from(30), body_of(car), options), Error);
+    }
+  }
 }
 
 }  // namespace

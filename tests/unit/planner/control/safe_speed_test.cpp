@@ -70,6 +70,8 @@ TEST(SafeSpeed, AStopIsOneAlsoForWhoOvershootsIt) {
   EXPECT_EQ(speeds.back(), 0);
   EXPECT_EQ(speeds[speeds.size() - 2], kNever);
   stop_at({}, 1, {});
+  EXPECT_THROW(stop_at(path, 1, {}), Error);
+  EXPECT_THROW(stop_at(path, std::nan(""), speeds), Error);
 }
 
 TEST(SafeSpeed, BeforeAWallOfTheUnknownItIsTheClosedForm) {
