@@ -6,12 +6,15 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <limits>
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <sstream>
+#include <string_view>
 
+#include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
 #include "blindcorner/inverse/posterior/evaluation.h"
 #include "blindcorner/io/atomic_file.h"
@@ -59,11 +62,33 @@ Eigen::VectorXd vector_of(const std::map<std::string, double>& values,
   return v;
 }
 
-/// A table with a header: the unknowns' names, and `index` (place in the result, from 0) if rows
-/// are not in its order.
+/// "front.yaw_rad" of "front.yaw_deg"; nothing of other names.
+std::optional<std::string> in_radians(const std::string& column) {
+  constexpr std::string_view kDegrees = "yaw_deg";
+  if (!column.ends_with(kDegrees)) return std::nullopt;
+  return column.substr(0, column.size() - kDegrees.size()) + "yaw_rad";
+}
+
+int place_of(double index, const std::string& where) {
+  if (index >= 0 && index <= std::numeric_limits<int>::max() && index == std::floor(index)) {
+    return static_cast<int>(index);
+  }
+  throw Error(where + ": index",
+              "found " + std::to_string(index) + ", accepted: a capture's place, from 0");
+}
+
+/// A table with a header: the unknowns' names (yaws also in degrees, as yaw_deg), and `index`
+/// (place in the result, from 0) if rows are not in its order.
 Truth read_csv(const std::string& path, const std::vector<std::string>& names) {
   const CsvTable table = read_csv_table(path);
-  const std::vector<std::string>& header = table.header;
+  std::vector<std::string> header = table.header;
+  std::vector<double> units(header.size(), 1);
+  for (std::size_t c = 0; c < header.size(); ++c) {
+    const std::optional<std::string> radians = in_radians(header[c]);
+    if (!radians) continue;
+    header[c] = *radians;
+    units[c] = kDegree;
+  }
   for (const std::string& name : names) {
     if (std::find(header.begin(), header.end(), name) == header.end()) {
       throw Error(path, "column " + name + " is missing, accepted: a header that names it");
@@ -81,8 +106,8 @@ Truth read_csv(const std::string& path, const std::vector<std::string>& names) {
         if (std::find(names.begin(), names.end(), header[c]) == names.end()) continue;
         throw Error(csv_place(path, row), "found '" + values[c] + "', accepted: a number");
       }
-      known[header[c]] = value;
-      if (header[c] == "index") index = static_cast<int>(value);
+      known[header[c]] = units[c] * value;
+      if (header[c] == "index") index = place_of(value, csv_place(path, row));
     }
     truth[index] = vector_of(known, names);
   }

@@ -617,6 +617,29 @@ TEST_F(CliCalibration, CalibratesFitsAndEvaluates) {
       << shifted.out << shifted.err;
 }
 
+TEST_F(Cli, ATableOfTruthsMayHaveYawInDegrees) {
+  const std::string capture = SOURCE_DIR "/scenes/captures/tmf8828_wall.exr";
+  ASSERT_EQ(run("fit '" SOURCE_DIR "/scenes/tmf8828_wall.json' '" + capture + "' -o '" +
+                path("fit") + "'")
+                .exit_code,
+            0);
+  const std::string result = "'" + path("fit") + "/result.json'";
+  const auto yaw_error = [&](const std::string& truth) {
+    const Outcome outcome = run("evaluate " + result + " " + truth);
+    EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+    const json figures = json::parse(text_of(path("fit") + "/evaluation.json"));
+    return figures["rows"][0]["figures"]["rmse_yaw_rad"]["value"].get<double>();
+  };
+  const double expected = yaw_error("'" + capture + "'");
+  EXPECT_NEAR(yaw_error("'" + write_text("d.csv", "x_m,y_m,z_m,yaw_deg\n.28,.5,1.05,-20\n") + "'"),
+              expected, 1e-9);
+  const Outcome nowhere =
+      run("evaluate " + result + " '" +
+          write_text("i.csv", "index,x_m,y_m,z_m,yaw_deg\n1e30,0,0,0,0\n") + "'");
+  EXPECT_EQ(nowhere.exit_code, 2);
+  EXPECT_THAT(nowhere.err, HasSubstr("index: found"));
+}
+
 TEST_F(Cli, CalibrationAndEvaluationNameWhatIsWrong) {
   const std::string scene = "'" SOURCE_DIR "/scenes/cheapspad_mirrors.json'";
   ASSERT_EQ(run("render " + scene + " --model fast -o '" + path("c.exr") + "'").exit_code, 0);
