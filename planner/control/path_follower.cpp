@@ -8,6 +8,7 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
+#include "planner/require_positive.h"
 
 namespace blindcorner {
 namespace {
@@ -47,9 +48,7 @@ double mean_curvature(const std::vector<PathPoint>& path, double from, double to
 
 void PathFollowerOptions::validate() const {
   const auto positive = [](const char* field, double value) {
-    if (value > 0 && std::isfinite(value)) return;
-    throw Error("PathFollowerOptions." + std::string(field) + " = " + std::to_string(value) +
-                "; accepted: a number > 0");
+    require_positive("PathFollowerOptions", field, value);
   };
   positive("control_point_time", control_point_time);
   positive("control_point_distance", control_point_distance);

@@ -4,10 +4,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <string>
 #include <vector>
 
-#include "blindcorner/forward/error.h"
+#include "planner/require_positive.h"
 
 namespace blindcorner {
 namespace {
@@ -35,14 +34,9 @@ std::vector<double> overlaps(const PlanningGrid& grid, const VehicleFootprint& b
 }  // namespace
 
 void PredictionOptions::validate() const {
-  const auto positive = [](const char* field, double value) {
-    if (value > 0 && std::isfinite(value)) return;
-    throw Error("PredictionOptions." + std::string(field) + " = " + std::to_string(value) +
-                "; accepted: a number > 0");
-  };
-  positive("period", period);
-  positive("distance", distance);
-  positive("time_limit", time_limit);
+  require_positive("PredictionOptions", "period", period);
+  require_positive("PredictionOptions", "distance", distance);
+  require_positive("PredictionOptions", "time_limit", time_limit);
 }
 
 std::optional<double> predicted_contact(Vehicle vehicle, PathFollower follower,

@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
 #include <limits>
 #include <map>
+#include <ranges>
 #include <string>
 #include <utility>
 
@@ -185,10 +187,9 @@ void stop_at(std::span<const PathPoint> path, double arc_length, std::span<doubl
                 std::to_string(arc_length) + "; accepted: " + std::to_string(path.size()) +
                 " speeds, one for each sample, and a number");
   }
-  for (std::size_t i = 0; i < path.size(); ++i) {
-    const bool reaches_it = i + 1 == path.size() || path[i + 1].arc_length > arc_length;
-    if (reaches_it) speeds[i] = 0;
-  }
+  const auto after = std::ranges::upper_bound(path, arc_length, {}, &PathPoint::arc_length);
+  const auto first = std::max<std::ptrdiff_t>(1, after - path.begin()) - 1;
+  std::ranges::fill(speeds | std::views::drop(first), 0.0);
 }
 
 }  // namespace blindcorner

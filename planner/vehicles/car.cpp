@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "planner/require_positive.h"
 #include "planner/vehicles/single_track_limits.h"
 
 namespace blindcorner {

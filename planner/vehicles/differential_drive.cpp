@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "blindcorner/planner/vehicles/single_track_parameters.h"
+#include "planner/require_positive.h"
 #include "planner/vehicles/single_track_limits.h"
 
 namespace blindcorner {

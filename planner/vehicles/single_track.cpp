@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "planner/require_positive.h"
 #include "planner/vehicles/single_track_limits.h"
 #include "planner/vehicles/single_track_states.h"
 #include "planner/vehicles/slow_single_track.h"

@@ -3,9 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <string>
 
-#include "blindcorner/forward/error.h"
+#include "planner/require_positive.h"
 
 namespace blindcorner {
 
@@ -54,12 +53,6 @@ VehicleLimits single_track_limits(const SingleTrackParameters& parameters, doubl
 
 double without_reversing(double acceleration, double speed, double dt) {
   return std::max(acceleration, std::min(0.0, -speed / dt));
-}
-
-void require_positive(const char* owner, const char* field, double value) {
-  if (value > 0 && std::isfinite(value)) return;
-  throw Error(std::string(owner) + "." + field + " = " + std::to_string(value) +
-              "; accepted: a number > 0");
 }
 
 void SingleTrackParameters::validate() const {

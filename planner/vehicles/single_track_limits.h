@@ -30,7 +30,4 @@ VehicleLimits single_track_limits(const SingleTrackParameters& parameters, doubl
 /// Acceleration that comes to rest rather than to reverse within `dt`.
 double without_reversing(double acceleration, double speed, double dt);
 
-/// Throws Error "owner.field = value; accepted: a number > 0".
-void require_positive(const char* owner, const char* field, double value);
-
 }  // namespace blindcorner

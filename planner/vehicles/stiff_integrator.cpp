@@ -12,7 +12,7 @@
 
 #include "blindcorner/forward/error.h"
 #include "blindcorner/planner/vehicles/integrator.h"
-#include "planner/vehicles/single_track_limits.h"
+#include "planner/require_positive.h"
 
 namespace blindcorner {
 namespace {

@@ -6,21 +6,21 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <iterator>
 #include <limits>
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <sstream>
-#include <string_view>
 
-#include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
 #include "blindcorner/inverse/posterior/evaluation.h"
 #include "blindcorner/io/atomic_file.h"
 #include "blindcorner/io/capture_file.h"
 #include "commands/commands.h"
 #include "commands/csv_table.h"
+#include "commands/truth_table.h"
 #include "io/file_bytes.h"
 #include "io/json_depth.h"
 #include "report/evaluation_page.h"
@@ -62,13 +62,6 @@ Eigen::VectorXd vector_of(const std::map<std::string, double>& values,
   return v;
 }
 
-/// "front.yaw_rad" of "front.yaw_deg"; nothing of other names.
-std::optional<std::string> in_radians(const std::string& column) {
-  constexpr std::string_view kDegrees = "yaw_deg";
-  if (!column.ends_with(kDegrees)) return std::nullopt;
-  return column.substr(0, column.size() - kDegrees.size()) + "yaw_rad";
-}
-
 int place_of(double index, const std::string& where) {
   if (index >= 0 && index <= std::numeric_limits<int>::max() && index == std::floor(index)) {
     return static_cast<int>(index);
@@ -81,16 +74,10 @@ int place_of(double index, const std::string& where) {
 /// (place in the result, from 0) if rows are not in its order.
 Truth read_csv(const std::string& path, const std::vector<std::string>& names) {
   const CsvTable table = read_csv_table(path);
-  std::vector<std::string> header = table.header;
-  std::vector<double> units(header.size(), 1);
-  for (std::size_t c = 0; c < header.size(); ++c) {
-    const std::optional<std::string> radians = in_radians(header[c]);
-    if (!radians) continue;
-    header[c] = *radians;
-    units[c] = kDegree;
-  }
+  std::vector<TruthColumn> columns;
+  std::ranges::transform(table.header, std::back_inserter(columns), truth_column);
   for (const std::string& name : names) {
-    if (std::find(header.begin(), header.end(), name) == header.end()) {
+    if (std::ranges::find(columns, name, &TruthColumn::name) == columns.end()) {
       throw Error(path, "column " + name + " is missing, accepted: a header that names it");
     }
   }
@@ -99,15 +86,16 @@ Truth read_csv(const std::string& path, const std::vector<std::string>& names) {
     const std::vector<std::string>& values = table.rows[row];
     std::map<std::string, double> known;
     auto index = static_cast<int>(row);
-    for (std::size_t c = 0; c < header.size(); ++c) {
+    for (std::size_t c = 0; c < columns.size(); ++c) {
+      const std::string& name = columns[c].name;
       char* end = nullptr;
       const double value = std::strtod(values[c].c_str(), &end);
       if (end == values[c].c_str() || *end != '\0') {
-        if (std::find(names.begin(), names.end(), header[c]) == names.end()) continue;
+        if (std::find(names.begin(), names.end(), name) == names.end()) continue;
         throw Error(csv_place(path, row), "found '" + values[c] + "', accepted: a number");
       }
-      known[header[c]] = units[c] * value;
-      if (header[c] == "index") index = place_of(value, csv_place(path, row));
+      known[name] = columns[c].unit * value;
+      if (name == "index") index = place_of(value, csv_place(path, row));
     }
     truth[index] = vector_of(known, names);
   }

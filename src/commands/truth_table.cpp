@@ -52,6 +52,11 @@ double table_number(const std::string& cell, const std::string& where) {
 
 }  // namespace
 
+TruthColumn truth_column(const std::string& header) {
+  if (component_of(header) != kDegrees) return {header};
+  return {header.substr(0, header.size() - kDegrees.size()) + "yaw_rad", kDegree};
+}
+
 void add_truths(const std::string& path, std::vector<Capture>& captures) {
   const CsvTable table = read_csv_table(path);
   check_header(path, table.header);
@@ -67,18 +72,15 @@ void add_truths(const std::string& path, std::vector<Capture>& captures) {
     double place = static_cast<double>(r);
     for (std::size_t c = 0; c < table.header.size(); ++c) {
       const std::string& cell = table.rows[r][c];
-      std::string name = table.header[c];
-      if (cell.empty() && name != kIndex) continue;
-      double value = table_number(cell, where + ": " + name);
-      if (name == kIndex) {
+      const std::string& header = table.header[c];
+      if (cell.empty() && header != kIndex) continue;
+      const double value = table_number(cell, where + ": " + header);
+      if (header == kIndex) {
         place = value;
         continue;
       }
-      if (component_of(name) == kDegrees) {
-        value *= kDegree;
-        name.replace(name.size() - kDegrees.size(), kDegrees.size(), "yaw_rad");
-      }
-      truth[name] = value;
+      const TruthColumn column = truth_column(header);
+      truth[column.name] = column.unit * value;
     }
     if (place < 0 || place >= static_cast<double>(captures.size()) || place != std::floor(place)) {
       throw Error(where + ": index", "found " + std::to_string(place) + ", accepted: 0 to " +

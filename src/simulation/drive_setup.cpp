@@ -47,9 +47,10 @@ std::shared_ptr<const VehicleModel> model_of(const DriveVehicle& vehicle) {
   return make_differential_drive(parameters);
 }
 
-VehicleFootprint footprint_of(const VehicleModel& model) {
+VehicleFootprint footprint_of(const VehicleModel& model, double margin) {
   const VehicleRectangle body = model.footprint();
-  return VehicleFootprint::rectangle(body.length, body.width, body.center_x);
+  return VehicleFootprint::rectangle(body.length + 2 * margin, body.width + 2 * margin,
+                                     body.center_x);
 }
 
 PathPlannerOptions planner_options(const DriveVehicle& vehicle, const VehicleModel& model,
@@ -59,15 +60,12 @@ PathPlannerOptions planner_options(const DriveVehicle& vehicle, const VehicleMod
   options.grid.occupied_threshold = kAvoidedProbability;
   options.grid.unknown_occupancy = kUnknownOccupancy;
   options.grid.risk_weight = kRiskWeight;
-  const VehicleRectangle body = model.footprint();
-  const double margin = kMargin * body.width;
   const VehicleLimits limits = model.limits();
   options.smoothing.min_turning_radius = turning_radius(vehicle, limits, speed);
   if (limits.wheelbase > 0 && std::isfinite(limits.steering_rate)) {
     options.smoothing.max_curvature_rate = limits.steering_rate / (limits.wheelbase * speed);
   }
-  options.smoothing.footprint =
-      VehicleFootprint::rectangle(body.length + 2 * margin, body.width + 2 * margin, body.center_x);
+  options.smoothing.footprint = footprint_of(model, kMargin * model.footprint().width);
   return options;
 }
 

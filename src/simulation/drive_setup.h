@@ -19,8 +19,8 @@ namespace blindcorner {
 
 std::shared_ptr<const VehicleModel> model_of(const DriveVehicle& vehicle);
 
-/// The vehicle's outline, without a margin.
-VehicleFootprint footprint_of(const VehicleModel& model);
+/// The vehicle's outline, wider by a margin (m) on each side.
+VehicleFootprint footprint_of(const VehicleModel& model, double margin = 0);
 
 PathPlannerOptions planner_options(const DriveVehicle& vehicle, const VehicleModel& model,
                                    double speed);
