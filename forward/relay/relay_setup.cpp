@@ -392,6 +392,10 @@ std::vector<Vector3d> RelaySetup::relay_points() const {
     any_seen = any_seen || !patches.empty();
     add(patches);
   }
+  if (std::ranges::all_of(scene_.sensor.zones, &Zone::dead)) {
+    throw Error(scene_place(scene_),
+                "sensor.dead_zones: found every zone, accepted: at least one that works");
+  }
   if (!any_lit || !any_seen) {
     throw Error(scene_place(scene_),
                 std::string("surfaces: found no relay surface that the sensor ") +

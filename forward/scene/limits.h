@@ -31,7 +31,8 @@ inline const NumberRange kAngle = NumberRange::inside(-90, 90);                 
 inline const NumberRange kHalfAngle = NumberRange::inside(0, 90);                   // degrees
 inline const NumberRange kFullAngle = NumberRange::inside(0, 180);                  // degrees
 inline const NumberRange kLightOffset = NumberRange::between(-100, 100);            // m
-inline const NumberRange kPileUpCycles = NumberRange::at_least(1);
+/// Above it single photons are lost in rounding the number of laser cycles that are still free.
+inline const NumberRange kPileUpCycles = NumberRange::between(1, 1e15);
 inline const NumberRange kBackground = NumberRange::between(-1e30, 1e30);    // counts
 inline const NumberRange kPhotonBackground = NumberRange::between(0, 1e30);  // counts
 

@@ -3,7 +3,7 @@
 
 #include <cmath>
 #include <fstream>
-#include <iterator>
+#include <sstream>
 
 #include "blindcorner/forward/error.h"
 #include "inverse/baseline/cnn_description.h"
@@ -26,9 +26,13 @@ bool CnnBaseline::available() { return find_cnn_backend() != nullptr; }
 
 CnnBaseline CnnBaseline::load(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
-  const std::string bytes{std::istreambuf_iterator<char>(file), {}};
-  if (!file || bytes.empty()) {
-    throw Error(path, "no such file, or it is empty; accepted: a file of weights of cnn train");
+  std::ostringstream content;
+  content << file.rdbuf();
+  const std::string bytes = content.str();
+  if (bytes.empty()) {
+    throw Error(path,
+                "no such file, or it is empty or a directory; accepted: a file of weights of cnn "
+                "train");
   }
   return parse(bytes, path);
 }

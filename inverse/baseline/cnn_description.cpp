@@ -4,12 +4,14 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <numeric>
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
 #include "blindcorner/forward/scene/orientation.h"
+#include "forward/scene/limits.h"
 
 namespace blindcorner {
 namespace {
@@ -77,17 +79,44 @@ Eigen::Vector3d parse_vector(const Json& json) {
   return {values[0], values[1], values[2]};
 }
 
+/// The beginning of a value, for messages.
+std::string quoted(const Json& json) {
+  if (json.is_structured()) return std::string("an ") + json.type_name();
+  constexpr std::size_t kMost = 40;
+  std::string text = json.dump(-1, ' ', true, Json::error_handler_t::replace);
+  if (text.size() > kMost) text = text.substr(0, kMost) + "...";
+  return text;
+}
+
 Json unknown_json(const CnnUnknown& unknown) {
   Json json{{"name", unknown.name}, {"lower", unknown.lower}, {"upper", unknown.upper}};
   if (unknown.period > 0) json["period"] = unknown.period;
   return json;
 }
 
-CnnDescription read_fields(const Json& json) {
+/// A whole number from `lower` to `upper`; the library would take text of other numbers as well.
+template <typename Integer>
+Integer parse_whole(const Json& object, const std::string& field, Integer lower, Integer upper,
+                    const std::string& where) {
+  const Json& json = object.at(field);
+  if (json.is_number_unsigned()) {
+    const auto value = json.get<std::uint64_t>();
+    if (value >= static_cast<std::uint64_t>(lower) && value <= static_cast<std::uint64_t>(upper)) {
+      return static_cast<Integer>(value);
+    }
+  }
+  throw Error(where + "." + field, "found " + quoted(json) + ", accepted: a whole number from " +
+                                       std::to_string(lower) + " to " + std::to_string(upper));
+}
+
+CnnDescription read_fields(const Json& json, CnnArchitecture network, const std::string& where) {
+  constexpr int kMost = std::numeric_limits<int>::max();
+  constexpr std::uint64_t kMostSeed = std::numeric_limits<std::uint64_t>::max();
   CnnDescription d;
+  d.network = network;
   d.scene = json.at("scene").get<std::string>();
-  d.zones = json.at("zones").get<int>();
-  d.bins = json.at("bins").get<int>();
+  d.zones = parse_whole(json, "zones", 1, limits::kMaxZones, where);
+  d.bins = parse_whole(json, "bins", fewest_bins(network), limits::kMaxBins, where);
   d.bin_width = json.at("bin_width_ps").get<double>() * kPicosecond;
   d.input_scale = json.at("input_scale").get<double>();
   if (json.contains("input_mean")) {
@@ -102,11 +131,13 @@ CnnDescription read_fields(const Json& json) {
                           entry.at("upper").get<double>(), entry.value("period", 0.0)});
   }
   const Json& training = json.at("training");
-  d.training.captures = training.at("captures").get<int>();
+  const std::string training_where = where + ".training";
+  d.training.captures = parse_whole(training, "captures", 0, kMost, training_where);
   d.training.validation_share = training.at("validation_share").get<double>();
-  d.training.split_seed = training.at("split_seed").get<std::uint64_t>();
-  d.training.seed = training.at("seed").get<std::uint64_t>();
-  d.training.epoch = training.at("epoch").get<int>();
+  d.training.split_seed =
+      parse_whole(training, "split_seed", std::uint64_t{0}, kMostSeed, training_where);
+  d.training.seed = parse_whole(training, "seed", std::uint64_t{0}, kMostSeed, training_where);
+  d.training.epoch = parse_whole(training, "epoch", 0, kMost, training_where);
   d.training.split_by_truth = training.value("split_by_truth", false);
   return d;
 }
@@ -115,13 +146,6 @@ void check_fields(const CnnDescription& d, const std::string& where) {
   const auto fail = [&](const std::string& field, const std::string& accepted) {
     throw Error(where + ": metadata." + field, "accepted: " + accepted);
   };
-  // As of a scene (forward/scene/limits.h): a file cannot ask for a network of any size.
-  constexpr int kMaxZones = 256 * 256, kMaxBins = 131072;
-  if (d.zones < 1 || d.zones > kMaxZones) fail("zones", "1 to " + std::to_string(kMaxZones));
-  const int fewest = fewest_bins(d.network);
-  if (d.bins < fewest || d.bins > kMaxBins) {
-    fail("bins", std::to_string(fewest) + " to " + std::to_string(kMaxBins));
-  }
   if (!(d.bin_width >= 0)) fail("bin_width_ps", "a number >= 0");
   if (!(d.input_scale > 0)) fail("input_scale", "a number > 0");
   const std::size_t values = static_cast<std::size_t>(d.zones) * static_cast<std::size_t>(d.bins);
@@ -238,8 +262,7 @@ CnnDescription parse_description(const std::string& text, const std::string& whe
     }
     const auto network =
         parse_cnn_architecture(json.value("network", "published"), where + ": metadata.network");
-    description = read_fields(json);
-    description.network = network;
+    description = read_fields(json, network, where + ": metadata");
   } catch (const nlohmann::json::exception& error) {
     throw Error(where + ": metadata", error.what());
   }

@@ -25,9 +25,6 @@ namespace {
 
 constexpr const char* kAttribute = "blindcorner";
 constexpr const char* kChannel = "Y";
-/// Deflate cannot shrink by more than 1032 : 1 (zlib's technical notes); a header that promises
-/// more pixels than that is damaged, and believing it would only exhaust the memory.
-constexpr double kLargestCompression = 1032.0;
 
 bool is_lossless(Imf::Compression compression) {
   switch (compression) {
@@ -95,7 +92,7 @@ void check_extent(const CaptureFile& file, const Imath::Box2i& gate, double file
                           std::to_string(cube.rows) + " x " + std::to_string(cube.columns) +
                           " zones, " + whole(rows) + " rows");
   }
-  if (width * height * sizeof(float) > kLargestCompression * file_bytes) {
+  if (width * height * sizeof(float) > kDeflateExpansion * file_bytes) {
     throw Error(path, "is truncated: " + whole(file_bytes) + " bytes cannot hold " + whole(width) +
                           " x " + whole(height) + " pixels");
   }

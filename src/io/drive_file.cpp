@@ -285,7 +285,10 @@ void read_trials(const JsonReader& reader, Drive& drive) {
 void read_named_scene(const JsonReader& reader, Drive& drive) {
   const std::filesystem::path beside = std::filesystem::path(reader.file()).parent_path();
   const std::string path = (beside / reader.text()).string();
-  if (!std::filesystem::exists(path)) reader.fail("a scene file, relative to the drive file");
+  std::error_code unreadable;  // a name longer than the system has, say
+  if (!std::filesystem::exists(path, unreadable)) {
+    reader.fail("a scene file, relative to the drive file");
+  }
   drive.scene = read_scene(path);
   drive.motion = read_motion(path);
 }

@@ -13,6 +13,8 @@ namespace {
 constexpr std::size_t kMagic = 4, kMagicAndVersion = 8;
 /// Of the version: a header for each part follows.
 constexpr std::int32_t kSeveralParts = 0x1000;
+/// Of the version: pixels have lists of values.
+constexpr std::int32_t kDeep = 0x800;
 
 /// Little-endian, at a place that has four bytes.
 std::int32_t integer_at(const std::string& bytes, std::size_t at) {
@@ -52,7 +54,7 @@ bool has_size_of_its_type(std::string_view type, std::string_view value) {
   return fixed == kFixedSizes.end() || fixed->second == value.size();
 }
 
-/// Most pixels of a row, as captures may have bins.
+/// Most pixels of a row, as captures may have bins; and of a tile.
 constexpr std::int64_t kWidest = 1 << 20;
 
 /// Rows are stored in blocks of at most 32 (PIZ), each with 16 bytes of its own at least.
@@ -64,12 +66,21 @@ bool fits(const std::string& bytes, std::size_t box) {
   return extent(0) <= kWidest && extent(1) <= 2 * static_cast<std::int64_t>(bytes.size());
 }
 
+/// OpenEXR makes room for a tile of the size that the file states, whatever follows.
+bool is_small_tile(const std::string& bytes, std::size_t tile) {
+  const std::int64_t width = integer_at(bytes, tile), height = integer_at(bytes, tile + 4);
+  return width >= 1 && height >= 1 && width * height <= kWidest;
+}
+
 }  // namespace
 
 void check_exr_header(const std::string& bytes, const std::string& path) {
   if (bytes.size() < kMagicAndVersion) throw Error(path, "is truncated: its header has no end");
   if ((integer_at(bytes, kMagic) & kSeveralParts) != 0) {
     throw Error(path, "has several parts, accepted one");
+  }
+  if ((integer_at(bytes, kMagic) & kDeep) != 0) {
+    throw Error(path, "has deep pixels, accepted plain ones");
   }
   // Attributes follow each other: name, type (both end with a zero), size, value; an empty name
   // ends the header (OpenEXR file layout).
@@ -99,6 +110,9 @@ void check_exr_header(const std::string& bytes, const std::string& path) {
     if (type == "box2i" && !fits(bytes, value)) {
       throw Error(path, "is damaged or truncated: its header declares more pixels than " +
                             std::to_string(bytes.size()) + " bytes can hold");
+    }
+    if (type == "tiledesc" && !is_small_tile(bytes, value)) {
+      throw Error(path, "found tiles of more than 2^20 pixels, accepted: at most that many");
     }
     at = value + length;
   }

@@ -2,11 +2,11 @@
 #include "io/file_bytes.h"
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
-#include <iterator>
 
 #include "blindcorner/forward/error.h"
 
@@ -22,7 +22,10 @@ std::ifstream open_for_reading(const std::string& path) {
   errno = 0;
   std::ifstream stream(path, std::ios::binary);
   if (!stream) throw Error(path, std::string("cannot be read: ") + std::strerror(errno));
-  if (stream.peek() == std::ifstream::traits_type::eof()) throw Error(path, "is empty");
+  if (stream.peek() == std::ifstream::traits_type::eof()) {
+    if (stream.bad()) throw Error(path, std::string("cannot be read: ") + std::strerror(errno));
+    throw Error(path, "is empty");
+  }
   return stream;
 }
 
@@ -32,7 +35,12 @@ void check_readable(const std::string& path) { open_for_reading(path); }
 
 std::string read_bytes(const std::string& path) {
   std::ifstream stream = open_for_reading(path);
-  std::string bytes((std::istreambuf_iterator<char>(stream)), std::istreambuf_iterator<char>());
+  std::string bytes;
+  std::array<char, 1 << 16> block{};
+  do {
+    stream.read(block.data(), block.size());
+    bytes.append(block.data(), static_cast<std::size_t>(stream.gcount()));
+  } while (stream);
   if (stream.bad()) throw Error(path, "cannot be read to its end");
   return bytes;
 }

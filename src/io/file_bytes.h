@@ -2,9 +2,14 @@
 /// Reading whole files, with errors worth showing.
 #pragma once
 
+#include <cstddef>
 #include <string>
 
 namespace blindcorner {
+
+/// Deflate cannot shrink by more than 1032 : 1 (zlib's technical notes): what promises more is
+/// damaged, and believing it would only exhaust the memory.
+inline constexpr std::size_t kDeflateExpansion = 1032;
 
 /// Throws Error when `path` is missing, a directory, empty or not readable.
 void check_readable(const std::string& path);

@@ -113,6 +113,12 @@ GreyImage read_png(const std::string& bytes, const std::string& path) {
   }
   GreyImage image{static_cast<int>(png.width), static_cast<int>(png.height), {}, {}};
   if (image.pixels() > kMaxPixels) throw Error(path, "it has more than 2^27 pixels");
+  // Of one bit each, in bytes that were deflated.
+  if (image.pixels() > 8 * kDeflateExpansion * bytes.size()) {
+    throw Error(path, "is damaged: " + std::to_string(bytes.size()) + " bytes cannot hold " +
+                          std::to_string(image.width) + " x " + std::to_string(image.height) +
+                          " pixels");
+  }
   const bool transparent = (png.format & PNG_FORMAT_FLAG_ALPHA) != 0;
   png.flags |= PNG_IMAGE_FLAG_16BIT_sRGB;  // values as they are, not as amounts of light
   png.format = PNG_FORMAT_RGBA;

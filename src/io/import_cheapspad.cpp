@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <functional>
 #include <map>
 #include <memory>
@@ -107,6 +108,9 @@ Numbers numbers_of(matvar_t* cells, std::size_t index, const std::string& where)
       break;
     default:
       throw Error(where, "found a cell that holds no numbers, accepted: real numbers");
+  }
+  if (!std::ranges::all_of(numbers.values, [](double value) { return std::isfinite(value); })) {
+    throw Error(where, "found a number that is not finite, accepted: finite numbers");
   }
   return numbers;
 }

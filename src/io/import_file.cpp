@@ -260,6 +260,12 @@ CaptureFile import_npz(const std::string& path, const ImportOptions& options,
   CaptureFile file;
   if (std::optional<CaptureFile> own = own_metadata(archive, path, options)) {
     file = std::move(*own);
+    const HistogramCube& first = file.captures.front().counts;
+    if (options.rows > 0 && (options.rows != first.rows || options.columns != first.columns)) {
+      throw Error(where, "rows, columns: found " + std::to_string(options.rows) + " x " +
+                             std::to_string(options.columns) + ", accepted: what the file says, " +
+                             std::to_string(first.rows) + " x " + std::to_string(first.columns));
+    }
     fill_own(file, array, where);
   } else {
     file.captures = arrange(array, options, where, warnings);
@@ -397,7 +403,8 @@ CaptureFile import_one(const std::string& path, ImportFormat format, const Impor
 }
 
 /// Adds the captures of `part` to `all`, which they have to match.
-void append(CaptureFile& all, CaptureFile part, const std::string& path) {
+void append(CaptureFile& all, CaptureFile part, const ImportOptions& options,
+            const std::string& path) {
   for (std::size_t i = 0; i < part.captures.size(); ++i) {
     part.captures[i].source = path;
     part.captures[i].index = static_cast<int>(i);
@@ -416,9 +423,12 @@ void append(CaptureFile& all, CaptureFile part, const std::string& path) {
     throw Error(path,
                 "has " + found + " rows x columns x bins, the files before it have " + expected);
   }
-  if (part.bin_width != all.bin_width) {
-    throw Error(path, "has bins of " + std::to_string(part.bin_width * 1e12) +
-                          " ps, the files before it have " + std::to_string(all.bin_width * 1e12));
+  if (part.bin_width != all.bin_width && options.bin_width == 0) {
+    const auto width = [](double seconds) {
+      return seconds > 0 ? std::to_string(seconds * 1e12) + " ps" : std::string("unknown width");
+    };
+    throw Error(path, "has bins of " + width(part.bin_width) + ", the files before it of " +
+                          width(all.bin_width));
   }
   std::move(part.captures.begin(), part.captures.end(), std::back_inserter(all.captures));
 }
@@ -472,7 +482,7 @@ CaptureFile import_captures(const std::vector<std::string>& paths, const ImportO
     std::error_code error;
     const bool folder = format == ImportFormat::st_person_tracking && fs::is_directory(path, error);
     for (const std::string& file : folder ? volumes_in(path) : std::vector<std::string>{path}) {
-      append(all, import_one(file, format, options, notes), file);
+      append(all, import_one(file, format, options, notes), options, file);
     }
   }
   apply_overrides(all, options);

@@ -10,7 +10,6 @@
 #include <utility>
 
 #include "blindcorner/forward/error.h"
-#include "io/serial_log.h"
 
 namespace blindcorner {
 namespace {
@@ -231,27 +230,28 @@ std::vector<Capture> parse_tmf8828_log(const std::string& text, const std::strin
   AddressFilter filter(options.i2c_address);
   int line_number = 0;
   bool cut_off = false;  // within its last line
+  std::string first_damage;
   for (std::size_t begin = 0; begin < text.size();) {
     const std::size_t end = std::min(text.find('\n', begin), text.size());
     std::string_view line(text.data() + begin, end - begin);
     begin = end + 1;
     ++line_number;
     while (!line.empty() && (line.back() == '\r' || line.back() == ' ')) line.remove_suffix(1);
-    line = without_time_stamp(line);
+    // Whatever a serial monitor puts before its lines, no such line has this sign within.
+    if (const std::size_t begins = line.find('#'); begins != std::string_view::npos) {
+      line.remove_prefix(begins);
+    }
     const std::string where = path + ": line " + std::to_string(line_number);
     if (line.starts_with("#Raw")) {
-      if (const auto fields = fields_of(line).size(); fields < kRawFields && end < text.size()) {
-        warnings.push_back(where + ": found a #Raw line of " + std::to_string(fields) + " of " +
-                           std::to_string(kRawFields) + " fields, which is left out");
-        continue;
-      }
       RawLine raw;
       try {
         raw = parse_raw_line(line, where);
-      } catch (const Error&) {
+      } catch (const Error& damage) {
         cut_off = end == text.size();
         if (cut_off) break;
-        throw;
+        warnings.push_back(std::string(damage.what()) + "; the line is left out");
+        if (first_damage.empty()) first_damage = warnings.back();
+        continue;
       }
       if (filter.accepts(raw.address, where)) assembler.add(raw, line_number);
     } else if (line.starts_with("#Obj,")) {
@@ -269,7 +269,8 @@ std::vector<Capture> parse_tmf8828_log(const std::string& text, const std::strin
                           " x " + std::to_string(layout_of(options).side) +
                           " zones (30 #Raw lines each " + "measurement, " +
                           std::to_string(layout_of(options).measurements) +
-                          " measurements each capture)");
+                          " measurements each capture)" +
+                          (first_damage.empty() ? "" : "; first damage: " + first_damage));
   }
   return captures;
 }

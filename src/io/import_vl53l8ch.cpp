@@ -60,6 +60,29 @@ void add_line(Frame& frame, const std::string& text, int line) {
   }
 }
 
+/// Notes down what is missing or uneven in a frame of so many zones and bins.
+void check_frame(Frame& frame, std::size_t zones, std::size_t bins) {
+  if (!frame.damage.empty()) return;
+  if (frame.zones.size() != zones) {
+    frame.damage =
+        "has " + std::to_string(frame.zones.size()) + " of " + std::to_string(zones) + " zones";
+    return;
+  }
+  long expected = 0;
+  for (const auto& [zone, row] : frame.zones) {
+    if (zone != expected) {
+      frame.damage = "zone " + std::to_string(expected) + " is missing";
+      return;
+    }
+    if (row.size() != bins) {
+      frame.damage = "zone " + std::to_string(zone) + " has " + std::to_string(row.size()) +
+                     " of " + std::to_string(bins) + " bins";
+      return;
+    }
+    ++expected;
+  }
+}
+
 std::vector<Frame> frames_of(const std::string& text) {
   std::vector<Frame> frames;
   std::istringstream stream(text);
@@ -90,11 +113,14 @@ bool is_vl53l8ch_log(const std::string& text) {
 std::vector<Capture> parse_vl53l8ch_log(const std::string& text, const std::string& path,
                                         const ImportOptions& options,
                                         std::vector<std::string>& warnings) {
-  const std::vector<Frame> frames = frames_of(text);
+  std::vector<Frame> frames = frames_of(text);
   // The usual frame: the log may begin and end within one.
   std::map<std::pair<std::size_t, std::size_t>, int> sizes;
   for (const Frame& frame : frames) {
-    if (frame.damage.empty() && !frame.zones.empty()) {
+    const auto as_long = [&](const auto& zone) {
+      return zone.second.size() == frame.zones.begin()->second.size();
+    };
+    if (frame.damage.empty() && !frame.zones.empty() && std::ranges::all_of(frame.zones, as_long)) {
       ++sizes[{frame.zones.size(), frame.zones.begin()->second.size()}];
     }
   }
@@ -116,31 +142,19 @@ std::vector<Capture> parse_vl53l8ch_log(const std::string& text, const std::stri
                           " zones in a frame: rows and columns have to be stated");
   }
   std::vector<Capture> captures;
-  for (const Frame& frame : frames) {
-    std::string damage = frame.damage;
-    if (damage.empty() && frame.zones.size() != zones) {
-      damage =
-          "has " + std::to_string(frame.zones.size()) + " of " + std::to_string(zones) + " zones";
+  for (Frame& frame : frames) {
+    check_frame(frame, zones, bins);
+    if (!frame.damage.empty()) {
+      warnings.push_back(path + ": frame of line " + std::to_string(frame.line) +
+                         " left out: " + frame.damage);
+      continue;
     }
     Capture capture;
     capture.counts = HistogramCube(rows, columns, static_cast<int>(bins));
-    for (std::size_t z = 0; z < zones && damage.empty(); ++z) {
-      const auto row = frame.zones.find(static_cast<long>(z));
-      if (row == frame.zones.end()) {
-        damage = "zone " + std::to_string(z) + " is missing";
-      } else if (row->second.size() != bins) {
-        damage = "zone " + std::to_string(z) + " has " + std::to_string(row->second.size()) +
-                 " of " + std::to_string(bins) + " bins";
-      } else {
-        std::copy(row->second.begin(), row->second.end(), capture.counts.zone(static_cast<int>(z)));
-      }
+    for (const auto& [zone, row] : frame.zones) {
+      std::ranges::copy(row, capture.counts.zone(static_cast<int>(zone)));
     }
-    if (damage.empty()) {
-      captures.push_back(std::move(capture));
-    } else {
-      warnings.push_back(path + ": frame of line " + std::to_string(frame.line) +
-                         " left out: " + damage);
-    }
+    captures.push_back(std::move(capture));
   }
   if (captures.empty()) throw Error(path, "holds no whole frame (a line D, then a line per zone)");
   return captures;

@@ -242,6 +242,16 @@ Eigen::Vector3d JsonReader::vector(const NumberRange& range) const {
   return {parts[0].number(range), parts[1].number(range), parts[2].number(range)};
 }
 
+Eigen::Quaterniond JsonReader::quaternion() const {
+  const auto parts = elements_exactly(4, "numbers");
+  const NumberRange component = NumberRange::between(-1.01, 1.01);
+  const Eigen::Quaterniond q(parts[0].number(component), parts[1].number(component),
+                             parts[2].number(component), parts[3].number(component));
+  // Written by hand with a few digits; more than that is a mistake.
+  if (std::abs(q.norm() - 1) > 1e-3) fail("a quaternion of length 1");
+  return q.normalized();
+}
+
 std::pair<double, double> JsonReader::interval(const NumberRange& range) const {
   const auto parts = elements_exactly(2, "numbers");
   const std::pair<double, double> ends{parts[0].number(range), parts[1].number(range)};

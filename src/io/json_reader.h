@@ -4,6 +4,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <functional>
 #include <initializer_list>
 #include <nlohmann/json.hpp>
@@ -77,6 +78,8 @@ class JsonReader {
   /// One of the given words.
   std::string word(const std::vector<std::string_view>& words) const;
   Eigen::Vector3d vector(const NumberRange& range = {}) const;
+  /// [w, x, y, z] of length 1 but for rounding, normalised.
+  Eigen::Quaterniond quaternion() const;
   /// [lower, upper] with lower < upper.
   std::pair<double, double> interval(const NumberRange& range = {}) const;
 

@@ -16,9 +16,7 @@ std::shared_ptr<const TriangleMesh> read_obj(const std::string& path, double sca
   tinyobj::ObjReaderConfig config;
   config.triangulate = true;
   tinyobj::ObjReader reader;
-  const std::string text = read_bytes(path);
-  check_obj(text, path);
-  if (!reader.ParseFromString(text, "", config)) {
+  if (!reader.ParseFromString(checked_obj(read_bytes(path), path), "", config)) {
     std::string what = reader.Error();
     what = what.substr(0, what.find('\n'));
     throw Error(path, "found no Wavefront OBJ (" + what + "), accepted: an OBJ file with faces");
@@ -35,11 +33,6 @@ std::shared_ptr<const TriangleMesh> read_obj(const std::string& path, double sca
       triangles.push_back(
           {indices[i].vertex_index, indices[i + 1].vertex_index, indices[i + 2].vertex_index});
     }
-  }
-  if (triangles.size() > kMaxTriangles) {
-    throw Error(path, "found " + std::to_string(triangles.size()) +
-                          " triangles, accepted: at most " + std::to_string(kMaxTriangles) +
-                          " (a simplified mesh)");
   }
   try {
     return make_mesh(std::move(vertices), std::move(triangles));

@@ -185,17 +185,22 @@ MovingAiMap read_movingai_map(const std::string& path) {
   map.geometry = {.columns = 0, .rows = read_size(lines, "height"), .cell_size = 1};
   map.geometry.columns = read_size(lines, "width");
   expect(lines, "map");
-  map.terrain.resize(map.geometry.cells());
   const std::string accepted = "a row of " + std::to_string(map.geometry.columns) + " cells";
-  for (int row = map.geometry.rows - 1; row >= 0; --row) {
+  // As the rows come, northmost first: a file's head may promise more than follows.
+  for (int row = 0; row < map.geometry.rows; ++row) {
     const std::string_view line = lines.next(accepted);
     if (line.size() != static_cast<std::size_t>(map.geometry.columns)) {
       lines.fail(std::to_string(line.size()) + " cells", accepted);
     }
     for (int column = 0; column < map.geometry.columns; ++column) {
-      map.terrain[map.geometry.index({column, row})] =
-          terrain_of(line[static_cast<std::size_t>(column)], column, lines);
+      map.terrain.push_back(terrain_of(line[static_cast<std::size_t>(column)], column, lines));
     }
+  }
+  const auto begin = map.terrain.begin();
+  for (int south = 0, north = map.geometry.rows - 1; south < north; ++south, --north) {
+    std::swap_ranges(begin + south * std::ptrdiff_t{map.geometry.columns},
+                     begin + (south + 1) * std::ptrdiff_t{map.geometry.columns},
+                     begin + north * std::ptrdiff_t{map.geometry.columns});
   }
   expect_end(lines, map.geometry.rows);
   return map;

@@ -16,6 +16,8 @@ namespace {
 static_assert(std::numeric_limits<double>::is_iec559 && sizeof(double) == 8);
 
 constexpr std::string_view kMagic("\x93NUMPY", 6);
+/// As numpy has.
+constexpr std::size_t kMostDimensions = 64;
 
 /// Unsigned integer of `bytes.size()` <= 8 bytes.
 std::uint64_t integer_of(std::string_view bytes, bool big_endian) {
@@ -172,6 +174,7 @@ class HeaderParser {
       const auto [stop, error] = std::from_chars(text_.data() + at_, end, extent);
       if (error != std::errc()) fail();
       at_ = static_cast<std::size_t>(stop - text_.data());
+      if (result.size() == kMostDimensions) fail();
       result.push_back(extent);
       if (peek() != ')') expect(',');
     }
@@ -295,12 +298,17 @@ std::string NpyArray::shape_text() const {
   return result + ")";
 }
 
-NpyArray parse_npy(std::string_view bytes, const std::string& where) {
+NpyArray parse_npy(std::string_view bytes, const std::string& where, std::size_t most_values) {
   const auto [head, data] = split(bytes, where);
   HeaderParser header(head, where);
   header.parse();
   const ElementType type = parse_type(header.dtype, where);
   const std::size_t count = element_count(header.shape, type.size, data.size(), where);
+
+  if (count > most_values) {
+    throw Error(where, "found " + std::to_string(count) + " values, accepted: at most " +
+                           std::to_string(most_values) + " in a file of this size");
+  }
 
   NpyArray array;
   array.dtype = header.dtype;

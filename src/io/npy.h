@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstddef>
+#include <limits>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -23,8 +24,9 @@ struct NpyArray {
 
 /// Reads the bytes of a .npy file: signed and unsigned integers, floats of 2, 4 and 8 bytes and
 /// unicode text, little or big endian, C or Fortran order. `where` begins the messages of the Error
-/// that everything else throws.
-NpyArray parse_npy(std::string_view bytes, const std::string& where);
+/// that everything else throws, as more than `most_values` numbers do.
+NpyArray parse_npy(std::string_view bytes, const std::string& where,
+                   std::size_t most_values = std::numeric_limits<std::size_t>::max());
 
 /// .npy bytes of a little-endian float64 array in C order.
 std::string npy_of(const std::vector<std::size_t>& shape, const std::vector<double>& values);

@@ -13,14 +13,17 @@
 namespace blindcorner {
 namespace {
 
-/// A small archive can promise almost anything. Histograms that are mostly zero shrink to a
-/// hundredth; archives may hold this much whatever their size, else so many times their size.
+/// Bytes that an archive may hold whatever its size.
 constexpr zip_uint64_t kAlwaysAllowed = zip_uint64_t{1} << 26;
-constexpr zip_uint64_t kMaxExpansion = 100;
 
-void check_expansion(zip_t* archive, zip_int64_t count, const std::string& path) {
-  const zip_uint64_t most = std::max(
-      kAlwaysAllowed, kMaxExpansion * static_cast<zip_uint64_t>(std::filesystem::file_size(path)));
+/// Bytes that an archive may hold, packed as they are or as the numbers of an array.
+zip_uint64_t most_bytes(const std::string& path) {
+  return std::max(kAlwaysAllowed,
+                  kDeflateExpansion * static_cast<zip_uint64_t>(std::filesystem::file_size(path)));
+}
+
+void check_expansion(zip_t* archive, zip_int64_t count, zip_uint64_t most,
+                     const std::string& path) {
   zip_uint64_t all = 0;
   for (zip_int64_t i = 0; i < count; ++i) {
     zip_stat_t stat;
@@ -28,7 +31,8 @@ void check_expansion(zip_t* archive, zip_int64_t count, const std::string& path)
     if (stat.size <= most) all += stat.size;
     if (stat.size <= most && all <= most) continue;
     throw Error(path, "found arrays of more than " + std::to_string(most >> 20) +
-                          " MB, accepted: at most 100 times the file's size, or 64 MB");
+                          " MB, accepted: at most " + std::to_string(kDeflateExpansion) +
+                          " times the file's size, or 64 MB");
   }
 }
 
@@ -80,7 +84,9 @@ NpzFile::NpzFile(const std::string& path) : path_(path) {
     throw Error(path, "is not a readable .npz (zip) archive: " + message_of(&error.error));
   }
   const zip_int64_t count = zip_get_num_entries(archive.get(), 0);
-  check_expansion(archive.get(), count, path);
+  const zip_uint64_t most = most_bytes(path);
+  most_values_ = most / sizeof(double);
+  check_expansion(archive.get(), count, most, path);
   for (zip_int64_t i = 0; i < count; ++i) {
     zip_stat_t stat;
     if (zip_stat_index(archive.get(), static_cast<zip_uint64_t>(i), 0, &stat) != 0) {
@@ -106,7 +112,7 @@ NpyArray NpzFile::read(const std::string& name) const {
   if (found == members_.end()) {
     throw Error(path_, "there is no array " + name + ", found " + names());
   }
-  return parse_npy(found->second, path_ + ": array " + name);
+  return parse_npy(found->second, path_ + ": array " + name, most_values_);
 }
 
 std::string npz_of(const std::vector<std::pair<std::string, std::string>>& members) {

@@ -29,6 +29,7 @@ class NpzFile {
  private:
   std::string path_;
   std::map<std::string, std::string> members_;  ///< array name -> .npy bytes
+  std::size_t most_values_ = 0;                 ///< that an array in a file of this size may have
 };
 
 /// Archive of the given (name, .npy bytes), compressed. Equal input gives equal bytes.

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/obj_check.h"
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <cstdlib>
 #include <sstream>
+#include <string_view>
 #include <vector>
 
 #include "blindcorner/forward/error.h"
@@ -27,13 +28,14 @@ struct Place {
   }
 };
 
-void check_vertex(std::istringstream& words, const Place& place) {
-  for (int axis = 0; axis < 3; ++axis) {
-    std::string word;
-    words >> word;
-    char* end = nullptr;
-    const double value = std::strtod(word.c_str(), &end);
-    if (word.empty() || *end != '\0' || !std::isfinite(value)) {
+void check_vertex(const std::vector<std::string>& words, const Place& place) {
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const std::string word = axis + 1 < words.size() ? words[axis + 1] : "";
+    // from_chars takes no plus.
+    const std::string_view digits = std::string_view(word).substr(word.starts_with('+') ? 1 : 0);
+    double value = 0;
+    const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
+    if (error != std::errc() || end != digits.data() + digits.size() || !std::isfinite(value)) {
       place.refuse(word, "three finite coordinates");
     }
   }
@@ -52,26 +54,40 @@ long vertex_index(const std::string& word, const Place& place) {
 
 }  // namespace
 
-void check_obj(const std::string& text, const std::string& path) {
+std::string checked_obj(std::string text, const std::string& path) {
   struct Use {
     long index, line;
   };
   std::vector<Use> uses;
   long vertices = 0;
+  std::size_t triangles = 0;
+  if (text.find('\n') == std::string::npos)
+    std::ranges::replace(text, '\r', '\n');  // classic Mac OS
+  std::string plain;
   std::istringstream lines(text);
   std::string line;
   for (long number = 1; std::getline(lines, line); ++number) {
     const Place place{path, number};
     std::istringstream words(line.substr(0, line.find('#')));
-    std::string kind;
-    words >> kind;
-    if (kind == "v") {
-      check_vertex(words, place);
+    std::vector<std::string> list;
+    for (std::string word; words >> word;) list.push_back(std::move(word));
+    for (const std::string& word : list) plain += word + ' ';
+    plain += '\n';
+    if (list.empty()) continue;
+    if (list[0] == "v") {
+      check_vertex(list, place);
       ++vertices;
-    } else if (kind == "f") {
-      for (std::string word; words >> word;) {
-        const long index = vertex_index(word, place);
-        if (index < 0 && -index > vertices) place.refuse(word, "a vertex that stands before");
+    } else if (list[0] == "f") {
+      // Here and not of what the parser makes of it, whose time goes with the square of a face's
+      // corners.
+      triangles += list.size() < 3 ? 0 : list.size() - 3;
+      if (triangles > kMaxTriangles) {
+        throw Error(path, "found more than " + std::to_string(kMaxTriangles) +
+                              " triangles, accepted: at most that many (a simplified mesh)");
+      }
+      for (std::size_t i = 1; i < list.size(); ++i) {
+        const long index = vertex_index(list[i], place);
+        if (index < 0 && -index > vertices) place.refuse(list[i], "a vertex that stands before");
         if (index > 0) uses.push_back({index, number});
       }
     }
@@ -80,6 +96,7 @@ void check_obj(const std::string& text, const std::string& path) {
     if (use.index <= vertices) continue;
     Place{path, use.line}.refuse(std::to_string(use.index), "the number of a vertex in the file");
   }
+  return plain;
 }
 
 }  // namespace blindcorner

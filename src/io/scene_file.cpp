@@ -83,14 +83,7 @@ Eigen::Matrix3d read_rotation(const JsonReader& reader) {
   if (way == "look") return axes(read_direction(reader.at("look")), reader.at("up"));
   if (reader.has("up")) reader.at("up").fail("no up beside \"" + std::string(way) + "\"");
   if (angles) return rotation_of(reader.at("yaw_pitch_roll_deg").vector(kAnyAngle) * kDegree);
-  const JsonReader field = reader.at("quaternion_wxyz");
-  const auto parts = field.elements_exactly(4, "numbers");
-  const NumberRange component = NumberRange::between(-1.01, 1.01);
-  const Eigen::Quaterniond q(parts[0].number(component), parts[1].number(component),
-                             parts[2].number(component), parts[3].number(component));
-  // Written by hand with a few digits; more than that is a mistake.
-  if (std::abs(q.norm() - 1) > 1e-3) field.fail("a quaternion of length 1");
-  return q.normalized().toRotationMatrix();
+  return reader.at("quaternion_wxyz").quaternion().toRotationMatrix();
 }
 
 /// Standard deviations: one number for three axes, or three.

@@ -268,14 +268,14 @@ TEST_F(CaptureFileTest, UnsuitableImagesAreNamedWithTheReason) {
 }
 
 TEST_F(CaptureFileTest, WrongMetadataAreNamedByField) {
-  EXPECT_THAT(metadata_error("{"), HasSubstr("attribute blindcorner: is not JSON"));
+  EXPECT_THAT(metadata_error("{"), HasSubstr("found what is not JSON"));
   EXPECT_THAT(metadata_error("[]"), HasSubstr("an object"));
-  EXPECT_THAT(metadata_error("{}"), HasSubstr("field format is missing"));
+  EXPECT_THAT(metadata_error("{}"), HasSubstr("format: found nothing"));
   EXPECT_THAT(metadata_error(R"({"format":"other"})"),
-              AllOf(HasSubstr("blindcorner.format"), HasSubstr("\"other\""),
+              AllOf(HasSubstr("blindcorner: format"), HasSubstr("\"other\""),
                     HasSubstr("blindcorner.capture/1")));
   const std::string start = R"({"format":"blindcorner.capture/1","columns":2,"bins":3,)";
-  EXPECT_THAT(metadata_error(start + R"("captures":[{}]})"), HasSubstr("field rows is missing"));
+  EXPECT_THAT(metadata_error(start + R"("captures":[{}]})"), HasSubstr("rows: found nothing"));
   EXPECT_THAT(metadata_error(start + R"("rows":0,"captures":[{}]})"),
               AllOf(HasSubstr("rows: found 0"), HasSubstr("from 1")));
   EXPECT_THAT(metadata_error(start + R"("rows":1,"bin_width_ns":1,"captures":[{}]})"),
@@ -290,18 +290,28 @@ TEST_F(CaptureFileTest, WrongMetadataAreNamedByField) {
   const auto capture = [&](const std::string& json) {
     return metadata_error(start + R"("rows":1,"captures":[)" + json + "]}");
   };
-  EXPECT_THAT(capture("3"), HasSubstr("captures[0]: found 3, accepted an object"));
+  EXPECT_THAT(capture("3"), HasSubstr("captures[0]: found 3, accepted: an object"));
   EXPECT_THAT(capture(R"({"exposures":0})"), HasSubstr("captures[0].exposures: found 0"));
   EXPECT_THAT(capture(R"({"dispersion":null})"), HasSubstr("captures[0].dispersion: found null"));
   EXPECT_THAT(capture(R"({"truth":{"x_m":"far"}})"), HasSubstr("captures[0].truth.x_m"));
   EXPECT_THAT(capture(R"({"truth":[]})"), HasSubstr("captures[0].truth"));
+  EXPECT_THAT(capture(R"({"truth":{"yaw_deg":3}})"),
+              AllOf(HasSubstr("captures[0].truth.yaw_deg"), HasSubstr("yaw_rad")));
+  EXPECT_THAT(capture(R"({"exposures":1,"exposures":2})"), HasSubstr("found twice"));
+  EXPECT_THAT(capture(R"({"relay_points_m":[[null,0,0],[0,0,0]]})"),
+              HasSubstr("relay_points_m[0][0]: found null"));
+  EXPECT_THAT(capture(R"({"sensor_pose":{"position_m":[1e8,0,0],"quaternion_wxyz":[1,0,0,0]}})"),
+              HasSubstr("position_m[0]"));
+  EXPECT_THAT(
+      capture(R"({"sensor_pose":{"position_m":[0,0,0],"quaternion_wxyz":[1,0,0,0],"yaw":1}})"),
+      HasSubstr("sensor_pose.yaw: found an unknown field"));
   EXPECT_THAT(capture(R"({"relay_points_m":[[0,0,0]]})"),
-              AllOf(HasSubstr("captures[0].relay_points_m"), HasSubstr("2 elements")));
+              AllOf(HasSubstr("captures[0].relay_points_m"), HasSubstr("2 points")));
   EXPECT_THAT(capture(R"({"relay_points_m":[[0,0,0],[0,1]]})"), HasSubstr("relay_points_m[1]"));
   EXPECT_THAT(capture(R"({"sensor_pose":{"position_m":[0,0,0]}})"),
-              HasSubstr("field quaternion_wxyz is missing"));
+              HasSubstr("captures[0].sensor_pose.quaternion_wxyz: found nothing"));
   EXPECT_THAT(capture(R"({"sensor_pose":{"position_m":[0,0,0],"quaternion_wxyz":[0.5,0,0,0]}})"),
-              AllOf(HasSubstr("quaternion_wxyz"), HasSubstr("unit")));
+              AllOf(HasSubstr("quaternion_wxyz"), HasSubstr("of length 1")));
 }
 
 TEST_F(CaptureFileTest, WhatCannotBeStoredIsRefusedBeforeAnythingIsWritten) {
@@ -314,6 +324,10 @@ TEST_F(CaptureFileTest, WhatCannotBeStoredIsRefusedBeforeAnythingIsWritten) {
     return text;
   };
   EXPECT_THAT(message([](CaptureFile& f) { f.captures.clear(); }), HasSubstr("no captures"));
+  EXPECT_THAT(message([](CaptureFile& f) {
+                for (Capture& c : f.captures) c.counts = HistogramCube(1, 1, (1 << 20) + 1);
+              }),
+              HasSubstr("at most 1048576"));
   EXPECT_THAT(message([](CaptureFile& f) { f.captures[1].counts = HistogramCube(2, 1, 3); }),
               AllOf(HasSubstr("captures[1]"), HasSubstr("2 x 1 x 3"), HasSubstr("1 x 2 x 3")));
   EXPECT_THAT(message([](CaptureFile& f) { f.captures[1].counts.values.pop_back(); }),

@@ -47,14 +47,27 @@ TEST(Vl53l8chLog, DamagedFramesAreLeftOutAndNamed) {
 }
 
 TEST(Vl53l8chLog, TimesOfASerialMonitorAreNoPartOfALine) {
-  std::string stamped;
-  std::istringstream lines(frame());
-  for (std::string line; std::getline(lines, line);) stamped += "12:34:56.789 -> " + line + "\n";
-  EXPECT_TRUE(is_vl53l8ch_log(stamped));
+  for (const std::string stamp :
+       {"12:34:56.789 -> ", "2026-01-31T12:34:56.789 ", "2026-01-31 12:34:56 ", "12:34:56.789\t"}) {
+    std::string stamped;
+    std::istringstream lines(frame());
+    for (std::string line; std::getline(lines, line);) stamped += stamp + line + "\n";
+    EXPECT_TRUE(is_vl53l8ch_log(stamped)) << stamp;
+    std::vector<std::string> warnings;
+    const std::vector<Capture> captures = parse_vl53l8ch_log(stamped, "log", {}, warnings);
+    ASSERT_EQ(captures.size(), 1u) << stamp;
+    EXPECT_DOUBLE_EQ(captures[0].counts.zone(3)[2], 32);
+  }
+}
+
+// One long row and many short ones: as many bins for all zones would take gigabytes.
+TEST(Vl53l8chLog, UnevenFramesAreLeftOutBeforeThereIsRoomForThem) {
+  std::string uneven = "D\n0 1 1";
+  for (int b = 0; b < 20'000; ++b) uneven += " 1";
+  for (int z = 1; z < 22'500; ++z) uneven += "\n" + std::to_string(z) + " 1 1 1";
   std::vector<std::string> warnings;
-  const std::vector<Capture> captures = parse_vl53l8ch_log(stamped, "log", {}, warnings);
-  ASSERT_EQ(captures.size(), 1u);
-  EXPECT_DOUBLE_EQ(captures[0].counts.zone(3)[2], 32);
+  EXPECT_THROW(parse_vl53l8ch_log(uneven + "\n", "log", {}, warnings), Error);
+  EXPECT_EQ(parse_vl53l8ch_log(frame() + uneven + "\n", "log", {}, warnings).size(), 1u);
 }
 
 TEST(Vl53l8chLog, OtherTextsAreRefused) {

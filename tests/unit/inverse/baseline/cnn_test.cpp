@@ -115,6 +115,15 @@ TEST(CnnDescription, OtherVersionsAndFieldsAreNamed) {
               AllOf(HasSubstr("w.pt: metadata.format"), HasSubstr("cnn/1"), HasSubstr("cnn/2")));
   EXPECT_THAT(message_of([] { parse_description("no JSON", "w.pt"); }), HasSubstr("w.pt"));
   EXPECT_THAT(message_of([] { parse_description("[1]", "w.pt"); }), HasSubstr("metadata.format"));
+  text.replace(text.find("cnn/1"), 5, "cnn/2");
+  const std::size_t at = text.find("\"zones\":") + 8;
+  for (const char* zones : {"1e300", "4294967304", "8.9", "true", "[[1]]", "5000"}) {
+    std::string other = text;
+    other.replace(at, other.find(',', at) - at, zones);
+    EXPECT_THAT(message_of([&] { parse_description(other, "w.pt"); }),
+                AllOf(HasSubstr("w.pt: metadata.zones: found"), HasSubstr("1 to 4096")))
+        << zones;
+  }
 }
 
 TEST(CnnDescription, CapturesAreOfUnitMeanWhateverTheirExposure) {
