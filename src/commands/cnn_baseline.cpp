@@ -3,7 +3,6 @@
 #include <CLI/CLI.hpp>
 #include <filesystem>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <utility>
 #include <vector>
@@ -13,11 +12,13 @@
 #include "commands/cnn.h"
 #include "commands/commands.h"
 #include "io/file_bytes.h"
+#include "io/json_reader.h"
 
 namespace blindcorner {
 namespace {
 
 namespace fs = std::filesystem;
+using Json = JsonReader::Json;
 
 /// Published: 400 places by 5 poses of the sensor; 30 drives. The ensemble learns ten times that.
 constexpr int kWideCaptures = 20000;
@@ -40,17 +41,9 @@ struct BaselineArguments {
   }
 };
 
-nlohmann::json parsed(const std::string& path) {
-  try {
-    return nlohmann::json::parse(read_bytes(path));
-  } catch (const nlohmann::json::exception& error) {
-    throw Error(path, one_line(error.what()));
-  }
-}
-
 /// The scene that a drive file names; empty for a scene file.
 std::string scene_of_drive(const std::string& path) {
-  const nlohmann::json json = parsed(path);
+  const Json json = JsonReader::parse(read_bytes(path), path);
   if (!json.is_object() || !json.contains("route_m") || !json.contains("scene")) return {};
   if (!json["scene"].is_string()) return {};
   return (fs::path(path).parent_path() / json["scene"].get<std::string>()).string();
@@ -75,10 +68,10 @@ CnnDatasetArguments data_of(const BaselineArguments& arguments, bool drive,
 /// Throws Error naming the file where the data that are there are not those that are asked for.
 void check_data(const std::string& path, const std::string& scene,
                 const CnnDatasetArguments& wanted) {
-  const nlohmann::json found = parsed(path);
+  const Json found = JsonReader::parse(read_bytes(path), path);
   // The scene first: whose data they are says more than how many.
-  std::vector<std::pair<std::string, nlohmann::json>> fields{{"scene", read_scene(scene).name},
-                                                             {"seed", wanted.options.seed}};
+  std::vector<std::pair<std::string, Json>> fields{{"scene", read_scene(scene).name},
+                                                   {"seed", wanted.options.seed}};
   if (wanted.environments > 0) {
     fields.emplace_back("environments", wanted.environments);
     fields.emplace_back("places", wanted.places);
@@ -87,7 +80,7 @@ void check_data(const std::string& path, const std::string& scene,
     fields.emplace_back("count", o.random > 0 ? o.random : o.objects * o.sensors);
   }
   for (const auto& [name, value] : fields) {
-    const nlohmann::json there = found.is_object() ? found.value(name, nlohmann::json()) : found;
+    const Json there = found.is_object() ? found.value(name, Json()) : found;
     if (there == value) continue;
     throw Error(path + ": " + name,
                 "found " + there.dump() + ", accepted: " + value.dump() + ", or another directory");

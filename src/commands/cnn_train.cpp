@@ -14,9 +14,11 @@
 #include "commands/capture_inputs.h"
 #include "commands/cnn.h"
 #include "commands/commands.h"
+#include "commands/number_check.h"
 #include "commands/output_directory.h"
 #include "commands/progress.h"
 #include "io/file_bytes.h"
+#include "io/json_reader.h"
 #include "report/cnn_page.h"
 
 namespace blindcorner {
@@ -38,8 +40,8 @@ Manifest manifest_of(const std::vector<std::string>& captures) {
   if (captures.size() != 1) return {};
   const std::string path = (fs::path(captures.front()) / kDatasetManifest).string();
   if (!fs::exists(path)) return {};
+  const Json json = JsonReader::parse(read_bytes(path), path);
   try {
-    const Json json = Json::parse(read_bytes(path));
     return {json.at("split_seed").get<std::uint64_t>(), json.value("run_time_s", Json())};
   } catch (const nlohmann::json::exception& error) {
     throw Error(path, one_line(error.what()));
@@ -185,13 +187,13 @@ void add_cnn_train(CLI::App& cnn, int& exit_code) {
   command.add_option("--batch", arguments->batch, "captures of a step; default: 16, of wide 64")
       ->check(CLI::Range(2, 1000000));
   command.add_option("--learning-rate", arguments->learning_rate, "of Adam; default: 0.001")
-      ->check(CLI::PositiveNumber);
+      ->check(positive_number());
   command
       .add_option("--early-stopping", arguments->early_stopping,
                   "stop after so many epochs without a smaller loss on the captures held back, and "
                   "keep the weights of the smallest; 0: run all epochs and keep the last; default: "
                   "0, of wide 10")
-      ->check(CLI::NonNegativeNumber);
+      ->check(number_from_zero());
   command
       .add_option("--validation-share", arguments->options.validation_share,
                   "share of the captures that is held back")
@@ -204,7 +206,7 @@ void add_cnn_train(CLI::App& cnn, int& exit_code) {
       .add_option("--input-bound", arguments->options.input_bound,
                   "standard deviations at which standardised bins and sensor poses are clipped; 0: "
                   "they are not")
-      ->check(CLI::NonNegativeNumber)
+      ->check(number_from_zero())
       ->capture_default_str();
   command.add_option("--seed", arguments->options.seed, "of weights, order and dropout")
       ->capture_default_str();

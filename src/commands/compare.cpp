@@ -9,7 +9,6 @@
 #include <iterator>
 #include <limits>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <optional>
 
 #include "blindcorner/forward/error.h"
@@ -23,6 +22,7 @@
 #include "commands/progress.h"
 #include "commands/thread_limit.h"
 #include "io/file_bytes.h"
+#include "io/json_reader.h"
 #include "report/comparison_page.h"
 #include "report/formatted.h"
 #include "report/point_estimates.h"
@@ -31,6 +31,7 @@ namespace blindcorner {
 namespace {
 
 namespace fs = std::filesystem;
+using Json = JsonReader::Json;
 
 /// The condition that is also drawn: places that no method has seen, nothing else changed.
 constexpr const char* kDrawn = "positions between the grid";
@@ -41,31 +42,31 @@ struct Network {
 };
 
 /// What the summary beside weights says of their training; null where it is of another one.
-nlohmann::json training_summary(const std::string& weights, const CnnTrainingRecord& training) {
-  const fs::path summary = fs::path(weights).parent_path() / "training.json";
+Json training_summary(const std::string& weights, const CnnTrainingRecord& training) {
+  const std::string summary = (fs::path(weights).parent_path() / "training.json").string();
   if (!fs::exists(summary)) return nullptr;
-  const auto json = nlohmann::json::parse(read_bytes(summary.string()), nullptr, false);
-  if (!json.is_object() || json.value("epoch_of_weights", -1) != training.epoch ||
-      json.value("captures", -1) != training.captures) {
-    return nullptr;
-  }
+  auto json = JsonReader::parse(read_bytes(summary), summary);
+  const auto is = [&](const char* field, int value) {
+    return json.contains(field) && json[field] == value;
+  };
+  if (!is("epoch_of_weights", training.epoch) || !is("captures", training.captures)) return nullptr;
   return json;
 }
 
 /// "trained in 371 s, 370 s of processor time".
-std::string time_text(const nlohmann::json& summary, const char* field, const char* what) {
-  if (!summary.is_object() || !summary.value(field, nlohmann::json()).is_object()) {
-    return formatted("%s in unknown time", what);
-  }
-  const double none = std::numeric_limits<double>::quiet_NaN();
-  const nlohmann::json& time = summary[field];
-  return formatted("%s in %.0f s, %.0f s of processor time", what, time.value("wall", none),
-                   time.value("processor", none));
+std::string time_text(const Json& summary, const char* field, const char* what) {
+  const Json time = summary.is_object() ? summary.value(field, Json()) : Json();
+  const auto is_number = [&](const char* name) {
+    return time.is_object() && time.contains(name) && time[name].is_number();
+  };
+  if (!is_number("wall") || !is_number("processor")) return formatted("%s in unknown time", what);
+  return formatted("%s in %.0f s, %.0f s of processor time", what, time["wall"].get<double>(),
+                   time["processor"].get<double>());
 }
 
 std::string training_text(const Network& network) {
   const CnnTrainingRecord& training = network.cnn.description().training;
-  const nlohmann::json summary = training_summary(network.path, training);
+  const Json summary = training_summary(network.path, training);
   return formatted("%s: %d captures (", network.path.c_str(), training.captures) +
          time_text(summary, "data_run_time_s", "made") +
          formatted("), of which %g %% held back; weights after epoch %d, ",
@@ -188,10 +189,9 @@ void write_comparison(const std::string& output, const ComparisonReport& report)
   make_directory(output);
   const fs::path directory = output;
   write_atomically((directory / "comparison.csv").string(), comparison_csv(report.scenes));
-  write_atomically((directory / "comparison.json").string(),
-                   comparison_json(report).dump(1, ' ', false,
-                                                nlohmann::ordered_json::error_handler_t::replace) +
-                       "\n");
+  write_atomically(
+      (directory / "comparison.json").string(),
+      comparison_json(report).dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
   write_atomically((directory / "index.html").string(), comparison_page(report));
   std::printf("%s\n", (directory / "index.html").c_str());
 }

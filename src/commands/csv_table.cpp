@@ -2,10 +2,10 @@
 #include "commands/csv_table.h"
 
 #include <algorithm>
-#include <fstream>
 #include <sstream>
 
 #include "blindcorner/forward/error.h"
+#include "io/file_bytes.h"
 
 namespace blindcorner {
 namespace {
@@ -29,11 +29,11 @@ std::string csv_place(const std::string& path, std::size_t row) {
 }
 
 CsvTable read_csv_table(const std::string& path) {
-  std::ifstream file(path);
-  if (!file) throw Error(path, "no such file, or it cannot be read");
+  std::istringstream file(read_bytes(path));
   CsvTable table;
   std::string line;
   std::getline(file, line);
+  if (line.starts_with("\xEF\xBB\xBF")) line.erase(0, 3);  // a byte order mark
   table.header = cells(line);
   while (std::getline(file, line)) {
     if (line.find_first_not_of(" \t\r") == std::string::npos) continue;

@@ -6,12 +6,10 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <iterator>
-#include <limits>
 #include <map>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <optional>
+#include <set>
 #include <sstream>
 
 #include "blindcorner/forward/error.h"
@@ -19,17 +17,16 @@
 #include "blindcorner/io/atomic_file.h"
 #include "blindcorner/io/capture_file.h"
 #include "commands/commands.h"
-#include "commands/csv_table.h"
 #include "commands/truth_table.h"
 #include "io/file_bytes.h"
-#include "io/json_depth.h"
+#include "io/json_reader.h"
 #include "report/evaluation_page.h"
 
 namespace blindcorner {
 
 namespace {
 
-using nlohmann::json;
+using Json = JsonReader::Json;
 
 struct EvaluateArguments {
   std::string result;
@@ -39,18 +36,8 @@ struct EvaluateArguments {
   EvaluationOptions options;
 };
 
-json read_json(const std::string& path) {
-  const std::string text = read_bytes(path);
-  check_json_depth(text, path);
-  try {
-    return json::parse(text);
-  } catch (const json::exception&) {
-    throw Error(path, "is not JSON");
-  }
-}
-
 /// Values of the unknowns by place in the result; NaN where one is not known.
-using Truth = std::map<int, Eigen::VectorXd>;
+using Truth = std::map<std::size_t, Eigen::VectorXd>;
 
 Eigen::VectorXd vector_of(const std::map<std::string, double>& values,
                           const std::vector<std::string>& names) {
@@ -62,43 +49,19 @@ Eigen::VectorXd vector_of(const std::map<std::string, double>& values,
   return v;
 }
 
-int place_of(double index, const std::string& where) {
-  if (index >= 0 && index <= std::numeric_limits<int>::max() && index == std::floor(index)) {
-    return static_cast<int>(index);
-  }
-  throw Error(where + ": index",
-              "found " + std::to_string(index) + ", accepted: a capture's place, from 0");
-}
-
-/// A table with a header: the unknowns' names (yaws also in degrees, as yaw_deg), and `index`
-/// (place in the result, from 0) if rows are not in its order.
 Truth read_csv(const std::string& path, const std::vector<std::string>& names) {
-  const CsvTable table = read_csv_table(path);
-  std::vector<TruthColumn> columns;
-  std::ranges::transform(table.header, std::back_inserter(columns), truth_column);
+  std::set<std::string> found;
+  const TruthTable table = read_truth_table(path, [&](const std::string& name) {
+    found.insert(name);
+    return std::ranges::find(names, name) != names.end();
+  });
   for (const std::string& name : names) {
-    if (std::ranges::find(columns, name, &TruthColumn::name) == columns.end()) {
+    if (!found.contains(name)) {
       throw Error(path, "column " + name + " is missing, accepted: a header that names it");
     }
   }
   Truth truth;
-  for (std::size_t row = 0; row < table.rows.size(); ++row) {
-    const std::vector<std::string>& values = table.rows[row];
-    std::map<std::string, double> known;
-    auto index = static_cast<int>(row);
-    for (std::size_t c = 0; c < columns.size(); ++c) {
-      const std::string& name = columns[c].name;
-      char* end = nullptr;
-      const double value = std::strtod(values[c].c_str(), &end);
-      if (end == values[c].c_str() || *end != '\0') {
-        if (std::find(names.begin(), names.end(), name) == names.end()) continue;
-        throw Error(csv_place(path, row), "found '" + values[c] + "', accepted: a number");
-      }
-      known[name] = columns[c].unit * value;
-      if (name == "index") index = place_of(value, csv_place(path, row));
-    }
-    truth[index] = vector_of(known, names);
-  }
+  for (const auto& [place, values] : table.truths) truth[place] = vector_of(values, names);
   return truth;
 }
 
@@ -109,38 +72,47 @@ Truth read_truth(const std::string& path, const std::vector<std::string>& names)
   Truth truth;
   const CaptureFile file = read_captures(path);
   for (std::size_t i = 0; i < file.captures.size(); ++i) {
-    truth[static_cast<int>(i)] = vector_of(file.captures[i].truth, names);
+    truth[i] = vector_of(file.captures[i].truth, names);
   }
   return truth;
 }
 
-Eigen::VectorXd numbers(const json& list, Eigen::Index size, const std::string& where) {
+Eigen::VectorXd numbers(const Json& list, Eigen::Index size, const std::string& where) {
   if (!list.is_array() || static_cast<Eigen::Index>(list.size()) != size) {
-    throw Error(where, "accepted: " + std::to_string(size) + " numbers");
+    throw Error(where, "found " +
+                           (list.is_array() ? std::to_string(list.size()) + " values"
+                                            : std::string("no list")) +
+                           ", accepted: " + std::to_string(size) + " numbers");
   }
   Eigen::VectorXd v(size);
   for (Eigen::Index i = 0; i < size; ++i) {
-    const json& value = list[static_cast<std::size_t>(i)];
+    const Json& value = list[static_cast<std::size_t>(i)];
     v[i] = value.is_number() ? value.get<double>() : std::nan("");
   }
   return v;
 }
 
 /// A field of an object. Throws Error where there is none.
-const json& field(const json& object, const char* name, const std::string& where) {
+const Json& field(const Json& object, const char* name, const std::string& where) {
   if (!object.is_object() || !object.contains(name)) {
     throw Error(where + "." + name, "found nothing, accepted: what blindcorner fit writes");
   }
   return object[name];
 }
 
-Eigen::MatrixXd covariance_of(const json& rows, Eigen::Index n, const std::string& where) {
+Eigen::MatrixXd covariance_of(const Json& rows, Eigen::Index n, const std::string& where) {
   if (!rows.is_array() || static_cast<Eigen::Index>(rows.size()) != n) {
-    throw Error(where, "accepted: a matrix of the unknowns");
+    throw Error(where, "found " +
+                           (rows.is_array() ? std::to_string(rows.size()) + " rows"
+                                            : std::string("no rows")) +
+                           ", accepted: a matrix of the " + std::to_string(n) + " unknowns");
   }
   Eigen::MatrixXd covariance(n, n);
   for (Eigen::Index r = 0; r < n; ++r) {
     covariance.row(r) = numbers(rows[static_cast<std::size_t>(r)], n, where).transpose();
+  }
+  if (covariance.allFinite() && !covariance.isApprox(covariance.transpose(), 1e-6)) {
+    throw Error(where, "found a matrix that is not symmetric, accepted: a covariance");
   }
   if (!covariance.allFinite() || Eigen::LLT<Eigen::MatrixXd>(covariance).info() != Eigen::Success) {
     throw Error(where, "found no positive definite matrix, accepted: a covariance");
@@ -149,12 +121,12 @@ Eigen::MatrixXd covariance_of(const json& rows, Eigen::Index n, const std::strin
 }
 
 /// What one entry of the result says against its truth; nothing when either is missing.
-std::optional<EstimateError> error_of(const json& entry, const Truth* truth,
-                                      const Eigen::VectorXd& periods, bool mean, int place,
+std::optional<EstimateError> error_of(const Json& entry, const Truth* truth,
+                                      const Eigen::VectorXd& periods, bool mean, std::size_t place,
                                       const std::string& where) {
   const Eigen::Index n = periods.size();
-  const json* pose = nullptr;
-  const json* covariance = nullptr;
+  const Json* pose = nullptr;
+  const Json* covariance = nullptr;
   if (!entry.is_object()) throw Error(where, "found no object, accepted: a capture's result");
   if (mean && entry.contains("mean") && entry["mean"].is_array()) {
     pose = &entry["mean"];
@@ -188,10 +160,35 @@ std::optional<EstimateError> error_of(const json& entry, const Truth* truth,
   return e;
 }
 
+/// The page to write, whose figures stand beside it as .json: not over what is read.
+std::filesystem::path page_of(const EvaluateArguments& arguments) {
+  if (arguments.page.empty()) {
+    return std::filesystem::path(arguments.result).replace_filename("evaluation.html");
+  }
+  std::filesystem::path page = arguments.page;
+  if (page.extension() != ".html") {
+    throw Error("--page", "found \"" + arguments.page + "\", accepted: a name that ends in .html");
+  }
+  std::error_code missing;
+  const std::filesystem::path figures = std::filesystem::path(page).replace_extension(".json");
+  if (std::filesystem::equivalent(figures, arguments.result, missing)) {
+    throw Error("--page", "found \"" + arguments.page + "\", whose figures would be written over " +
+                              arguments.result + "; accepted: another name");
+  }
+  return page;
+}
+
+std::string joined(const std::vector<std::string>& names) {
+  std::string text;
+  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
+  return text;
+}
+
 int run_evaluate(const EvaluateArguments& arguments) {
   arguments.options.validate();
-  const json result = read_json(arguments.result);
-  const auto is_text = [](const json& value) { return value.is_string(); };
+  const std::filesystem::path page = page_of(arguments);
+  const Json result = JsonReader::parse(read_bytes(arguments.result), arguments.result);
+  const auto is_text = [](const Json& value) { return value.is_string(); };
   if (!result.is_object() || !result.contains("format") ||
       result["format"] != "blindcorner.result/1" || !result.contains("captures") ||
       !result["captures"].is_array() || !result.contains("unknowns") ||
@@ -202,6 +199,12 @@ int run_evaluate(const EvaluateArguments& arguments) {
   if (!result.contains("periods")) throw Error(arguments.result + ": periods", "is missing");
   const Eigen::VectorXd periods = numbers(
       result["periods"], static_cast<Eigen::Index>(names.size()), arguments.result + ": periods");
+  if (!(periods.array() >= 0).all()) {
+    throw Error(arguments.result + ": periods", "found a number below 0, accepted: 0 or more");
+  }
+  if (std::set<std::string>(names.begin(), names.end()).size() != names.size()) {
+    throw Error(arguments.result + ": unknowns", "found a name twice, accepted: each once");
+  }
   std::optional<Truth> truth;
   if (!arguments.truth.empty()) truth = read_truth(arguments.truth, names);
   EvaluationRow row;
@@ -209,7 +212,7 @@ int run_evaluate(const EvaluateArguments& arguments) {
   int without = 0;
   for (std::size_t i = 0; i < result["captures"].size(); ++i) {
     const auto error = error_of(result["captures"][i], truth ? &*truth : nullptr, periods,
-                                arguments.estimator == "mean", static_cast<int>(i),
+                                arguments.estimator == "mean", i,
                                 arguments.result + ": captures[" + std::to_string(i) + "]");
     if (error) {
       row.errors.push_back(*error);
@@ -218,13 +221,10 @@ int run_evaluate(const EvaluateArguments& arguments) {
     }
   }
   if (row.errors.empty()) {
-    throw Error(arguments.result, "found no capture with both an estimate and a truth");
+    throw Error(arguments.result,
+                "found no capture with both an estimate and a truth of " + joined(names));
   }
   row.evaluation = evaluate_errors(row.errors, names, arguments.options);
-  const std::filesystem::path page =
-      arguments.page.empty()
-          ? std::filesystem::path(arguments.result).replace_filename("evaluation.html")
-          : std::filesystem::path(arguments.page);
   write_atomically(page.string(), evaluation_page("Errors", {row}, names));
   write_atomically(std::filesystem::path(page).replace_extension(".json").string(),
                    evaluation_json({row}));

@@ -8,7 +8,6 @@
 #include <filesystem>
 #include <map>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <set>
 
 #include "blindcorner/forward/error.h"
@@ -22,9 +21,11 @@
 #include "commands/commands.h"
 #include "commands/interrupt.h"
 #include "commands/lit_drive.h"
+#include "commands/number_check.h"
 #include "commands/output_directory.h"
 #include "commands/progress.h"
 #include "io/file_bytes.h"
+#include "io/json_reader.h"
 #include "report/trials_page.h"
 
 namespace blindcorner {
@@ -53,7 +54,7 @@ void check_perceptions(const std::vector<std::string>& names) {
 
 /// The scene's own bytes, which a drive file only names.
 std::string scene_bytes(const std::string& drive_path) {
-  const auto json = nlohmann::json::parse(read_bytes(drive_path));
+  const auto json = JsonReader::parse(read_bytes(drive_path), drive_path);
   return read_bytes(
       (fs::path(drive_path).parent_path() / json.at("scene").get<std::string>()).string());
 }
@@ -62,11 +63,12 @@ std::string scene_bytes(const std::string& drive_path) {
 void keep_weights(const fs::path& directory, const std::map<std::string, std::string>& files) {
   if (files.empty()) return;
   const std::string path = (directory / "weights.json").string();
-  nlohmann::ordered_json known = nlohmann::ordered_json::object();
-  if (fs::exists(path)) known = nlohmann::ordered_json::parse(read_bytes(path));
+  JsonReader::Json known = JsonReader::Json::object();
+  if (fs::exists(path)) known = JsonReader::parse(read_bytes(path), path);
+  if (!known.is_object()) throw Error(path, "found no object, accepted: what this command writes");
   for (const auto& [name, file] : files) {
     const std::string hash = content_hash(read_bytes(file));
-    if (known.value(name, hash) != hash) {
+    if (known.contains(name) && known[name] != hash) {
       throw Error(path, "holds trials of other weights of " + name + " than " + file +
                             ", accepted: the same weights, or another directory");
     }
@@ -234,7 +236,7 @@ void add_trials_command(CLI::App& app, int& exit_code) {
   command
       .add_option("--light", arguments->light,
                   "factor on the laser's light; daylight stays; default: the drive file's")
-      ->check(CLI::PositiveNumber);
+      ->check(positive_number());
   command
       .add_option("--replays", arguments->replays,
                   "failed trials of each perception to write pages of")

@@ -2,6 +2,8 @@
 /// What is known of the object in each capture, as a table.
 #pragma once
 
+#include <functional>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -9,19 +11,22 @@
 
 namespace blindcorner {
 
-/// What a column of true values holds.
-struct TruthColumn {
-  std::string name;  ///< of the unknown: yaw_rad also of a column in degrees
-  double unit = 1;   ///< that its numbers are in: rad for a degree
+/// A table (.csv) of true values: of each capture's place, from 0, what is known of the unknowns.
+/// Its header holds their names, yaws also in degrees (`yaw_deg`), and `index`, a capture's place,
+/// where the rows are not one for each capture in their order. An empty cell says nothing.
+struct TruthTable {
+  bool indexed = false;  ///< has a column index
+  std::map<std::size_t, std::map<std::string, double>> truths;
 };
 
-/// "yaw_deg", "front.yaw_deg": a yaw in degrees; any other name: itself.
-TruthColumn truth_column(const std::string& header);
+/// Reads the columns whose names `is_known` accepts, in radians where they are in degrees, and
+/// passes over all others. Throws Error naming file, row, column and what is accepted.
+TruthTable read_truth_table(const std::string& path,
+                            const std::function<bool(const std::string& name)>& is_known);
 
-/// Puts the truths of a table (.csv) into captures. Its header holds x_m, y_m, z_m, yaw_deg or
-/// yaw_rad, and size, with several objects after the object's name and a dot; and `index`, a
-/// capture's place from 0, where the rows are not one for each capture in their order. An empty
-/// cell says nothing. Throws Error naming file, row and what is accepted.
+/// Puts the truths of a table into captures. Its columns are x_m, y_m, z_m, yaw_deg or yaw_rad, and
+/// size, with several objects after the object's name and a dot; and `index`. Throws Error naming
+/// file, row and what is accepted.
 void add_truths(const std::string& path, std::vector<Capture>& captures);
 
 }  // namespace blindcorner

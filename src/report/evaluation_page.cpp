@@ -116,6 +116,14 @@ std::string evaluation_headline(const EvaluationRow& row, const std::vector<std:
     }
   }
   if (distances.empty() || std::ranges::none_of(names, is_position)) return {};
+  // Of fewer, neither shares nor the claimed errors can be judged.
+  constexpr std::size_t kFew = 10;
+  if (distances.size() < kFew) {
+    return (distances.size() == 1 ? "The position is "
+                                  : "All " + std::to_string(distances.size()) + " positions are ") +
+           "within " + said_length(std::ranges::max(distances)) +
+           " of the truth; too few to judge the claimed errors.";
+  }
   // Larger and smaller by half than they should be.
   constexpr double kHalf = 1.5;
   const double ratio = std::sqrt(squares / count);
