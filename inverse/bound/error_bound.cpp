@@ -73,6 +73,9 @@ Eigen::MatrixXd covariance_of(const Eigen::MatrixXd& information, const Eigen::M
          solver.eigenvectors().transpose() * scale.asDiagonal();
 }
 
+/// Of a standard normal variable, the point that kAlarm = 5 % lie above.
+constexpr double kAlarmDeviate = 1.645;
+
 double normal_share(double z) { return 0.5 * std::erfc(-z / std::numbers::sqrt2); }
 
 /// As many of them as wanted in proportion to their weights, evenly spaced along the list.
@@ -292,7 +295,10 @@ double ErrorBound::Impl::detection_at(const ShapeBuffer& light,
     }
   }
   const double sigma = empty_noise > 0 ? std::sqrt(noise / empty_noise) : 1.0;
-  const double seen = normal_share((ratio - std::sqrt(2 * std::max(threshold, 0.0))) / sigma);
+  // The best of all poses passes no rarer than any one of them, whose share is a normal deviate's.
+  // Less comes of a search region without light, whose scores are all 0.
+  const double needed = std::max(std::sqrt(2 * std::max(threshold, 0.0)), kAlarmDeviate);
+  const double seen = normal_share((ratio - needed) / sigma);
   return 1 - (1 - kAlarm) * (1 - seen);
 }
 

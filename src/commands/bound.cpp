@@ -13,12 +13,14 @@
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
 #include "blindcorner/inverse/bound/error_bound.h"
+#include "blindcorner/inverse/hints.h"
 #include "blindcorner/io/atomic_file.h"
 #include "blindcorner/io/scene_file.h"
 #include "blindcorner/simulation/sensor_path.h"
 #include "blindcorner/simulation/synthetic.h"
 #include "commands/capture_inputs.h"
 #include "commands/commands.h"
+#include "commands/number_check.h"
 #include "commands/output_directory.h"
 #include "commands/pose_text.h"
 #include "commands/progress.h"
@@ -111,10 +113,13 @@ BoundMap map_of(const BoundArguments& arguments, const Scene& scene, const Senso
   map.scene = scene;
   map.relay_points = sensor.relay_points;
   map.options = options;
-  map.cell = longest / arguments.grid;
+  map.hints = scene_hints(scene, sensor);
+  const double cell = longest / arguments.grid;
   const Placement known = placements_at(scene, held).front();
-  map.x_m = centres(scene, x, map.cell, known.position.x());
-  map.y_m = centres(scene, y, map.cell, known.position.y());
+  map.x_m = centres(scene, x, cell, known.position.x());
+  map.y_m = centres(scene, y, cell, known.position.y());
+  map.cell = {x ? scene.unknowns[*x].range() / static_cast<double>(map.x_m.size()) : cell,
+              y ? scene.unknowns[*y].range() / static_cast<double>(map.y_m.size()) : cell};
   const std::size_t count = map.x_m.size() * map.y_m.size();
   Progress progress(name, count + static_cast<std::size_t>(options.test_poses));
   const ErrorBound bound(scene, sensor, options, [&] { progress.advance(); });
@@ -158,6 +163,9 @@ int run_bound(const BoundArguments& arguments) {
   const std::vector<BoundMap> maps = maps_of(arguments);
   for (const BoundMap& map : maps) {
     std::printf("%s\n  %s\n", map.name.c_str(), bound_headline(map).c_str());
+    for (const std::string& hint : map.hints) {
+      std::fprintf(stderr, "blindcorner: hint: %s\n", hint.c_str());
+    }
   }
   if (arguments.output.empty()) return kAllWell;
   make_directory(arguments.output);
@@ -186,7 +194,7 @@ void add_bound_command(CLI::App& app, int& exit_code) {
                   "choose the exposure so that the third bounce gives this many photons on average "
                   "over the search region (at the first sensor pose), over an equal background; "
                   "default: the scene's own light")
-      ->check(CLI::PositiveNumber);
+      ->check(positive_number());
   command.add_option("--pose", arguments->pose,
                      "what else is unknown, such as z_m=0.9,yaw_deg=20; components left out keep "
                      "the scene's values");

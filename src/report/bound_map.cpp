@@ -66,7 +66,8 @@ std::string path_of(const View& view, const Outline& outline, bool closed) {
   return closed ? path + "Z" : path;
 }
 
-std::string begin_svg(const View& view) {
+/// `id` tells this picture's clip path from those of others on the page.
+std::string begin_svg(const View& view, const std::string& id) {
   return formatted(
              "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %.0f %.0f\" width=\"%.0f\" "
              "height=\"%.0f\" font-family=\"sans-serif\" font-size=\"11\">",
@@ -75,10 +76,9 @@ std::string begin_svg(const View& view) {
          "patternTransform=\"rotate(45)\"><rect width=\"7\" height=\"7\" fill=\"#fff\" "
          "fill-opacity=\"0.45\"/><path d=\"M0 0V7\" stroke=\"#333\" stroke-width=\"2.2\"/>"
          "</pattern></defs>" +
-         formatted(
-             "<clipPath id=\"view\"><rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" "
-             "height=\"%.1f\"/></clipPath>",
-             kBorder, kBorder, view.width - 2 * kBorder, view.height - 2 * kBorder);
+         "<clipPath id=\"" + id + "\">" +
+         formatted("<rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\"/></clipPath>",
+                   kBorder, kBorder, view.width - 2 * kBorder, view.height - 2 * kBorder);
 }
 
 /// Steps of 1, 2 or 5 times a power of ten, about five of them.
@@ -119,11 +119,11 @@ std::string cells(const BoundMap& map, const View& view, const ErrorScale& scale
   for (std::size_t row = 0; row < map.y_m.size(); ++row) {
     for (std::size_t column = 0; column < map.x_m.size(); ++column) {
       const PoseBound& place = map.at(row, column);
-      const double x = view.x(map.x_m[column] - map.cell / 2);
-      const double y = view.y(map.y_m[row] + map.cell / 2);
-      const double edge = map.cell * view.zoom + 0.3;  // no gaps
+      const double x = view.x(map.x_m[column] - map.cell.x() / 2);
+      const double y = view.y(map.y_m[row] + map.cell.y() / 2);
+      const Vector2d size = map.cell * view.zoom + Vector2d::Constant(0.3);  // no gaps
       const std::string box = formatted(
-          "<rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" ", x, y, edge, edge);
+          "<rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" ", x, y, size.x(), size.y());
       svg += box + "fill=\"" + colour_of(place.position_error, scale) + "\"";
       const bool noticed = place.detection_probability >= kNoticed;
       std::string title;
@@ -141,7 +141,7 @@ std::string cells(const BoundMap& map, const View& view, const ErrorScale& scale
         svg += formatted(
             "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"1.6\" fill=\"#fff\" "
             "pointer-events=\"none\"/>",
-            x + edge / 2, y + edge / 2);
+            x + size.x() / 2, y + size.y() / 2);
       }
     }
   }
@@ -188,10 +188,10 @@ std::string sensor_mark(const View& view, const SensorView& sensor) {
 }
 
 Vector2d low_corner(const BoundMap& map) {
-  return {map.x_m.front() - map.cell / 2, map.y_m.front() - map.cell / 2};
+  return Vector2d(map.x_m.front(), map.y_m.front()) - map.cell / 2;
 }
 Vector2d high_corner(const BoundMap& map) {
-  return {map.x_m.back() + map.cell / 2, map.y_m.back() + map.cell / 2};
+  return Vector2d(map.x_m.back(), map.y_m.back()) + map.cell / 2;
 }
 
 }  // namespace
@@ -207,7 +207,8 @@ ErrorScale error_scale(const std::vector<BoundMap>& maps) {
   return scale;
 }
 
-std::string overview_svg(const BoundMap& map, const ErrorScale& scale) {
+std::string overview_svg(const BoundMap& map, const ErrorScale& scale, int number) {
+  const std::string id = "overview" + std::to_string(number);
   const SensorView sensor = sensor_view(map.scene, map.scene.T_world_sensor, map.relay_points);
   Vector2d low = low_corner(map), high = high_corner(map);
   const auto include = [&](const Vector2d& p) {
@@ -220,46 +221,47 @@ std::string overview_svg(const BoundMap& map, const ErrorScale& scale) {
   }
   const double margin = 0.08 * (high - low).maxCoeff();
   const View view(low - Vector2d::Constant(margin), high + Vector2d::Constant(margin));
-  return begin_svg(view) + "<g clip-path=\"url(#view)\">" + cells(map, view, scale, false) +
-         surroundings(map, view, sensor) + sensor_mark(view, sensor) + "</g>" + frame(view) +
-         "</svg>";
+  return begin_svg(view, id) + "<g clip-path=\"url(#" + id + ")\">" +
+         cells(map, view, scale, false) + surroundings(map, view, sensor) +
+         sensor_mark(view, sensor) + "</g>" + frame(view) + "</svg>";
 }
 
-std::string area_svg(const BoundMap& map, const ErrorScale& scale) {
+std::string area_svg(const BoundMap& map, const ErrorScale& scale, int number) {
+  const std::string id = "area" + std::to_string(number);
   const View view(low_corner(map), high_corner(map));
-  return begin_svg(view) + "<g clip-path=\"url(#view)\">" + cells(map, view, scale, true) + "</g>" +
-         frame(view) + "</svg>";
+  return begin_svg(view, id) + "<g clip-path=\"url(#" + id + ")\">" +
+         cells(map, view, scale, true) + "</g>" + frame(view) + "</svg>";
 }
 
-std::string scale_svg(const ErrorScale& scale) {
-  constexpr int kSteps = 60, kStepWidth = 7, kLeft = 150;
-  std::string svg =
-      "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"960\" height=\"44\" "
-      "font-family=\"sans-serif\" font-size=\"12\"><defs><pattern id=\"key\" width=\"7\" "
-      "height=\"7\" patternUnits=\"userSpaceOnUse\" patternTransform=\"rotate(45)\"><path d=\"M0 "
-      "0V7\" stroke=\"#333\" stroke-width=\"2.2\"/></pattern></defs><text x=\"0\" y=\"16\">error "
-      "to "
-      "expect</text>";
+std::string scale_html(const ErrorScale& scale) {
+  constexpr int kSteps = 50, kStepWidth = 6, kSide = 24, kWide = kSteps * kStepWidth;
+  std::string svg = formatted(
+      "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"%d\" height=\"40\" "
+      "font-family=\"sans-serif\" font-size=\"12\">",
+      kWide + 2 * kSide);
   for (int i = 0; i < kSteps; ++i) {
     svg += formatted("<rect x=\"%d\" y=\"4\" width=\"%d\" height=\"16\" fill=\"%s\"/>",
-                     kLeft + i * kStepWidth, kStepWidth + 1, colour((i + 0.5) / kSteps).c_str());
+                     kSide + i * kStepWidth, kStepWidth + 1, colour((i + 0.5) / kSteps).c_str());
   }
   for (int i = 0; i <= 4; ++i) {
     const double share = i / 4.0;
-    svg += formatted("<text x=\"%.0f\" y=\"36\" text-anchor=\"middle\">",
-                     kLeft + share * kSteps * kStepWidth) +
+    svg += formatted("<text x=\"%.0f\" y=\"34\" text-anchor=\"middle\">", kSide + share * kWide) +
            length_text(scale.least * std::pow(scale.most / scale.least, share)) + "</text>";
   }
-  constexpr int kKey = kLeft + kSteps * kStepWidth + 40;
-  return svg +
-         formatted(
-             "<rect x=\"%d\" y=\"4\" width=\"24\" height=\"16\" fill=\"url(#key)\" "
-             "stroke=\"#333\"/><text x=\"%d\" y=\"16\">not noticed in most captures</text>",
-             kKey, kKey + 30) +
-         formatted(
-             "<circle cx=\"%d\" cy=\"32\" r=\"3\" fill=\"#fff\" stroke=\"#333\"/><text "
-             "x=\"%d\" y=\"36\">other places look the same</text></svg>",
-             kKey + 12, kKey + 30);
+  svg += "</svg>";
+  const std::string hatched =
+      "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"26\" height=\"18\"><defs><pattern "
+      "id=\"key\" width=\"7\" height=\"7\" patternUnits=\"userSpaceOnUse\" "
+      "patternTransform=\"rotate(45)\"><rect width=\"7\" height=\"7\" fill=\"#fff\"/><path "
+      "d=\"M0 0V7\" stroke=\"#333\" stroke-width=\"2.2\"/></pattern></defs><rect x=\"1\" y=\"1\" "
+      "width=\"24\" height=\"16\" fill=\"url(#key)\" stroke=\"#333\"/></svg>";
+  const std::string dot =
+      "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"10\" height=\"18\"><circle cx=\"5\" "
+      "cy=\"9\" r=\"3\" fill=\"#fff\" stroke=\"#333\"/></svg>";
+  const std::string piece = "<span style=\"display:inline-flex;align-items:center;gap:6px\">";
+  return "<div style=\"display:flex;flex-wrap:wrap;align-items:center;gap:4px 18px\">" + piece +
+         "error to expect</span>" + svg + piece + hatched + "not noticed in most captures</span>" +
+         piece + dot + "other places look the same</span></div>\n";
 }
 
 }  // namespace blindcorner

@@ -17,12 +17,13 @@ struct ErrorScale {
 ErrorScale error_scale(const std::vector<BoundMap>& maps);
 
 /// The whole scene: sensor, what it sees, surfaces, the hidden area in colours. One <svg> element.
-std::string overview_svg(const BoundMap& map, const ErrorScale& scale);
+/// `number` tells it from those of other maps on the page.
+std::string overview_svg(const BoundMap& map, const ErrorScale& scale, int number);
 
 /// The hidden area by itself, with hatching where nothing would be noticed.
-std::string area_svg(const BoundMap& map, const ErrorScale& scale);
+std::string area_svg(const BoundMap& map, const ErrorScale& scale, int number);
 
-/// The colours and what they stand for.
-std::string scale_svg(const ErrorScale& scale);
+/// The colours and what they stand for, in a line that breaks where the page is narrow.
+std::string scale_html(const ErrorScale& scale);
 
 }  // namespace blindcorner

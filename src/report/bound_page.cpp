@@ -67,7 +67,7 @@ Json map_json(const BoundMap& map) {
             {"p90_error_m", number(summary.p90_error)},
             {"ambiguous_share", number(summary.ambiguous_share)},
             {"median_photons", number(summary.median_photons)},
-            {"cell_m", map.cell},
+            {"cell_m", {map.cell.x(), map.cell.y()}},
             {"x_m", map.x_m},
             {"y_m", map.y_m}};
   json["places"] = Json::array();
@@ -193,12 +193,15 @@ std::string bound_csv(const std::vector<BoundMap>& maps) {
 std::string bound_page(const std::vector<BoundMap>& maps) {
   const ErrorScale scale = error_scale(maps);
   std::string body;
-  body +=
-      best_pose(maps) + table_html(maps) + "<div class=\"wide\">" + scale_svg(scale) + "</div>\n";
+  body += best_pose(maps) + table_html(maps) + scale_html(scale);
+  int number = 0;
   for (const BoundMap& map : maps) {
+    ++number;
     body += "<h2 style=\"font-size:17px\">" + html_safe(map.name) + "</h2>\n";
     if (maps.size() > 1) body += "<p>" + html_safe(bound_headline(map)) + "</p>\n";
-    body += "<div class=\"charts\">" + overview_svg(map, scale) + area_svg(map, scale) + "</div>\n";
+    for (const std::string& hint : map.hints) body += "<p>" + html_safe(hint) + "</p>\n";
+    body += "<div class=\"charts\">" + overview_svg(map, scale, number) +
+            area_svg(map, scale, number) + "</div>\n";
   }
   body +=
       "<p class=\"open\">Dark dot: the sensor; yellow: what it looks at; thick grey lines: relay "

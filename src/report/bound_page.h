@@ -20,10 +20,11 @@ struct BoundMap {
   Scene scene;                                ///< seen from there
   std::vector<Eigen::Vector3d> relay_points;  ///< [zones] where the scene does not give them
   BoundOptions options;
-  double prior_error = 0;         ///< m
-  std::vector<double> x_m, y_m;   ///< cell centres; one where the coordinate is known
-  double cell = 0;                ///< m, edge of a cell
-  std::vector<PoseBound> places;  ///< [y][x]
+  double prior_error = 0;          ///< m
+  std::vector<double> x_m, y_m;    ///< cell centres; one where the coordinate is known
+  Eigen::Vector2d cell{0, 0};      ///< m, edges of a cell along x and y
+  std::vector<PoseBound> places;   ///< [y][x]
+  std::vector<std::string> hints;  ///< what of the region cannot be seen, and why
 
   const PoseBound& at(std::size_t row, std::size_t column) const {
     return places[row * x_m.size() + column];

@@ -68,6 +68,18 @@ TEST(ErrorBound, IsThePriorWithoutLight) {
   EXPECT_GT(position_trace(scene, dark.cramer_rao), 100 * prior);
 }
 
+// Behind the wall no light goes: whatever is noticed there is a false alarm.
+TEST(ErrorBound, NoticesNothingWhereNoLightGoes) {
+  Scene scene = wall_with_plate();
+  scene.unknowns.front().lower = 0.8;
+  scene.unknowns.front().upper = 1.2;
+  PoseVector pose = testing_scenes::stated_pose(scene);
+  pose[0] = 1;
+  const PoseBound behind = ErrorBound(scene, sensor_placement(scene), small()).at(pose);
+  EXPECT_NEAR(behind.photons, 0, 1e-6);
+  EXPECT_LT(behind.detection_probability, 0.15);
+}
+
 // Errors of fits: no smaller than the bound, and not much larger where there is light.
 TEST(ErrorBound, HoldsForFits) {
   const Scene scene = wall_with_plate();
