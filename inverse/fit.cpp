@@ -57,6 +57,8 @@ constexpr std::size_t kStartsAtOnce = 4;
 /// rough to choose starts with: nearly what places may be below the best one before they are
 /// dropped (FitOptions::negligible_log_posterior), so that it may have dropped the right one.
 constexpr double kTooRough = 10;
+/// Presence is one half where the light says nothing, but for the rounding of evidence.
+constexpr double kNoEvidence = 0.51;
 /// So rough that descents on closed-form light, corrected by the model where they stand, do not get
 /// to optima: the steps of the model's own cost four times as much. By judgement between kTooRough
 /// and the thousand that it is off at 100,000 photons, where optima of a box and of two spheres
@@ -395,7 +397,7 @@ void set_flags(const Scene& scene, const Posterior& posterior, double left_over,
   };
   const PoseMixture& mixture = posterior.mixture;
   flag(result.false_alarm_probability.value_or(1) > kAlarm &&
-           result.posterior.presence_probability < 0.5,
+           result.posterior.presence_probability < kNoEvidence,
        "nothing_detected");
   flag(mixture.modes.size() > 1 && mixture.modes.front().weight < kOneMode, "multimodal");
   flag(!mixture.modes.front().undetermined.empty(), "undetermined");

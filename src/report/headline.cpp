@@ -17,6 +17,8 @@ constexpr double kWorthNaming = 0.05;
 constexpr double kDecided = 0.9;
 /// Below this probability an object is "perhaps" there.
 constexpr double kSure = 0.95;
+/// Below this one it is more likely that there is none.
+constexpr double kLikely = 0.5;
 constexpr double kStandardNormal95 = 1.645;
 
 bool has_flag(const FitResult& result, const char* word) {
@@ -174,14 +176,18 @@ std::string fit_headline(const Scene& scene, const FitResult& result) {
   }
   const std::vector<PoseMode>& modes = result.posterior.modes;
   if (modes.empty()) return "Nothing is tracked in this frame.";
-  std::string text;
   const double presence = result.posterior.presence_probability;
-  if (modes.size() > 1 && modes.front().weight < kDecided) {
-    text = rivals_text(scene, modes);
-  } else {
-    text = "Found " + mode_text(scene, modes.front(), true) + ".";
+  std::string text;
+  if (presence < kLikely) {
+    text =
+        formatted("Unsure: the probability that an object is there is %.2g. If it is: ", presence);
   }
-  if (presence < kSure) {
+  if (modes.size() > 1 && modes.front().weight < kDecided) {
+    text += rivals_text(scene, modes);
+  } else {
+    text += (presence < kLikely ? "" : "Found ") + mode_text(scene, modes.front(), true) + ".";
+  }
+  if (presence >= kLikely && presence < kSure) {
     text += formatted(" It may not be there: the probability that it is, is %.2f.", presence);
   }
   if (has_flag(result, "predicted"))

@@ -107,5 +107,21 @@ TEST(FitHints, GainsThatWereNeverCalibrated) {
               ElementsAre(AllOf(HasSubstr("time zero"), HasSubstr("blindcorner calibrate"))));
 }
 
+// Without the direct return a pose takes up an error of time zero, and no misfit tells.
+TEST(FitHints, TimeZeroThatNothingChecks) {
+  Scene scene = wall_to_hint_at();
+  FitResult result = fit_of(1000, 100, 100);
+  const auto n = static_cast<Eigen::Index>(scene.unknowns.size());
+  PoseMode mode;
+  mode.covariance = 1e-6 * Eigen::MatrixXd::Identity(n, n);
+  result.posterior.modes = {mode};
+  EXPECT_THAT(fit_hints(scene, result), IsEmpty());
+  scene.linear.direct = LinearMode::fixed;
+  scene.linear.fixed_direct = 0;
+  EXPECT_THAT(fit_hints(scene, result), ElementsAre(HasSubstr("checks time_zero_ps")));
+  result.posterior.modes.front().covariance *= 1e6;
+  EXPECT_THAT(fit_hints(scene, result), IsEmpty());
+}
+
 }  // namespace
 }  // namespace blindcorner

@@ -105,6 +105,9 @@ TEST(Headline, DoubtIsSaid) {
   EXPECT_THAT(fit_headline(plane_scene(), result), HasSubstr("may not be there"));
   result.posterior.modes.front().undetermined = {1};
   EXPECT_THAT(fit_headline(plane_scene(), result), HasSubstr("y left open"));
+  result.posterior.presence_probability = 0.04;
+  EXPECT_THAT(fit_headline(plane_scene(), result),
+              StartsWith("Unsure: the probability that an object is there is 0.04."));
 }
 
 TEST(Headline, ManyCapturesAreCounted) {
