@@ -8,6 +8,7 @@
 
 #include "blindcorner/forward/constants.h"
 #include "forward/relay/visibility.h"
+#include "forward/sensor/least_pulse.h"
 #include "forward/support/multiversion.h"
 
 namespace blindcorner {
@@ -193,8 +194,9 @@ void shade(const Vector3d& from, const std::vector<const WeightedPatch*>& ends,
 
 FineAxis::FineAxis(const Sensor& sensor)
     : bins_(unwrapped_bins(sensor)),
-      fine_(std::max(
-          16, static_cast<int>(std::ceil(16 * sensor.bin_width / sensor.response.core_sigma())))) {
+      // A sixteenth of the pulse, or of the narrowest one that is told apart.
+      fine_(static_cast<int>(std::ceil(
+          16 / std::clamp(sensor.response.core_sigma() / sensor.bin_width, kMinPulseBins, 1.0)))) {
   const auto [early, late] = sensor.response.support(kPulseTail);
   first_ = static_cast<int>(std::floor(early / sensor.bin_width)) - 1;
   length_ = static_cast<int>(std::ceil(late / sensor.bin_width)) + 1 - first_;

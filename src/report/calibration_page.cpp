@@ -53,20 +53,21 @@ std::string summary_line(const Calibration& c) {
 }
 
 ChartSeries series_of(const char* name, const char* colour, const std::vector<double>& values,
-                      SeriesStyle style) {
+                      double bin_width, SeriesStyle style) {
   ChartSeries series{name, {}, style, colour};
   for (std::size_t k = 0; k < values.size(); ++k) {
-    series.points.push_back({static_cast<double>(k), values[k]});
+    series.points.push_back({1e9 * bin_width * static_cast<double>(k), values[k]});
   }
   return series;
 }
 
-Chart view_chart(const CalibrationView& view, bool background) {
-  Chart chart{"zone " + std::to_string(view.zone), "bins, object's light moved together",
+Chart view_chart(const CalibrationView& view, double bin_width, bool background) {
+  Chart chart{"zone " + std::to_string(view.zone), "time, ns; the object's light moved together",
               background ? "mean counts, without background" : "mean counts"};
-  chart.series = {series_of("before", colour::kLine, view.before, SeriesStyle::line),
-                  series_of("after", colour::kModel, view.after, SeriesStyle::line),
-                  series_of("measured", colour::kMeasured, view.measured, SeriesStyle::dots)};
+  chart.series = {
+      series_of("before", colour::kLine, view.before, bin_width, SeriesStyle::line),
+      series_of("after", colour::kModel, view.after, bin_width, SeriesStyle::line),
+      series_of("measured", colour::kMeasured, view.measured, bin_width, SeriesStyle::dots)};
   return chart;
 }
 
@@ -76,8 +77,8 @@ constexpr double kPoorFit = 2;
 std::string calibration_headline(const Calibration& c) {
   const auto determined = std::ranges::count_if(c.parameters, &CalibratedParameter::determined);
   std::string text = formatted(
-      "%td of %zu properties of the instrument were found out from %d captures; what the model "
-      "misses of their light is now %.2g times the photon noise's share, and was %.2g times.",
+      "%td of %zu properties of the instrument were found out from %d captures, which differ from "
+      "the model by %.2g times what photon noise explains (%.2g times before).",
       determined, c.parameters.size(), c.used,
       c.deviance_after / std::max(c.expected_deviance, 1.0),
       c.deviance_before / std::max(c.expected_deviance, 1.0));
@@ -128,7 +129,8 @@ std::string calibration_text(const Calibration& calibration) {
 std::string calibration_page(const Scene& before, const Calibration& calibration) {
   std::vector<Chart> charts;
   for (const CalibrationView& view : calibration.views) {
-    charts.push_back(view_chart(view, calibration.scene.sensor.has_background()));
+    charts.push_back(
+        view_chart(view, before.sensor.bin_width, calibration.scene.sensor.has_background()));
   }
   std::string body = "<p>" + html_safe(summary_line(calibration)) + "</p>\n" + charts_html(charts);
   body += "<table><tr><th>parameter<th>value<th>prior<th>its sigma</tr>\n";

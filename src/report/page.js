@@ -761,7 +761,7 @@
     }
     g.append("text").attr({ x: 0, y: -5, "font-weight": 600 }).text("zone " + zone.zone);
     var note = scene.sensor.dead[zone.zone] ? "dead" : !zone.used ? "not used"
-      : n ? (w > 150 ? "χ²/bin " : "") + (sum / n).toFixed(2) : "";
+      : n ? w > 90 ? (w > 150 ? "χ²/bin " : "") + (sum / n).toFixed(2) : "" : "";
     g.append("text").attr({ x: w, y: -5, "text-anchor": "end", "class": "soft" }).text(note);
   }
   function drawResiduals(g, h, zone, range, x, w, height) {
@@ -944,7 +944,8 @@
     });
     x.ticks(Math.min(10, captures.length)).forEach(function (t) {
       if (t === Math.round(t)) {
-        g.append("text").attr({ x: x(t), y: h + 14, "text-anchor": "middle", "class": "soft" }).text(t);
+        g.append("text").attr({ x: x(t), y: h + 14, "text-anchor": x(t) > w - 14 ? "end" : "middle", "class": "soft" })
+          .text(t);
       }
     });
     g.append("text").attr({ x: w / 2, y: h + 27, "text-anchor": "middle" }).text("capture");
