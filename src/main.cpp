@@ -18,12 +18,12 @@
 namespace {
 
 /// A line on standard error for each of the message's lines: a scene may have several problems.
-int fail(const std::string& message) {
+int fail(const std::string& message, int code = blindcorner::kUnusable) {
   std::istringstream lines(message);
   for (std::string line; std::getline(lines, line);) {
     std::fprintf(stderr, "blindcorner: %s\n", line.c_str());
   }
-  return blindcorner::kUnusable;
+  return code;
 }
 
 }  // namespace
@@ -54,9 +54,13 @@ int main(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    if (error.get_exit_code() == 0) return app.exit(error);  // --help, --version
-    return fail(blindcorner::unknown_command(app, argc, argv).value_or(error.what()) +
-                " (see blindcorner --help)");
+    if (error.get_exit_code() != 0) {
+      return fail(blindcorner::unknown_word(app, argc, argv).value_or(error.what()) +
+                  " (see blindcorner --help)");
+    }
+    exit_code = app.exit(error);  // --help, --version
+  } catch (const blindcorner::OutputError& error) {
+    return fail(error.what(), blindcorner::kSomeFailed);
   } catch (const std::bad_alloc&) {
     return fail("out of memory");
   } catch (const std::exception& error) {

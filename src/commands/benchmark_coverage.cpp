@@ -5,6 +5,7 @@
 
 #include "commands/benchmark.h"
 #include "commands/claim_study_command.h"
+#include "commands/number_check.h"
 #include "report/coverage_page.h"
 
 namespace blindcorner {
@@ -58,7 +59,7 @@ void add_coverage_benchmark(CLI::App& benchmark, int& exit_code) {
       ->check(CLI::Range(1, 10'000'000))
       ->capture_default_str();
   command.add_option("--importance-samples", options.fit.importance_samples, "of the fit")
-      ->check(CLI::NonNegativeNumber)
+      ->check(number_from_zero())
       ->capture_default_str();
   command.callback([arguments, &options, &exit_code] {
     options.wrong_captures =

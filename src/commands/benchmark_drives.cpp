@@ -13,6 +13,7 @@
 #include "commands/benchmark.h"
 #include "commands/commands.h"
 #include "commands/lit_drive.h"
+#include "commands/number_check.h"
 #include "commands/output_directory.h"
 #include "forward/support/quantile.h"
 #include "report/formatted.h"
@@ -187,7 +188,7 @@ void add_drives_benchmark(CLI::App& benchmark, int& exit_code) {
   command.add_option("--weights", arguments->weights,
                      "weights.pt of cnn train, for perceptions that are networks");
   command.add_option("-n,--seeds", arguments->seeds, "drives of each")
-      ->check(CLI::PositiveNumber)
+      ->check(positive_number())
       ->capture_default_str();
   command.add_option("--seed", arguments->seed, "of the first drive; the next ones count on")
       ->capture_default_str();
@@ -195,7 +196,7 @@ void add_drives_benchmark(CLI::App& benchmark, int& exit_code) {
       .add_option("--light", arguments->light,
                   "factors on the laser's light, a list with commas; default: the drive file's")
       ->delimiter(',')
-      ->check(CLI::PositiveNumber);
+      ->check(positive_number());
   command.callback([arguments, &exit_code] { exit_code = run_drives(*arguments); });
 }
 

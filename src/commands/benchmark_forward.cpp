@@ -14,6 +14,7 @@
 #include "blindcorner/simulation/synthetic.h"
 #include "commands/benchmark.h"
 #include "commands/cpu_clock.h"
+#include "commands/number_check.h"
 #include "commands/progress.h"
 #include "forward/support/quantile.h"
 #include "report/formatted.h"
@@ -304,7 +305,7 @@ void add_forward_benchmark(CLI::App& benchmark, int& exit_code) {
   command
       .add_option("--slowest-ms", arguments->slowest_ms,
                   "finer settings of a model are left out once one takes longer")
-      ->check(CLI::PositiveNumber)
+      ->check(positive_number())
       ->capture_default_str();
   command.callback([arguments, &exit_code] { exit_code = run_forward(*arguments); });
 }

@@ -28,6 +28,7 @@
 #include "blindcorner/simulation/traced_scene.h"
 #include "commands/benchmark.h"
 #include "commands/interrupt.h"
+#include "commands/number_check.h"
 #include "commands/output_directory.h"
 #include "commands/progress.h"
 #include "commands/synthetic_trials.h"
@@ -479,13 +480,13 @@ void add_light_benchmark(CLI::App& benchmark, int& exit_code) {
       ->capture_default_str();
   command.add_option("--photons", arguments->photons, "of the object, a list with commas")
       ->delimiter(',')
-      ->check(CLI::PositiveNumber)
+      ->check(positive_number())
       ->capture_default_str();
   command.add_option("--poses", arguments->poses, "first poses of each file; 0: all")
-      ->check(CLI::NonNegativeNumber)
+      ->check(number_from_zero())
       ->capture_default_str();
   command.add_option("--seeds", arguments->seeds, "captures of each pose")
-      ->check(CLI::PositiveNumber)
+      ->check(positive_number())
       ->capture_default_str();
   command.add_option("--seed", arguments->seed, "of the photons")->capture_default_str();
   command

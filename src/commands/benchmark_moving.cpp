@@ -25,6 +25,7 @@
 #include "blindcorner/simulation/sensor_path.h"
 #include "blindcorner/simulation/synthetic.h"
 #include "commands/benchmark.h"
+#include "commands/number_check.h"
 #include "commands/pose_text.h"
 #include "commands/process_memory.h"
 #include "commands/progress.h"
@@ -442,7 +443,7 @@ void add_moving_benchmark(CLI::App& benchmark, int& exit_code) {
   command.add_option("-o,--output", arguments->output, "directory to write to")
       ->capture_default_str();
   command.add_option("--frames", arguments->frames, "sensor poses along the path")
-      ->check(CLI::PositiveNumber)
+      ->check(positive_number())
       ->capture_default_str();
   CLI::Option* from = command.add_option(
       "--from", arguments->from, "first pose of the sensor, as of `render`; default: the scene's");
@@ -459,14 +460,14 @@ void add_moving_benchmark(CLI::App& benchmark, int& exit_code) {
   command
       .add_option("--objects", arguments->objects,
                   "poses of the object drawn from the prior, each for an equal part of the frames")
-      ->check(CLI::PositiveNumber)
+      ->check(positive_number())
       ->capture_default_str();
   command.add_option("--pose", arguments->pose, "one pose of the object for all frames instead");
   command
       .add_option("--photons", arguments->photons,
                   "of the object in each frame, over an equal background; 0: the scene's own "
                   "exposure")
-      ->check(CLI::NonNegativeNumber)
+      ->check(number_from_zero())
       ->capture_default_str();
   command
       .add_option("--truth", arguments->truth,
@@ -476,7 +477,7 @@ void add_moving_benchmark(CLI::App& benchmark, int& exit_code) {
   command
       .add_option("--exhaustive-every", arguments->exhaustive_every,
                   "an exhaustive search in one frame of so many; 0: never")
-      ->check(CLI::NonNegativeNumber)
+      ->check(number_from_zero())
       ->capture_default_str();
   command
       .add_option("--density", arguments->exhaustive.density,
@@ -487,7 +488,7 @@ void add_moving_benchmark(CLI::App& benchmark, int& exit_code) {
   command
       .add_option("--endurance", arguments->endurance,
                   "then so many more sensor poses along the path, for the memory that they take")
-      ->check(CLI::NonNegativeNumber)
+      ->check(number_from_zero())
       ->capture_default_str();
   command.add_option("--tolerance", arguments->fit.model_tolerance,
                      "of the fit's model; default: as each capture asks for");

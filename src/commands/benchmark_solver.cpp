@@ -22,6 +22,7 @@
 #include "commands/benchmark.h"
 #include "commands/benchmark_sweep.h"
 #include "commands/interrupt.h"
+#include "commands/number_check.h"
 #include "commands/output_directory.h"
 #include "commands/progress.h"
 #include "commands/synthetic_trials.h"
@@ -187,6 +188,7 @@ std::vector<Capture> render_captures(const SolverArguments& arguments, const Sce
   std::vector<Capture> captures(truths.size());
   Progress rendering(scene.name + ": rendering", truths.size());
   tbb::parallel_for(std::size_t{0}, truths.size(), [&](std::size_t i) {
+    if (Interruptible::asked()) return;
     captures[i] = make_capture(scene, *reference, truths[i], budgets[i],
                                arguments.seed + 1'000'003 * (i + 1));
     captures[i].source = scene.name;
@@ -194,6 +196,7 @@ std::vector<Capture> render_captures(const SolverArguments& arguments, const Sce
     rendering.advance();
   });
   rendering.finish();
+  if (Interruptible::asked()) return {};
   save_captures(arguments.directories, scene, captures);
   return captures;
 }
@@ -230,6 +233,11 @@ Study run_study(const SolverArguments& arguments, const std::string& path) {
   const std::vector<Capture> captures = arguments.directories.read.empty()
                                             ? render_captures(arguments, scene, truths, budgets)
                                             : known_captures(arguments, scene, truths);
+  if (captures.empty()) {  // interrupted
+    Study none;
+    none.planned = count;
+    return none;
+  }
   std::vector<const Capture*> firsts;
   for (std::size_t i = 0; i < std::min(count, kFirstCaptures); ++i) firsts.push_back(&captures[i]);
   Study study;
@@ -300,13 +308,13 @@ void add_solver_benchmark(CLI::App& benchmark, int& exit_code) {
           .add_option("-n,--captures", arguments->captures,
                       "captures per scene; of a sweep, at each level of light (default: " +
                           std::to_string(arguments->sweep.options.captures) + ")")
-          ->check(CLI::PositiveNumber)
+          ->check(positive_number())
           ->capture_default_str();
   command.add_option("--least-photons", arguments->least_photons, "of the third bounce")
-      ->check(CLI::PositiveNumber)
+      ->check(positive_number())
       ->capture_default_str();
   command.add_option("--most-photons", arguments->most_photons, "of the third bounce")
-      ->check(CLI::PositiveNumber)
+      ->check(positive_number())
       ->capture_default_str();
   command
       .add_option("--amplitude-spread", arguments->amplitude_spread,

@@ -13,6 +13,8 @@
 #include "blindcorner/io/atomic_file.h"
 #include "blindcorner/io/scene_file.h"
 #include "commands/commands.h"
+#include "commands/interrupt.h"
+#include "commands/number_check.h"
 #include "commands/output_directory.h"
 #include "commands/progress.h"
 #include "io/json_reader.h"
@@ -111,7 +113,7 @@ void add_sweep_options(CLI::App& command, SweepArguments& arguments) {
       command.add_option("--photons", arguments.options.photons,
                          "of the object on average over the search region, a list with commas"))
       ->delimiter(',')
-      ->check(CLI::PositiveNumber)
+      ->check(positive_number())
       ->capture_default_str();
   of_sweep(command.add_option("--light", arguments.light,
                               "whose light the captures hold: the reference renderer's or the "
@@ -145,19 +147,32 @@ int run_sweep(const SweepArguments& arguments, std::vector<std::string> scenes,
     swept_methods(scene, settings, networks);
   }
   make_directory(output);
+  const Interruptible interruptible;
   int failures = 0;
+  std::size_t levels = 0;
   for (const Scene& scene : read) {
     const std::vector<SweptMethod> methods = swept_methods(scene, settings, networks);
     Progress progress(scene.name, methods.size() * report.options.photons.size() *
                                       static_cast<std::size_t>(report.options.captures));
-    report.scenes.push_back(
-        sweep_scene(scene, methods, report.options, [&] { progress.advance(); }));
+    SweepScene swept = sweep_scene(scene, methods, report.options, [&] {
+      progress.advance();
+      if (Interruptible::asked()) throw StudyInterrupted{};
+    });
     progress.finish();
+    levels += swept.levels.size();
+    if (swept.levels.empty()) break;
+    report.scenes.push_back(std::move(swept));
     std::printf("%s\n", sweep_text(report.scenes.back()).c_str());
     std::fflush(stdout);
     failures += print_sweep_failures(report.scenes.back());
     report.verdict = verdict_of(report.scenes);
     write_sweep(report, output);
+    if (Interruptible::asked()) break;
+  }
+  if (Interruptible::asked()) {
+    tell_interrupted(levels, read.size() * report.options.photons.size(), "levels of light",
+                     levels > 0 ? "tables and page hold these" : "");
+    return kSomeFailed;
   }
   for (const std::string& remark : report.verdict.remarks()) std::printf("%s\n", remark.c_str());
   std::printf("%s\n%s\n", (std::filesystem::path(output) / "sweep.html").string().c_str(),

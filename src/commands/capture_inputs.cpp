@@ -164,4 +164,10 @@ SensorPlacement known_placement(const Scene& scene, const std::string& capture_p
   return sensor;
 }
 
+void require_exr(const std::string& path) {
+  if (std::filesystem::path(path).extension() != ".exr") {
+    throw Error("--output", "found " + path + ", accepted: a name that ends in .exr");
+  }
+}
+
 }  // namespace blindcorner

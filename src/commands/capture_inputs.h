@@ -47,4 +47,7 @@ void leave_out_saturated_bins(Sensor& sensor, const std::vector<CaptureInput>& i
 /// Error where a scene leaves to captures where its zones look and there is none.
 SensorPlacement known_placement(const Scene& scene, const std::string& capture_path);
 
+/// Throws Error where the name of a capture file to write ends in anything but .exr.
+void require_exr(const std::string& path);
+
 }  // namespace blindcorner

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "commands/claim_study_command.h"
 
+#include "commands/number_check.h"
+
 namespace blindcorner {
 
 void add_claim_study_options(CLI::App& command, ClaimStudyArguments& arguments,
@@ -21,7 +23,7 @@ void add_claim_study_options(CLI::App& command, ClaimStudyArguments& arguments,
                    std::string(options.photons.empty() ? "; default: the scene's own exposure"
                                                        : ""))
            ->delimiter(',')
-           ->check(CLI::PositiveNumber);
+           ->check(positive_number());
   if (!options.photons.empty()) photons.capture_default_str();
   command
       .add_option("--light", arguments.light,

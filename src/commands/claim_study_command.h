@@ -3,6 +3,7 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <functional>
@@ -14,6 +15,7 @@
 #include "blindcorner/io/scene_file.h"
 #include "blindcorner/simulation/claim_study.h"
 #include "commands/commands.h"
+#include "commands/interrupt.h"
 #include "commands/output_directory.h"
 #include "commands/progress.h"
 #include "commands/thread_limit.h"
@@ -57,9 +59,22 @@ int run_claim_study(const ClaimStudy<Options, Level>& study, const ClaimStudyArg
   std::vector<Scene> scenes;
   for (const std::string& path : arguments.scenes) scenes.push_back(read_scene(path));
   make_directory(arguments.output);
+  const Interruptible interruptible;
+  std::size_t levels = 0;
   for (const Scene& scene : scenes) {
     Progress progress(scene.name, study.fits(scene, options));
-    report.scenes.push_back(study.study(scene, options, [&] { progress.advance(); }));
+    auto studied = study.study(scene, options, [&] {
+      progress.advance();
+      if (Interruptible::asked()) throw StudyInterrupted{};
+    });
+    levels += studied.levels.size();
+    if (!studied.levels.empty()) report.scenes.push_back(std::move(studied));
+    if (Interruptible::asked()) break;
+  }
+  if (Interruptible::asked()) {
+    tell_interrupted(levels, scenes.size() * std::max<std::size_t>(1, options.photons.size()),
+                     "levels of light", levels > 0 ? "tables and page hold these" : "");
+    if (levels == 0) return kSomeFailed;
   }
   const bool all_hold = judge_study(report.scenes);
   int failures = 0;
@@ -73,7 +88,7 @@ int run_claim_study(const ClaimStudy<Options, Level>& study, const ClaimStudyArg
   }
   std::printf("%s\n%s\n", (directory / (std::string(study.name) + ".html")).string().c_str(),
               study.headline(report).c_str());
-  return all_hold && failures == 0 ? kAllWell : kSomeFailed;
+  return all_hold && failures == 0 && !Interruptible::asked() ? kAllWell : kSomeFailed;
 }
 
 }  // namespace blindcorner

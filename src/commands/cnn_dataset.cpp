@@ -18,6 +18,7 @@
 #include "commands/cnn.h"
 #include "commands/commands.h"
 #include "commands/lit_drive.h"
+#include "commands/number_check.h"
 #include "commands/output_directory.h"
 #include "commands/progress.h"
 #include "commands/thread_limit.h"
@@ -172,7 +173,7 @@ void add_cnn_dataset(CLI::App& cnn, int& exit_code) {
       .add_option("--sensor-spread-m", arguments->sensor_spread,
                   "half the range of the sensor's x and of its y; default: 5 % of the distance to "
                   "the surface that it looks at")
-      ->check(CLI::NonNegativeNumber);
+      ->check(number_from_zero());
   command
       .add_option("--sensor-yaw-spread-deg", arguments->sensor_yaw_spread_deg,
                   "half the range of the sensor's yaw")

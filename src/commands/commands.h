@@ -11,7 +11,7 @@ namespace blindcorner {
 
 /// Exit codes, the same for all commands.
 inline constexpr int kAllWell = 0;
-inline constexpr int kSomeFailed = 1;  ///< some captures failed and are named
+inline constexpr int kSomeFailed = 1;  ///< some captures failed, or output was not written; named
 inline constexpr int kUnusable = 2;    ///< arguments or scene wrong, or nothing readable: no output
 
 void add_fit_command(CLI::App& app, int& exit_code);

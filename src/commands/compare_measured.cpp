@@ -8,6 +8,7 @@
 #include "commands/capture_inputs.h"
 #include "commands/commands.h"
 #include "commands/compare.h"
+#include "commands/number_check.h"
 
 namespace blindcorner {
 namespace {
@@ -78,7 +79,7 @@ void add_measured_options(CLI::App& command, CompareArguments& arguments) {
       ->capture_default_str();
   of_measured(command.add_option("--early-stopping", arguments.early_stopping,
                                  "epochs without a smaller loss after which training ends"))
-      ->check(CLI::NonNegativeNumber)
+      ->check(number_from_zero())
       ->capture_default_str();
   of_measured(command.add_option_function<std::vector<std::string>>(
                   "--published",

@@ -18,6 +18,7 @@
 #include "blindcorner/simulation/perception.h"
 #include "commands/commands.h"
 #include "commands/lit_drive.h"
+#include "commands/number_check.h"
 #include "commands/output_directory.h"
 
 namespace blindcorner {
@@ -187,24 +188,24 @@ void add_drive_command(CLI::App& app, int& exit_code) {
   command
       .add_option("--injected-error", arguments->options.injected_error,
                   "m, by which oracle_disc and oracle_covariance miss the truth")
-      ->check(CLI::NonNegativeNumber)
+      ->check(number_from_zero())
       ->capture_default_str();
   command.add_option("--seed", arguments->options.seed, "of hidden objects, photons and faults")
       ->capture_default_str();
   command
       .add_option("--speed,--speed-m-per-s", arguments->speed,
                   "wanted speed, m/s; default: the drive file's")
-      ->check(CLI::PositiveNumber);
+      ->check(positive_number());
   command
       .add_option("--light", arguments->light,
                   "factor on the laser's light; daylight stays; default: the drive file's")
-      ->check(CLI::PositiveNumber);
+      ->check(positive_number());
   command.add_flag("--real-time", arguments->real_time,
                    "say whether each stage keeps the sensor's rate on this machine");
   command
       .add_option("--check-sensor", arguments->check_sensor,
                   "compare the simulated light with the reference renderer's on so many frames")
-      ->check(CLI::NonNegativeNumber);
+      ->check(number_from_zero());
   command.add_flag("--animation", arguments->animation,
                    "write DIR/drive.svg, which moves, as well");
   command.add_flag("--no-page", arguments->no_page, "do not write index.html");

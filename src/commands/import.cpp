@@ -9,7 +9,9 @@
 #include "blindcorner/forward/error.h"
 #include "blindcorner/io/capture_file.h"
 #include "blindcorner/io/import_file.h"
+#include "commands/capture_inputs.h"
 #include "commands/commands.h"
+#include "commands/number_check.h"
 #include "commands/truth_table.h"
 
 namespace blindcorner {
@@ -26,12 +28,6 @@ struct ImportArguments {
   double sensor_yaw_deg = 0.0;
   double sensor_yaw_rad = 0.0;
 };
-
-void require_exr(const std::string& path) {
-  if (std::filesystem::path(path).extension() != ".exr") {
-    throw Error("--output", "found " + path + ", accepted: a name that ends in .exr");
-  }
-}
 
 int run_import(const ImportArguments& arguments) {
   require_exr(arguments.output);
@@ -114,9 +110,9 @@ void add_array_options(CLI::App& command, ImportOptions& options) {
 void add_metadata_options(CLI::App& command, ImportArguments& arguments) {
   ImportOptions& options = arguments.options;
   auto* ps = command.add_option("--bin-width-ps", arguments.bin_width_ps, "width of a bin, ps")
-                 ->check(CLI::PositiveNumber);
+                 ->check(positive_number());
   command.add_option("--bin-width-ns", arguments.bin_width_ns, "width of a bin, ns")
-      ->check(CLI::PositiveNumber)
+      ->check(positive_number())
       ->excludes(ps);
   command
       .add_option("--truth", arguments.truth,

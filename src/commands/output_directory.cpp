@@ -11,7 +11,7 @@ void make_directory(const std::string& path) {
   std::error_code code;
   std::filesystem::create_directories(path, code);
   if (code || !std::filesystem::is_directory(path)) {
-    throw Error(path, "cannot be made a directory" + (code ? ": " + code.message() : ""));
+    throw OutputError(path, "cannot be made a directory" + (code ? ": " + code.message() : ""));
   }
 }
 

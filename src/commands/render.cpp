@@ -18,7 +18,10 @@
 #include "blindcorner/io/scene_file.h"
 #include "blindcorner/simulation/sensor_path.h"
 #include "blindcorner/simulation/synthetic.h"
+#include "commands/capture_inputs.h"
 #include "commands/commands.h"
+#include "commands/interrupt.h"
+#include "commands/number_check.h"
 #include "commands/pose_text.h"
 #include "commands/progress.h"
 
@@ -144,6 +147,7 @@ void tell_placement_hints(const std::vector<Scene>& seen,
 }
 
 int run_render(const RenderArguments& arguments) {
+  require_exr(arguments.output);
   const Scene scene = read_scene(arguments.scene);
   const auto placements = wanted_placements(arguments, scene);
   const std::vector<Transform> sensors = wanted_sensor_poses(arguments, scene);
@@ -169,7 +173,10 @@ int run_render(const RenderArguments& arguments) {
   } else {
     stages.emplace("rendering by the " + arguments.model + " model");
   }
+  std::optional<Interruptible> interruptible;  // a single capture has nothing to keep
+  if (count > 1) interruptible.emplace();
   tbb::parallel_for(std::size_t{0}, sensors.size(), [&](std::size_t s) {
+    if (Interruptible::asked()) return;
     Scene free = fully_free(seen[s]);
     widen_to(free, placements);
     const SensorPlacement sensor = sensor_placement(free);
@@ -179,6 +186,7 @@ int run_render(const RenderArguments& arguments) {
     const std::size_t first = sensors.size() == 1 ? 0 : s;
     const std::size_t end = sensors.size() == 1 ? count : s + 1;
     tbb::parallel_for(first, end, [&](std::size_t i) {
+      if (Interruptible::asked()) return;
       file.captures[i] =
           render_one(arguments, seen[s], free, *model, placements[placements.size() == 1 ? 0 : i],
                      arguments.seed + 1'000'003 * (i + 1));
@@ -189,8 +197,12 @@ int run_render(const RenderArguments& arguments) {
   });
   progress.reset();
   stages.reset();
-  write_captures(arguments.output, file);
-  return kAllWell;
+  std::erase_if(file.captures, [](const Capture& c) { return c.counts.values.empty(); });
+  const std::size_t done = file.captures.size();
+  if (done > 0) write_captures(arguments.output, file);
+  if (done == count) return kAllWell;
+  tell_interrupted(done, count, "captures", done > 0 ? "the file holds these" : "");
+  return kSomeFailed;
 }
 
 }  // namespace
@@ -204,7 +216,7 @@ void add_render_command(CLI::App& app, int& exit_code) {
                      "pose of the object, such as x_m=0.3,yaw_deg=20; may be repeated; components "
                      "left out keep the scene's values");
   command.add_option("--random", arguments->random, "this many poses drawn from the prior")
-      ->check(CLI::NonNegativeNumber);
+      ->check(number_from_zero());
   command.add_option("--sensor-pose", arguments->sensor_poses,
                      "pose of the sensor, such as x_m=1,y_m=0.2,z_m=1,yaw_deg=10,pitch_deg=5,"
                      "roll_deg=0; may be repeated, one for each capture or for each pose of the "
@@ -216,7 +228,7 @@ void add_render_command(CLI::App& app, int& exit_code) {
   command
       .add_option("--frames", arguments->frames,
                   "this many sensor poses along the way through the given ones")
-      ->check(CLI::PositiveNumber);
+      ->check(positive_number());
   command.add_option("--model", arguments->model, "reference or fast")
       ->check(CLI::IsMember({"reference", "fast"}))
       ->capture_default_str();
@@ -228,7 +240,7 @@ void add_render_command(CLI::App& app, int& exit_code) {
       .add_option("--photons", arguments->photons,
                   "choose the exposure so that the third bounce gives this many photons, over an "
                   "equal background in its time gate")
-      ->check(CLI::PositiveNumber);
+      ->check(number_in({.lower = 0, .upper = 1e18, .above_lower = true}, "PHOTONS"));
   command.add_option("--tolerance", arguments->fast.tolerance, "of the fast model")
       ->capture_default_str();
   command

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// What to say to somebody who mistyped a subcommand.
+/// What to say to somebody who mistyped a subcommand or an option.
 #pragma once
 
 #include <optional>
@@ -11,8 +11,8 @@ class App;
 
 namespace blindcorner {
 
-/// One line about the first word where a subcommand is expected that is none, with the one that it
-/// resembles; empty where there is no such word.
-std::optional<std::string> unknown_command(const CLI::App& app, int argc, const char* const* argv);
+/// One line about the first word that is no subcommand where one is expected, or no option of the
+/// subcommand, with the one that it resembles; empty where there is no such word.
+std::optional<std::string> unknown_word(const CLI::App& app, int argc, const char* const* argv);
 
 }  // namespace blindcorner

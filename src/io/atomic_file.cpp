@@ -16,7 +16,7 @@ namespace blindcorner {
 namespace {
 
 [[noreturn]] void fail(const std::string& path, const std::string& what, int error) {
-  throw Error(path, what + ": " + std::strerror(error));
+  throw OutputError(path, what + ": " + std::strerror(error));
 }
 
 /// Owns a file descriptor and, until `release`, the file's existence.
@@ -87,7 +87,7 @@ void write_atomically(const std::string& path, std::string_view bytes) {
   if (path.empty()) throw Error("output file", "its name is empty");
   struct stat existing {};
   if (::stat(path.c_str(), &existing) == 0) {
-    if (S_ISDIR(existing.st_mode)) throw Error(path, "is a directory, a file name is needed");
+    if (S_ISDIR(existing.st_mode)) throw OutputError(path, "is a directory, a file name is needed");
     if (!S_ISREG(existing.st_mode)) return write_to_device(path, bytes);
   }
   TemporaryFile temporary(path);

@@ -344,9 +344,7 @@ CoverageScene study_coverage(const Scene& scene, const CoverageOptions& options,
   const std::vector<DrawnObject> coarser = coarser_objects(scene, options);
   const Fitter explains = without_samples(scene, options.fit);
   CoverageScene study{scene, {}};
-  for (const ClaimLevel& light : light_levels(scene, options)) {
-    CoverageLevel level;
-    static_cast<ClaimLevel&>(level) = light;
+  add_levels(light_levels(scene, options), study, [&](CoverageLevel& level) {
     const Fitter fitter(scene, options.fit);
     level.trials = claim_trials(fitter, objects, level.exposure, level.seed, advance);
     summarise(scene, level);
@@ -357,8 +355,7 @@ CoverageScene study_coverage(const Scene& scene, const CoverageOptions& options,
     if (options.wrong_captures > 0) {
       study_wrong(scene, options, fitter, explains, wrong_objects, advance, level);
     }
-    study.levels.push_back(std::move(level));
-  }
+  });
   return study;
 }
 

@@ -130,9 +130,7 @@ DetectionScene study_detection(const Scene& scene, const DetectionOptions& optio
   const auto empty = static_cast<std::size_t>(options.empty_captures);
   const Fitter fitter(scene, options.fit);
   DetectionScene study{scene, {}};
-  for (const ClaimLevel& light : light_levels(scene, options)) {
-    DetectionLevel level;
-    static_cast<ClaimLevel&>(level) = light;
+  add_levels(light_levels(scene, options), study, [&](DetectionLevel& level) {
     level.with = answered_trials(objects.size(), advance, [&](std::size_t i) {
       return detect(
           fitter, capture_of(scene, objects[i], level.exposure, level.seed + kShownSeed * (i + 1)));
@@ -142,8 +140,7 @@ DetectionScene study_detection(const Scene& scene, const DetectionOptions& optio
                                           level.seed + kEmptySeed * (i + 1)));
     });
     summarise_detection(level);
-    study.levels.push_back(std::move(level));
-  }
+  });
   return study;
 }
 

@@ -22,6 +22,7 @@
 #include "blindcorner/forward/error.h"
 #include "blindcorner/inverse/bound/error_bound.h"
 #include "blindcorner/inverse/posterior/evaluation.h"
+#include "blindcorner/simulation/claim_study.h"
 #include "blindcorner/simulation/claim_tests.h"
 #include "blindcorner/simulation/pareto_front.h"
 #include "forward/support/quantile.h"
@@ -318,12 +319,15 @@ SweepScene sweep_scene(const Scene& scene, const std::vector<SweptMethod>& metho
   fast.tolerance = kBoundTolerance;
   const auto model = make_fast_model(scene, sensor_placement(scene), fast);
   std::uint64_t seed = options.seed;
-  for (const double photons : options.photons) {
-    seed += kLevelSeed;
-    const Exposure exposure = exposure_for(scene, *model, photons, options.seed);
-    sweep.levels.push_back(
-        sweep_level(scene, methods, objects, exposure, sweep.pulse, seed, advance));
-    sweep.levels.back().photons = photons;
+  try {
+    for (const double photons : options.photons) {
+      seed += kLevelSeed;
+      const Exposure exposure = exposure_for(scene, *model, photons, options.seed);
+      sweep.levels.push_back(
+          sweep_level(scene, methods, objects, exposure, sweep.pulse, seed, advance));
+      sweep.levels.back().photons = photons;
+    }
+  } catch (const StudyInterrupted&) {  // with what is finished
   }
   return sweep;
 }

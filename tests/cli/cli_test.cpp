@@ -396,8 +396,32 @@ TEST_F(Cli, ThreadsDoNotChangeTheResult) {
 TEST_F(Cli, OutputThatIsAFileIsRefused) {
   write_text("out", "a file of the user");
   const Outcome result = run(fit(kScene, write_flat("good.exr")));
-  EXPECT_EQ(result.exit_code, 2);
+  EXPECT_EQ(result.exit_code, 1);
   EXPECT_EQ(text_of(path("out")), "a file of the user");
+}
+
+TEST_F(Cli, OutputThatCannotBeWrittenIsTold) {
+  const std::string scene = "'" SOURCE_DIR "/scenes/tmf8828_wall.json'";
+  const Outcome nowhere = run("render " + scene + " --model fast -o '" + path("no/a.exr") + "'");
+  EXPECT_EQ(nowhere.exit_code, 1);
+  EXPECT_THAT(nowhere.err, HasSubstr("no/a.exr: cannot be written"));
+  EXPECT_EQ(run("--version > /dev/full").exit_code, 1);
+  // A capture over a scene would be a scene lost.
+  const std::string own = write_text("own.json", text_of(SOURCE_DIR "/scenes/tmf8828_wall.json"));
+  EXPECT_EQ(run("render '" + own + "' -o '" + own + "'").exit_code, 2);
+  EXPECT_EQ(text_of(own), text_of(SOURCE_DIR "/scenes/tmf8828_wall.json"));
+}
+
+TEST_F(Cli, OptionsThatAreNoneAndNumbersOutOfRangeAreNamed) {
+  const std::string scene = "'" SOURCE_DIR "/scenes/tmf8828_wall.json' -o '" + path("a.exr") + "'";
+  EXPECT_THAT(run("render " + scene + " --photon 3").err,
+              AllOf(HasSubstr("'--photon'"), HasSubstr("did you mean '--photons'?")));
+  for (const char* wrong : {"nan", "inf", "0", "1e19"}) {
+    const Outcome outcome = run("render " + scene + " --photons " + wrong);
+    EXPECT_EQ(outcome.exit_code, 2) << wrong;
+    EXPECT_THAT(outcome.err, AllOf(HasSubstr("--photons: found " + std::string(wrong)),
+                                   HasSubstr("accepted: a number > 0 and <= 1e+18")));
+  }
 }
 
 TEST_F(Cli, ExportAndImportComeBack) {
@@ -558,6 +582,33 @@ TEST_F(Cli, EvaluateRefusesWhatIsNoEstimate) {
   refused({{"mean", {nullptr}}, {"covariance", {{1.0}}}, {"truth", {0.1}}});
   refused({{"mean", {0.1}}, {"truth", {0.1}}});
   refused(7);
+  // Not over what it reads.
+  const std::string before = text_of(file);
+  for (const char* page : {"result.html", "result.json"}) {
+    const Outcome over = run("evaluate '" + file + "' --page '" + path(page) + "'");
+    EXPECT_EQ(over.exit_code, 2);
+    EXPECT_THAT(over.err, HasSubstr("--page: found"));
+  }
+  EXPECT_EQ(text_of(file), before);
+}
+
+TEST_F(Cli, EvaluateReadsEachTruthOnce) {
+  const json capture = {{"mean", {0.1, 0.2}}, {"covariance", {{0.01, 0}, {0, 0.01}}}};
+  const std::string file = path("result.json");
+  std::ofstream(file) << json{{"format", "blindcorner.result/1"},
+                              {"unknowns", {"x_m", "yaw_rad"}},
+                              {"periods", {0.0, 0.0}},
+                              {"captures", {capture, capture}}};
+  const auto message = [&](const std::string& table) {
+    return run("evaluate '" + file + "' '" + write_text("t.csv", table) + "'").err;
+  };
+  EXPECT_EQ(message("\xEF\xBB\xBFx_m,yaw_rad,note\n.1,.2,a\n.1,.2,b\n"), "");
+  EXPECT_THAT(message("index,x_m,yaw_rad\n0,.1,.2\n0,.1,.2\n"),
+              HasSubstr("row 2: index: found 0 again"));
+  EXPECT_THAT(message("index,x_m,yaw_rad\na,.1,.2\n"), HasSubstr("row 1: index: found \"a\""));
+  EXPECT_THAT(message("x_m,yaw_rad,yaw_deg\n.1,.2,3\n"),
+              AllOf(HasSubstr("\"yaw_rad\""), HasSubstr("\"yaw_deg\"")));
+  EXPECT_THAT(message("x_m,yaw_rad\n.1,inf\n"), HasSubstr("row 1: yaw_rad: found \"inf\""));
 }
 
 TEST_F(Cli, StabilityPrintsWritesAndNamesRows) {

@@ -18,4 +18,10 @@ class Error : public std::runtime_error {
       : std::runtime_error(where + ": " + problem) {}
 };
 
+/// Nothing wrong with the input: what came of it could not be written.
+class OutputError : public Error {
+ public:
+  using Error::Error;
+};
+
 }  // namespace blindcorner

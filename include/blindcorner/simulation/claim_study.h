@@ -10,6 +10,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "blindcorner/inverse/fit.h"
@@ -61,6 +62,9 @@ DrawOptions draw_options(const ClaimStudyOptions& options);
 /// The levels of light that are asked for, with nothing claimed yet.
 std::vector<ClaimLevel> light_levels(const Scene& scene, const ClaimStudyOptions& options);
 
+/// What `advance` may throw to end a study: it returns the levels of light that are finished.
+struct StudyInterrupted : std::exception {};
+
 /// Calls `run` with each place below `count`, on all threads, and `advance` after each.
 void run_trials(std::size_t count, const std::function<void()>& advance,
                 const std::function<void(std::size_t)>& run);
@@ -80,6 +84,20 @@ auto answered_trials(std::size_t count, const std::function<void()>& advance,
     }
   });
   return trials;
+}
+
+/// Fills each level of light by `fill` and adds it to the study, until one is interrupted.
+template <class Level, class Fill>
+void add_levels(const std::vector<ClaimLevel>& lights, StudyScene<Level>& study, const Fill& fill) {
+  try {
+    for (const ClaimLevel& light : lights) {
+      Level level;
+      static_cast<ClaimLevel&>(level) = light;
+      fill(level);
+      study.levels.push_back(std::move(level));
+    }
+  } catch (const StudyInterrupted&) {  // with what is finished
+  }
 }
 
 /// Trials without an answer.
