@@ -298,7 +298,14 @@ double ErrorBound::Impl::detection_at(const ShapeBuffer& light,
   // The best of all poses passes no rarer than any one of them, whose share is a normal deviate's.
   // Less comes of a search region without light, whose scores are all 0.
   const double needed = std::max(std::sqrt(2 * std::max(threshold, 0.0)), kAlarmDeviate);
-  const double seen = normal_share((ratio - needed) / sigma);
+  double seen = normal_share((ratio - needed) / sigma);
+  // Few photons are no normal deviate: a capture without any of the object's is an empty one.
+  const auto counts_photons = [&](const ObservedZone& zone) {
+    return observation->noise_model(zone).counts_photons();
+  };
+  if (std::ranges::all_of(observation->zones, counts_photons)) {
+    seen = std::min(seen, -std::expm1(-options.exposures * object.sum()));
+  }
   return 1 - (1 - kAlarm) * (1 - seen);
 }
 

@@ -524,7 +524,6 @@ Sensor read_sensor(const JsonReader& reader) {
 }
 
 nlohmann::ordered_json noise_json(const Sensor& sensor) {
-  using Json = nlohmann::ordered_json;
   return sensor.noise.visit(
       overloaded{[&](const PoissonNoise&) -> Json {
                    return {{"law", "poisson"}, {"dispersion", sensor.dispersion}};

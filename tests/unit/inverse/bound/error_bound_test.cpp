@@ -77,7 +77,20 @@ TEST(ErrorBound, NoticesNothingWhereNoLightGoes) {
   pose[0] = 1;
   const PoseBound behind = ErrorBound(scene, sensor_placement(scene), small()).at(pose);
   EXPECT_NEAR(behind.photons, 0, 1e-6);
-  EXPECT_LT(behind.detection_probability, 0.15);
+  EXPECT_LT(behind.detection_probability, 0.06);
+}
+
+// Without any other light the first photon is noticed, and one of a hundred captures holds one.
+TEST(ErrorBound, NoticesNoMoreThanThereArePhotons) {
+  Scene scene = wall_with_plate();
+  scene.linear.direct = LinearMode::fixed;
+  scene.linear.fixed_direct = 0;
+  BoundOptions options = small();
+  options.ambient = 0;
+  options.exposures *= 0.01 / bound_at_middle(scene, options).photons;
+  const PoseBound dark = bound_at_middle(scene, options);
+  EXPECT_NEAR(dark.photons, 0.01, 1e-6);
+  EXPECT_LE(dark.detection_probability, 0.05 + 0.01);
 }
 
 // Errors of fits: no smaller than the bound, and not much larger where there is light.
