@@ -91,7 +91,7 @@ class PoissonTrim {
   double mean_square(double counts) const {
     const double place = std::log(std::max(counts, kLeast) / kLeast) / std::log(kMost / kLeast);
     if (place >= 1) return kTrimmedMean;
-    return table_[static_cast<std::size_t>(place * (kPoints - 1) + 0.5)];
+    return table_[static_cast<std::size_t>(std::lround(place * (kPoints - 1)))];
   }
 
  private:

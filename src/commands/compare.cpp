@@ -80,7 +80,7 @@ std::string name_of(const std::vector<Network>& networks, std::size_t which) {
     const CnnDescription &a = networks[which].cnn.description(), &b = other.cnn.description();
     return a.scene == b.scene && a.network == b.network;
   };
-  const std::string name =
+  std::string name =
       cnn_architecture_name(networks[which].cnn.description().network) + " network";
   if (std::ranges::count_if(networks, same) == 1) return name;
   const auto before = networks.begin() + static_cast<std::ptrdiff_t>(which);

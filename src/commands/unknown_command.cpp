@@ -3,31 +3,17 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <numeric>
 #include <vector>
+
+#include "io/json_reader.h"
 
 namespace blindcorner {
 namespace {
 
-/// Characters to insert, delete or replace (Levenshtein).
-std::size_t edits(const std::string& from, const std::string& to) {
-  std::vector<std::size_t> row(to.size() + 1);
-  std::iota(row.begin(), row.end(), std::size_t{0});
-  for (std::size_t i = 0; i < from.size(); ++i) {
-    std::size_t diagonal = row[0]++;
-    for (std::size_t j = 0; j < to.size(); ++j) {
-      const std::size_t replaced = diagonal + (from[i] == to[j] ? 0 : 1);
-      diagonal = row[j + 1];
-      row[j + 1] = std::min({row[j] + 1, diagonal + 1, replaced});
-    }
-  }
-  return row.back();
-}
-
 /// What a word that is none of the names may have meant, or all of them.
 std::string suggestion(const std::string& word, const std::vector<std::string>& names) {
   const auto resemblance = [&](const std::string& name) {
-    return name.starts_with(word) ? 0 : edits(word, name);
+    return name.starts_with(word) ? 0 : edit_distance(word, name);
   };
   const auto best = std::ranges::min_element(names, {}, resemblance);
   // Half of the letters wrong is another word.

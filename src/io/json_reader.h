@@ -114,6 +114,9 @@ class JsonReader {
 /// `"a", "b" or "c"`.
 std::string list_words(const std::vector<std::string>& words);
 
+/// Characters to insert, delete or replace (Levenshtein).
+std::size_t edit_distance(std::string_view a, std::string_view b);
+
 /// The word of `known` that is most like `word`, or an empty string when none is like it.
 std::string nearest_word(std::string_view word, const std::vector<std::string>& known);
 
