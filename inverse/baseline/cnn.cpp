@@ -6,6 +6,7 @@
 #include <sstream>
 
 #include "blindcorner/forward/error.h"
+#include "forward/support/comma_list.h"
 #include "inverse/baseline/cnn_description.h"
 
 namespace blindcorner {
@@ -13,12 +14,6 @@ namespace {
 
 /// As captures are compared with scenes: a difference that moves the last of 128 bins by about one.
 constexpr double kBinWidthTolerance = 0.01;
-
-std::string list(const std::vector<std::string>& names) {
-  std::string text;
-  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
-  return text;
-}
 
 }  // namespace
 
@@ -87,8 +82,9 @@ void CnnBaseline::check_scene(const Scene& scene) const {
   std::vector<std::string> names;
   for (const CnnUnknown& unknown : d.unknowns) names.push_back(unknown.name);
   if (names != unknown_names(scene)) {
-    throw Error(where_ + ": metadata.unknowns",
-                "found " + list(names) + ", accepted: the scene's " + list(unknown_names(scene)));
+    throw Error(where_ + ": metadata.unknowns", "found " + comma_list(names) +
+                                                    ", accepted: the scene's " +
+                                                    comma_list(unknown_names(scene)));
   }
 }
 

@@ -80,7 +80,7 @@ std::vector<Square> squared_residuals(const CalibrationProblem& problem,
   return squares;
 }
 
-/// Mean of the squared residuals of Poisson counts over their mean that are below kTrim: 0.92 of
+/// Mean of the squared residuals of Poisson counts over their mean that are below kTrim: 0.94 of
 /// five counts, which are skewed, and kTrimmedMean of many.
 class PoissonTrim {
  public:
@@ -129,7 +129,7 @@ double trimmed_dispersion(const std::vector<Square>& squares, double dispersion)
     if (s.counts >= kFewCounts * dispersion) ratios.push_back({s.square / s.mean, s.counts});
   }
   if (ratios.size() < kMinSquares) return mean > 0 && square > 0 ? square / mean : dispersion;
-  const PoissonTrim trim;
+  static const PoissonTrim trim;
   // What is trimmed depends on the result, which each turn brings closer: by judgement, enough.
   for (int i = 0; i < 20; ++i) {
     double sum = 0, expected = 0;

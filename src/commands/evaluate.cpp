@@ -18,6 +18,7 @@
 #include "blindcorner/io/capture_file.h"
 #include "commands/commands.h"
 #include "commands/truth_table.h"
+#include "forward/support/comma_list.h"
 #include "io/file_bytes.h"
 #include "io/json_reader.h"
 #include "report/evaluation_page.h"
@@ -178,12 +179,6 @@ std::filesystem::path page_of(const EvaluateArguments& arguments) {
   return page;
 }
 
-std::string joined(const std::vector<std::string>& names) {
-  std::string text;
-  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
-  return text;
-}
-
 int run_evaluate(const EvaluateArguments& arguments) {
   arguments.options.validate();
   const std::filesystem::path page = page_of(arguments);
@@ -222,7 +217,7 @@ int run_evaluate(const EvaluateArguments& arguments) {
   }
   if (row.errors.empty()) {
     throw Error(arguments.result,
-                "found no capture with both an estimate and a truth of " + joined(names));
+                "found no capture with both an estimate and a truth of " + comma_list(names));
   }
   row.evaluation = evaluate_errors(row.errors, names, arguments.options);
   write_atomically(page.string(), evaluation_page("Errors", {row}, names));

@@ -2,7 +2,6 @@
 #include "commands/truth_table.h"
 
 #include <algorithm>
-#include <array>
 #include <charconv>
 #include <cmath>
 #include <string_view>
@@ -10,14 +9,13 @@
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
 #include "commands/csv_table.h"
+#include "io/capture_metadata.h"
 
 namespace blindcorner {
 namespace {
 
 constexpr std::string_view kIndex = "index";
 constexpr std::string_view kDegrees = "yaw_deg";
-constexpr std::array<std::string_view, 6> kComponents{"x_m",     "y_m",    "z_m",
-                                                      "yaw_rad", kDegrees, "size"};
 
 /// The name's part behind the object's, if it has one.
 std::string_view component_of(std::string_view column) {
@@ -104,7 +102,7 @@ TruthTable read_truth_table(const std::string& path,
 
 void add_truths(const std::string& path, std::vector<Capture>& captures) {
   const TruthTable table = read_truth_table(path, [&](const std::string& name) {
-    if (std::ranges::count(kComponents, component_of(name)) > 0) return true;
+    if (is_component(name)) return true;
     throw Error(path, "found column \"" + name +
                           "\", accepted: index, x_m, y_m, z_m, yaw_deg, yaw_rad, size, the last "
                           "six also as NAME.x_m");

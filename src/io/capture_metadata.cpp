@@ -81,13 +81,6 @@ std::vector<Eigen::Vector3d> parse_points(const JsonReader& reader, std::size_t 
   return points;
 }
 
-/// Whether a name is that of an unknown: "x_m", "front.yaw_rad".
-bool is_component(const std::string& name) {
-  const std::string component = name.substr(name.rfind('.') + 1);  // from 0 where there is no dot
-  return std::ranges::any_of(kComponents,
-                             [&](Component c) { return component == component_name(c); });
-}
-
 Capture parse_capture(const JsonReader& reader, int rows, int columns, int bins) {
   reader.allow_only({"exposures", "zone_exposures", "dispersion", "sensor_pose", "relay_points_m",
                      "truth", "source", "index"});
@@ -185,6 +178,12 @@ void check_capture(const Capture& capture, const HistogramCube& first, const std
 }
 
 }  // namespace
+
+bool is_component(const std::string& name) {
+  const std::string component = name.substr(name.rfind('.') + 1);  // from 0 where there is no dot
+  return std::ranges::any_of(kComponents,
+                             [&](Component c) { return component == component_name(c); });
+}
 
 void check_captures(const CaptureFile& file, const std::string& path) {
   if (file.captures.empty()) throw Error(path, "there are no captures to write");

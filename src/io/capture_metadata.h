@@ -20,4 +20,7 @@ std::string metadata_text(const CaptureFile& file);
 /// (file and field) begins the messages of the Error that wrong metadata throws.
 CaptureFile parse_metadata(const std::string& text, const std::string& where);
 
+/// Whether a name is that of an unknown: "x_m", "front.yaw_rad".
+bool is_component(const std::string& name);
+
 }  // namespace blindcorner

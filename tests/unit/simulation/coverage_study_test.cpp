@@ -87,6 +87,16 @@ bool holds(const std::vector<ClaimTest>& claims, const std::string& part) {
   return all;
 }
 
+TEST(CoverageStudy, KeepsLevelsOfLightThatAreFinishedWhenItIsInterrupted) {
+  StudyScene<CoverageLevel> study;
+  int begun = 0;
+  add_levels(std::vector<ClaimLevel>(4), study, [&](CoverageLevel& /*level*/) {
+    if (++begun == 3) throw StudyInterrupted{};
+  });
+  EXPECT_EQ(begun, 3);
+  EXPECT_EQ(study.levels.size(), 2u);
+}
+
 TEST(CoverageStudy, AnHonestMethodsClaimsHold) {
   for (const ClaimTest& c : judged(fake_trials({1}, {1}, 1))) EXPECT_TRUE(c.holds) << c.what;
 }
