@@ -840,7 +840,8 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   sampling.negligible = options.negligible_log_posterior;
   sampling.samples = samples_for(options, scene, captures.size());
   sampling.seed = options.seed;
-  sampling.model_error = model_error.covariance;
+  sampling.model_error = background_covariance(objective, optima.front());
+  if (!options.model_tolerance) sampling.model_error += model_error.covariance;
   const auto think = [&] {
     result.goodness_of_fit = goodness_of_fit(objective, optima.front());
     sampling.inflation = result.goodness_of_fit.inflation;

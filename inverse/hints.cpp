@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "blindcorner/inverse/hints.h"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -223,6 +224,20 @@ std::vector<std::string> misfit_hints(const Scene& scene, const FitResult& resul
           remedy};
 }
 
+/// Of the positions' covariance along the direction that it knows best, m^2: of one object the way
+/// of its light, which a shift of the time axis moves it along.
+double least_position_variance(const Scene& scene, const Eigen::MatrixXd& covariance) {
+  std::vector<Eigen::Index> positions;
+  for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
+    if (scene.unknowns[i].component <= Component::z) positions.push_back(static_cast<Eigen::Index>(i));
+  }
+  if (positions.empty()) return std::numeric_limits<double>::infinity();
+  const Eigen::MatrixXd own = covariance(positions, positions);
+  return Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(own, Eigen::EigenvaluesOnly)
+      .eigenvalues()
+      .minCoeff();
+}
+
 /// A pose takes up an error of time zero without a trace: deviances stay where they belong (ten
 /// captures of 30,000 photons on tmf8828_wall without its direct return, half a bin off).
 std::string time_zero_hint(const Scene& scene, const FitResult& result) {
@@ -230,12 +245,13 @@ std::string time_zero_hint(const Scene& scene, const FitResult& result) {
   if (linear.direct != LinearMode::fixed || linear.fixed_direct != 0) return {};
   if (result.posterior.modes.empty()) return {};
   const double shift = 0.25 * scene.sensor.bin_width * kSpeedOfLight;  // half a bin, there and back
-  const double variance = position_trace(scene, result.posterior.modes.front().covariance);
+  const double variance = least_position_variance(scene, result.posterior.modes.front().covariance);
   if (!(variance < shift * shift)) return {};
   return "Without a direct return (linear.direct absent) nothing in these counts checks "
-         "time_zero_ps: half a bin off would move the object by some " +
+         "time_zero_ps: half a bin off would move the object by " +
          rounded_text(1e3 * shift) +
-         " mm, which the stated error does not count; calibrate it, with objects at known places.";
+         " mm or more, which the stated error does not count; calibrate it, with objects at known "
+         "places.";
 }
 
 }  // namespace

@@ -248,6 +248,21 @@ void check_material(const Material& material, const std::string& field, Problems
              material);
 }
 
+/// An object's extent at most, in ways that light goes while the sensor records: what lies beyond
+/// sends no light in that time, and the paths that a model holds grow with it.
+constexpr double kMaxTimeAxes = 100;
+
+void check_extent(const Scene& scene, const HiddenObject& object, const std::string& field,
+                  Problems& problems) {
+  const double axis = kSpeedOfLight * scene.sensor.bins * scene.sensor.bin_width;
+  const double extent = 2 * object.placement.size * bounding_radius(object.shape, Anchor::center);
+  if (!(axis > 0) || !std::isfinite(extent)) return;  // said elsewhere
+  problems.require(extent <= kMaxTimeAxes * axis, field,
+                   "an object of " + number_text(extent) + " m",
+                   "at most " + number_text(kMaxTimeAxes * axis) +
+                       " m, a hundred times the way of light while the sensor records");
+}
+
 void check_objects(const Scene& scene, Problems& problems) {
   const int count = object_count(scene);
   std::set<std::string> names;
@@ -260,6 +275,7 @@ void check_objects(const Scene& scene, Problems& problems) {
     problems.vector(field + ".position_m", object.placement.position, kPosition);
     problems.number(field + ".yaw_deg", object.placement.yaw / kDegree, kAnyAngle);
     problems.number(field + ".size", object.placement.size, kSize);
+    check_extent(scene, object, field, problems);
     problems.require(names.insert(object.name).second, field + ".name", '"' + object.name + '"',
                      "a name of its own for each object");
     problems.require(count == 1 || !std::holds_alternative<MeasuredLawMaterial>(object.material),

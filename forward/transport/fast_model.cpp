@@ -306,16 +306,16 @@ const HistogramCube& FastModel::static_background() const {
     const Sensor& sensor = scene_.sensor;
     direct_ = HistogramCube(sensor.rows, sensor.columns, sensor.bins);
     if (!holds_known_light()) return;
-    direct_ = view_->transport->static_background()->light(setup_, bounces(), first_bounce_);
+    direct_ = view_->transport->static_background()->light(setup_, options_.known_light, bounces(),
+                                                           first_bounce_);
   });
   return direct_;
 }
 
-HistogramCube FastModel::background_error() const {
-  const Sensor& sensor = scene_.sensor;
-  if (!holds_known_light()) return {sensor.rows, sensor.columns, sensor.bins};
+BackgroundError FastModel::background_error() const {
+  if (!holds_known_light()) return {};
   const HistogramCube& light = static_background();
-  return view_->transport->static_background()->error(light, first_bounce_);
+  return view_->transport->static_background()->error(light, first_bounce_, options_.known_light);
 }
 
 /// Whether captures hold light of the known scene.
@@ -448,7 +448,7 @@ class FastObjects final : public ForwardModel {
   const HistogramCube& static_background() const override {
     return parts_.front()->static_background();
   }
-  HistogramCube background_error() const override { return parts_.front()->background_error(); }
+  BackgroundError background_error() const override { return parts_.front()->background_error(); }
   const TransportPlan& plan() const override {
     std::call_once(plan_once_, [this] { join_plans(); });
     return plan_;

@@ -13,6 +13,7 @@
 #include "blindcorner/forward/transport/forward_model.h"
 #include "forward/relay/moving_bodies.h"
 #include "forward/transport/sampling.h"
+#include "forward/transport/static_background.h"
 #include "forward/transport/transport_kernel.h"
 
 namespace blindcorner {
@@ -38,7 +39,7 @@ class FastModel final : public ForwardModel {
   /// of patches were looked at.
   double render(const Placement& placement, const MovingBodies& bodies, HistogramCube& out) const;
   const HistogramCube& static_background() const override;
-  HistogramCube background_error() const override;
+  BackgroundError background_error() const override;
   /// Reasons are found when somebody asks for them.
   const TransportPlan& plan() const override;
   std::optional<SamplingStep> sampling_step() const override { return found_.sampling_step; }

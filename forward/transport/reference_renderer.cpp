@@ -142,20 +142,26 @@ class ReferenceRenderer final : public ForwardModel {
   mutable std::optional<StaticBackground> known_;
 };
 
+/// Divisions of a zone at which the known scene's light has its usual sampling.
+constexpr double kUsualDivisions = 4;
+/// Path spread of the direct return's cells over the pulse's standard deviation, times the
+/// divisions of a zone: the fast model's at the usual sampling, less than that at denser ones.
+constexpr double kDirectSpread = 1.2;
+
 ReferenceRenderer::StaticBackground::StaticBackground(const Scene& scene, const RelaySetup& setup,
                                                       int divisions)
     : pulses(scene.sensor.response, scene.sensor.bin_width,
              std::pow(scene.sensor.response.core_sigma(), 2), kPulseTail),
-      bounces(scene, kDenseBounces) {
-  first_bounce = setup.direct_return(pulses, {.divisions = divisions});
+      bounces(scene, denser(kDenseBounces, divisions / kUsualDivisions)) {
+  first_bounce = setup.direct_return(
+      pulses, {.divisions = 4 * divisions, .spread = kDirectSpread / divisions});
   direct = first_bounce;
   bounces.add(setup, pulses, direct);
   mix_zones(scene.sensor, direct);
 }
 
 const ReferenceRenderer::StaticBackground& ReferenceRenderer::background() const {
-  std::call_once(known_once_,
-                 [this] { known_.emplace(scene_, setup_, 4 * options_.zone_divisions); });
+  std::call_once(known_once_, [this] { known_.emplace(scene_, setup_, options_.zone_divisions); });
   return *known_;
 }
 

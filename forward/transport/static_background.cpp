@@ -44,6 +44,10 @@ constexpr DirectSampling kDirectCells{4, 0.3, 2};
 /// Those that tell how far off they are: two Gauss nodes err by the fourth power of a cell, so that
 /// these are 2 to 5 times as good.
 constexpr DirectSampling kBetterCells{6, 0.25, 2};
+/// The same for bright captures. Against cells a tenth as large (L2 over photon noise) the usual
+/// ones are 1.6e-5 (TMF8828 wall), 1e-4 (its floor) and 8e-5 (street) off, these 2e-7, 1e-6 and
+/// 1e-5.
+constexpr DirectSampling kFineCells{12, 0.1, 2}, kBetterThanFine{16, 0.07, 2};
 /// Parts in which the bounces are summed, side by side; fixed, so that sums do not depend on
 /// threads. By judgement: some for each core.
 constexpr std::size_t kParts = 8;
@@ -76,18 +80,17 @@ StaticLightSampling sampling_for(const Scene& scene) {
 /// Half as coarse again: its difference from the sampling itself is 1.2 to 2.6 times what that one
 /// is off one that is four times as dense (L2 over photon noise; reference floor, TMF8828 scenes,
 /// corridor, street), for a third of its time.
-StaticLightSampling coarser_than(StaticLightSampling sampling) {
-  constexpr double kCoarser = 1.5;
-  sampling.outer_divisions = 1;
-  sampling.field_divisions = 5;
-  sampling.patch_angle *= kCoarser;
-  sampling.least_patch *= kCoarser;
-  sampling.outer_angle *= kCoarser;
-  sampling.middle_angle *= kCoarser;
-  sampling.middle_edge *= kCoarser;
-  sampling.least_middle *= kCoarser;
-  return sampling;
+StaticLightSampling coarser_than(const StaticLightSampling& sampling) {
+  StaticLightSampling coarser = denser(sampling, 1 / 1.5);
+  coarser.zone_divisions = sampling.zone_divisions;
+  return coarser;
 }
+
+/// Densities of the bounces of bright captures, of which the first that costs at most so many legs
+/// is taken: up to 20 ms. Of the wall's error of 1.4e-4 (L2 over photon noise) twice as dense a
+/// sampling leaves 2.6e-5.
+constexpr std::array kBrightDensities{2.8, 2.0, 1.4};
+constexpr std::size_t kBrightLegs = 3'000'000;
 
 /// Part of that difference that is carried. By `benchmark coverage` at 3,000, 30,000 and 1,000,000
 /// photons squared errors of poses are then 0.7 to 1.4 of what is claimed (street, corridor,
@@ -800,48 +803,104 @@ StaticBackgroundModel::StaticBackgroundModel(const Scene& scene)
       pulses_(scene.sensor.response, scene.sensor.bin_width,
               std::pow(scene.sensor.response.core_sigma(), 2), 1e-7) {}
 
-HistogramCube StaticBackgroundModel::light(const RelaySetup& setup, bool bounces,
-                                           HistogramCube& direct) const {
-  HistogramCube known = setup.direct_return(pulses_, kDirectCells);
+StaticLightSampling denser(StaticLightSampling sampling, double by) {
+  const auto times = [by](int n) { return std::max(1, static_cast<int>(std::lround(by * n))); };
+  sampling.zone_divisions = times(sampling.zone_divisions);
+  sampling.outer_divisions = times(sampling.outer_divisions);
+  sampling.field_divisions = times(sampling.field_divisions);
+  for (double* edge : {&sampling.patch_angle, &sampling.least_patch, &sampling.outer_angle,
+                       &sampling.middle_angle, &sampling.middle_edge, &sampling.least_middle}) {
+    *edge /= by;
+  }
+  return sampling;
+}
+
+const KnownBounces* StaticBackgroundModel::finer_bounces() const {
+  std::call_once(finer_once_, [this] {
+    const SensorPlacement own = sensor_placement(scene_);
+    if (!bounces_.any() || !own.relay_points.empty()) return;
+    const RelaySetup setup(scene_, own);
+    for (const double density : kBrightDensities) {
+      // Each patch and each cell becomes that many along either edge.
+      if (static_cast<double>(bounces_.legs(setup)) * std::pow(density, 2) > kBrightLegs) continue;
+      auto finer = std::make_unique<KnownBounces>(scene_, denser(sampling_, density));
+      if (finer->legs(setup) > kBrightLegs) continue;
+      finer_ = std::move(finer);
+      return;
+    }
+  });
+  return finer_.get();
+}
+
+const KnownBounces& StaticBackgroundModel::coarser_bounces() const {
+  std::call_once(coarser_once_, [this] {
+    coarser_ = std::make_unique<KnownBounces>(scene_, coarser_than(sampling_));
+  });
+  return *coarser_;
+}
+
+const KnownBounces& StaticBackgroundModel::bounces_of(KnownLightSampling sampling) const {
+  if (sampling == KnownLightSampling::usual) return bounces_;
+  const KnownBounces* finer = finer_bounces();
+  if (sampling == KnownLightSampling::fine) return finer != nullptr ? *finer : bounces_;
+  return finer != nullptr ? bounces_ : coarser_bounces();
+}
+
+HistogramCube StaticBackgroundModel::light(const RelaySetup& setup, KnownLightSampling sampling,
+                                           bool bounces, HistogramCube& direct) const {
+  const bool fine = sampling == KnownLightSampling::fine;
+  HistogramCube known = setup.direct_return(pulses_, fine ? kFineCells : kDirectCells);
   direct = known;
   mix_zones(scene_.sensor, direct);
-  if (bounces && bounces_.any()) bounces_.add(setup, pulses_, known);
+  if (bounces && bounces_.any()) bounces_of(sampling).add(setup, pulses_, known);
   mix_zones(scene_.sensor, known);
   return known;
 }
 
-const StaticBackgroundModel::Shares& StaticBackgroundModel::shares() const {
-  std::call_once(measured_, [this] {
-    shares_.direct = kMinBackgroundError;
-    const SensorPlacement own = sensor_placement(scene_);
-    if (!own.relay_points.empty()) return;  // they come with captures
-    const RelaySetup setup(scene_, own);
-    const Sensor& sensor = scene_.sensor;
-    const HistogramCube direct = setup.direct_return(pulses_, kDirectCells);
-    shares_.direct += relative_error(direct, setup.direct_return(pulses_, kBetterCells),
-                                     smoothed(sensor, direct));
-    if (!bounces_.any()) return;
-    HistogramCube light(sensor.rows, sensor.columns, sensor.bins), coarser = light;
-    bounces_.add(setup, pulses_, light);
-    KnownBounces(scene_, coarser_than(sampling_)).add(setup, pulses_, coarser);
-    shares_.bounces = kOfCoarser * relative_error(light, coarser, smoothed(sensor, light));
-  });
-  return shares_;
+StaticBackgroundModel::Shares StaticBackgroundModel::measured(const RelaySetup& setup,
+                                                              KnownLightSampling sampling) const {
+  const bool fine = sampling == KnownLightSampling::fine;
+  const Sensor& sensor = scene_.sensor;
+  const HistogramCube direct = setup.direct_return(pulses_, fine ? kFineCells : kDirectCells);
+  Shares shares;
+  shares.direct =
+      relative_error(direct, setup.direct_return(pulses_, fine ? kBetterThanFine : kBetterCells),
+                     smoothed(sensor, direct));
+  if (!bounces_.any()) return shares;
+  HistogramCube light(sensor.rows, sensor.columns, sensor.bins), coarser = light;
+  bounces_of(sampling).add(setup, pulses_, light);
+  const bool below = fine && finer_bounces() != nullptr;
+  (below ? bounces_ : coarser_bounces()).add(setup, pulses_, coarser);
+  shares.bounces = kOfCoarser * relative_error(light, coarser, smoothed(sensor, light));
+  return shares;
 }
 
-HistogramCube StaticBackgroundModel::error(const HistogramCube& light,
-                                           const HistogramCube& direct) const {
+BackgroundError StaticBackgroundModel::error(const HistogramCube& light,
+                                             const HistogramCube& direct,
+                                             KnownLightSampling sampling) const {
+  const bool fine = sampling == KnownLightSampling::fine;
+  Shares& shares = fine ? fine_shares_ : usual_shares_;
+  std::call_once(fine ? fine_once_ : usual_once_, [&] {
+    const SensorPlacement own = sensor_placement(scene_);
+    if (!own.relay_points.empty()) return;  // they come with captures
+    shares = measured(RelaySetup(scene_, own), sampling);
+  });
   HistogramCube bounced = light;
   for (std::size_t i = 0; i < direct.values.size(); ++i) {
     bounced.values[i] = std::max(light.values[i] - direct.values[i], 0.0);
   }
-  const Shares& share = shares();
-  HistogramCube error = smoothed(scene_.sensor, bounced);
-  const HistogramCube first = smoothed(scene_.sensor, direct);
-  for (std::size_t i = 0; i < error.values.size(); ++i) {
-    error.values[i] = std::hypot(share.bounces * error.values[i], share.direct * first.values[i]);
-  }
+  BackgroundError error{smoothed(scene_.sensor, direct), smoothed(scene_.sensor, bounced)};
+  for (double& value : error.direct.values) value *= kMinBackgroundError + shares.direct;
+  for (double& value : error.bounces.values) value *= shares.bounces;
   return error;
+}
+
+HistogramCube total(const BackgroundError& error) {
+  HistogramCube sum = error.direct;
+  for (std::size_t i = 0; i < sum.values.size(); ++i) {
+    sum.values[i] = std::hypot(sum.values[i], error.bounces.values[i]);
+  }
+  return sum;
 }
 
 }  // namespace blindcorner

@@ -4,10 +4,12 @@
 
 #include <Eigen/Core>
 #include <cstddef>
+#include <memory>
 #include <mutex>
 #include <vector>
 
 #include "blindcorner/forward/sensor/capture.h"
+#include "blindcorner/forward/transport/forward_model.h"
 #include "blindcorner/forward/transport/transport_plan.h"
 #include "forward/relay/relay_setup.h"
 #include "forward/relay/visibility.h"
@@ -28,6 +30,9 @@ struct StaticLightSampling {
   double middle_edge = 0.12;    ///< their largest edge against the largest surface's extent
   double least_middle = 0.008;  ///< their least edge against the same
 };
+
+/// The same with all edges divided by this.
+StaticLightSampling denser(StaticLightSampling sampling, double by);
 
 /// Faces of a placed body that hide what is behind them.
 std::vector<OccluderFace> known_faces(const Shape& shape, const Transform& T_world_shape,
@@ -107,25 +112,32 @@ class StaticBackgroundModel {
   bool any_bounces() const { return bounces_.any(); }
   /// W/m^2 per bin, crosstalk included. Without `bounces` the direct return alone, which is handed
   /// out as well.
-  HistogramCube light(const RelaySetup& setup, bool bounces, HistogramCube& direct) const;
-  /// Standard deviation of the model's own error in `light` and `direct`, both as by light(), as
+  HistogramCube light(const RelaySetup& setup, KnownLightSampling sampling, bool bounces,
+                      HistogramCube& direct) const;
+  /// Standard deviations of the model's own error in `light` and `direct`, both as by light(), as
   /// large as if bins had errors of their own: those of neighbouring bins and zones go together,
   /// and add up. What the light does not tell is measured once, at the scene's own placement.
-  HistogramCube error(const HistogramCube& light, const HistogramCube& direct) const;
+  BackgroundError error(const HistogramCube& light, const HistogramCube& direct,
+                        KnownLightSampling sampling) const;
 
  private:
-  /// Relative errors.
+  /// Relative errors of a sampling.
   struct Shares {
     double direct = 0, bounces = 0;
   };
-  const Shares& shares() const;
+  Shares measured(const RelaySetup& setup, KnownLightSampling sampling) const;
+  const KnownBounces& bounces_of(KnownLightSampling sampling) const;
+  /// Finer than the usual ones; null where they cost too much.
+  const KnownBounces* finer_bounces() const;
+  const KnownBounces& coarser_bounces() const;
 
   const Scene& scene_;
   StaticLightSampling sampling_;
   KnownBounces bounces_;
   PulseTable pulses_;
-  mutable std::once_flag measured_;
-  mutable Shares shares_;
+  mutable std::once_flag usual_once_, fine_once_, finer_once_, coarser_once_;
+  mutable Shares usual_shares_, fine_shares_;
+  mutable std::unique_ptr<KnownBounces> finer_, coarser_;
 };
 
 }  // namespace blindcorner

@@ -269,7 +269,7 @@ std::vector<ZoneSignal> SignalScene::extract(const Capture& capture,
   options.sampling_step = kAnySampling;
   const auto model = make_fast_model(transport_, sensor_placement(scene_, &capture), options);
   const HistogramCube known = static_background(scene_, model->static_background());
-  const HistogramCube error = model->background_error();
+  const HistogramCube error = total(model->background_error());
   for (int z = 0; z < scene_.sensor.zone_count(); ++z) {
     take_off_known_light(capture, known, error, z, signals[static_cast<std::size_t>(z)]);
   }

@@ -14,36 +14,68 @@ constexpr double kMinShare = 0.01;
 /// Bins to either side that tell how bright a bin is: its own count alone would weigh itself, and
 /// has a fifth of the say. By judgement; light changes over a pulse, which is a bin wide or wider.
 constexpr int kReach = 2;
+/// Share above which a finer background, which costs as much as some renders, is asked for: the
+/// error would widen a standard deviation by 40 %.
+constexpr double kWorthFiner = 1;
 
-}  // namespace
-
-void weigh(const CompiledScene& compiled, const LinearSolution& empty, Observation& observation) {
-  if (compiled.background_error.empty()) return;
-  double largest = 0;
-  std::size_t row = 0;
+/// Photon variance of each bin, of light that is known or counted.
+std::vector<double> photon_variances(const GatedBackground& background, const LinearSolution& empty,
+                                     const Observation& observation) {
+  std::vector<double> variances;
   for (std::size_t z = 0; z < observation.zones.size(); ++z) {
-    ObservedZone& zone = observation.zones[z];
+    const ObservedZone& zone = observation.zones[z];
     const BinLikelihood& noise_model = observation.noise_model(zone);
-    zone.weight.resize(zone.counts.size());
-    for (int k = 0; k < zone.bins(); ++k, ++row) {
+    for (int k = 0; k < zone.bins(); ++k) {
       const int first = std::max(k - kReach, 0), end = std::min(k + kReach + 1, zone.bins());
       const double around =
           std::accumulate(zone.counts.begin() + first, zone.counts.begin() + end, 0.0) /
           (end - first);
-      const double known = empty.direct[z] * compiled.direct[row] + empty.ambient[z];
-      const double photons = std::max(noise_model.variance(std::max(known, around)), 1e-300);
-      const double share = std::pow(empty.direct[z] * compiled.background_error[row], 2) / photons;
-      largest = std::max(largest, share);
-      zone.weight[static_cast<std::size_t>(k)] = 1 / (1 + share);
+      const double known = empty.direct[z] * background.light[variances.size()] + empty.ambient[z];
+      variances.push_back(std::max(noise_model.variance(std::max(known, around)), 1e-300));
     }
   }
-  if (largest >= kMinShare) return;
-  for (ObservedZone& zone : observation.zones) zone.weight.clear();
+  return variances;
+}
+
+/// Largest share of the error, as of kMinShare, in any bin.
+double largest_share(const GatedBackground& background, const LinearSolution& empty,
+                     const Observation& observation, const std::vector<double>& photons) {
+  double largest = 0;
+  std::size_t row = 0;
+  for (std::size_t z = 0; z < observation.zones.size(); ++z) {
+    for (int k = 0; k < observation.zones[z].bins(); ++k, ++row) {
+      largest =
+          std::max(largest, std::pow(empty.direct[z] * background.error[row], 2) / photons[row]);
+    }
+  }
+  return largest;
+}
+
+}  // namespace
+
+void weigh(const CompiledScene& compiled, const LinearSolution& empty, Observation& observation) {
+  if (compiled.background.error.empty()) return;
+  const std::vector<double> photons = photon_variances(compiled.background, empty, observation);
+  double largest = largest_share(compiled.background, empty, observation, photons);
+  observation.fine_background = largest > kWorthFiner;
+  if (largest < kMinShare) return;
+  const GatedBackground& background =
+      observation.fine_background ? compiled.fine_background() : compiled.background;
+  if (background.error.empty()) return;
+  std::size_t row = 0;
+  for (std::size_t z = 0; z < observation.zones.size(); ++z) {
+    ObservedZone& zone = observation.zones[z];
+    zone.weight.clear();
+    for (int k = 0; k < zone.bins(); ++k, ++row) {
+      const double share = std::pow(empty.direct[z] * background.error[row], 2) / photons[row];
+      zone.weight.push_back(1 / (1 + share));
+    }
+  }
 }
 
 Observation observe(const CompiledScene& compiled, std::span<const Capture> captures) {
   Observation observation = observe(compiled.scene, captures, compiled.gates);
-  if (compiled.background_error.empty() || observation.zones.empty()) return observation;
+  if (compiled.background.error.empty() || observation.zones.empty()) return observation;
   LinearSolution empty;
   PoseObjective(compiled, observation).evaluate_empty(empty);
   weigh(compiled, empty, observation);

@@ -50,6 +50,8 @@ struct Observation {
   /// One per capture, or one per observed zone where exposures or noise differ from zone to zone.
   std::vector<std::shared_ptr<const BinLikelihood>> likelihood;
   int captures = 0;
+  /// Whether the static background has to be CompiledScene::fine_background().
+  bool fine_background = false;
 
   double total_count() const;
   const BinLikelihood& noise_model(const ObservedZone& zone) const {

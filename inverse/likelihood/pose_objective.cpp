@@ -47,13 +47,14 @@ void RecentLight::keep(const ModelSet& models, const PoseVector& pose,
 
 PoseObjective::PoseObjective(const CompiledScene& compiled, const Observation& observation)
     : compiled_(compiled),
+      background_(observation.fine_background ? compiled.fine_background() : compiled.background),
       models_(&compiled.models()),
       rough_(&compiled.models()),
       solver_(observation, compiled.scene.linear) {
   for (const ObservedZone& zone : observation.zones) {
     std::pair<int, int> lit{0, 0};
-    if (!compiled.direct.empty()) {
-      const double* direct = compiled.direct.data() + rows_;
+    if (!background_.light.empty()) {
+      const double* direct = background_.light.data() + rows_;
       lit.second = zone.bins();
       while (lit.first < lit.second && direct[lit.first] == 0) ++lit.first;
       while (lit.second > lit.first && direct[lit.second - 1] == 0) --lit.second;
@@ -63,6 +64,8 @@ PoseObjective::PoseObjective(const CompiledScene& compiled, const Observation& o
   }
 }
 
+const std::vector<double>& PoseObjective::background_step() const { return background_.step; }
+
 void PoseObjective::point(ShapeBuffer& buffer, bool object) const {
   const auto& zones = solver_.observation().zones;
   buffer.shapes.resize(zones.size());
@@ -71,7 +74,7 @@ void PoseObjective::point(ShapeBuffer& buffer, bool object) const {
     ZoneShapes& shapes = buffer.shapes[z];
     const int bins = zones[z].bins();
     shapes.object = object ? buffer.object.data() + row : nullptr;
-    shapes.direct = compiled_.direct.empty() ? nullptr : compiled_.direct.data() + row;
+    shapes.direct = background_.light.empty() ? nullptr : background_.light.data() + row;
     shapes.object_first = 0;
     shapes.object_end = object ? bins : 0;
     if (object) {

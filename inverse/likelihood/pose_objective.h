@@ -147,6 +147,9 @@ class PoseObjective {
   const ModelSet& rough_models() const { return *rough_; }
   void use_roughly(const ModelSet& models) { rough_ = &models; }
 
+  /// What the fine static background has more than coarser ones, [rows]; empty: the usual one.
+  const std::vector<double>& background_step() const;
+
   const LinearSolver& solver() const { return solver_; }
   const CompiledScene& compiled() const { return compiled_; }
   int rows() const { return rows_; }
@@ -163,6 +166,7 @@ class PoseObjective {
   void correct(const Correction& correction, const PoseVector& pose, ShapeBuffer& buffer) const;
 
   const CompiledScene& compiled_;
+  const GatedBackground& background_;
   const ModelSet* models_;
   const ModelSet* rough_;
   LinearSolver solver_;

@@ -530,6 +530,10 @@ FastModelOptions options_of(int level, const SamplingStep& first, bool lobes) {
     fast.sampling_step = first;
     fast.sampling_step->relay = std::min(first.relay, kMaxRelay / std::pow(2.0, level));
     fast.sampling_step->object = std::min(first.object, kMaxObject / std::pow(2.0, level));
+    // Cells as small from the first level on would leave shadows' edges on the object as they are.
+    if (level + 1 == kModelLevels) {
+      fast.sampling_step->object = std::min(fast.sampling_step->object, first.object / 2);
+    }
     return fast;
   }
   fast.tolerance = kFirstTolerance;
@@ -573,24 +577,41 @@ const ModelSet* CompiledScene::models_within(int level, double most_paths) const
 
 namespace {
 
-/// The error of the static background inside the gates, counts.
-void add_background_error(CompiledScene& compiled) {
-  if (compiled.direct.empty()) return;
-  const Scene& scene = compiled.scene;
-  const LinearUnknowns& linear = scene.linear;
-  const double scale = linear.direct == LinearMode::fixed ? linear.fixed_direct : 1.0;
-  std::vector<double>& rows = compiled.background_error;
-  for (std::size_t c = 0; c < compiled.models().size(); ++c) {
-    const HistogramCube error = compiled.models()[c]->background_error();
-    for (int z = 0; z < scene.sensor.zone_count(); ++z) {
-      const TimeGate& gate = compiled.gates[c][static_cast<std::size_t>(z)];
-      const double counts = scale * scene.sensor.zones[static_cast<std::size_t>(z)].gain;
-      for (int k = gate.first; k < gate.end; ++k) {
-        rows.push_back(error.values.empty() ? 0.0 : counts * error.zone(z)[k]);
-      }
-    }
+/// Light of one capture inside its gates, `unit` counts per W/m^2 at unit gain.
+void append_gated(const CompiledScene& compiled, std::size_t capture, const HistogramCube& light,
+                  double unit, std::vector<double>& rows) {
+  for (int z = 0; z < light.zones(); ++z) {
+    const TimeGate& gate = compiled.gates[capture][static_cast<std::size_t>(z)];
+    const double counts = unit * compiled.scene.sensor.zones[static_cast<std::size_t>(z)].gain;
+    for (int k = gate.first; k < gate.end; ++k) rows.push_back(counts * light.zone(z)[k]);
   }
-  if (std::ranges::all_of(rows, [](double e) { return e == 0; })) rows.clear();
+}
+
+/// Light in the order of append_gated(), gains applied already.
+void append_counts(const CompiledScene& compiled, std::size_t capture, const HistogramCube& counts,
+                   std::vector<double>& rows) {
+  for (int z = 0; z < counts.zones(); ++z) {
+    const TimeGate& gate = compiled.gates[capture][static_cast<std::size_t>(z)];
+    rows.insert(rows.end(), counts.zone(z) + gate.first,
+                counts.zone(z) + std::max(gate.first, gate.end));
+  }
+}
+
+/// `light`: the models' own, [captures], as counts.
+GatedBackground gated_background(const CompiledScene& compiled, const ModelSet& models,
+                                 const std::vector<HistogramCube>& light) {
+  GatedBackground gated;
+  for (std::size_t c = 0; c < light.size(); ++c) append_counts(compiled, c, light[c], gated.light);
+  if (std::ranges::all_of(gated.light, [](double v) { return v == 0; })) return {};
+  const LinearUnknowns& linear = compiled.scene.linear;
+  const double unit = linear.direct == LinearMode::fixed ? linear.fixed_direct : 1.0;
+  for (std::size_t c = 0; c < models.size(); ++c) {
+    const BackgroundError error = models[c]->background_error();
+    append_gated(compiled, c, total(error), unit, gated.error);
+  }
+  const bool none = std::ranges::all_of(gated.error, [](double e) { return e == 0; });
+  if (none || gated.error.size() != gated.light.size()) gated.error.clear();
+  return gated;
 }
 
 }  // namespace
@@ -687,18 +708,35 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
     if (spline) compiled->spline = std::make_unique<SplineGrid>(templates, compiled->axes);
     compiled->set_templates(Templates(templates, zone_rows(*compiled)));
   }
-  for (std::size_t c = 0; c < compiled->static_background.size(); ++c) {
-    const HistogramCube& direct = compiled->static_background[c];
-    for (int z = 0; z < direct.zones(); ++z) {
-      const TimeGate& gate = compiled->gates[c][static_cast<std::size_t>(z)];
-      compiled->direct.insert(compiled->direct.end(), direct.zone(z) + gate.first,
-                              direct.zone(z) + std::max(gate.first, gate.end));
-    }
-  }
-  const bool any = std::ranges::any_of(compiled->direct, [](double v) { return v != 0; });
-  if (!any) compiled->direct.clear();
-  add_background_error(*compiled);
+  compiled->background =
+      gated_background(*compiled, compiled->models(), compiled->static_background);
   return compiled;
+}
+
+const GatedBackground& CompiledScene::fine_background() const {
+  std::call_once(fine_background_once_, [this] {
+    FastModelOptions fast;
+    fast.sampling_step = models().front()->sampling_step();
+    const auto light_of = [&](const ModelSet& models) {
+      std::vector<HistogramCube> light;
+      for (const auto& model : models) {
+        light.push_back(blindcorner::static_background(scene, model->static_background()));
+      }
+      return light;
+    };
+    // Isolated: whoever waits here must not pick up another fit that waits for this.
+    tbb::this_task_arena::isolate([&] {
+      fast.known_light = KnownLightSampling::fine;
+      const ModelSet fine = make_models(*this, fast);
+      fine_background_ = gated_background(*this, fine, light_of(fine));
+      fast.known_light = KnownLightSampling::below_fine;
+      const std::vector<HistogramCube> below = light_of(make_models(*this, fast));
+      std::vector<double>& more = fine_background_.step;
+      for (std::size_t c = 0; c < below.size(); ++c) append_counts(*this, c, below[c], more);
+      for (std::size_t r = 0; r < more.size(); ++r) more[r] = fine_background_.light[r] - more[r];
+    });
+  });
+  return fine_background_;
 }
 
 const CompiledScene::Rendered& CompiledScene::rendered() const {

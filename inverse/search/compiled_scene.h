@@ -29,9 +29,19 @@ class SceneKnowledge;
 /// levels follow from the capture. A search with 4 % found no better poses and took longer.
 inline constexpr double kFirstTolerance = 0.1;
 
-/// Levels of exactness that a fit may go through: light of the last is 0.2 to 0.3 % off (kMatt and
-/// kLobes in sharpen.cpp), of the order of the noise of a million photons, 0.1 %.
+/// Levels of exactness that a fit may go through: light of the last is 0.2 to 0.3 % off at most
+/// (kMatt and kLobes in sharpen.cpp), of the order of the noise of a million photons, 0.1 %.
 inline constexpr int kModelLevels = 4;
+
+/// The static background inside the gates, rows as in Observation::zones, counts of one exposure;
+/// all empty where there is none.
+struct GatedBackground {
+  std::vector<double> light;
+  std::vector<double> error;  ///< standard deviation of the model's own error in that
+  /// Of fine ones, what they have more than coarser ones: errors of one shape, which no deviation
+  /// of a bin's own tells. They are left of it in part.
+  std::vector<double> step;
+};
 
 struct CompiledScene {
   Scene scene;
@@ -63,10 +73,9 @@ struct CompiledScene {
   /// Between the scored poses; null where the pulse had to be widened, or the grid is too large.
   std::unique_ptr<SplineGrid> spline;
   std::vector<HistogramCube> static_background;  ///< [captures]; none where there is none
-  /// The same inside the gates, rows as above; empty when absent.
-  std::vector<double> direct;
-  /// Standard deviation of the model's own error in that; empty: none.
-  std::vector<double> background_error;
+  GatedBackground background;
+  /// The same for bright captures, made when it is asked for. Thread safe.
+  const GatedBackground& fine_background() const;
 
   const ModelSet& models() const { return ladder.back(); }
   /// Models of a level of exactness, 0 (models()) to kModelLevels - 1, made when they are asked
@@ -109,6 +118,8 @@ struct CompiledScene {
   mutable std::atomic<std::size_t> rendered_bytes_{0};
   mutable std::mutex mutex_;
   mutable std::map<int, ModelSet> finer_;  ///< by level
+  mutable std::once_flag fine_background_once_;
+  mutable GatedBackground fine_background_;
 };
 
 /// The grid of scored poses.

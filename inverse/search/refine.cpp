@@ -172,6 +172,13 @@ class NothingPromised final : public ceres::IterationCallback {
   }
 };
 
+/// Diagonal of the search region, unknowns as they are.
+double region_size(const Scene& scene) {
+  double square = 0;
+  for (const Unknown& unknown : scene.unknowns) square += std::pow(unknown.range(), 2);
+  return std::max(std::sqrt(square), 1e-300);
+}
+
 /// Ceres on one model set, from and to `result`. `slope` becomes the light's where it ends, empty
 /// where that is not known.
 void minimise(const PoseObjective& objective, const LightSource& light, const Stop& stop,
@@ -192,8 +199,9 @@ void minimise(const PoseObjective& objective, const LightSource& light, const St
   options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
   options.max_num_iterations = stop.iterations;
   options.function_tolerance = stop.function_tolerance;
-  // So small that the function's tolerance decides.
-  options.parameter_tolerance = 1e-7;
+  // So small that the function's tolerance decides, and of the search region rather than of the
+  // way from the origin: 100 km from it descents would end 1 cm early.
+  options.parameter_tolerance = 1e-7 / std::max(1.0, result.pose.norm() / region_size(scene));
   options.gradient_tolerance = 1e-9;
   // Steps over a bound end at it, and the next one is held there: no search along the way.
   options.max_num_line_search_step_size_iterations = 0;

@@ -10,6 +10,7 @@
 #include <cmath>
 #include <limits>
 
+#include "inverse/likelihood/light_slope.h"
 #include "inverse/posterior/fisher_information.h"
 #include "inverse/posterior/goodness_of_fit.h"
 #include "inverse/posterior/mode_merging.h"
@@ -31,6 +32,11 @@ constexpr double kLeft = 0.5;
 /// there it may change elsewhere, and more: by it, a mode's weight changes by a third. By
 /// judgement.
 constexpr double kSmallShift = 0.3;
+/// Change of the log posterior by which a better model shows that the worse one has fitted its own
+/// errors (an object that is all but hidden, at a billion photons): closed form is no guide to
+/// where the better one's optimum is, and the next model has a say whatever the move. As kTooRough
+/// in fit.cpp.
+constexpr double kAstray = 10;
 /// The most paths (lit times seen times object points) of pairs of lobes that one render may sum
 /// over: some .3 s, of which a fit takes ten or more. Of the street's drives, a sensor close to the
 /// turn asks for more than three times as many: the fit then takes up to minutes, and 4 s without.
@@ -66,9 +72,9 @@ Eigen::MatrixXd in_any_direction(double square, const Eigen::MatrixXd& precision
   return square / static_cast<double>(precision.rows()) * precision.inverse();
 }
 
-/// Moves the optima that may matter; `here`: the models' light at the first.
+/// Moves the optima that may matter; `here`: the models' light at the first, where that is known.
 void sharpen_each(const PoseObjective& objective, std::vector<Refined>& optima,
-                  const ShapeBuffer& here) {
+                  const ShapeBuffer* here) {
   const double best = optima.front().value.log_posterior;
   std::vector<double> rough;
   for (const Refined& optimum : optima) rough.push_back(optimum.value.log_posterior);
@@ -76,7 +82,7 @@ void sharpen_each(const PoseObjective& objective, std::vector<Refined>& optima,
     tbb::this_task_arena::isolate([&] {
       tbb::parallel_for(std::size_t{0}, optima.size(), [&](std::size_t i) {
         if (rough[i] < least || rough[i] >= below) return;
-        settle(objective, optima[i], i == 0 ? &here : nullptr);
+        settle(objective, optima[i], i == 0 ? here : nullptr);
       });
     });
   };
@@ -107,7 +113,11 @@ ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima,
   const Levels& levels = levels_of(compiled.scene);
   for (int level = 1; level < kModelLevels; ++level) {
     const double before = levels.errors[static_cast<std::size_t>(level) - 1];
-    const Refined& top = optima.front();
+    Refined top = optima.front();
+    // Settled optima have slopes; closed form may see nothing of an object that is all but hidden.
+    if (top.slope.size() == 0) {
+      top.slope = light_slope(objective, LightSource(objective.rough_models()), top.pose);
+    }
     const PoseInformation known = pose_information(objective, top);
     // No error of this share of the light moves anything by more than this.
     if (before * std::sqrt(known.signal) < kSmallMove) break;
@@ -147,22 +157,48 @@ ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima,
       error.covariance += in_any_direction(square, precision);
     }
     objective.use(*finer);
-    if (size > levels.large_move || shift > levels.large_shift) {
+    const bool astray = shift > kAstray;
+    if (astray || size > levels.large_move || shift > levels.large_shift) {
       // What worse models say of other optima, and of the posterior's shape, is no longer good.
       objective.use_roughly(*finer);
       std::vector<PoseVector> starts = places;
       for (const Refined& optimum : optima) starts.push_back(optimum.pose);
       optima = polish_all(objective, starts, negligible);
+      if (astray) {
+        sharpen_each(objective, optima, nullptr);
+        optima = merge(compiled, std::move(optima), negligible);
+      }
     } else {
-      sharpen_each(objective, optima, then);
+      sharpen_each(objective, optima, &then);
       optima = merge(compiled, std::move(optima), negligible);
     }
     error.covariance *= left * left;
     error.level = level;
     // What the next one would move it, errors being alike.
-    if (left * size < levels.carried) break;
+    if (!astray && left * size < levels.carried) break;
   }
   return error;
+}
+
+Eigen::MatrixXd background_covariance(const PoseObjective& objective, const Refined& optimum) {
+  const auto n = static_cast<Eigen::Index>(objective.compiled().unknown_count());
+  const std::vector<double>& step = objective.background_step();
+  if (step.empty()) return Eigen::MatrixXd::Zero(n, n);
+  Eigen::MatrixXd change = Eigen::MatrixXd::Zero(objective.rows(), 1);  // as the object's light
+  Eigen::Index row = 0;
+  const Observation& observation = objective.solver().observation();
+  for (std::size_t z = 0; z < observation.zones.size(); ++z) {
+    const double amplitude = optimum.linear.amplitude[z];
+    const double scale = amplitude > 0 ? optimum.linear.direct[z] / amplitude : 0;
+    for (int k = 0; k < observation.zones[z].bins(); ++k, ++row) {
+      change(row, 0) = scale * step[static_cast<std::size_t>(row)];
+    }
+  }
+  const PoseInformation info = pose_information(objective, optimum, change);
+  const Eigen::MatrixXd precision = info.pose + prior_precision(objective.compiled().scene);
+  const Eigen::VectorXd move = precision.ldlt().solve(info.disturbance.col(0));
+  const double square = move.dot(precision * move);
+  return kLeft * kLeft * (move * move.transpose() + in_any_direction(square, precision));
 }
 
 }  // namespace blindcorner

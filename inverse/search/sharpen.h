@@ -34,4 +34,9 @@ std::string too_dear_hint();
 ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima,
                    const std::vector<PoseVector>& places, double negligible);
 
+/// Covariance of a pose, [n, n], from what is left of the fine static background's error: a part of
+/// the move that the step to it from a coarser one makes, and as much in any direction. Zero with
+/// the usual background, whose error is small beside the photon noise.
+Eigen::MatrixXd background_covariance(const PoseObjective& objective, const Refined& optimum);
+
 }  // namespace blindcorner

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "stability/cases.h"
 
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <cmath>
@@ -78,6 +79,18 @@ Scene nine_zone_scene() {
   return scene;
 }
 
+Scene occluded_scene() {
+  Scene scene = nine_zone_scene();
+  Surface partition;
+  partition.name = "partition";
+  partition.shape = BoxShape{Eigen::Vector3d(0.4, 0.02, 2)};
+  partition.T_world_surface.translation() = Eigen::Vector3d(0.2, 0.25, 0);
+  partition.albedo = 0.05;
+  partition.occluder = true;
+  scene.surfaces.push_back(partition);
+  return scene;
+}
+
 Scene scaled(const Scene& scene, double factor) {
   Scene big = scene;
   big.T_world_sensor.translation() *= factor;
@@ -146,6 +159,21 @@ Capture photon_capture(const Scene& scene, double photons, double background_rat
   budget.background_ratio = background_ratio;
   const auto model = make_reference_renderer(scene, sensor_placement(scene));
   return make_capture(scene, *model, stated_pose(scene), budget, seed);
+}
+
+FitOptions without_empty_captures() {
+  FitOptions options;
+  options.empty_captures = 0;
+  return options;
+}
+
+double mode_distance(const Scene& scene, const PoseMixture& posterior, const PoseVector& pose) {
+  double least = std::nan("");
+  for (const PoseMode& mode : posterior.modes) {
+    const PoseVector d = pose_error(scene, mode.pose, pose);
+    least = std::fmin(least, d.dot(mode.covariance.ldlt().solve(d)));
+  }
+  return least;
 }
 
 bool is_sound(const Scene& scene, const FitResult& result) {

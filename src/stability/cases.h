@@ -20,6 +20,9 @@ Scene wall_scene();
 /// The same seen by 3 x 3 zones of 10 degrees each.
 Scene nine_zone_scene();
 
+/// Nine zones of which a partition to the left of the sensor hides the plate.
+Scene occluded_scene();
+
 /// The scene with all lengths and times multiplied.
 Scene scaled(const Scene& scene, double factor);
 
@@ -40,6 +43,13 @@ double relative_difference(const HistogramCube& got, const HistogramCube& want);
 /// reference renderer.
 Capture photon_capture(const Scene& scene, double photons, double background_ratio,
                        std::uint64_t seed);
+
+/// For fits of which no question is about false alarms.
+FitOptions without_empty_captures();
+
+/// Smallest squared distance of a pose from a mode, by the mode's covariance; no number without
+/// modes.
+double mode_distance(const Scene& scene, const PoseMixture& posterior, const PoseVector& pose);
 
 /// Whether a fit holds anything that is not a number, or a covariance that is none.
 bool is_sound(const Scene& scene, const FitResult& result);

@@ -169,6 +169,20 @@ std::shared_ptr<const TriangleMesh> ball(int count) {
   return make_mesh(vertices, triangles);
 }
 
+/// A ball squeezed to a needle: each triangle is a hundred thousand times as long as wide.
+StabilityMeasurement needle_mesh() {
+  const auto round = ball(5000);
+  std::vector<Eigen::Vector3d> vertices = round->vertices;
+  for (Eigen::Vector3d& v : vertices) v.head<2>() *= 1e-6;
+  const std::clock_t start = std::clock();
+  const auto mesh = make_mesh(vertices, round->triangles);
+  const HistogramCube light = mesh_light(mesh);
+  const double seconds = static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
+  const auto bad = [](double value) { return !std::isfinite(value) || value < 0; };
+  if (std::ranges::any_of(light.values, bad)) return {std::nan(""), "light that is none"};
+  return {seconds, ""};
+}
+
 StabilityMeasurement large_mesh() {
   const std::clock_t start = std::clock();
   const auto mesh = ball(200'000);
@@ -230,6 +244,21 @@ std::vector<StabilityRow> geometry_rows() {
          return StabilityMeasurement{
              relative_difference(mesh_light(square(1, false)), mesh_light(square(12, false))), ""};
        }},
+      {"plate_of_100_km", kTheme, "Plate of 100 km: 0 for a clear refusal", 0, "1",
+       LimitOrigin::arithmetic,
+       "Paths to all of it take 8,000 times the sensor's time axis; tables of them would fill any "
+       "memory.",
+       [] {
+         const Scene scene = with_plate({0.2, 0.5, 0.1}, -50, 1e5);
+         const Capture capture = photon_capture(wall_scene(), 3000, 1, 1);
+         return refusal([&] { fit(scene, capture, without_empty_captures()); });
+       }},
+      {"needle_mesh", kTheme,
+       "A ball of 5000 triangles squeezed to a needle, each of its triangles up to 100,000 times "
+       "as "
+       "long as wide, is read and seen: processor time, no number where its light is none",
+       10, "s", LimitOrigin::arithmetic, "5000 triangles, each seen from some hundred places.",
+       needle_mesh},
       {"convexity_of_200000_triangles", kTheme,
        "A ball of 200,000 triangles is read and found to be convex: processor time", 10, "s",
        LimitOrigin::arithmetic,

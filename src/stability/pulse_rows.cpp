@@ -122,6 +122,24 @@ std::vector<StabilityRow> pulse_rows() {
       negative_row("pulse_of_0.1", 0.1),
       negative_row("pulse_of_0.01", 0.01),
       negative_row("pulse_of_0.0001", 1e-4),
+      {"pulse_of_0.0001_nine_zones", kTheme,
+       "Pulse of 0.0001 bins seen by nine zones: the most negative bin of either model, over its "
+       "brightest",
+       0, "1", LimitOrigin::physics, "Light is never negative.",
+       [] {
+         Scene scene = nine_zone_scene();
+         scene.sensor.response = ImpulseResponse(GaussianResponse{1e-14});
+         return negative_light(scene);
+       }},
+      {"zones_64_x_64", kTheme,
+       "64 x 64 zones that tile one of 30 degrees: difference of all light", 0.01, "1",
+       LimitOrigin::physics,
+       "The zones' solid angles add up to that of the one; 1 % is the fast model's tolerance.",
+       [] { return zones_add_up(64); }},
+      {"zones_128_x_128", kTheme, "128 x 128 zones: 0 for a clear refusal", 0, "1",
+       LimitOrigin::arithmetic,
+       "The limit is 4096 zones: a light leg for each zone, patch and cell grows with them.",
+       [] { return refusal([] { zones_add_up(128); }); }},
       {"zones_32_x_32", kTheme,
        "32 x 32 zones that tile one of 30 degrees: difference of all light", 0.01, "1",
        LimitOrigin::physics,

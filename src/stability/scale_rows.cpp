@@ -43,19 +43,6 @@ StabilityMeasurement move_invariance(Light light, const Scene& scene, double dis
   return {relative_difference(far, light(scene)), ""};
 }
 
-/// A wall whose light is partly held back, so that rays are asked.
-Scene occluded_scene() {
-  Scene scene = nine_zone_scene();
-  Surface partition;
-  partition.name = "partition";
-  partition.shape = BoxShape{Eigen::Vector3d(0.4, 0.02, 2)};
-  partition.T_world_surface.translation() = Eigen::Vector3d(0.2, 0.25, 0);
-  partition.albedo = 0.05;
-  partition.occluder = true;
-  scene.surfaces.push_back(partition);
-  return scene;
-}
-
 StabilityRow move_row(const std::string& name, const std::string& model, Light light,
                       double distance) {
   return {name,

@@ -19,7 +19,7 @@ const std::vector<StabilityRow>& stability_rows() {
   static const std::vector<StabilityRow> all = [] {
     std::vector<StabilityRow> rows;
     for (auto* theme : {&pulse_rows, &geometry_rows, &scale_rows, &photon_rows, &inference_rows,
-                        &learning_rows, &driving_rows}) {
+                        &bright_rows, &assumption_rows, &learning_rows, &driving_rows}) {
       std::vector<StabilityRow> more = theme();
       rows.insert(rows.end(), std::make_move_iterator(more.begin()),
                   std::make_move_iterator(more.end()));

@@ -13,6 +13,8 @@ std::vector<StabilityRow> geometry_rows();
 std::vector<StabilityRow> scale_rows();
 std::vector<StabilityRow> photon_rows();
 std::vector<StabilityRow> inference_rows();
+std::vector<StabilityRow> bright_rows();
+std::vector<StabilityRow> assumption_rows();
 std::vector<StabilityRow> learning_rows();
 std::vector<StabilityRow> driving_rows();
 

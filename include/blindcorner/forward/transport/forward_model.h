@@ -41,6 +41,16 @@ struct ModelSize {
   int object_points = 0;  ///< at the scene's own placement
 };
 
+/// Standard deviations of static_background() from the model's own error, W/m^2 per bin; both
+/// empty: none.
+struct BackgroundError {
+  HistogramCube direct;   ///< of the direct return
+  HistogramCube bounces;  ///< of two and three bounces within the known scene
+};
+
+/// Both together, as errors of their own add up.
+HistogramCube total(const BackgroundError& error);
+
 /// Expected light of a scene. Thread safe: all methods are const and keep no state.
 class ForwardModel {
  public:
@@ -66,8 +76,7 @@ class ForwardModel {
   /// (the first bounce is then no part of a capture).
   virtual const HistogramCube& static_background() const = 0;
 
-  /// Standard deviation of static_background() from the model's own error, same unit; empty: none.
-  virtual HistogramCube background_error() const { return {}; }
+  virtual BackgroundError background_error() const { return {}; }
 
   /// With the hidden objects in the way of the later bounces: the reference renderer's alone.
   virtual HistogramCube shadowed_background(const PoseVector& /*pose*/) const {
@@ -103,6 +112,12 @@ std::unique_ptr<ForwardModel> make_reference_renderer(const Scene& scene,
                                                       const SensorPlacement& placement,
                                                       const ReferenceOptions& options = {});
 
+/// How finely the known scene's own light is sampled. Fine: for captures so bright that the usual
+/// sampling's error matters beside the photon noise, with a tenth of the error of the direct return
+/// and, where that takes some 20 ms at most, a fifth of the bounces'. Below fine: what fine is
+/// compared with, the usual bounces, or coarser ones where fine has the usual ones.
+enum class KnownLightSampling { usual, fine, below_fine };
+
 struct FastModelOptions {
   /// Largest error of a bin relative to the pose's peak. The model takes the coarsest sampling
   /// whose error, estimated by going on to at least twice as many cells at eight poses of the
@@ -112,6 +127,7 @@ struct FastModelOptions {
   double extra_pulse_sigma = 0.0;
   /// Sampling found for a like placement of the same scene, to save the search for it.
   std::optional<SamplingStep> sampling_step;
+  KnownLightSampling known_light = KnownLightSampling::usual;
   /// Terms evaluated, or not, against the plan: for measuring what the plan's decisions are worth.
   PlanOverrides overrides;
 

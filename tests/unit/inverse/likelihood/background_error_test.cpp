@@ -46,7 +46,7 @@ std::unique_ptr<CompiledScene> compiled_for_one_fit(const Scene& scene) {
 TEST(BackgroundError, WeighsBinsByThePhotonsShareOfWhatTheyMayBeOffBy) {
   const Scene scene = wall(0.97);
   const auto compiled = compiled_for_one_fit(scene);
-  ASSERT_FALSE(compiled->background_error.empty());
+  ASSERT_FALSE(compiled->background.error.empty());
   const HistogramCube nothing(scene.sensor.rows, scene.sensor.columns, scene.sensor.bins);
   const HistogramCube known = compiled->models().front()->static_background();
   for (const double exposures : {1.0, 100.0}) {
@@ -56,8 +56,8 @@ TEST(BackgroundError, WeighsBinsByThePhotonsShareOfWhatTheyMayBeOffBy) {
     for (const ObservedZone& zone : observation.zones) {
       for (int k = 0; k < zone.bins(); ++k, ++row) {
         const double photons =
-            (compiled->direct[row] + scene.linear.fixed_ambient) / exposures;  // Poisson
-        const double error = std::pow(compiled->background_error[row], 2);
+            (compiled->background.light[row] + scene.linear.fixed_ambient) / exposures;  // Poisson
+        const double error = std::pow(compiled->background.error[row], 2);
         // The level is smoothed over bins and fitted: no more than the half right where light
         // rises.
         EXPECT_GE(zone.weight_of(k), photons / (photons + error) - 0.02);
@@ -99,7 +99,7 @@ TEST(BackgroundError, OfABrightCornerIsSmallAndCarried) {
       const double level = dense.zone(z)[k];
       if (!(level > 0)) continue;
       square += std::pow(fast.zone(z)[k] - level, 2) / level;
-      carried += std::pow(compiled->background_error[row], 2) / level;
+      carried += std::pow(compiled->background.error[row], 2) / level;
     }
   }
   EXPECT_LT(square / photons, 0.04);
