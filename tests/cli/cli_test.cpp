@@ -189,6 +189,25 @@ TEST_F(Cli, RenderKeepsWhereTheSensorStood) {
   EXPECT_NE(file.captures[0].counts.values, file.captures[1].counts.values);
 }
 
+// The truth of a bright capture has to be right to its photon noise.
+TEST_F(Cli, RenderSamplesMoreDenselyWhereThereAreManyPhotons) {
+  const auto counts_of = [&](const std::string& arguments) {
+    const Outcome outcome = run("render '" + kScene + "' -o '" + path("c.exr") + "' " + arguments);
+    EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+    return read_captures(path("c.exr")).captures.front().counts.values;
+  };
+  const auto usual = counts_of("--noiseless"),
+             dense = counts_of("--noiseless --reference-sampling 2");
+  EXPECT_EQ(counts_of("--noiseless --reference-sampling 1"), usual);
+  EXPECT_NE(dense, usual);
+  EXPECT_EQ(counts_of("--photons 2e5"), counts_of("--photons 2e5 --reference-sampling 2"));
+  EXPECT_EQ(counts_of("--photons 5e4"), counts_of("--photons 5e4 --reference-sampling 1"));
+  const Outcome none =
+      run("render '" + kScene + "' -o '" + path("none.exr") + "' --reference-sampling 0");
+  EXPECT_EQ(none.exit_code, 2);
+  EXPECT_THAT(none.err, HasSubstr("--reference-sampling"));
+}
+
 TEST_F(Cli, RenderFollowsAPathOfTheSensor) {
   const std::string render =
       "render '" + kScene + "' --model fast --noiseless -o '" + path("c.exr") + "' ";

@@ -8,6 +8,7 @@
 
 #include <limits>
 
+#include "blindcorner/forward/constants.h"
 #include "blindcorner/inverse/baseline/back_projection.h"
 #include "blindcorner/inverse/baseline/multilateration.h"
 #include "blindcorner/inverse/calibration/calibration.h"
@@ -56,6 +57,17 @@ TEST(ValidateScene, NamesFieldValueAndRangeInTheFilesUnits) {
             place + "unknowns.x_m: found [0.21,0.19], accepted: [lower, upper] with lower < upper");
   EXPECT_EQ(problem_of([](Scene& s) { s.surfaces[0].albedo = 5; }),
             place + "surfaces[0].albedo: found 5, accepted: a number > 0 and <= 1");
+}
+
+// Tables of paths to all of a plate of 10 km took 14 GB, of one of 100 km all memory.
+TEST(ValidateScene, RefusesAnObjectFarBeyondTheTimeAxis) {
+  const Scene scene = good();
+  const double axis = kSpeedOfLight * scene.sensor.bins * scene.sensor.bin_width;
+  const auto with_plate = [axis](double edge) {
+    return [=](Scene& s) { s.hidden.shape = RectangleShape{edge * axis, edge * axis}; };
+  };
+  EXPECT_EQ(problem_of(with_plate(60)), "no error");
+  EXPECT_THAT(problem_of(with_plate(90)), HasSubstr("hidden: found an object of "));
 }
 
 TEST(ValidateScene, DegreesThatWereGivenForRadiansAreOutOfRange) {

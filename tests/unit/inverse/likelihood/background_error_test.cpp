@@ -80,6 +80,39 @@ TEST(BackgroundError, NegligibleOnesLeaveBinsAsTheyAre) {
   }
 }
 
+// The usual one is 1.5e-4 off (L2 over photon noise), with errors that go together; that alone puts
+// a plate centimetres away at a billion photons.
+TEST(BackgroundError, OfBrightCapturesIsMendedAndWhatItWasIsKept) {
+  const Scene scene = wall(0.7);
+  const auto compiled = compiled_for_one_fit(scene);
+  const auto reference =
+      make_reference_renderer(scene, sensor_placement(scene), reference_sampling(2));
+  const HistogramCube nothing(scene.sensor.rows, scene.sensor.columns, scene.sensor.bins);
+  const Capture bright = drawn(scene, nothing, reference->static_background(), 1e7, 1);
+  const Observation observation = observe(*compiled, {&bright, 1});
+  ASSERT_TRUE(observation.fine_background);
+  const Capture dim = drawn(scene, nothing, reference->static_background(), 1, 1);
+  EXPECT_FALSE(observe(*compiled, {&dim, 1}).fine_background);
+
+  const HistogramCube dense = static_background(scene, reference->static_background());
+  const GatedBackground& fine = compiled->fine_background();
+  double usual_square = 0, fine_square = 0, step_square = 0;
+  std::size_t row = 0;
+  for (int z = 0; z < dense.zones(); ++z) {
+    const TimeGate& gate = compiled->gates.front()[static_cast<std::size_t>(z)];
+    for (int k = gate.first; k < gate.end; ++k, ++row) {
+      const double level = dense.zone(z)[k];
+      if (!(level > 0)) continue;
+      usual_square += std::pow(compiled->background.light[row] - level, 2) / level;
+      fine_square += std::pow(fine.light[row] - level, 2) / level;
+      step_square += std::pow(fine.step[row], 2) / level;
+    }
+  }
+  EXPECT_LT(fine_square, usual_square / 4);
+  EXPECT_NEAR(step_square / usual_square, 1, 0.5);
+  EXPECT_EQ(PoseObjective(*compiled, observation).background_step(), fine.step);
+}
+
 // A floor whose own light is eighty times the object's. Its squared error over its photon noise,
 // summed over bins, is to a capture with N photons of the object N times this: below 1 for each
 // bin up to some thousand photons. What is carried for it must be no less than it is.

@@ -37,6 +37,15 @@ TEST(ModelLevels, OfWideLobesAreEachFinerThanTheLast) {
   }
 }
 
+// Cells as small from the first level on left the partition's shadow on the plate where it was,
+// with 0.3 to 0.6 % of the light, at every level.
+TEST(ModelLevels, OfAMattObjectEndWithFinerCellsOnIt) {
+  const auto known = compiled(shipped("tmf8828_wall"));
+  const SamplingStep first = *known->models_at(1).front()->sampling_step();
+  const SamplingStep last = *known->models_at(kModelLevels - 1).front()->sampling_step();
+  EXPECT_LE(last.object, 0.5 * first.object);
+}
+
 // Sums over patches of a matt object are cheap at every level and count for nothing.
 TEST(ModelLevels, OfPairsThatCostMoreThanAskedAreLeftOut) {
   Scene scene = shipped("tmf8828_wall");
