@@ -229,7 +229,8 @@ std::vector<std::string> misfit_hints(const Scene& scene, const FitResult& resul
 double least_position_variance(const Scene& scene, const Eigen::MatrixXd& covariance) {
   std::vector<Eigen::Index> positions;
   for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
-    if (scene.unknowns[i].component <= Component::z) positions.push_back(static_cast<Eigen::Index>(i));
+    if (scene.unknowns[i].component <= Component::z)
+      positions.push_back(static_cast<Eigen::Index>(i));
   }
   if (positions.empty()) return std::numeric_limits<double>::infinity();
   const Eigen::MatrixXd own = covariance(positions, positions);

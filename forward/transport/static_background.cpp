@@ -821,7 +821,7 @@ const KnownBounces* StaticBackgroundModel::finer_bounces() const {
     if (!bounces_.any() || !own.relay_points.empty()) return;
     const RelaySetup setup(scene_, own);
     for (const double density : kBrightDensities) {
-      // Each patch and each cell becomes that many along either edge.
+      // Patches and cells become that many along either edge: at least so many times the legs.
       if (static_cast<double>(bounces_.legs(setup)) * std::pow(density, 2) > kBrightLegs) continue;
       auto finer = std::make_unique<KnownBounces>(scene_, denser(sampling_, density));
       if (finer->legs(setup) > kBrightLegs) continue;

@@ -32,7 +32,8 @@ FittedHistograms fitted_histograms(const PoseObjective& objective, const Refined
     h.zone_used[z] = true;
     h.amplitude[z] = best.linear.amplitude[i];
     h.ambient[z] = best.linear.ambient[i];
-    const double scale = objective.compiled().background.light.empty() ? 0.0 : best.linear.direct[i];
+    const double scale =
+        objective.compiled().background.light.empty() ? 0.0 : best.linear.direct[i];
     h.direct[z] =
         scene.linear.direct == LinearMode::fixed ? scale * scene.linear.fixed_direct : scale;
     h.first_bin = std::min(h.first_bin, zones[i].first);

@@ -38,8 +38,8 @@ inline constexpr int kModelLevels = 4;
 struct GatedBackground {
   std::vector<double> light;
   std::vector<double> error;  ///< standard deviation of the model's own error in that
-  /// Of fine ones, what they have more than coarser ones: errors of one shape, which no deviation
-  /// of a bin's own tells. They are left of it in part.
+  /// Of fine ones, what they have more than coarser ones: an error of one shape, which no deviation
+  /// of a bin's own tells. Some of it is left.
   std::vector<double> step;
 };
 

@@ -38,17 +38,16 @@ constexpr double kSmallShift = 0.3;
 /// where the better one's optimum is, and the next model has a say whatever the move. As kTooRough
 /// in fit.cpp.
 constexpr double kAstray = 10;
-/// Times as much information, in some direction, as a finer model has: a standard deviation is then
-/// stated a tenth too small. Finer models take over for that up to level kMostJagged, by judgement
-/// of time: a posterior's samples cost as much as their renders. On tmf8828_wall with eight times
-/// its light (600 captures) the mean squared normalised error is 1.10 without, 1.05 with 1.5, 1.04
-/// with 1.25, for a tenth more time at most.
-constexpr double kOverstated = 1.25;
-constexpr int kMostJagged = 2;
 /// The most paths (lit times seen times object points) of pairs of lobes that one render may sum
 /// over: some .3 s, of which a fit takes ten or more. Of the street's drives, a sensor close to the
 /// turn asks for more than three times as many: the fit then takes up to minutes, and 4 s without.
 constexpr double kMostPaths = 1e10;
+/// Times as much information, in some direction, as a finer model has: a standard deviation is then
+/// stated a tenth too small. Finer models take over for that up to level Levels::most_jagged, by
+/// judgement of time: a posterior's samples cost as much as their renders. On tmf8828_wall with
+/// eight times its light (600 captures) the mean squared normalised error is 1.10 without, 1.05
+/// with 1.5, 1.04 with 1.25, for a tenth more time at most.
+constexpr double kOverstated = 1.25;
 /// What the levels of one kind of material are worth.
 struct Levels {
   /// Relative error (L2) of each level's light on the shipped scenes, at most; the first level is
@@ -59,15 +58,16 @@ struct Levels {
   double large_move, large_shift;
   /// Move that is carried in the covariance rather than looked for with the next level.
   double carried;
+  int most_jagged;  ///< level up to which one takes over because the one before overstates slopes
 };
 /// One standard deviation, or a factor of e in the posterior, is no correction any more.
-constexpr Levels kMatt{{0.06, 0.02, 0.007, 0.002}, 1, 1, kSmallMove};
+constexpr Levels kMatt{{0.06, 0.02, 0.007, 0.002}, 1, 1, kSmallMove, 2};
 /// A better model of a lobe sums over pairs: each level costs five to ten times as much as the one
 /// before. Optima are corrected where they stand even if that is far, and end a third of a standard
 /// deviation from where the model's own derivatives lead (street corner), in a third of the time;
 /// what is carried widens the covariance by 8 % at most. What is no correction any more, four
 /// standard deviations or 20 in log posterior, is by judgement.
-constexpr Levels kLobes{{0.1, 0.02, 0.005, 0.003}, 4, 20, 0.4};
+constexpr Levels kLobes{{0.1, 0.02, 0.005, 0.003}, 4, 20, 0.4, 0};
 
 const Levels& levels_of(const Scene& scene) {
   const bool lobes = std::holds_alternative<RetroreflectiveMaterial>(scene.hidden.material);
@@ -175,9 +175,7 @@ ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima,
         inflation(goodness_of_fit(objective, top), -2 * value.log_likelihood - square);
     const double size = std::sqrt(square / wider);
     const double shift = std::abs(value.log_posterior - top.value.log_posterior) / wider;
-    const bool jagged =
-        &levels == &kMatt && level <= kMostJagged && overstated(objective, *finer, top, then);
-    if (jagged) {
+    if (level <= levels.most_jagged && overstated(objective, *finer, top, then)) {
       objective.use(*finer);
       objective.use_roughly(*finer);
       sharpen_each(objective, optima, &then);
