@@ -111,19 +111,20 @@ StabilityMeasurement time_zero_hint_missing() {
 std::vector<StabilityRow> assumption_rows() {
   return {
       {"size_half_of_stated", kTheme,
-       "A plate of 0.2 m of 30,000 photons fitted as one of 0.4 m, ten places: flags that are "
+       "A plate of 0.2 m of 100,000 photons fitted as one of 0.4 m, ten places: flags that are "
        "missing "
        "of those that the light's misfit without noise makes due",
        3, "standard deviations", LimitOrigin::physics, kMisfit,
-       [] { return missing_flags(with_plate(0.2), with_plate(0.4), 30'000); }},
+       [] { return missing_flags(with_plate(0.2), with_plate(0.4), 100'000); }},
       {"size_twice_as_stated", kTheme, "A plate of 0.4 m fitted as one of 0.2 m, the same", 3,
        "standard deviations", LimitOrigin::physics, kMisfit,
-       [] { return missing_flags(with_plate(0.4), with_plate(0.2), 30'000); }},
+       [] { return missing_flags(with_plate(0.4), with_plate(0.2), 100'000); }},
       {"sphere_fitted_as_a_plate", kTheme,
-       "A sphere of 0.2 m of 30,000 photons fitted as a plate of 0.2 m, ten places: flags that are "
+       "A sphere of 0.2 m of 100,000 photons fitted as a plate of 0.2 m, ten places: flags that "
+       "are "
        "missing of those that the light's misfit without noise makes due",
        3, "standard deviations", LimitOrigin::physics, kMisfit,
-       [] { return missing_flags(with_sphere(0.1), with_plate(0.2), 30'000); }},
+       [] { return missing_flags(with_sphere(0.1), with_plate(0.2), 100'000); }},
       {"time_zero_without_direct_return", kTheme,
        "No direct return and time zero off by half a bin, ten places: fits that are wrong (outside "
        "of 99.9 %) "

@@ -214,8 +214,8 @@ StabilityMeasurement fit_moved(double distance) {
 StabilityRow fit_moved_row(const std::string& name, double distance) {
   return {name,
           kTheme,
-          "One capture fitted at the origin and " + name.substr(name.rfind("moved_") + 6) +
-              " away, occluder and all: distance of the optima",
+          "One capture fitted at the origin and " + name.substr(10, name.size() - 12) +
+              " m away, occluder and all: distance of the optima",
           0.1,
           "standard deviations",
           LimitOrigin::arithmetic,
@@ -285,7 +285,8 @@ std::vector<StabilityRow> inference_rows() {
        "logarithm) leaves more than 0.2 of the size open.",
        size_against_brightness},
       {"starts_on_the_bounds", kTheme,
-       "Descents from the four corners of the search region, the best of them against the fit: "
+       "Descents from the four corners of the search region, the best of them against one from the "
+       "truth: "
        "distance",
        0.1, "standard deviations", LimitOrigin::arithmetic,
        "Descents end where the log posterior gains less than 0.005, a tenth of a standard "
