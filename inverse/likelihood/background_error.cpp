@@ -37,18 +37,18 @@ std::vector<double> photon_variances(const GatedBackground& background, const Li
   return variances;
 }
 
-/// Largest share of the error, as of kMinShare, in any bin.
-double largest_share(const GatedBackground& background, const LinearSolution& empty,
-                     const Observation& observation, const std::vector<double>& photons) {
-  double largest = 0;
-  std::size_t row = 0;
+/// The error's share of the photon variance, bin by bin.
+std::vector<double> error_shares(const GatedBackground& background, const LinearSolution& empty,
+                                 const Observation& observation,
+                                 const std::vector<double>& photons) {
+  std::vector<double> shares;
   for (std::size_t z = 0; z < observation.zones.size(); ++z) {
-    for (int k = 0; k < observation.zones[z].bins(); ++k, ++row) {
-      largest =
-          std::max(largest, std::pow(empty.direct[z] * background.error[row], 2) / photons[row]);
+    for (int k = 0; k < observation.zones[z].bins(); ++k) {
+      const std::size_t row = shares.size();
+      shares.push_back(std::pow(empty.direct[z] * background.error[row], 2) / photons[row]);
     }
   }
-  return largest;
+  return shares;
 }
 
 }  // namespace
@@ -56,20 +56,19 @@ double largest_share(const GatedBackground& background, const LinearSolution& em
 void weigh(const CompiledScene& compiled, const LinearSolution& empty, Observation& observation) {
   if (compiled.background.error.empty()) return;
   const std::vector<double> photons = photon_variances(compiled.background, empty, observation);
-  double largest = largest_share(compiled.background, empty, observation, photons);
+  std::vector<double> shares = error_shares(compiled.background, empty, observation, photons);
+  const double largest = shares.empty() ? 0 : *std::ranges::max_element(shares);
   observation.fine_background = largest > kWorthFiner;
   if (largest < kMinShare) return;
-  const GatedBackground& background =
-      observation.fine_background ? compiled.fine_background() : compiled.background;
-  if (background.error.empty()) return;
-  std::size_t row = 0;
-  for (std::size_t z = 0; z < observation.zones.size(); ++z) {
-    ObservedZone& zone = observation.zones[z];
+  if (observation.fine_background) {
+    const GatedBackground& fine = compiled.fine_background();
+    if (fine.error.empty()) return;
+    shares = error_shares(fine, empty, observation, photons);
+  }
+  auto share = shares.begin();
+  for (ObservedZone& zone : observation.zones) {
     zone.weight.clear();
-    for (int k = 0; k < zone.bins(); ++k, ++row) {
-      const double share = std::pow(empty.direct[z] * background.error[row], 2) / photons[row];
-      zone.weight.push_back(1 / (1 + share));
-    }
+    for (int k = 0; k < zone.bins(); ++k) zone.weight.push_back(1 / (1 + *share++));
   }
 }
 

@@ -100,13 +100,26 @@ void sharpen_each(const PoseObjective& objective, std::vector<Refined>& optima,
   settle_those(least - 2 * std::abs(optima.front().value.log_posterior - best), least);
 }
 
-/// Whether the objective's models claim more information about the pose than finer ones, by
-/// kOverstated in some direction: light that jumps from cell to cell along a shadow's edge has
-/// steep slopes that are none. `finer_light` is the finer ones' at the optimum.
-bool overstated(const PoseObjective& objective, const ModelSet& finer, const Refined& optimum,
-                const ShapeBuffer& finer_light) {
+/// Where a change of the object's light [rows, 1] moves an optimum.
+struct Move {
+  Eigen::MatrixXd precision;  ///< of the pose there, the prior's included
+  Eigen::VectorXd by;
+  double square = 0;  ///< its length in standard deviations, squared
+
+  Move(const PoseObjective& objective, const Refined& optimum, const Eigen::MatrixXd& change) {
+    const PoseInformation info = pose_information(objective, optimum, change);
+    precision = info.pose + prior_precision(objective.compiled().scene);
+    by = precision.ldlt().solve(info.disturbance.col(0));
+    square = by.dot(precision * by);
+  }
+};
+
+/// Whether more information about the pose is claimed than finer models have, by kOverstated in
+/// some direction: light that jumps from cell to cell along a shadow's edge has steep slopes that
+/// are none. `finer_light` is the finer ones' at the optimum.
+bool overstated(const PoseObjective& objective, const Eigen::MatrixXd& claimed,
+                const ModelSet& finer, const Refined& optimum, const ShapeBuffer& finer_light) {
   const Eigen::MatrixXd prior = prior_precision(objective.compiled().scene);
-  const Eigen::MatrixXd claimed = pose_information(objective, optimum).pose + prior;
   Eigen::MatrixXd slope;
   light_slope(objective, LightSource(finer), optimum.pose, finer_light, Differences::one_sided,
               slope);
@@ -162,20 +175,17 @@ ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima,
       const auto k = static_cast<std::size_t>(r);
       change(r, 0) = then.object[k] - now.object[k];
     }
-    const PoseInformation info = pose_information(objective, top, change);
-    const Eigen::MatrixXd precision = info.pose + prior_precision(compiled.scene);
-    const Eigen::VectorXd move = precision.ldlt().solve(info.disturbance.col(0));
-    error.covariance = move * move.transpose();
+    const Move move(objective, top, change);
+    error.covariance = move.by * move.by.transpose();
     LinearSolution linear = top.linear;
     const PoseValue value = objective.evaluate(then, top.pose, linear, true);
-    const double square = move.dot(precision * move);
     // What the finer model misses too, moved there, has other reasons than sampling: it widens the
     // posterior, against which the move then counts for less.
     const double wider =
-        inflation(goodness_of_fit(objective, top), -2 * value.log_likelihood - square);
-    const double size = std::sqrt(square / wider);
+        inflation(goodness_of_fit(objective, top), -2 * value.log_likelihood - move.square);
+    const double size = std::sqrt(move.square / wider);
     const double shift = std::abs(value.log_posterior - top.value.log_posterior) / wider;
-    if (level <= levels.most_jagged && overstated(objective, *finer, top, then)) {
+    if (level <= levels.most_jagged && overstated(objective, move.precision, *finer, top, then)) {
       objective.use(*finer);
       objective.use_roughly(*finer);
       sharpen_each(objective, optima, &then);
@@ -186,9 +196,9 @@ ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima,
     }
     if (size < kSmallMove && shift < kSmallShift) break;
     const double left = std::max(levels.errors[static_cast<std::size_t>(level)] / before, kLeft);
-    if (level + 1 == kModelLevels && left * std::sqrt(square) >= levels.carried) {
+    if (level + 1 == kModelLevels && left * std::sqrt(move.square) >= levels.carried) {
       // No model is left to say where the next move would lead.
-      error.covariance += in_any_direction(square, precision);
+      error.covariance += in_any_direction(move.square, move.precision);
     }
     objective.use(*finer);
     const bool astray = shift > kAstray;
@@ -228,11 +238,9 @@ Eigen::MatrixXd background_covariance(const PoseObjective& objective, const Refi
       change(row, 0) = scale * step[static_cast<std::size_t>(row)];
     }
   }
-  const PoseInformation info = pose_information(objective, optimum, change);
-  const Eigen::MatrixXd precision = info.pose + prior_precision(objective.compiled().scene);
-  const Eigen::VectorXd move = precision.ldlt().solve(info.disturbance.col(0));
-  const double square = move.dot(precision * move);
-  return kLeft * kLeft * (move * move.transpose() + in_any_direction(square, precision));
+  const Move move(objective, optimum, change);
+  return kLeft * kLeft *
+         (move.by * move.by.transpose() + in_any_direction(move.square, move.precision));
 }
 
 }  // namespace blindcorner

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /// Rows about captures of scenes that are not as stated.
 #include <algorithm>
+#include <boost/math/distributions/normal.hpp>
 #include <cmath>
-#include <numbers>
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/sensor/photon_noise.h"
@@ -17,10 +17,6 @@ const char* const kTheme = "Wrong assumptions";
 constexpr int kCaptures = 10;
 /// The 99.9 % region of two unknowns.
 constexpr double kOutside = 13.8;
-const char* const kMisfit =
-    "A deviance's mean grows by the misfit without noise, its spread is known: how many are "
-    "flagged "
-    "follows. A misfit below the noise cannot be seen.";
 
 /// Poses over the search region, on a line that meets no symmetry of the scene.
 Scene posed(const Scene& scene, int i) {
@@ -56,8 +52,6 @@ Scene with_sphere(double radius) {
   return scene;
 }
 
-double standard_normal(double x) { return 0.5 * std::erfc(-x / std::numbers::sqrt2); }
-
 /// How many flags are missing of those that the light's own misfit makes due. The misfit is that of
 /// captures without noise; a deviance is flagged three of its standard deviations above what is
 /// expected.
@@ -77,12 +71,29 @@ StabilityMeasurement missing_flags(const Scene& truth, const Scene& assumed, dou
     still.counts = expected_counts(real, light, model->shadowed_background(stated_pose(real)),
                                    {1.0, equal_ambient(real, light), 1.0});
     const double misfit = std::max(fitter.fit(still).goodness_of_fit.deviance, 0.0);
-    const double p = standard_normal(misfit / result.goodness_of_fit.standard_deviation - 3);
+    const double p = boost::math::cdf(boost::math::normal(),
+                                      misfit / result.goodness_of_fit.standard_deviation - 3);
     due += p;
     variance += p * (1 - p);
   }
   return {(due - flagged) / std::sqrt(variance + 0.25),
           std::to_string(flagged) + " of 10 flagged, due " + std::to_string(due)};
+}
+
+/// `what`: what is fitted as something else.
+StabilityRow misfit_row(const std::string& name, const std::string& what, const Scene& truth,
+                        const Scene& assumed) {
+  return {name,
+          kTheme,
+          what +
+              ", 100,000 photons at each of ten places: flags that are missing of those that the "
+              "light's misfit without noise makes due",
+          3,
+          "standard deviations",
+          LimitOrigin::physics,
+          "A deviance's mean grows by the misfit without noise, its spread is known: how many are "
+          "flagged follows. A misfit below the noise cannot be seen.",
+          [truth, assumed] { return missing_flags(truth, assumed, 100'000); }};
 }
 
 /// Whether a fit that nothing warns says what could be wrong with it.
@@ -110,25 +121,15 @@ StabilityMeasurement time_zero_hint_missing() {
 
 std::vector<StabilityRow> assumption_rows() {
   return {
-      {"size_half_of_stated", kTheme,
-       "A plate of 0.2 m of 100,000 photons fitted as one of 0.4 m, ten places: flags that are "
-       "missing "
-       "of those that the light's misfit without noise makes due",
-       3, "standard deviations", LimitOrigin::physics, kMisfit,
-       [] { return missing_flags(with_plate(0.2), with_plate(0.4), 100'000); }},
-      {"size_twice_as_stated", kTheme, "A plate of 0.4 m fitted as one of 0.2 m, the same", 3,
-       "standard deviations", LimitOrigin::physics, kMisfit,
-       [] { return missing_flags(with_plate(0.4), with_plate(0.2), 100'000); }},
-      {"sphere_fitted_as_a_plate", kTheme,
-       "A sphere of 0.2 m of 100,000 photons fitted as a plate of 0.2 m, ten places: flags that "
-       "are "
-       "missing of those that the light's misfit without noise makes due",
-       3, "standard deviations", LimitOrigin::physics, kMisfit,
-       [] { return missing_flags(with_sphere(0.1), with_plate(0.2), 100'000); }},
+      misfit_row("size_half_of_stated", "A plate of 0.2 m fitted as one of 0.4 m", with_plate(0.2),
+                 with_plate(0.4)),
+      misfit_row("size_twice_as_stated", "A plate of 0.4 m fitted as one of 0.2 m", with_plate(0.4),
+                 with_plate(0.2)),
+      misfit_row("sphere_fitted_as_a_plate", "A sphere of 0.2 m fitted as a plate of 0.2 m",
+                 with_sphere(0.1), with_plate(0.2)),
       {"time_zero_without_direct_return", kTheme,
        "No direct return and time zero off by half a bin, ten places: fits that are wrong (outside "
-       "of 99.9 %) "
-       "without a flag or a hint",
+       "of 99.9 %) without a flag or a hint",
        0, "fits", LimitOrigin::physics,
        "A pose takes up a shift of the time axis: no data can tell, so the fit has to say so.",
        time_zero_hint_missing},

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <mutex>
 #include <random>
 
 #include "blindcorner/forward/constants.h"
@@ -23,14 +22,7 @@ constexpr double kSampling = 2;
 
 /// As tmf8828_wall: a partition hides some of the plate in some poses; x, y, z and yaw are unknown.
 Scene bright_scene() {
-  Scene scene = nine_zone_scene();
-  Surface partition;
-  partition.name = "partition";
-  partition.shape = BoxShape{Eigen::Vector3d(0.635, 0.02, 2)};
-  partition.T_world_surface.translation() = Eigen::Vector3d(0.0175, 0.22, 0);
-  partition.albedo = 0.05;
-  partition.occluder = true;
-  scene.surfaces.push_back(partition);
+  Scene scene = partitioned_scene({0.635, 0.02, 2}, {0.0175, 0.22, 0});
   scene.unknowns = {{Component::x, 0.15, 0.38, std::nullopt},
                     {Component::y, 0.35, 0.7, std::nullopt},
                     {Component::z, -0.2, 0.2, std::nullopt},

@@ -79,17 +79,19 @@ Scene nine_zone_scene() {
   return scene;
 }
 
-Scene occluded_scene() {
+Scene partitioned_scene(const Eigen::Vector3d& size, const Eigen::Vector3d& middle) {
   Scene scene = nine_zone_scene();
   Surface partition;
   partition.name = "partition";
-  partition.shape = BoxShape{Eigen::Vector3d(0.4, 0.02, 2)};
-  partition.T_world_surface.translation() = Eigen::Vector3d(0.2, 0.25, 0);
+  partition.shape = BoxShape{size};
+  partition.T_world_surface.translation() = middle;
   partition.albedo = 0.05;
   partition.occluder = true;
   scene.surfaces.push_back(partition);
   return scene;
 }
+
+Scene occluded_scene() { return partitioned_scene({0.4, 0.02, 2}, {0.2, 0.25, 0}); }
 
 Scene scaled(const Scene& scene, double factor) {
   Scene big = scene;

@@ -20,7 +20,11 @@ Scene wall_scene();
 /// The same seen by 3 x 3 zones of 10 degrees each.
 Scene nine_zone_scene();
 
-/// Nine zones of which a partition to the left of the sensor hides the plate.
+/// Nine zones and a partition, a box of that size about its middle, m, that hides some of the
+/// plate.
+Scene partitioned_scene(const Eigen::Vector3d& size, const Eigen::Vector3d& middle);
+
+/// One that hides much: it leaves 0.2 m to the wall.
 Scene occluded_scene();
 
 /// The scene with all lengths and times multiplied.
