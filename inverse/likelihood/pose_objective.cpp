@@ -124,6 +124,8 @@ void PoseObjective::shapes(const LightSource& light, const PoseVector& pose,
     }
   } else if (light.spline != nullptr) {
     light.spline->evaluate(pose, buffer.object.data());
+  } else if (light.local != nullptr) {
+    light.local->light(compiled_.scene, pose, buffer.object.data());
   } else {
     if (light.models == nullptr || !recent_.find(*light.models, pose, buffer.object)) {
       render(light, pose, buffer.object);
@@ -184,6 +186,11 @@ Correction PoseObjective::correction(const PoseVector& pose, const ShapeBuffer& 
     begin = end;
   }
   return c;
+}
+
+void PoseObjective::shapes_of(std::span<const double> light, ShapeBuffer& buffer) const {
+  buffer.object.assign(light.begin(), light.end());
+  point(buffer, true);
 }
 
 void PoseObjective::empty_shapes(ShapeBuffer& buffer) const { point(buffer, false); }

@@ -8,10 +8,12 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <span>
 #include <utility>
 #include <vector>
 
 #include "inverse/likelihood/linear_unknowns.h"
+#include "inverse/likelihood/local_model.h"
 #include "inverse/search/compiled_scene.h"
 
 namespace blindcorner {
@@ -48,20 +50,22 @@ struct Linearisation {
 };
 
 /// Where expected histograms come from: models; a cheap light (the spline through the scored poses,
-/// or closed-form models), which may be corrected by what it lacks at a pose nearby; or the model's
-/// own linearisation.
+/// or closed-form models), which may be corrected by what it lacks at a pose nearby; the model's
+/// own linearisation, or a polynomial of the pose.
 struct LightSource {
   const ModelSet* models = nullptr;
   const SplineGrid* spline = nullptr;
   const std::vector<CoarseModel>* coarse = nullptr;
   double extra_pulse_sigma = 0;  ///< s, of the closed-form models
   const Linearisation* linear = nullptr;
+  const LocalModel* local = nullptr;
   const Correction* correction = nullptr;
   bool once = false;  ///< nobody asks for the light at these poses again: it is not kept
 
   LightSource(const ModelSet& set) : models(&set) {}      // NOLINT(google-explicit-constructor)
   LightSource(const SplineGrid& grid) : spline(&grid) {}  // NOLINT(google-explicit-constructor)
   LightSource(const Linearisation& at) : linear(&at) {}   // NOLINT(google-explicit-constructor)
+  LightSource(const LocalModel& at) : local(&at) {}       // NOLINT(google-explicit-constructor)
   explicit LightSource(const std::vector<CoarseModel>& set, double extra_sigma = 0)
       : coarse(&set), extra_pulse_sigma(extra_sigma) {}
 
@@ -130,6 +134,8 @@ class PoseObjective {
   /// Fills shapes for a pose.
   void shapes(const LightSource& light, const PoseVector& pose, ShapeBuffer& buffer) const;
   void empty_shapes(ShapeBuffer& buffer) const;
+  /// The same from light that is known, [rows].
+  void shapes_of(std::span<const double> light, ShapeBuffer& buffer) const;
 
   /// What `cheap` lacks of `light`, both at a pose.
   Correction correction(const PoseVector& pose, const ShapeBuffer& light,

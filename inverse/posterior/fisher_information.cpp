@@ -108,6 +108,25 @@ Eigen::MatrixXd fisher_information(const LinearSolver& solver, std::span<const Z
   return total;
 }
 
+Eigen::VectorXd row_information(const LinearSolver& solver, std::span<const ZoneShapes> shapes,
+                                const LinearSolution& linear) {
+  const Observation& observation = solver.observation();
+  std::vector<double> rows;
+  std::vector<double> mean;
+  for (std::size_t z = 0; z < observation.zones.size(); ++z) {
+    const ObservedZone& zone = observation.zones[z];
+    const BinLikelihood& noise_model = observation.noise_model(zone);
+    mean.resize(zone.counts.size());
+    const double a = linear.amplitude[z];
+    solver.expected(zone, shapes[z], a, linear.ambient[z], linear.direct[z], mean.data());
+    for (int k = 0; k < zone.bins(); ++k) {
+      const double m = noise_model.lit(mean[static_cast<std::size_t>(k)]);
+      rows.push_back(a * a * zone.weight_of(k) * noise_model.information(m));
+    }
+  }
+  return Eigen::Map<const Eigen::VectorXd>(rows.data(), static_cast<Eigen::Index>(rows.size()));
+}
+
 Eigen::MatrixXd sensor_slope(const PoseObjective& objective, const MovedModels& moved,
                              const PoseVector& pose) {
   Eigen::MatrixXd slope(objective.rows(), 6);

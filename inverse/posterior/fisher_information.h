@@ -18,6 +18,10 @@ Eigen::MatrixXd fisher_information(const LinearSolver& solver, std::span<const Z
                                    const LinearSolution& linear, const Eigen::MatrixXd& slope,
                                    Eigen::VectorXd* gradient = nullptr);
 
+/// [rows] Information of each bin about the object's light in it at unit amplitude, 1 / variance.
+Eigen::VectorXd row_information(const LinearSolver& solver, std::span<const ZoneShapes> shapes,
+                                const LinearSolution& linear);
+
 /// Models compiled with the sensor moved by +-step along each of x, y, z (m) and turned about each
 /// world axis (rad).
 struct MovedModels {

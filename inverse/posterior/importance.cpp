@@ -12,10 +12,15 @@
 #include <boost/random/sobol.hpp>
 #include <cmath>
 #include <limits>
+#include <numeric>
+#include <optional>
 #include <random>
 #include <utility>
 
 #include "blindcorner/forward/constants.h"
+#include "inverse/likelihood/light_slope.h"
+#include "inverse/likelihood/local_model.h"
+#include "inverse/posterior/fisher_information.h"
 
 namespace blindcorner {
 namespace {
@@ -52,6 +57,14 @@ constexpr double kShift = 0.4;
 /// Samples about the heaviest one that a component is made of: some twice the 21 moments of six
 /// unknowns.
 constexpr std::size_t kNeighbours = 40;
+/// LocalModel::error() that samples' light may have: log posteriors are then off by 0.3 at random.
+constexpr double kLightTolerance = 0.05;
+/// Samples' moments lay a local model's region when so many are effective for each unknown; it is
+/// laid anew when there are so many times the nodes.
+constexpr double kEffectiveEach = 4, kMoreNodes = 1.5;
+/// Draws of the answer that exact light checks, and the difference in log posterior, root mean
+/// square, above which local light is given up: twice what its error may be.
+constexpr double kChecks = 4, kMaxOff = 0.7;
 /// By judgement: they bound the time.
 constexpr int kStages = 6;      ///< that make up the samples asked for, at least
 constexpr int kMaxAtOnce = 40;  ///< samples of a stage: the sooner one learns, the fewer it takes
@@ -178,7 +191,8 @@ class Sampler {
         inflation_(options.inflation),
         points_(scene_.unknowns.size() + 2, options.seed),
         grid_(objective.compiled(), scored, options.inflation),
-        components_(peaks) {
+        components_(peaks),
+        around_(peaks.size()) {
     components_.insert(components_.end(), ridges.begin(), ridges.end());
     double best = -std::numeric_limits<double>::infinity();
     for (const Peak& peak : components_) best = std::max(best, peak.log_evidence);
@@ -197,10 +211,7 @@ class Sampler {
   void stage(int count) {
     const std::size_t first = samples_.size();
     for (int i = 0; i < count; ++i) draw();
-    // Isolated: whoever waits here must not pick up work that waits for this.
-    tbb::this_task_arena::isolate([&] {
-      tbb::parallel_for(first, samples_.size(), [&](std::size_t i) { evaluate(samples_[i]); });
-    });
+    evaluate_from(first);
     for (std::size_t c = 0; c < shares_.size(); ++c) drawn_[c] += count * shares_[c];
     weigh();
   }
@@ -236,6 +247,73 @@ class Sampler {
   }
 
   double effective() const { return effective_; }
+
+  /// Local models of the light about the peaks, through the samples so far.
+  void learn() {
+    if (lights_.far.models == nullptr) return;  // what there is costs no more
+    const auto n = static_cast<double>(scene_.unknowns.size());
+    for (std::size_t j = 0; j < peaks_.size(); ++j) {
+      Around& about = around_[j];
+      const auto nodes = static_cast<double>(about.nodes.size());
+      if (nodes < kMoreNodes * static_cast<double>(about.fitted_to) || nodes == 0) continue;
+      std::vector<const PosteriorSample*> own;
+      double weight = 0;
+      double squares = 0;
+      for (const PosteriorSample& sample : samples_) {
+        if (sample.peak != j || !(sample.weight > 0)) continue;
+        own.push_back(&sample);
+        weight += sample.weight;
+        squares += sample.weight * sample.weight;
+      }
+      if (!(weight * weight > kEffectiveEach * n * squares)) continue;
+      about.fitted_to = about.nodes.size();
+      LocalRegion region;
+      Eigen::MatrixXd covariance;
+      moments(scene_, own, peaks_[j].center, region.center, covariance);
+      const Eigen::LLT<Eigen::MatrixXd> root(covariance);
+      if (root.info() != Eigen::Success) continue;
+      region.root = root.matrixL();
+      if (auto model = LocalModel::fit(scene_, std::move(region), about.nodes, worth_of(j),
+                                       kLightTolerance * inflation_)) {
+        about.model = std::move(*model);
+      }
+    }
+  }
+
+  /// Compares the local light with the exact one at some draws of the answer. Where the two differ
+  /// by more than a sample's weight may, all samples get exact light.
+  void check() {
+    std::vector<std::size_t> draws;
+    double cumulative = 0;
+    double local = 0;
+    for (std::size_t i = 0; i < samples_.size(); ++i) local += local_[i] ? samples_[i].weight : 0;
+    for (std::size_t i = 0; i < samples_.size(); ++i) {
+      if (!local_[i]) continue;
+      cumulative += samples_[i].weight;
+      if (cumulative > local * (static_cast<double>(draws.size()) + 0.5) / kChecks) {
+        draws.push_back(i);
+      }
+    }
+    if (draws.size() < 2) return;
+    std::vector<double> off;
+    for (const std::size_t i : draws) off.push_back(samples_[i].log_target);
+    forget(draws);
+    double mean = 0;
+    for (std::size_t k = 0; k < draws.size(); ++k) {
+      off[k] -= samples_[draws[k]].log_target;
+      mean += off[k] / static_cast<double>(draws.size());
+    }
+    double square = 0;
+    for (const double difference : off) square += std::pow(difference - mean, 2);
+    if (square > kMaxOff * kMaxOff * static_cast<double>(draws.size())) {
+      std::vector<std::size_t> all;
+      for (std::size_t i = 0; i < samples_.size(); ++i) {
+        if (local_[i]) all.push_back(i);
+      }
+      forget(all);
+    }
+    weigh();
+  }
 
   /// Takes the samples' moments; whether these have hardly changed since there were half as many.
   /// What still grows has an end that no sample has seen: a ridge that bends away from its peak.
@@ -293,14 +371,74 @@ class Sampler {
     densities_.push_back(std::move(densities));
   }
 
-  void evaluate(PosteriorSample& sample) const {
+  /// What is known of the light about a peak.
+  struct Around {
+    std::vector<LightNode> nodes;  ///< exact light of samples near it
+    std::size_t fitted_to = 0;     ///< so many of them
+    std::optional<LocalModel> model;
+  };
+
+  /// Evaluates the samples from this one on.
+  void evaluate_from(std::size_t first) {
+    std::vector<std::size_t> which(samples_.size() - first);
+    std::iota(which.begin(), which.end(), first);
+    local_.resize(samples_.size(), 0);
+    evaluate(which);
+  }
+
+  /// Evaluates samples anew, by exact light.
+  void forget(const std::vector<std::size_t>& which) {
+    for (Around& about : around_) about.model.reset();
+    evaluate(which);
+  }
+
+  void evaluate(const std::vector<std::size_t>& which) {
+    std::vector<Eigen::VectorXd> exact(which.size());
+    // Isolated: whoever waits here must not pick up work that waits for this.
+    tbb::this_task_arena::isolate([&] {
+      tbb::parallel_for(std::size_t{0}, which.size(),
+                        [&](std::size_t k) { evaluate(which[k], exact[k]); });
+    });
+    if (lights_.far.models == nullptr) return;
+    for (std::size_t k = 0; k < which.size(); ++k) {
+      const PosteriorSample& sample = samples_[which[k]];
+      if (exact[k].size() > 0) {
+        around_[sample.peak].nodes.push_back({sample.pose, std::move(exact[k])});
+      }
+    }
+  }
+
+  /// `exact` becomes the light where that was exact and the peak is near.
+  void evaluate(std::size_t i, Eigen::VectorXd& exact) {
+    PosteriorSample& sample = samples_[i];
+    local_[i] = 0;
     if (!std::isfinite(log_pose_prior(scene_, sample.pose))) return;
     LinearSolution linear = optima_[sample.peak]->linear;  // warm start
-    const bool near = near_[static_cast<std::size_t>(&sample - samples_.data())];
-    const PoseValue value = objective_.evaluate(near ? lights_.near[sample.peak] : lights_.far,
-                                                sample.pose, linear, true, kAccuracy);
+    thread_local ShapeBuffer buffer;
+    const std::optional<LocalModel>& model = around_[sample.peak].model;
+    if (near_[i] && model && model->covers(scene_, sample.pose)) {
+      local_[i] = 1;
+      objective_.shapes(*model, sample.pose, buffer);
+    } else {
+      objective_.shapes(near_[i] ? lights_.near[sample.peak] : lights_.far, sample.pose, buffer);
+      if (near_[i]) exact = light_of(buffer);
+    }
+    const PoseValue value = objective_.evaluate(buffer, sample.pose, linear, true, kAccuracy);
     sample.log_posterior = value.log_posterior;
     sample.log_target = tempered(value, inflation_);
+  }
+
+  /// Information of each row about its light, where that is the mean of the nodes': in bins that
+  /// are dark at one of them and lit at others, light of the one alone would say too much.
+  Eigen::VectorXd worth_of(std::size_t peak) const {
+    const std::vector<LightNode>& nodes = around_[peak].nodes;
+    Eigen::VectorXd mean = Eigen::VectorXd::Zero(nodes.front().light.size());
+    for (const LightNode& node : nodes) mean += node.light / static_cast<double>(nodes.size());
+    ShapeBuffer light;
+    objective_.shapes_of({mean.data(), static_cast<std::size_t>(mean.size())}, light);
+    LinearSolution linear = optima_[peak]->linear;
+    objective_.evaluate(light, optima_[peak]->pose, linear, true, kAccuracy);
+    return row_information(objective_.solver(), light.shapes, linear);
   }
 
   void weigh() {
@@ -413,6 +551,8 @@ class Sampler {
   std::vector<double> drawn_;     // expected number of samples from each so far
   std::vector<PosteriorSample> samples_;
   std::vector<bool> near_;                      // [sample] to a peak
+  std::vector<char> local_;                     // [sample] evaluated with local light
+  std::vector<Around> around_;                  // [peak]
   std::vector<std::vector<double>> densities_;  // [sample][grid, components]
   std::vector<Past> past_;                      // at the end of each stage
   double log_evidence_ = 0;
@@ -462,9 +602,11 @@ PosteriorSamples sample_posterior(const PoseObjective& objective, const SampleLi
   const double enough = options.samples / (lights.far.models == nullptr ? 3.0 : 4.0);
   while (sampler.count() < kMaxTimes * options.samples) {
     sampler.stage(stage);
+    sampler.learn();
     if (sampler.settled() && sampler.effective() >= enough) break;
     sampler.adapt();
   }
+  sampler.check();
   return std::move(sampler).result();
 }
 
