@@ -150,6 +150,7 @@ json capture_json(const Scene& scene, const FitResult& result) {
   entry["truth"] = truth_json(scene, result.truth);
   entry["error"] = failed ? json(result.error) : json(nullptr);
   entry["time_ms"] = times_json(result.time_ms);
+  entry["exact_evaluations"] = result.renders;
   return entry;
 }
 
