@@ -12,6 +12,7 @@
 #include "blindcorner/inverse/baseline/cnn.h"
 #include "blindcorner/io/atomic_file.h"
 #include "blindcorner/io/scene_file.h"
+#include "blindcorner/simulation/claim_study.h"
 #include "commands/commands.h"
 #include "commands/interrupt.h"
 #include "commands/number_check.h"
