@@ -11,7 +11,6 @@
 
 #include "blindcorner/forward/error.h"
 #include "blindcorner/io/capture_file.h"
-#include "inverse/likelihood/observation.h"
 
 namespace blindcorner {
 
@@ -137,15 +136,6 @@ std::vector<Capture> read_all_captures(const std::vector<std::string>& paths, co
     captures.push_back(std::move(*input.capture));
   }
   return captures;
-}
-
-void leave_out_saturated_bins(Sensor& sensor, const std::vector<CaptureInput>& inputs) {
-  std::vector<const Capture*> captures;
-  for (const CaptureInput& input : inputs) {
-    if (input.capture) captures.push_back(&*input.capture);
-  }
-  const std::string said = leave_out_saturated_bins(sensor, captures);
-  if (!said.empty()) std::fprintf(stderr, "blindcorner: %s\n", said.c_str());
 }
 
 SensorPlacement known_placement(const Scene& scene, const std::string& capture_path) {
