@@ -2,6 +2,8 @@
 #include "blindcorner/inverse/batch.h"
 
 #include <algorithm>
+#include <cmath>
+#include <cstdio>
 #include <exception>
 #include <new>
 #include <set>
@@ -12,6 +14,9 @@
 
 namespace blindcorner {
 namespace {
+
+/// A difference that moves the last of 128 bins by about one bin.
+constexpr double kBinWidthTolerance = 0.01;
 
 /// Where a capture's sensor stood and what its zones looked at, as numbers that can be compared.
 std::vector<double> placement_of(const Capture& capture) {
@@ -55,6 +60,15 @@ FitResult guarded(const Fit& fit) {
 }
 
 }  // namespace
+
+std::string bin_width_problem(double found, double expected) {
+  if (found <= 0.0 || std::abs(found / expected - 1.0) <= kBinWidthTolerance) return {};
+  char text[128];
+  std::snprintf(text, sizeof text,
+                "bin_width_ps: found %.6g, accepted: the scene's %.6g within 1 %%", found * 1e12,
+                expected * 1e12);
+  return text;
+}
 
 std::string suit_captures(std::span<const Capture* const> captures, Sensor& sensor,
                           FitOptions& options) {

@@ -221,7 +221,7 @@ void add_drive(nb::module_& m) {
       .def_prop_ro("mean_speed", [](const DriveRun& r) { return r.result.mean_speed; })
       .def_prop_ro("frames", [](const DriveRun& r) { return r.result.frames.size(); })
       .def_prop_ro("trace_step", [](const DriveRun& r) { return r.result.trace_step; })
-      .def_prop_ro("trace", &trace, "[steps, 3] x, y (m), yaw (rad).")
+      .def_prop_ro("trace", &trace, nb::rv_policy::automatic, "[steps, 3] x, y (m), yaw (rad).")
       .def(
           "page",
           [](const DriveRun& r) {

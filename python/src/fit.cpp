@@ -7,6 +7,8 @@
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/string_view.h>
+#include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 #include <tbb/parallel_for.h>
 #include <tbb/partitioner.h>
@@ -15,11 +17,13 @@
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <tuple>
 
 #include "arrays.h"
 #include "blindcorner/forward/error.h"
 #include "blindcorner/inverse/batch.h"
 #include "blindcorner/inverse/tracking/tracker.h"
+#include "blindcorner/io/atomic_file.h"
 #include "blindcorner/io/scene_file.h"
 #include "blindcorner/report/headline.h"
 #include "blindcorner/report/page.h"
@@ -85,18 +89,51 @@ struct FitterState {
   ScenePointer scene;  ///< suited to the captures
   std::shared_ptr<Stops> stops;
   std::unique_ptr<Fitter> fitter;
-  std::string left_out;
 };
 using FitterPointer = std::shared_ptr<FitterState>;
 
-FitterPointer make_fitter(const ScenePointer& scene, FitOptions options, const CaptureFile& suited,
-                          nb::object progress) {
+/// What captures make of a scene and of a fit's options, for fitters elsewhere.
+struct Suited {
+  int captures_per_placement = 1;
+  std::vector<std::tuple<bool, int, int>> zones;  ///< dead, first and last valid bin
+  std::string left_out;                           ///< one line; empty: nothing
+};
+
+/// A file's captures; throws Error where its bins are not as wide as the scene's.
+CaptureFile suiting(const SceneData& scene, const CaptureArrays& arrays) {
+  CaptureFile file = captures_of(arrays);
+  const std::string problem = bin_width_problem(file.bin_width, scene.nominal_bin_width);
+  if (!problem.empty()) throw Error("captures", problem);
+  return file;
+}
+
+Suited suit(const ScenePointer& scene, const Input<3>& counts, const std::string& metadata,
+            const std::vector<std::string>& sources, const std::vector<int>& indices) {
+  const CaptureFile file = suiting(*scene, {counts, metadata, sources, indices});
+  Sensor sensor = scene->scene.sensor;
+  FitOptions options;
+  std::vector<const Capture*> captures;
+  for (const Capture& capture : file.captures) captures.push_back(&capture);
+  Suited suited;
+  suited.left_out = suit_captures(captures, sensor, options);
+  suited.captures_per_placement = options.captures_per_placement;
+  for (const Zone& zone : sensor.zones) {
+    suited.zones.emplace_back(zone.dead, zone.first_valid_bin, zone.last_valid_bin);
+  }
+  return suited;
+}
+
+FitterPointer make_fitter(const ScenePointer& scene, FitOptions options,
+                          const std::optional<Suited>& suited, nb::object progress) {
   const auto state = std::make_shared<FitterState>();
   auto data = std::make_shared<SceneData>(*scene);
-  std::vector<const Capture*> captures;
-  for (const Capture& capture : suited.captures) captures.push_back(&capture);
-  if (!captures.empty()) {
-    state->left_out = suit_captures(captures, data->scene.sensor, options);
+  if (suited) {
+    options.captures_per_placement = suited->captures_per_placement;
+    std::vector<Zone>& zones = data->scene.sensor.zones;
+    if (zones.size() != suited->zones.size()) throw Error("suited", "is of another scene");
+    for (std::size_t i = 0; i < zones.size(); ++i) {
+      std::tie(zones[i].dead, zones[i].first_valid_bin, zones[i].last_valid_bin) = suited->zones[i];
+    }
   }
   const auto stops = std::make_shared<Stops>();
   const Callback callback(std::move(progress));
@@ -151,8 +188,8 @@ std::vector<FitPointer> fit_each(const FitterPointer& state, const Input<3>& cou
                                  const std::string& metadata,
                                  const std::vector<std::string>& sources,
                                  const std::vector<int>& indices, nb::object progress) {
-  const auto file =
-      std::make_shared<const CaptureFile>(captures_of({counts, metadata, sources, indices}));
+  const auto file = std::make_shared<const CaptureFile>(
+      suiting(*state->scene, {counts, metadata, sources, indices}));
   const Callback callback(std::move(progress));
   return run(state, [file, callback](FitterState& own) {
     const std::size_t count = file->captures.size();
@@ -175,8 +212,8 @@ std::vector<FitPointer> fit_each(const FitterPointer& state, const Input<3>& cou
 FitPointer fit_joint(const FitterPointer& state, const Input<3>& counts,
                      const std::string& metadata, const std::vector<std::string>& sources,
                      const std::vector<int>& indices) {
-  const auto file =
-      std::make_shared<const CaptureFile>(captures_of({counts, metadata, sources, indices}));
+  const auto file = std::make_shared<const CaptureFile>(
+      suiting(*state->scene, {counts, metadata, sources, indices}));
   return run(state, [file](FitterState& own) {
     return pack(own, fit_joint_named(*own.fitter, file->captures), file->captures);
   });
@@ -246,8 +283,8 @@ class TrackerState {
 FitPointer advance(const std::shared_ptr<TrackerState>& tracker, const Input<3>& counts,
                    const std::string& metadata, const std::vector<std::string>& sources,
                    const std::vector<int>& indices, std::optional<double> dt) {
-  const auto file =
-      std::make_shared<const CaptureFile>(captures_of({counts, metadata, sources, indices}));
+  const auto file = std::make_shared<const CaptureFile>(
+      suiting(*tracker->fitter()->scene, {counts, metadata, sources, indices}));
   // A frame half taken in would leave the track in between: a frame is short, so it is finished.
   return interruptible([tracker, file, dt] { return tracker->advance(file->captures.at(0), dt); },
                        [] {});
@@ -314,11 +351,24 @@ void add_fit(nb::module_& m) {
       .def_prop_ro("histograms", &histograms,
                    "For each capture arrays [zones, bins] that look at the result's own memory.");
 
+  nb::class_<Suited>(m, "Suited", "What captures make of a scene and of a fit's options.")
+      .def_ro("captures_per_placement", &Suited::captures_per_placement)
+      .def_ro("left_out", &Suited::left_out, "Which bins are left out as saturated; or empty.")
+      .def(
+          "__getstate__",
+          [](const Suited& s) { return std::tuple(s.captures_per_placement, s.zones, s.left_out); })
+      .def("__setstate__",
+           [](Suited& s,
+              const std::tuple<int, std::vector<std::tuple<bool, int, int>>, std::string>& state) {
+             new (&s) Suited{std::get<0>(state), std::get<1>(state), std::get<2>(state)};
+           });
+  m.def("suit", &suit, nb::arg("scene"), nb::arg("counts"), nb::arg("metadata"), nb::arg("sources"),
+        nb::arg("indices"), "What captures make of a scene.");
+
   nb::class_<FitterState>(m, "Fitter", "Fits captures of one scene.")
       .def_static(
           "make",
-          [](const ScenePointer& scene, const Input<3>& counts, const std::string& metadata,
-             const std::vector<std::string>& sources, const std::vector<int>& indices,
+          [](const ScenePointer& scene, const std::optional<Suited>& suited,
              std::optional<double> tolerance, int scored_poses, int starts, int importance_samples,
              int empty_captures, std::size_t cache_bytes, std::uint64_t seed, nb::object progress) {
             FitOptions options;
@@ -329,17 +379,12 @@ void add_fit(nb::module_& m) {
             options.empty_captures = empty_captures;
             options.cache_bytes = cache_bytes;
             options.seed = seed;
-            const CaptureFile suited = counts.shape(0) == 0
-                                           ? CaptureFile{}
-                                           : captures_of({counts, metadata, sources, indices});
             return make_fitter(scene, options, suited, std::move(progress));
           },
-          nb::arg("scene"), nb::arg("counts"), nb::arg("metadata"), nb::arg("sources"),
-          nb::arg("indices"), nb::arg("tolerance").none(), nb::arg("scored_poses"),
-          nb::arg("starts"), nb::arg("importance_samples"), nb::arg("empty_captures"),
-          nb::arg("cache_bytes"), nb::arg("seed"), nb::arg("progress").none(),
-          "A fitter suited to captures; none where counts has no capture.")
-      .def_ro("left_out", &FitterState::left_out, "Which bins are left out as saturated.")
+          nb::arg("scene"), nb::arg("suited").none(), nb::arg("tolerance").none(),
+          nb::arg("scored_poses"), nb::arg("starts"), nb::arg("importance_samples"),
+          nb::arg("empty_captures"), nb::arg("cache_bytes"), nb::arg("seed"),
+          nb::arg("progress").none(), "A fitter, suited to captures or to none.")
       .def("fit_each", &fit_each, nb::arg("counts"), nb::arg("metadata"), nb::arg("sources"),
            nb::arg("indices"), nb::arg("progress").none(), "A result of each capture.")
       .def("fit_joint", &fit_joint, nb::arg("counts"), nb::arg("metadata"), nb::arg("sources"),
@@ -371,6 +416,8 @@ void add_fit(nb::module_& m) {
   options["cache_bytes"] = defaults.cache_bytes;
   options["seed"] = defaults.seed;
   m.attr("fit_defaults") = options;
+  m.def("write_atomically", &write_atomically, nb::arg("path"), nb::arg("text"),
+        "Writes a file completely or not at all.");
   m.def("result_text", &result_text, nb::arg("scene"), nb::arg("captures"),
         "Text of result.json from the texts of its captures.");
   m.def("result_page", &page, nb::arg("fits"), "The page of results, HTML.");

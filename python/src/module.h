@@ -18,6 +18,7 @@ namespace nb = nanobind;
 struct SceneData {
   Scene scene;
   std::string text;
+  double nominal_bin_width = 0;  ///< s, before a calibration
 };
 using ScenePointer = std::shared_ptr<const SceneData>;
 

@@ -21,12 +21,17 @@ namespace blindcorner::python {
 namespace {
 
 ScenePointer load(const std::string& path, const std::string& instrument) {
+  Scene scene = read_scene(path, instrument);
+  const double nominal =
+      instrument.empty() ? scene.sensor.bin_width : read_scene(path).sensor.bin_width;
   return std::make_shared<const SceneData>(
-      SceneData{read_scene(path, instrument), scene_text(path, instrument)});
+      SceneData{std::move(scene), scene_text(path, instrument), nominal});
 }
 
-ScenePointer from_text(const std::string& text, const std::string& path) {
-  return std::make_shared<const SceneData>(SceneData{parse_scene_text(text, path), text});
+ScenePointer from_text(const std::string& text, const std::string& path, double nominal) {
+  Scene scene = parse_scene_text(text, path);
+  const double width = nominal > 0 ? nominal : scene.sensor.bin_width;
+  return std::make_shared<const SceneData>(SceneData{std::move(scene), text, width});
 }
 
 /// [unknowns, 2] lower and upper ends, SI units.
@@ -75,8 +80,11 @@ void add_scene(nb::module_& m) {
       .def_static("load", &load, nb::arg("path"), nb::arg("instrument") = "",
                   "Reads a scene file, with an instrument file over it unless that is empty.")
       .def_static("from_text", &from_text, nb::arg("text"), nb::arg("path") = "",
+                  nb::arg("nominal_bin_width_s") = 0.0,
                   "The same from JSON; `path` names it in messages and resolves relative files.")
       .def_ro("text", &SceneData::text, "JSON text that the scene was read from.")
+      .def_ro("nominal_bin_width_s", &SceneData::nominal_bin_width,
+              "Width of a bin as captures state it, before a calibration corrected it.")
       .def_prop_ro("name", [](const SceneData& d) { return d.scene.name; })
       .def_prop_ro("path", [](const SceneData& d) { return d.scene.path; })
       .def_prop_ro(

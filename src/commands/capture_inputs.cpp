@@ -3,13 +3,12 @@
 
 #include <algorithm>
 #include <charconv>
-#include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <sstream>
 #include <string_view>
 
 #include "blindcorner/forward/error.h"
+#include "blindcorner/inverse/batch.h"
 #include "blindcorner/io/capture_file.h"
 
 namespace blindcorner {
@@ -17,18 +16,6 @@ namespace blindcorner {
 namespace {
 
 namespace fs = std::filesystem;
-
-/// A difference that moves the last of 128 bins by about one bin.
-constexpr double kBinWidthTolerance = 0.01;
-
-std::string bin_width_problem(double found, double expected) {
-  if (found <= 0.0 || std::abs(found / expected - 1.0) <= kBinWidthTolerance) return {};
-  char text[128];
-  std::snprintf(text, sizeof text,
-                "bin_width_ps: found %.6g, accepted: the scene's %.6g within 1 %%", found * 1e12,
-                expected * 1e12);
-  return text;
-}
 
 std::vector<std::string> files_in(const std::string& directory) {
   std::vector<std::string> files;

@@ -9,6 +9,10 @@
 
 namespace blindcorner {
 
+/// Says what is wrong where a capture file's bins, `found` s wide (0: it does not say), are not the
+/// scene's within 1 %, by which the last of 128 bins moves by about one; empty: nothing.
+std::string bin_width_problem(double found, double expected);
+
 /// Suits sensor and options to the captures of a run: bins that many of them fill are left out,
 /// and captures for each sensor placement are counted. Null captures, which could not be read, are
 /// passed over. Returns one line that says which bins were left out; empty: none.
