@@ -98,6 +98,7 @@ TrialStudy::TrialStudy(const TrialRequest& request, const std::string& directory
       runner_(request),
       journal_(made(directory), runner_.study()) {
   keep_weights(directory_, runner_.weight_files());
+  for (const TrialResult& result : journal_.results()) known_.insert(trial_key(result.trial));
 }
 
 std::vector<Trial> TrialStudy::open() const {
@@ -105,10 +106,9 @@ std::vector<Trial> TrialStudy::open() const {
 }
 
 void TrialStudy::add(const TrialResult& result) {
-  const bool known = std::ranges::any_of(journal_.results(), [&](const TrialResult& other) {
-    return same_trial(result.trial, other.trial);
-  });
-  if (!known) journal_.add(result);
+  if (known_.contains(trial_key(result.trial))) return;
+  journal_.add(result);
+  known_.insert(trial_key(result.trial));
 }
 
 std::vector<TrialResult> TrialStudy::results() const {

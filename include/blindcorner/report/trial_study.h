@@ -3,9 +3,12 @@
 /// threads or machines.
 #pragma once
 
+#include <cstdint>
 #include <map>
 #include <memory>
+#include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "blindcorner/simulation/perception_networks.h"
@@ -79,6 +82,7 @@ class TrialStudy {
   TrialRequest request_;
   TrialRunner runner_;
   TrialJournal journal_;
+  std::set<std::pair<std::string, std::uint64_t>> known_;  ///< trials of the journal
 };
 
 }  // namespace blindcorner

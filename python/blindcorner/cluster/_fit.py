@@ -45,7 +45,7 @@ def run_chunk(pid: int, key: str, scene: Scene, suited: _core.Suited, options: d
 class Journal:
     """Finished captures of a directory, a line each (``captures.jsonl``); ``fit.json`` says of what.
 
-    A line is on disk before the next one is written; a torn last line is dropped. One process at a
+    A chunk is on disk before the next one is written; a torn last line is dropped. One process at a
     time. Without a directory, everything is kept in memory.
     """
 
@@ -99,22 +99,21 @@ class Journal:
             except (ValueError, KeyError, TypeError):
                 raise Error(f"{self._path}: row {row} is no result of a capture") from None
 
-    def add(self, place: int, text: str) -> None:
-        """Adds a finished capture durably; one that is there already is not added again."""
-        if place in self.entries:
-            return
-        if self._descriptor is not None:
-            line = f'{{"capture":{place},"result":{text}}}\n'.encode()
+    def add(self, entries: Sequence[tuple[int, str]]) -> None:
+        """Adds finished captures durably; those that are there already are not added again."""
+        new = [(place, text) for place, text in entries if place not in self.entries]
+        if self._descriptor is not None and new:
+            lines = "".join(f'{{"capture":{p},"result":{t}}}\n' for p, t in new).encode()
             try:
-                while line:
-                    line = line[os.write(self._descriptor, line):]
+                while lines:
+                    lines = lines[os.write(self._descriptor, lines):]
                 os.fsync(self._descriptor)
             except OSError as error:
                 raise OutputError(
                     f"{self._path}: cannot be written: {error.strerror}; the same call goes on from "
                     "what is there"
                 ) from None
-        self.entries[place] = text
+        self.entries.update(new)
 
     def close(self) -> None:
         if self._descriptor is not None:
@@ -175,8 +174,7 @@ def fit(
         return [(i, captures[i]) for i in range(len(captures)) if i not in journal.entries]
 
     def keep(entries: list[tuple[int, str]]) -> int:
-        for place, text in entries:
-            journal.add(place, text)
+        journal.add(entries)
         return len(entries)
 
     try:
