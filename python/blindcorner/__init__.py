@@ -14,7 +14,8 @@ names the place, what was found and what is accepted. All calculations run witho
 interpreter's lock, and Ctrl-C ends them.
 """
 
-from ._core import Error, OutputError, __version__, set_threads
+from ._core import Error, OutputError, set_threads
+from ._core import version as __version__
 from ._captures import Captures, import_captures, load_captures
 from ._drive import Drive, DriveRun, Plan, drive, load_map, plan
 from ._fit import Fitter, Tracker, fit, fit_each, fit_joint
@@ -30,6 +31,9 @@ from ._studies import (
     explain,
 )
 from ._render import render
+
+# They are known by the names under which they are imported.
+Error.__module__ = OutputError.__module__ = __name__
 
 __all__ = [
     "Bound",

@@ -30,14 +30,12 @@ void set_threads(int count) {
 NB_MODULE(_core, m) {
   m.doc() = "The C++ part of blindcorner; use the package blindcorner itself.";
   nb::exception<blindcorner::Error> error(m, "Error", PyExc_RuntimeError);
-  error.attr("__module__") = "blindcorner";
   error.doc() =
       "Wrong input: one line that names the place (file, field), what was found there and what is "
       "accepted; for a scene with several problems, a line for each.";
   nb::exception<blindcorner::OutputError> output_error(m, "OutputError", error);
-  output_error.attr("__module__") = "blindcorner";
   output_error.doc() = "Nothing wrong with the input: what came of it could not be written.";
-  m.attr("__version__") = BLINDCORNER_VERSION;
+  m.attr("version") = BLINDCORNER_VERSION;
   m.def("set_threads", &set_threads, nb::arg("count"),
         "Lets the library use at most `count` threads; 0: one per processor.");
   blindcorner::python::add_scene(m);

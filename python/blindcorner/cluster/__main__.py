@@ -8,6 +8,7 @@ import contextlib
 import os
 import sys
 from collections.abc import Iterator
+from typing import Any
 
 from .. import Captures, Error, Scene, load_captures
 from . import fit, trials
@@ -28,6 +29,12 @@ def slurm_options(text: str) -> dict[str, str]:
     return options
 
 
+def whole_number(name: str, text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise Error(f'--slurm: {name}: found "{text}", accepted: a whole number, 1 or more')
+    return int(text)
+
+
 @contextlib.contextmanager
 def client_of(arguments: argparse.Namespace) -> Iterator[Client]:
     """A client of what the arguments name: a scheduler that runs, Slurm jobs, or local processes."""
@@ -45,9 +52,8 @@ def client_of(arguments: argparse.Namespace) -> Iterator[Client]:
             from dask_jobqueue import SLURMCluster
         except ImportError:
             raise Error('--slurm: needs dask-jobqueue: pip install "blindcorner[slurm]"') from None
-        options = slurm_options(arguments.slurm)
-        jobs = int(options.pop("jobs", "1"))
-        cores = int(options.pop("cores", "1"))
+        options: dict[str, Any] = dict(slurm_options(arguments.slurm))
+        jobs, cores = (whole_number(name, options.pop(name, "1")) for name in ("jobs", "cores"))
         with SLURMCluster(
             queue=options.pop("partition", None), cores=cores, processes=cores,
             memory=options.pop("memory", f"{2 * cores} GB"), python=sys.executable, **options,

@@ -9,6 +9,7 @@
 namespace blindcorner {
 namespace {
 
+using namespace testing_scenes;
 using testing::ElementsAre;
 using testing::HasSubstr;
 

@@ -13,6 +13,7 @@
 namespace blindcorner {
 namespace {
 
+using namespace testing_scenes;
 using testing::HasSubstr;
 
 TEST(NamedPose, NamesLeftOutKeepTheScenesValues) {
@@ -52,16 +53,16 @@ TEST(NamedPose, ObjectsAreNamedWhereThereAreSeveral) {
 
 TEST(NamedPose, SensorKeepsItsRotationUnlessOneIsNamed) {
   Scene scene = one_narrow_zone();
-  scene.T_world_sensor.linear() =
-      (Eigen::AngleAxisd(0.3, Vector3d::UnitZ()) * Eigen::AngleAxisd(0.2, Vector3d::UnitY()))
-          .toRotationMatrix();
+  scene.T_world_sensor.linear() = (Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitZ()) *
+                                   Eigen::AngleAxisd(0.2, Eigen::Vector3d::UnitY()))
+                                      .toRotationMatrix();
   const Transform moved = sensor_pose_from(scene, "sensor", {{"y_m", 2}});
   EXPECT_EQ(moved.linear(), scene.T_world_sensor.linear());
   EXPECT_EQ(moved.translation().y(), 2);
   const Transform turned = sensor_pose_from(scene, "sensor", {{"yaw_rad", 0.5}});
-  const Eigen::Matrix3d expected =
-      (Eigen::AngleAxisd(0.5, Vector3d::UnitZ()) * Eigen::AngleAxisd(0.2, Vector3d::UnitY()))
-          .toRotationMatrix();
+  const Eigen::Matrix3d expected = (Eigen::AngleAxisd(0.5, Eigen::Vector3d::UnitZ()) *
+                                    Eigen::AngleAxisd(0.2, Eigen::Vector3d::UnitY()))
+                                       .toRotationMatrix();
   EXPECT_NEAR((turned.linear() - expected).norm(), 0, 1e-12);
   EXPECT_THAT(message_of([&] {
                 sensor_pose_from(scene, "sensor", {{"size", 2}});

@@ -12,6 +12,7 @@
 namespace blindcorner {
 namespace {
 
+using namespace testing_scenes;
 using testing::HasSubstr;
 
 std::vector<std::vector<Placement>> placements(const Scene& scene, std::size_t count) {
