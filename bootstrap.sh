@@ -27,8 +27,9 @@ packages=(
   libgtest-dev libgmock-dev libbenchmark-dev
 )
 
-# What the program does without: the learned baseline (cnn train, cnn evaluate).
-optional_packages=(libtorch-dev)
+# What the program does without: the learned baseline (cnn train, cnn evaluate), and the Python package.
+learning_packages=(libtorch-dev)
+python_packages=(python3-dev python3-venv)
 
 die() {
   echo "bootstrap.sh: $*" >&2
@@ -124,7 +125,8 @@ main() {
     build/release/blindcorner fit scenes/tmf8828_wall.json scenes/captures/tmf8828_wall.exr -o out/fit
     echo "Page with the picture: $PWD/out/fit/index.html"
   else
-    install_optional_packages "${optional_packages[@]}"
+    install_optional_packages "${learning_packages[@]}"
+    install_optional_packages "${python_packages[@]}"
     build "$jobs" all
     ctest --preset release --parallel "$jobs"
   fi

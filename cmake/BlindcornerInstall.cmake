@@ -10,3 +10,13 @@ write_basic_package_version_file(${CMAKE_CURRENT_BINARY_DIR}/blindcornerConfigVe
   COMPATIBILITY SameMinorVersion)
 install(FILES ${CMAKE_CURRENT_BINARY_DIR}/blindcornerConfig.cmake
               ${CMAKE_CURRENT_BINARY_DIR}/blindcornerConfigVersion.cmake DESTINATION ${package_dir})
+
+# The same for builds that use pkg-config.
+file(RELATIVE_PATH pc_prefix "${CMAKE_INSTALL_FULL_LIBDIR}/pkgconfig" "${CMAKE_INSTALL_PREFIX}")
+set(pc_matio "")
+if(matio_FOUND)
+  set(pc_matio " matio")
+endif()
+configure_file(cmake/blindcorner.pc.in ${CMAKE_CURRENT_BINARY_DIR}/blindcorner.pc @ONLY)
+install(FILES ${CMAKE_CURRENT_BINARY_DIR}/blindcorner.pc
+        DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)

@@ -9,10 +9,10 @@
 
 #include "blindcorner/io/atomic_file.h"
 #include "blindcorner/simulation/drive_claims.h"
+#include "blindcorner/simulation/lit_drive.h"
 #include "blindcorner/simulation/perception.h"
 #include "commands/benchmark.h"
 #include "commands/commands.h"
-#include "commands/lit_drive.h"
 #include "commands/number_check.h"
 #include "commands/output_directory.h"
 #include "forward/support/quantile.h"

@@ -10,11 +10,11 @@
 #include "blindcorner/inverse/calibration/calibration.h"
 #include "blindcorner/io/atomic_file.h"
 #include "blindcorner/io/scene_file.h"
+#include "blindcorner/report/instrument_file.h"
 #include "commands/capture_inputs.h"
 #include "commands/commands.h"
 #include "commands/progress.h"
 #include "report/calibration_page.h"
-#include "report/instrument_file.h"
 
 namespace blindcorner {
 

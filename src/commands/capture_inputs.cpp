@@ -3,33 +3,19 @@
 
 #include <algorithm>
 #include <charconv>
-#include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <sstream>
 #include <string_view>
 
 #include "blindcorner/forward/error.h"
+#include "blindcorner/inverse/batch.h"
 #include "blindcorner/io/capture_file.h"
-#include "inverse/likelihood/observation.h"
 
 namespace blindcorner {
 
 namespace {
 
 namespace fs = std::filesystem;
-
-/// A difference that moves the last of 128 bins by about one bin.
-constexpr double kBinWidthTolerance = 0.01;
-
-std::string bin_width_problem(double found, double expected) {
-  if (found <= 0.0 || std::abs(found / expected - 1.0) <= kBinWidthTolerance) return {};
-  char text[128];
-  std::snprintf(text, sizeof text,
-                "bin_width_ps: found %.6g, accepted: the scene's %.6g within 1 %%", found * 1e12,
-                expected * 1e12);
-  return text;
-}
 
 std::vector<std::string> files_in(const std::string& directory) {
   std::vector<std::string> files;
@@ -137,15 +123,6 @@ std::vector<Capture> read_all_captures(const std::vector<std::string>& paths, co
     captures.push_back(std::move(*input.capture));
   }
   return captures;
-}
-
-void leave_out_saturated_bins(Sensor& sensor, const std::vector<CaptureInput>& inputs) {
-  std::vector<const Capture*> captures;
-  for (const CaptureInput& input : inputs) {
-    if (input.capture) captures.push_back(&*input.capture);
-  }
-  const std::string said = leave_out_saturated_bins(sensor, captures);
-  if (!said.empty()) std::fprintf(stderr, "blindcorner: %s\n", said.c_str());
 }
 
 SensorPlacement known_placement(const Scene& scene, const std::string& capture_path) {

@@ -40,9 +40,6 @@ void require_readable(const std::vector<CaptureInput>& inputs);
 /// The captures of all files, in their order. Throws Error with the reason when one is missing.
 std::vector<Capture> read_all_captures(const std::vector<std::string>& paths, const Scene& scene);
 
-/// Leaves out bins that the captures fill up, and says so on the standard error stream.
-void leave_out_saturated_bins(Sensor& sensor, const std::vector<CaptureInput>& inputs);
-
 /// Where the scene's sensor stands, of a capture file (empty: none) its first capture's. Throws
 /// Error where a scene leaves to captures where its zones look and there is none.
 SensorPlacement known_placement(const Scene& scene, const std::string& capture_path);

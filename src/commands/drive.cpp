@@ -15,9 +15,9 @@
 #include "blindcorner/report/drive_report.h"
 #include "blindcorner/report/result_file.h"
 #include "blindcorner/simulation/drive_loop.h"
+#include "blindcorner/simulation/lit_drive.h"
 #include "blindcorner/simulation/perception.h"
 #include "commands/commands.h"
-#include "commands/lit_drive.h"
 #include "commands/number_check.h"
 #include "commands/output_directory.h"
 

@@ -11,14 +11,15 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
-#include <set>
 #include <utility>
 
 #include "blindcorner/forward/error.h"
+#include "blindcorner/inverse/batch.h"
 #include "blindcorner/inverse/tracking/tracker.h"
 #include "blindcorner/io/atomic_file.h"
 #include "blindcorner/io/capture_file.h"
 #include "blindcorner/io/scene_file.h"
+#include "blindcorner/report/headline.h"
 #include "blindcorner/report/page.h"
 #include "blindcorner/report/result_file.h"
 #include "commands/capture_inputs.h"
@@ -28,7 +29,6 @@
 #include "commands/output_directory.h"
 #include "commands/progress.h"
 #include "commands/thread_limit.h"
-#include "report/headline.h"
 
 namespace blindcorner {
 
@@ -73,14 +73,10 @@ FitResult failure(const CaptureInput& input) {
   return failed;
 }
 
-void name_captures(FitResult& result, const std::vector<const Capture*>& captures) {
-  result.sources.clear();
-  result.indices.clear();
-  for (const Capture* capture : captures) {
-    result.sources.push_back(capture->source);
-    result.indices.push_back(capture->index);
-  }
-  if (result.truth.empty() && !captures.empty()) result.truth = captures.front()->truth;
+/// Of one capture.
+void name_capture(const Capture& capture, FitResult& result) {
+  const Capture* const only = &capture;
+  name_captures({&only, 1}, result);
 }
 
 /// Each capture on its own, in parallel; results in the order of the inputs.
@@ -93,11 +89,9 @@ std::vector<FitResult> fit_each(const Fitter& fitter, const std::vector<CaptureI
       results[i] = failure(inputs[i]);
     } else if (Interruptible::asked()) {
       results[i].error = kInterrupted;
-      name_captures(results[i], {&*inputs[i].capture});
+      name_capture(*inputs[i].capture, results[i]);
     } else {
-      const Capture& capture = *inputs[i].capture;
-      results[i] = guarded([&] { return fitter.fit(capture); });
-      name_captures(results[i], {&capture});
+      results[i] = fit_named(fitter, *inputs[i].capture);
     }
     if (progress) progress->advance();
   };
@@ -117,10 +111,7 @@ std::vector<FitResult> fit_joint(const Fitter& fitter, const std::vector<Capture
       results.push_back(failure(input));
     }
   }
-  results[0] = guarded([&] { return fitter.fit_joint(captures); });
-  std::vector<const Capture*> all;
-  for (const Capture& capture : captures) all.push_back(&capture);
-  name_captures(results[0], all);
+  results[0] = fit_joint_named(fitter, captures);
   return results;
 }
 
@@ -141,11 +132,11 @@ std::vector<FitResult> fit_track(const Fitter& fitter, const Motion& motion,
       results.push_back(failure(inputs[i]));
     } else if (Interruptible::asked()) {
       results.emplace_back().error = kInterrupted;
-      name_captures(results.back(), {&*inputs[i].capture});
+      name_capture(*inputs[i].capture, results.back());
     } else {
       const Capture& capture = *inputs[i].capture;
       results.push_back(guarded([&] { return track_frame(fitter, tracker, capture, since); }));
-      name_captures(results.back(), {&capture});
+      name_capture(capture, results.back());
       if (results.back().track) {
         results.back().track->time = static_cast<double>(i) * motion.frame_interval;
         places.push_back(i);
@@ -193,28 +184,6 @@ void write_outputs(const FitArguments& arguments, const Scene& scene,
   write_result(directory.string(), scene, results);
 }
 
-/// Mean number of captures that one sensor placement took.
-int captures_per_placement(const std::vector<CaptureInput>& inputs) {
-  std::set<std::vector<double>> placements;
-  int captures = 0;
-  for (const CaptureInput& input : inputs) {
-    if (!input.capture) continue;
-    ++captures;
-    std::vector<double> placement;
-    const auto note = [&](const double* values, std::ptrdiff_t count) {
-      placement.insert(placement.end(), values, values + count);
-    };
-    if (input.capture->T_world_sensor) note(input.capture->T_world_sensor->matrix().data(), 16);
-    if (input.capture->relay_points) {
-      for (const Eigen::Vector3d& point : *input.capture->relay_points) {
-        if (point.allFinite()) note(point.data(), 3);
-      }
-    }
-    placements.insert(std::move(placement));
-  }
-  return std::max(captures / std::max(static_cast<int>(placements.size()), 1), 1);
-}
-
 /// Sentences about what is odd, each once, with the number of captures that they are about.
 void tell_hints(const std::vector<FitResult>& results) {
   std::vector<std::pair<std::string, std::size_t>> hints;
@@ -239,6 +208,16 @@ void tell_hints(const std::vector<FitResult>& results) {
   }
 }
 
+/// What was left out is told on the standard error stream.
+void suit_inputs(const std::vector<CaptureInput>& inputs, Sensor& sensor, FitOptions& options) {
+  std::vector<const Capture*> captures;
+  for (const CaptureInput& input : inputs) {
+    captures.push_back(input.capture ? &*input.capture : nullptr);
+  }
+  const std::string said = suit_captures(captures, sensor, options);
+  if (!said.empty()) std::fprintf(stderr, "blindcorner: %s\n", said.c_str());
+}
+
 int run_fit(const FitArguments& arguments) {
   arguments.options.validate();
   const ThreadLimit threads(arguments.threads);
@@ -250,9 +229,8 @@ int run_fit(const FitArguments& arguments) {
   std::vector<CaptureInput> inputs = read_capture_inputs(arguments.captures, nominal);
   if (!arguments.chosen.empty() && !inputs.empty()) choose_captures(inputs, arguments.chosen);
   require_readable(inputs);
-  leave_out_saturated_bins(scene.sensor, inputs);
   FitOptions options = arguments.options;
-  options.captures_per_placement = captures_per_placement(inputs);
+  suit_inputs(inputs, scene.sensor, options);
   std::vector<FitResult> results;
   make_directory(arguments.output);
   // One fit has nothing finished to keep: it ends at once.

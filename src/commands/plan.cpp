@@ -1,22 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 /// `blindcorner plan MAP --start x,y --goal x,y -o DIR`: a path on a map.
 #include <CLI/CLI.hpp>
-#include <algorithm>
 #include <cstdio>
 #include <filesystem>
-#include <limits>
 #include <memory>
 #include <optional>
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
 #include "blindcorner/io/atomic_file.h"
-#include "blindcorner/io/movingai.h"
-#include "blindcorner/io/ros_map.h"
+#include "blindcorner/io/map_file.h"
 #include "blindcorner/planner/path/path_planner.h"
+#include "blindcorner/report/path_page.h"
 #include "commands/commands.h"
 #include "commands/output_directory.h"
-#include "report/path_page.h"
 
 namespace blindcorner {
 namespace {
@@ -30,31 +27,6 @@ struct PlanArguments {
   std::optional<double> length, width, radius;        ///< of the vehicle, m
   PathPlannerOptions planner;
 };
-
-struct Map {
-  GridGeometry geometry;
-  std::vector<double> occupancy;  ///< [cell], NaN: unknown
-};
-
-/// The reader is chosen by the file's ending.
-Map read_map(const std::string& path) {
-  const std::string extension = fs::path(path).extension();
-  if (extension == ".map") {
-    const MovingAiMap map = read_movingai_map(path);
-    return {map.geometry, map.occupancy()};
-  }
-  if (extension == ".yaml" || extension == ".yml") {
-    const RosMap map = read_ros_map(path);
-    Map read{map.geometry, std::vector<double>(map.cells.size())};
-    std::ranges::transform(map.cells, read.occupancy.begin(), [](std::int8_t per_cent) {
-      return per_cent == RosMap::kUnknown ? std::numeric_limits<double>::quiet_NaN()
-                                          : 0.01 * per_cent;
-    });
-    return read;
-  }
-  throw Error(path,
-              "found the ending \"" + extension + "\", accepted: .yaml (ROS map), .map (MovingAI)");
-}
 
 VehicleFootprint footprint_of(const PlanArguments& arguments) {
   if (arguments.length.has_value() != arguments.width.has_value()) {
@@ -85,7 +57,7 @@ int run_plan(const PlanArguments& arguments) {
   PathPlannerOptions options = arguments.planner;
   options.smoothing.footprint = footprint_of(arguments);
   PathPlanner planner(options);
-  const Map map = read_map(arguments.map);
+  const OccupancyMap map = read_map(arguments.map);
   const PathRequest request{{arguments.start[0], arguments.start[1]},
                             radians(arguments.start_heading),
                             {arguments.goal[0], arguments.goal[1]},

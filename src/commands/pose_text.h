@@ -3,7 +3,6 @@
 /// those of the sensor, there or in a table.
 #pragma once
 
-#include <map>
 #include <string>
 #include <vector>
 
@@ -22,9 +21,5 @@ Transform parse_sensor_pose(const Scene& scene, const std::string& option, const
 
 /// The same from each row of a table (.csv) whose header holds such names. Throws Error.
 std::vector<Transform> read_sensor_poses(const Scene& scene, const std::string& path);
-
-/// The unknowns at some placements by name: {"x_m": 0.3, ...}.
-std::map<std::string, double> truth_of(const Scene& scene,
-                                       const std::vector<Placement>& placements);
 
 }  // namespace blindcorner

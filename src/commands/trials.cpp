@@ -3,30 +3,17 @@
 #include "blindcorner/simulation/trials.h"
 
 #include <CLI/CLI.hpp>
-#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <map>
 #include <memory>
-#include <set>
 
-#include "blindcorner/forward/error.h"
-#include "blindcorner/io/atomic_file.h"
-#include "blindcorner/io/drive_file.h"
-#include "blindcorner/report/drive_report.h"
+#include "blindcorner/report/trial_study.h"
 #include "blindcorner/simulation/credible_level.h"
-#include "blindcorner/simulation/drive_loop.h"
-#include "blindcorner/simulation/perception.h"
-#include "blindcorner/simulation/trial_journal.h"
 #include "commands/commands.h"
 #include "commands/interrupt.h"
-#include "commands/lit_drive.h"
 #include "commands/number_check.h"
-#include "commands/output_directory.h"
 #include "commands/progress.h"
-#include "io/file_bytes.h"
-#include "io/json_reader.h"
-#include "report/trials_page.h"
 
 namespace blindcorner {
 namespace {
@@ -41,80 +28,6 @@ struct TrialsArguments {
   std::vector<std::string> weights;
   TrialsOptions options;
 };
-
-void check_perceptions(const std::vector<std::string>& names) {
-  // Oracles that are misled are driven by --error-trials.
-  std::vector<std::string> accepted = perception_names();
-  std::erase_if(accepted, [](const std::string& name) { return name.starts_with("oracle_"); });
-  for (const std::string& name : names) check_perception(name, "--perception", accepted);
-  if (std::set<std::string>(names.begin(), names.end()).size() != names.size()) {
-    throw Error("--perception", "a perception is named twice");
-  }
-}
-
-/// The scene's own bytes, which a drive file only names.
-std::string scene_bytes(const std::string& drive_path) {
-  const auto json = JsonReader::parse(read_bytes(drive_path), drive_path);
-  return read_bytes(
-      (fs::path(drive_path).parent_path() / json.at("scene").get<std::string>()).string());
-}
-
-/// Which weights each network's trials are driven with: one study does not mix two trainings.
-void keep_weights(const fs::path& directory, const std::map<std::string, std::string>& files) {
-  if (files.empty()) return;
-  const std::string path = (directory / "weights.json").string();
-  JsonReader::Json known = JsonReader::Json::object();
-  if (fs::exists(path)) known = JsonReader::parse(read_bytes(path), path);
-  if (!known.is_object()) throw Error(path, "found no object, accepted: what this command writes");
-  for (const auto& [name, file] : files) {
-    const std::string hash = content_hash(read_bytes(file));
-    if (known.contains(name) && known[name] != hash) {
-      throw Error(path, "holds trials of other weights of " + name + " than " + file +
-                            ", accepted: the same weights, or another directory");
-    }
-    known[name] = hash;
-  }
-  write_atomically(path, known.dump(1) + "\n");
-}
-
-std::vector<TrialResult> sorted(const TrialJournal& journal) {
-  std::vector<TrialResult> results = journal.results();
-  sort_trials(results);
-  return results;
-}
-
-void write_tables(const fs::path& directory, const Drive& drive,
-                  const std::vector<TrialResult>& results) {
-  write_atomically((directory / "trials.csv").string(), trials_csv(drive.trials, results));
-  if (std::ranges::any_of(results, [](const TrialResult& r) { return r.trial.error > 0; })) {
-    write_atomically((directory / "errors.csv").string(), errors_csv(drive.trials, results));
-  }
-}
-
-/// Pages of failed trials, the first few of each perception; those that are there stay.
-void write_replays(const fs::path& directory, const Drive& drive, const SimulatedSensor& sensor,
-                   const std::shared_ptr<const Fitter>& fitter, const PerceptionNetworks& networks,
-                   const std::vector<TrialResult>& results, int most) {
-  std::vector<Trial> wanted;
-  std::map<std::string, int> count;
-  for (const TrialResult& result : results) {
-    const std::string& name = result.trial.perception;
-    if (result.reached() || (is_network(name) && !networks.contains(name))) continue;
-    if (count[name]++ >= most) continue;
-    if (!fs::exists(directory / replay_page(result.trial))) wanted.push_back(result.trial);
-  }
-  Progress progress("replays", wanted.size());
-  for (const Trial& trial : wanted) {
-    DriveOptions options = options_of(trial);
-    options.fitter = fitter;
-    options.networks = networks;
-    const DriveResult driven = drive_through(drive, sensor, options);
-    const fs::path page = directory / replay_page(trial);
-    make_directory(page.parent_path().string());
-    write_atomically(page.string(), drive_page(drive, options, driven));
-    progress.advance();
-  }
-}
 
 void print_summary(const Drive& drive, const std::vector<TrialResult>& results) {
   std::map<std::pair<std::string, int>, std::pair<int, int>> shares;
@@ -141,11 +54,8 @@ void print_summary(const Drive& drive, const std::vector<TrialResult>& results) 
 struct TrialsInterrupted {};
 
 /// Runs what has no result in the journal yet; true: all of it.
-bool run_open_trials(const TrialsArguments& arguments, const Drive& drive,
-                     const SimulatedSensor& sensor, const std::shared_ptr<const Fitter>& fitter,
-                     const PerceptionNetworks& networks, TrialJournal& journal) {
-  const std::vector<Trial> open =
-      open_trials(plan_trials(drive, arguments.options), journal.results());
+bool run_open_trials(const TrialsArguments& arguments, TrialStudy& study) {
+  const std::vector<Trial> open = study.open();
   Progress progress("trials", open.size());
   const Interruptible interruptible;
   std::size_t done = 0;
@@ -154,11 +64,11 @@ bool run_open_trials(const TrialsArguments& arguments, const Drive& drive,
         open, arguments.options.threads,
         [&](const Trial& trial) {
           if (Interruptible::asked()) throw TrialsInterrupted{};
-          return run_trial(drive, sensor, trial, fitter, networks);
+          return study.run(trial);
         },
         [&](const TrialResult& result) {
-          journal.add(result);
-          write_tables(arguments.output, drive, sorted(journal));
+          study.add(result);
+          study.write_tables();
           progress.advance();
           ++done;
         });
@@ -171,30 +81,21 @@ bool run_open_trials(const TrialsArguments& arguments, const Drive& drive,
 }
 
 int run(const TrialsArguments& arguments) {
-  check_perceptions(arguments.options.perceptions);
-  const Drive drive = read_lit_drive(arguments.drive, arguments.light);
-  arguments.options.validate();
-  const std::string study =
-      trial_study(drive, scene_bytes(arguments.drive), arguments.options.seed);
-  const auto files = weight_files(drive, arguments.weights, arguments.options.perceptions);
-  const PerceptionNetworks networks = load_networks(drive, files);
-  const SimulatedSensor sensor(drive.scene);
-  // What the solver makes once for a scene is made once for all drives.
-  const auto fitter = std::make_shared<const Fitter>(drive.scene);
-  make_directory(arguments.output);
+  TrialStudy study({arguments.drive, arguments.light, arguments.weights, arguments.options},
+                   arguments.output);
+  const bool complete = run_open_trials(arguments, study);
+  study.write_tables();
+  if (complete) {
+    const std::vector<Trial> wanted = study.missing_replays(arguments.replays);
+    Progress progress("replays", wanted.size());
+    for (const Trial& trial : wanted) {
+      study.write_replay(trial);
+      progress.advance();
+    }
+  }
+  study.write_page();
+  print_summary(study.drive(), study.results());
   const fs::path directory = arguments.output;
-  TrialJournal journal(arguments.output, study);
-  keep_weights(directory, files);
-  const bool complete = run_open_trials(arguments, drive, sensor, fitter, networks, journal);
-  const std::vector<TrialResult> results = sorted(journal);
-  write_tables(directory, drive, results);
-  if (complete)
-    write_replays(directory, drive, sensor, fitter, networks, results, arguments.replays);
-  const auto replayed = [&](const Trial& trial) {
-    return fs::exists(directory / replay_page(trial));
-  };
-  write_atomically((directory / "index.html").string(), trials_page(drive, results, replayed));
-  print_summary(drive, results);
   std::printf("%s\n%s\n", (directory / "trials.csv").c_str(), (directory / "index.html").c_str());
   return complete ? kAllWell : kSomeFailed;
 }

@@ -621,6 +621,18 @@ Scene read_document(const Json& json, const std::string& path) {
   return scene;
 }
 
+/// A scene file with what an instrument file says put over it.
+Json patched(const std::string& path, const std::string& instrument) {
+  Json document = JsonReader::parse(read_bytes(path), path);
+  const Json file = JsonReader::parse(read_bytes(instrument), instrument);
+  const JsonReader reader(file, instrument);
+  if (!reader.is_object()) reader.fail("an object with \"format\" and \"patch\"");
+  reader.at("format").word({"blindcorner.instrument/1"});
+  if (!reader.at("patch").is_object()) reader.at("patch").fail("an object");
+  document.merge_patch(file["patch"]);
+  return document;
+}
+
 }  // namespace
 
 Scene read_scene(const std::string& path) {
@@ -629,13 +641,7 @@ Scene read_scene(const std::string& path) {
 
 Scene read_scene(const std::string& path, const std::string& instrument) {
   if (instrument.empty()) return read_scene(path);
-  Json document = JsonReader::parse(read_bytes(path), path);
-  const Json file = JsonReader::parse(read_bytes(instrument), instrument);
-  const JsonReader reader(file, instrument);
-  if (!reader.is_object()) reader.fail("an object with \"format\" and \"patch\"");
-  reader.at("format").word({"blindcorner.instrument/1"});
-  if (!reader.at("patch").is_object()) reader.at("patch").fail("an object");
-  document.merge_patch(file["patch"]);
+  const Json document = patched(path, instrument);
   try {
     return read_document(document, path);
   } catch (const Error& error) {
@@ -643,9 +649,21 @@ Scene read_scene(const std::string& path, const std::string& instrument) {
   }
 }
 
-Motion read_motion(const std::string& path) {
-  const Json document = JsonReader::parse(read_bytes(path), path);
-  return read_motion_object(JsonReader(document, path).at("motion"));
+std::string scene_text(const std::string& path, const std::string& instrument) {
+  if (instrument.empty()) return read_bytes(path);
+  return patched(path, instrument).dump(1) + "\n";
+}
+
+Scene parse_scene_text(const std::string& text, const std::string& path) {
+  return read_document(JsonReader::parse(text, path.empty() ? "scene" : path), path);
+}
+
+Motion read_motion(const std::string& path) { return parse_motion_text(read_bytes(path), path); }
+
+Motion parse_motion_text(const std::string& text, const std::string& path) {
+  const std::string place = path.empty() ? "scene" : path;
+  const Json document = JsonReader::parse(text, place);
+  return read_motion_object(JsonReader(document, place).at("motion"));
 }
 
 Scene parse_scene(const nlohmann::json& json, const std::string& path) {

@@ -6,8 +6,8 @@
 #include <limits>
 #include <optional>
 
+#include "blindcorner/report/headline.h"
 #include "report/formatted.h"
-#include "report/headline.h"
 #include "report/html.h"
 #include "report/interval_chart.h"
 

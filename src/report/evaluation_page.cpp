@@ -6,12 +6,12 @@
 #include <functional>
 #include <nlohmann/json.hpp>
 
+#include "blindcorner/report/headline.h"
 #include "blindcorner/report/result_file.h"
 #include "forward/support/quantile.h"
 #include "report/chart.h"
 #include "report/colours.h"
 #include "report/formatted.h"
-#include "report/headline.h"
 #include "report/html.h"
 
 namespace blindcorner {

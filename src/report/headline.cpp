@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "report/headline.h"
+#include "blindcorner/report/headline.h"
 
 #include <algorithm>
 #include <array>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "report/instrument_file.h"
+#include "blindcorner/report/instrument_file.h"
 
 #include <algorithm>
 #include <cmath>

@@ -8,9 +8,9 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/scene/footprint.h"
+#include "blindcorner/report/headline.h"
 #include "blindcorner/report/result_file.h"
 #include "report/birds_eye.h"
-#include "report/headline.h"
 #include "report/html.h"
 #include "report/json_values.h"
 

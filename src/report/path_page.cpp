@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "report/path_page.h"
+#include "blindcorner/report/path_page.h"
 
 #include <algorithm>
 #include <array>

@@ -8,9 +8,9 @@
 
 #include "blindcorner/forward/error.h"
 #include "blindcorner/forward/scene/footprint.h"
+#include "blindcorner/report/headline.h"
 #include "forward/support/quantile.h"
 #include "report/formatted.h"
-#include "report/headline.h"
 #include "report/html.h"
 
 namespace blindcorner {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "report/trials_page.h"
+#include "blindcorner/report/trials_page.h"
 
 #include <algorithm>
 #include <array>

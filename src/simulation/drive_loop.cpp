@@ -204,6 +204,7 @@ std::vector<double> DriveLoop::occupancy() const {
 
 /// The sensor's frame of this moment, which arrives now, later or never.
 void DriveLoop::capture_frame() {
+  if (options_.progress) options_.progress(time_);
   SensedEvent event;
   event.capture_time = event.arrival = time_;
   event.frame = result_.frames.size();

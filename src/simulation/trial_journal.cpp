@@ -41,21 +41,6 @@ std::string fixed(double value, int digits) {
   return text.data();
 }
 
-std::string journal_line(const TrialResult& result) {
-  const Trial& trial = result.trial;
-  std::string line = trial.perception + "," + std::to_string(trial.zone) + "," +
-                     std::to_string(trial.seed) + "," + exact(trial.speed) + "," +
-                     exact(trial.error) + "," + result.outcome + "," + exact(result.clearance) +
-                     "," + exact(result.time) + "," + exact(result.length) + "," +
-                     exact(result.run_time);
-  for (const ReliabilityCount& bin : result.map.counts()) {
-    line += "," + std::to_string(bin.statements) + ":" + std::to_string(bin.happened) + ":" +
-            exact(bin.sum);
-  }
-  if (result.corner_speed > 0) line += "," + exact(result.corner_speed);
-  return line + "\n";
-}
-
 /// Throws std::exception for a line that is none.
 TrialResult parse(const std::string& line) {
   std::vector<std::string> cells;
@@ -184,6 +169,29 @@ void TrialJournal::read(const std::string& bytes) {
 void TrialJournal::add(const TrialResult& result) {
   write_all(descriptor_, journal_line(result), path_);
   results_.push_back(result);
+}
+
+std::string journal_line(const TrialResult& result) {
+  const Trial& trial = result.trial;
+  std::string line = trial.perception + "," + std::to_string(trial.zone) + "," +
+                     std::to_string(trial.seed) + "," + exact(trial.speed) + "," +
+                     exact(trial.error) + "," + result.outcome + "," + exact(result.clearance) +
+                     "," + exact(result.time) + "," + exact(result.length) + "," +
+                     exact(result.run_time);
+  for (const ReliabilityCount& bin : result.map.counts()) {
+    line += "," + std::to_string(bin.statements) + ":" + std::to_string(bin.happened) + ":" +
+            exact(bin.sum);
+  }
+  if (result.corner_speed > 0) line += "," + exact(result.corner_speed);
+  return line + "\n";
+}
+
+TrialResult parse_journal_line(const std::string& line) {
+  try {
+    return parse(line.substr(0, line.find('\n')));
+  } catch (const std::exception& /*error*/) {
+    throw Error("journal", "found \"" + line.substr(0, 80) + "\", accepted: a result of a trial");
+  }
 }
 
 std::string content_hash(const std::string& bytes) {

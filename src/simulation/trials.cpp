@@ -10,6 +10,7 @@
 #include <exception>
 #include <mutex>
 #include <random>
+#include <set>
 #include <thread>
 #include <tuple>
 
@@ -173,11 +174,11 @@ double mean_speed_within(const DriveResult& result, const Eigen::Vector2d& point
 
 std::vector<Trial> open_trials(const std::vector<Trial>& plan,
                                const std::vector<TrialResult>& finished) {
+  std::set<std::pair<std::string, std::uint64_t>> known;
+  for (const TrialResult& result : finished) known.insert(trial_key(result.trial));
   std::vector<Trial> open;
-  std::ranges::copy_if(plan, std::back_inserter(open), [&](const Trial& trial) {
-    return std::ranges::none_of(
-        finished, [&](const TrialResult& other) { return same_trial(trial, other.trial); });
-  });
+  std::ranges::copy_if(plan, std::back_inserter(open),
+                       [&](const Trial& trial) { return !known.contains(trial_key(trial)); });
   return open;
 }
 
@@ -212,9 +213,11 @@ void run_trials(const std::vector<Trial>& trials, int threads, const TrialRun& r
   if (failure) std::rethrow_exception(failure);
 }
 
-bool same_trial(const Trial& a, const Trial& b) {
-  return a.perception == b.perception && a.seed == b.seed;
+std::pair<std::string, std::uint64_t> trial_key(const Trial& trial) {
+  return {trial.perception, trial.seed};
 }
+
+bool same_trial(const Trial& a, const Trial& b) { return trial_key(a) == trial_key(b); }
 
 std::vector<std::string> perceptions_of(const std::vector<TrialResult>& results) {
   std::vector<std::string> names;

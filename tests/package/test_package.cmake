@@ -18,6 +18,17 @@ run("${CMAKE_COMMAND}" -S "${SOURCE_DIR}" -B "${WORK_DIR}/build" -G "${GENERATOR
 run("${CMAKE_COMMAND}" --build "${WORK_DIR}/build")
 
 set(scenes "${prefix}/${DATA_DIR}/blindcorner/scenes")
+
+# The same by pkg-config, without CMake.
+set(ENV{PKG_CONFIG_PATH} "${prefix}/${LIB_DIR}/pkgconfig:$ENV{PKG_CONFIG_PATH}")
+run(pkg-config --cflags --libs blindcorner)
+separate_arguments(flags UNIX_COMMAND "${output}")
+run("${CXX}" "${SOURCE_DIR}/main.cpp" -o "${WORK_DIR}/consumer_of_pkg_config" ${flags})
+run("${WORK_DIR}/consumer_of_pkg_config" "${scenes}/tmf8828_wall.json" "${scenes}/captures/tmf8828_wall.exr")
+if(NOT output MATCHES "pose:( +-?[0-9.e-]+)+\n")
+  message(FATAL_ERROR "the consumer that pkg-config built printed no pose but:\n${output}")
+endif()
+
 run("${WORK_DIR}/build/consumer" "${scenes}/tmf8828_wall.json" "${scenes}/captures/tmf8828_wall.exr")
 if(NOT output MATCHES "pose:( +-?[0-9.e-]+)+\n")
   message(FATAL_ERROR "the consumer printed no pose but:\n${output}")

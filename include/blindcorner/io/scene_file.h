@@ -21,7 +21,15 @@ Scene read_scene(const std::string& path, const std::string& instrument);
 /// The same from JSON in memory; `path` names it in messages and resolves relative file names.
 Scene parse_scene(const nlohmann::json& json, const std::string& path);
 
+/// The same from the text of a scene file, whose unknowns keep their order.
+Scene parse_scene_text(const std::string& text, const std::string& path);
+
+/// The text of a scene file with an instrument file's patch put over it (empty: none), as
+/// `read_scene` takes it. Throws Error.
+std::string scene_text(const std::string& path, const std::string& instrument = {});
+
 /// How the hidden object may move: the field `motion` of a scene file, for a tracker.
 Motion read_motion(const std::string& path);
+Motion parse_motion_text(const std::string& text, const std::string& path);
 
 }  // namespace blindcorner

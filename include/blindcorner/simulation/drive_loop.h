@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -28,6 +29,8 @@ struct DriveOptions {
   bool keep_last_map = false;   ///< the grid of the frame that last_map() finds, for statistics
   double injected_error = 0;    ///< m, of the misled oracles (perception.h)
   PerceptionNetworks networks;  ///< of perceptions that are networks
+  /// Called before each sensor frame with the time of the drive, s. What it throws ends the drive.
+  std::function<void(double time)> progress;
 };
 
 enum class DriveOutcome { reached, collision, stopped, timeout };

@@ -35,6 +35,11 @@ class TrialJournal {
   std::vector<TrialResult> results_;
 };
 
+/// A result as a line of the journal, with its end of line, and back; throws Error for a line that
+/// is none. What came from another machine is added as it was written there.
+std::string journal_line(const TrialResult& result);
+TrialResult parse_journal_line(const std::string& line);
+
 /// FNV-1a of a file's bytes, 64 bits: to notice that it has changed.
 std::string content_hash(const std::string& bytes);
 

@@ -6,6 +6,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "blindcorner/inverse/fit.h"
@@ -91,6 +92,9 @@ std::vector<Trial> open_trials(const std::vector<Trial>& plan,
 /// `run` or `done` throws ends the study and is thrown on.
 void run_trials(const std::vector<Trial>& trials, int threads, const TrialRun& run,
                 const TrialDone& done);
+
+/// What a trial is known by: its perception and its seed.
+std::pair<std::string, std::uint64_t> trial_key(const Trial& trial);
 
 /// Whether two are the same trial of the same perception.
 bool same_trial(const Trial& a, const Trial& b);

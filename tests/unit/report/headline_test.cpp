@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 /// The sentence at the top of a page says what was found, and nothing more.
-#include "report/headline.h"
+#include "blindcorner/report/headline.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

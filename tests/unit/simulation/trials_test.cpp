@@ -192,5 +192,14 @@ TEST(PairedDifference, HoldsAtTheBorders) {
   EXPECT_EQ(paired_difference({}).low, -1);
 }
 
+TEST(Trials, ALineOfTheJournalComesBackWhole) {
+  for (const Trial& trial : plan(6, 14)) {
+    const TrialResult result = made_up(trial);
+    const std::string line = journal_line(result);
+    EXPECT_EQ(journal_line(parse_journal_line(line)), line);
+  }
+  EXPECT_THROW(parse_journal_line("los,0,12"), Error);
+}
+
 }  // namespace
 }  // namespace blindcorner

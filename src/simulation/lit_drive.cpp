@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "commands/lit_drive.h"
+#include "blindcorner/simulation/lit_drive.h"
 
 #include "blindcorner/simulation/perception.h"
 #include "blindcorner/simulation/simulated_sensor.h"

@@ -1,0 +1,18 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fits and trials on more than one machine, by Dask (docs/cluster.md).
+
+    from distributed import Client
+    import blindcorner.cluster as cluster
+
+    cluster.trials("scenes/street_trials_drive.json", 1200, Client("tcp://head:8786"), "out")
+
+One task is a chunk of captures or trials. Whatever the number of workers and the order in which they
+finish, the files are those of one machine. What is finished is in the directory's journal, on disk,
+before it counts: after a killed worker, a restarted scheduler, a full disk, the same call goes on
+from there.
+"""
+
+from ._fit import fit, sweep
+from ._trials import TrialSummary, trials
+
+__all__ = ["TrialSummary", "fit", "sweep", "trials"]

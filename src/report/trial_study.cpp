@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "blindcorner/report/trial_study.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <set>
+
+#include "blindcorner/forward/error.h"
+#include "blindcorner/io/atomic_file.h"
+#include "blindcorner/report/drive_report.h"
+#include "blindcorner/report/trials_page.h"
+#include "blindcorner/simulation/drive_loop.h"
+#include "blindcorner/simulation/lit_drive.h"
+#include "blindcorner/simulation/perception.h"
+#include "io/file_bytes.h"
+#include "io/json_reader.h"
+
+namespace blindcorner {
+namespace {
+
+namespace fs = std::filesystem;
+
+void check_perceptions(const std::vector<std::string>& names) {
+  // Oracles that are misled are driven by --error-trials.
+  std::vector<std::string> accepted = perception_names();
+  std::erase_if(accepted, [](const std::string& name) { return name.starts_with("oracle_"); });
+  for (const std::string& name : names) check_perception(name, "--perception", accepted);
+  if (std::set<std::string>(names.begin(), names.end()).size() != names.size()) {
+    throw Error("--perception", "a perception is named twice");
+  }
+}
+
+/// The scene's own bytes, which a drive file only names.
+std::string scene_bytes(const std::string& drive_path) {
+  const auto json = JsonReader::parse(read_bytes(drive_path), drive_path);
+  return read_bytes(
+      (fs::path(drive_path).parent_path() / json.at("scene").get<std::string>()).string());
+}
+
+/// Which weights each network's trials are driven with: one study does not mix two trainings.
+void keep_weights(const fs::path& directory, const std::map<std::string, std::string>& files) {
+  if (files.empty()) return;
+  const std::string path = (directory / "weights.json").string();
+  JsonReader::Json known = JsonReader::Json::object();
+  if (fs::exists(path)) known = JsonReader::parse(read_bytes(path), path);
+  if (!known.is_object()) throw Error(path, "found no object, accepted: what this command writes");
+  for (const auto& [name, file] : files) {
+    const std::string hash = content_hash(read_bytes(file));
+    if (known.contains(name) && known[name] != hash) {
+      throw Error(path, "holds trials of other weights of " + name + " than " + file +
+                            ", accepted: the same weights, or another directory");
+    }
+    known[name] = hash;
+  }
+  write_atomically(path, known.dump(1) + "\n");
+}
+
+void make_study_directory(const fs::path& directory) {
+  std::error_code code;
+  fs::create_directories(directory, code);
+  if (code || !fs::is_directory(directory)) {
+    throw OutputError(directory.string(),
+                      "cannot be made a directory" + (code ? ": " + code.message() : ""));
+  }
+}
+
+/// The directory, which is there from then on.
+const std::string& made(const std::string& directory) {
+  make_study_directory(directory);
+  return directory;
+}
+
+Drive checked_drive(const TrialRequest& request) {
+  check_perceptions(request.options.perceptions);
+  Drive drive = read_lit_drive(request.drive, request.light);
+  request.options.validate();
+  return drive;
+}
+
+}  // namespace
+
+TrialRunner::TrialRunner(const TrialRequest& request)
+    : drive_(checked_drive(request)),
+      files_(blindcorner::weight_files(drive_, request.weights, request.options.perceptions)),
+      networks_(load_networks(drive_, files_)),
+      study_(trial_study(drive_, scene_bytes(request.drive), request.options.seed)),
+      sensor_(drive_.scene),
+      // What the solver makes once for a scene is made once for all drives.
+      fitter_(std::make_shared<const Fitter>(drive_.scene)) {}
+
+TrialResult TrialRunner::run(const Trial& trial) const {
+  return run_trial(drive_, sensor_, trial, fitter_, networks_);
+}
+
+TrialStudy::TrialStudy(const TrialRequest& request, const std::string& directory)
+    : directory_(directory),
+      request_(request),
+      runner_(request),
+      journal_(made(directory), runner_.study()) {
+  keep_weights(directory_, runner_.weight_files());
+  for (const TrialResult& result : journal_.results()) known_.insert(trial_key(result.trial));
+}
+
+std::vector<Trial> TrialStudy::open() const {
+  return open_trials(plan_trials(drive(), request_.options), journal_.results());
+}
+
+void TrialStudy::add(const TrialResult& result) {
+  if (known_.contains(trial_key(result.trial))) return;
+  journal_.add(result);
+  known_.insert(trial_key(result.trial));
+}
+
+std::vector<TrialResult> TrialStudy::results() const {
+  std::vector<TrialResult> results = journal_.results();
+  sort_trials(results);
+  return results;
+}
+
+void TrialStudy::write_tables() const {
+  const std::filesystem::path directory = directory_;
+  const std::vector<TrialResult> all = results();
+  write_atomically((directory / "trials.csv").string(), trials_csv(drive().trials, all));
+  if (std::ranges::any_of(all, [](const TrialResult& r) { return r.trial.error > 0; })) {
+    write_atomically((directory / "errors.csv").string(), errors_csv(drive().trials, all));
+  }
+}
+
+std::vector<Trial> TrialStudy::missing_replays(int most) const {
+  std::vector<Trial> wanted;
+  std::map<std::string, int> count;
+  for (const TrialResult& result : results()) {
+    const std::string& name = result.trial.perception;
+    if (result.reached() || (is_network(name) && !runner_.networks().contains(name))) continue;
+    if (count[name]++ >= most) continue;
+    if (!fs::exists(fs::path(directory_) / replay_page(result.trial)))
+      wanted.push_back(result.trial);
+  }
+  return wanted;
+}
+
+void TrialStudy::write_replay(const Trial& trial) const {
+  DriveOptions options = options_of(trial);
+  options.fitter = runner_.fitter();
+  options.networks = runner_.networks();
+  const DriveResult driven = drive_through(drive(), runner_.sensor(), options);
+  const fs::path page = fs::path(directory_) / replay_page(trial);
+  make_study_directory(page.parent_path());
+  write_atomically(page.string(), drive_page(drive(), options, driven));
+}
+
+void TrialStudy::write_page() const {
+  const fs::path directory = directory_;
+  const auto replayed = [&](const Trial& trial) {
+    return fs::exists(directory / replay_page(trial));
+  };
+  write_atomically((directory / "index.html").string(), trials_page(drive(), results(), replayed));
+}
+
+}  // namespace blindcorner

@@ -1,0 +1,51 @@
+# The Python package in a virtual environment of its own: installs the build, compiles the extension
+# module against that (the libraries are not compiled again), installs the package, runs its tests. What
+# the package index has to give is kept, so that a later run does without it.
+# cmake -DBUILD_DIR=... -DSOURCE_DIR=... -DWORK_DIR=... -DPYTHON=... -DPROGRAM=... -P python_package.cmake
+#
+# Prints SKIPPED with the reason where the index cannot be reached, or Python's headers are missing.
+set(prefix "${WORK_DIR}/prefix")
+set(venv "${WORK_DIR}/venv")
+set(packages "scikit-build-core>=0.10" "nanobind>=2.4" numpy pytest matplotlib nbclient ipykernel
+             "distributed>=2023.1")
+
+function(run)
+  execute_process(COMMAND ${ARGN} WORKING_DIRECTORY "${SOURCE_DIR}" RESULT_VARIABLE status
+                  OUTPUT_VARIABLE output ERROR_VARIABLE output)
+  set(status "${status}" PARENT_SCOPE)
+  set(output "${output}" PARENT_SCOPE)
+endfunction()
+
+function(require)
+  run(${ARGN})
+  if(NOT status EQUAL 0)
+    string(REPLACE ";" " " command "${ARGN}")
+    message(FATAL_ERROR "${command}\nended with ${status}:\n${output}")
+  endif()
+  set(output "${output}" PARENT_SCOPE)
+endfunction()
+
+if(NOT EXISTS "${venv}/ready")
+  file(REMOVE_RECURSE "${venv}")
+  run("${PYTHON}" -m venv "${venv}")
+  if(NOT status EQUAL 0)
+    message(STATUS "SKIPPED: no virtual environment (Debian: python3-venv):\n${output}")
+    return()
+  endif()
+  run("${venv}/bin/pip" install --quiet --disable-pip-version-check --retries 1 --timeout 20
+      --prefer-binary ${packages})
+  if(NOT status EQUAL 0)
+    message(STATUS "SKIPPED: the package index has not given ${packages}:\n${output}")
+    return()
+  endif()
+  file(TOUCH "${venv}/ready")
+endif()
+
+file(REMOVE_RECURSE "${prefix}")
+require("${CMAKE_COMMAND}" --install "${BUILD_DIR}" --prefix "${prefix}")
+require("${venv}/bin/pip" install --quiet --disable-pip-version-check --no-build-isolation --no-deps
+        --force-reinstall "${SOURCE_DIR}" -C "build-dir=${WORK_DIR}/build"
+        -C "cmake.define.blindcorner_ROOT=${prefix}")
+require("${CMAKE_COMMAND}" -E env "BLINDCORNER_PROGRAM=${PROGRAM}" "${venv}/bin/python" -m pytest -q
+        -p no:cacheprovider "${SOURCE_DIR}/python/tests")
+message(STATUS "${output}")
