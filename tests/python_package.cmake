@@ -41,7 +41,9 @@ if(NOT EXISTS "${venv}/ready")
   file(TOUCH "${venv}/ready")
 endif()
 
-file(REMOVE_RECURSE "${prefix}")
+# Installed headers keep their times, so that objects of an earlier run may look newer than a header that
+# has changed since: all are compiled again.
+file(REMOVE_RECURSE "${prefix}" "${WORK_DIR}/build")
 require("${CMAKE_COMMAND}" --install "${BUILD_DIR}" --prefix "${prefix}")
 require("${venv}/bin/pip" install --quiet --disable-pip-version-check --no-build-isolation --no-deps
         --force-reinstall "${SOURCE_DIR}" -C "build-dir=${WORK_DIR}/build"
