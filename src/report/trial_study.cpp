@@ -32,9 +32,9 @@ void check_perceptions(const std::vector<std::string>& names) {
 
 /// The scene's own bytes, which a drive file only names.
 std::string scene_bytes(const std::string& drive_path) {
-  const auto json = JsonReader::parse(read_bytes(drive_path), drive_path);
+  const auto drive = JsonReader::parse(read_bytes(drive_path), drive_path);
   return read_bytes(
-      (fs::path(drive_path).parent_path() / json.at("scene").get<std::string>()).string());
+      (fs::path(drive_path).parent_path() / drive.at("scene").get<std::string>()).string());
 }
 
 /// Which weights each network's trials are driven with: one study does not mix two trainings.
