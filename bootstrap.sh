@@ -27,9 +27,8 @@ packages=(
   libgtest-dev libgmock-dev libbenchmark-dev
 )
 
-# What the program does without: the learned baseline (cnn train, cnn evaluate), and the Python package.
-learning_packages=(libtorch-dev)
-python_packages=(python3-dev python3-venv)
+# What the program does without: the learned baseline (cnn train, cnn evaluate).
+optional_packages=(libtorch-dev)
 
 die() {
   echo "bootstrap.sh: $*" >&2
@@ -125,8 +124,7 @@ main() {
     build/release/blindcorner fit scenes/tmf8828_wall.json scenes/captures/tmf8828_wall.exr -o out/fit
     echo "Page with the picture: $PWD/out/fit/index.html"
   else
-    install_optional_packages "${learning_packages[@]}"
-    install_optional_packages "${python_packages[@]}"
+    install_optional_packages "${optional_packages[@]}"
     build "$jobs" all
     ctest --preset release --parallel "$jobs"
   fi
