@@ -37,7 +37,7 @@ Drive read_changed(const std::function<void(json&)>& change) {
   return read_drive(folder.file("test.json"));
 }
 
-std::string message_of(const std::function<void(json&)>& change) {
+std::string refusal_of(const std::function<void(json&)>& change) {
   try {
     read_changed(change);
   } catch (const Error& error) {
@@ -90,7 +90,7 @@ TEST(DriveFile, SpeedModeRiskAndCornerAreRead) {
 TEST(DriveFile, WrongOnesGetOneLine) {
   const auto expect = [](const std::function<void(json&)>& change, const std::string& field,
                          const std::string& found) {
-    const std::string message = message_of(change);
+    const std::string message = refusal_of(change);
     EXPECT_THAT(message, HasSubstr("test.json: " + field));
     EXPECT_THAT(message, HasSubstr(found));
     EXPECT_THAT(message, HasSubstr("accepted"));

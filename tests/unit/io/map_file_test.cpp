@@ -44,7 +44,7 @@ TEST(MapFile, UnknownCellsOfARosMapAreNaN) {
 }
 
 TEST(MapFile, OtherEndingsAreRefused) {
-  EXPECT_THAT(refusal_of([] { read_map("map.png"); }),
+  EXPECT_THAT(message_of([] { read_map("map.png"); }),
               HasSubstr("accepted: .yaml (ROS map), .map"));
 }
 
@@ -53,7 +53,7 @@ TEST(SensorPresets, EveryNameHasItsFields) {
   for (const std::string& name : sensor_preset_names()) {
     EXPECT_THAT(sensor_preset_text(name), HasSubstr("\"bins\"")) << name;
   }
-  EXPECT_THAT(refusal_of([] { sensor_preset_text("tmf"); }),
+  EXPECT_THAT(message_of([] { sensor_preset_text("tmf"); }),
               HasSubstr("found \"tmf\", accepted: "));
 }
 
