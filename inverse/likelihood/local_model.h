@@ -8,8 +8,8 @@
 ///     pose = center + root z,      light(pose) = sum_k c_k phi_k(z),
 ///
 /// phi_k the monomials up to a degree. The coefficients are least squares through exact light at
-/// nodes: draws of the posterior within kLocalReach standard deviations, which weigh less farther
-/// out. A fit of k monomials takes 1.6 k + 2 nodes or more.
+/// nodes within kLocalReach standard deviations, which weigh less farther out. A fit of k monomials
+/// takes 1.6 k + 2 nodes or more.
 ///
 /// *Error.* What the polynomial, fitted without a node, misses there is the node's residual over
 /// one minus its leverage (the leave-one-out residual, exact for least squares). With the

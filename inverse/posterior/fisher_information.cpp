@@ -22,6 +22,26 @@ struct OwnUnknowns {
   bool any() const { return amplitude || ambient || direct; }
 };
 
+/// What is expected of a zone's bins.
+struct ExpectedBins {
+  Eigen::VectorXd mean;    ///< [gate] counts that the noise model sees
+  Eigen::VectorXd weight;  ///< [gate] information of a bin about its mean, 1 / variance
+};
+
+ExpectedBins bins_of(const LinearSolver& solver, std::size_t z, const ZoneShapes& shapes,
+                     const LinearSolution& linear) {
+  const ObservedZone& zone = solver.observation().zones[z];
+  const BinLikelihood& noise_model = solver.observation().noise_model(zone);
+  ExpectedBins bins{Eigen::VectorXd(zone.bins()), Eigen::VectorXd(zone.bins())};
+  solver.expected(zone, shapes, linear.amplitude[z], linear.ambient[z], linear.direct[z],
+                  bins.mean.data());
+  for (int k = 0; k < zone.bins(); ++k) {
+    bins.mean[k] = noise_model.lit(bins.mean[k]);
+    bins.weight[k] = zone.weight_of(k) * noise_model.information(bins.mean[k]);
+  }
+  return bins;
+}
+
 /// Completes the information [3, 3] of a zone's own linear unknowns from the bins of its time gate:
 /// adds the bins outside of it and the priors, and makes those that it does not have neutral.
 void complete(const ObservedZone& zone, const BinLikelihood& noise_model,
@@ -78,13 +98,9 @@ Eigen::MatrixXd fisher_information(const LinearSolver& solver, std::span<const Z
     const int bins = zone.bins();
     const Eigen::MatrixXd counts = a * slope.middleRows(row, bins);
     row += bins;
-    Eigen::VectorXd mean(bins);
-    solver.expected(zone, shapes[z], a, linear.ambient[z], linear.direct[z], mean.data());
-    for (double& m : mean) m = noise_model.lit(m);
-    Eigen::VectorXd weight(bins);
+    const auto [mean, weight] = bins_of(solver, z, shapes[z], linear);
     Eigen::MatrixXd local = Eigen::MatrixXd::Zero(bins, 3);
     for (int k = 0; k < bins; ++k) {
-      weight[k] = zone.weight_of(k) * noise_model.information(mean[k]);
       if (own.amplitude) local(k, 0) = a * shapes[z].object[k];
       if (own.ambient) local(k, 1) = 1;
       if (own.direct) local(k, 2) = shapes[z].direct[k];
@@ -110,21 +126,17 @@ Eigen::MatrixXd fisher_information(const LinearSolver& solver, std::span<const Z
 
 Eigen::VectorXd row_information(const LinearSolver& solver, std::span<const ZoneShapes> shapes,
                                 const LinearSolution& linear) {
-  const Observation& observation = solver.observation();
-  std::vector<double> rows;
-  std::vector<double> mean;
-  for (std::size_t z = 0; z < observation.zones.size(); ++z) {
-    const ObservedZone& zone = observation.zones[z];
-    const BinLikelihood& noise_model = observation.noise_model(zone);
-    mean.resize(zone.counts.size());
+  Eigen::Index count = 0;
+  for (const ObservedZone& zone : solver.observation().zones) count += zone.bins();
+  Eigen::VectorXd rows(count);
+  Eigen::Index row = 0;
+  for (std::size_t z = 0; z < shapes.size(); ++z) {
     const double a = linear.amplitude[z];
-    solver.expected(zone, shapes[z], a, linear.ambient[z], linear.direct[z], mean.data());
-    for (int k = 0; k < zone.bins(); ++k) {
-      const double m = noise_model.lit(mean[static_cast<std::size_t>(k)]);
-      rows.push_back(a * a * zone.weight_of(k) * noise_model.information(m));
-    }
+    const Eigen::VectorXd weight = bins_of(solver, z, shapes[z], linear).weight;
+    rows.segment(row, weight.size()) = a * a * weight;
+    row += weight.size();
   }
-  return Eigen::Map<const Eigen::VectorXd>(rows.data(), static_cast<Eigen::Index>(rows.size()));
+  return rows;
 }
 
 Eigen::MatrixXd sensor_slope(const PoseObjective& objective, const MovedModels& moved,

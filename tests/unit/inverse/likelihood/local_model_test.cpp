@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/transport/forward_model.h"
 #include "blindcorner/io/scene_file.h"
 #include "inverse/search/compiled_scene.h"
@@ -141,7 +142,7 @@ TEST(LocalModel, KnowsItsErrorOnAnObliqueFloor) {
   options.tolerance = 0.02;
   const auto light = make_fast_model(scene, sensor_placement(scene), options);
   LocalRegion region;
-  region.center = Eigen::Vector3d(0.624, 0.991, -93.8 * 3.14159265 / 180);
+  region.center = Eigen::Vector3d(0.624, 0.991, -93.8 * kDegree);
   region.root = Eigen::Vector3d(0.03, 0.03, 0.08).asDiagonal();
   std::mt19937_64 random(5);
   std::normal_distribution<double> normal;
