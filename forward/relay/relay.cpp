@@ -72,15 +72,20 @@ class Sampler {
     }
     if (trace == Trace::nothing) return;
     if (trace == Trace::whole) {
-      if (divide(cell, patch, splits, edges, &patch)) return;
-      patch.group = group_++;
-      const auto [nu, nv] = sampling_.nodes ? sampling_.nodes(patch) : std::array{1, 1};
-      if (nu * nv > 1) {
-        add_nodes(cell, patch, gauss_legendre(nu), gauss_legendre(nv));
-      } else {
-        patches.push_back(patch);
+      if (sampling_.points) {
+        const auto [u, v] = sampling_.points(patch, places_of(cell, patch));
+        if (std::max(u, v) > sampling_.most_points && splits < sampling_.split_depth) {
+          for (const Cell& half : cell.halves(u >= v ? 1 : 2)) sample(half, splits + 1, edges);
+          return;
+        }
+        const auto whole = [&](double n) {
+          return static_cast<int>(std::ceil(std::clamp(n, 1.0, sampling_.most_points)));
+        };
+        return represent(cell, patch, whole(u), whole(v));
       }
-      return;
+      if (divide(cell, patch, splits, edges, &patch)) return;
+      const auto [nu, nv] = sampling_.nodes ? sampling_.nodes(patch) : std::array{1, 1};
+      return represent(cell, patch, nu, nv);
     }
     std::vector<RelayPatch> parts = parts_of(cell);
     for (const RelayPatch& part : parts) {
@@ -107,6 +112,28 @@ class Sampler {
       sample(half, splits + 1, edges, sampling_.halves_inherit ? whole : nullptr);
     }
     return true;
+  }
+
+  /// A cell as so many points along both edges.
+  void represent(const Cell& cell, RelayPatch& patch, int nu, int nv) {
+    patch.group = group_++;
+    if (nu * nv > 1) {
+      add_nodes(cell, patch, gauss_legendre(nu), gauss_legendre(nv));
+    } else {
+      patches.push_back(patch);
+    }
+  }
+
+  CellPlaces places_of(const Cell& cell, const RelayPatch& patch) const {
+    CellPlaces places;
+    for (std::size_t j = 0; j < 3; ++j) {
+      for (std::size_t i = 0; i < 3; ++i) {
+        const double a = 0.5 * static_cast<double>(i), b = 0.5 * static_cast<double>(j);
+        places[j][i] =
+            meet(cell, (1 - a) * cell.u0 + a * cell.u1, (1 - b) * cell.v0 + b * cell.v1, patch);
+      }
+    }
+    return places;
   }
 
   /// Nodes with the solid angle shared by its density.

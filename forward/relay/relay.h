@@ -33,6 +33,10 @@ struct RelayPatch {
 /// Which edge of a patch has to be halved: 0 none, 1 half_u, 2 half_v.
 using Split = std::function<int(const RelayPatch&)>;
 
+/// Places of a cell on its surface (m, world): [v][u] at the lower end, the middle and the upper
+/// end of its range.
+using CellPlaces = std::array<std::array<Eigen::Vector3d, 3>, 3>;
+
 struct RelaySampling {
   int divisions = 1;          ///< least divisions of the region along each side
   int edge_depth = 4;         ///< quarterings where a cell straddles the border of surfaces
@@ -47,6 +51,11 @@ struct RelaySampling {
   /// exact for weights of degree 2 n - 1 along n points, and the points' spread is the cell's.
   /// {1, 1} is the centre, with the cell's spread. Empty: always the centre.
   std::function<std::array<int, 2>(const RelayPatch&)> nodes;
+  /// In place of `split` and `nodes` for cells that see one surface: how many points they need
+  /// along both edges, a fraction where less than one would do. Cells that need more than
+  /// `most_points` are halved.
+  std::function<std::array<double, 2>(const RelayPatch&, const CellPlaces&)> points;
+  double most_points = 1;
   /// Nodes know the part of the cell that they stand for; else their edges are the cell's.
   bool node_extents = true;
 };

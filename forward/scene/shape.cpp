@@ -51,7 +51,7 @@ std::vector<SurfaceCell> divide(const Shape& shape, const Transform& T_world_sha
   return cells;
 }
 
-std::vector<SurfacePoint> quadrature(const Shape& shape, double spacing) {
+std::vector<SurfacePoint> quadrature(const Shape& shape, const PointSpacing& spacing) {
   return geometry_of(shape)->points(spacing);
 }
 

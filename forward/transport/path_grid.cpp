@@ -118,19 +118,55 @@ BLINDCORNER_MULTIVERSION void join_lanes(double* lanes, std::size_t stride, int 
   }
 }
 
-/// out[i + j] += scale b[j] a[i]; both have kBlock zeros on either side.
-BLINDCORNER_MULTIVERSION void convolve(const double* a, int a_count, const double* b, int b_count,
-                                       double scale, double* __restrict out) {
+/// out[i + j] += b[j] a[i]; both have kBlock zeros on either side.
+BLINDCORNER_MULTIVERSION void convolve(const float* a, int a_count, const float* b, int b_count,
+                                       float* __restrict out) {
   for (int j = 0; j < b_count; j += kBlock) {
-    const double b0 = scale * b[j], b1 = scale * b[j + 1], b2 = scale * b[j + 2],
-                 b3 = scale * b[j + 3];
-    double* __restrict to = out + j;
+    const float b0 = b[j], b1 = b[j + 1], b2 = b[j + 2], b3 = b[j + 3];
+    float* __restrict to = out + j;
     const int end = a_count + kBlock - 1;
     BLINDCORNER_INDEPENDENT
     for (int i = 0; i < end; ++i) {
       to[i] += (b0 * a[i] + b1 * a[i - 1]) + (b2 * a[i - 2] + b3 * a[i - 3]);
     }
   }
+}
+
+/// to += scale from
+BLINDCORNER_MULTIVERSION void add_scaled(const float* from, std::size_t count, double scale,
+                                         double* __restrict to) {
+  BLINDCORNER_INDEPENDENT
+  for (std::size_t i = 0; i < count; ++i) to[i] += scale * static_cast<double>(from[i]);
+}
+
+/// Sum of the cells.
+BLINDCORNER_MULTIVERSION double sum_of(const double* cells, int count) {
+  constexpr int kSums = 8;  // side by side, in one vector
+  alignas(64) std::array<double, kSums> sums{};
+  int i = 0;
+  for (; i + kSums <= count; i += kSums) {
+    for (int k = 0; k < kSums; ++k) sums[static_cast<std::size_t>(k)] += cells[i + k];
+  }
+  double sum = 0;
+  for (; i < count; ++i) sum += cells[i];
+  for (const double part : sums) sum += part;
+  return sum;
+}
+
+/// to = scale from
+BLINDCORNER_MULTIVERSION void scale_cells(const double* from, int count, double scale,
+                                          float* __restrict to) {
+  BLINDCORNER_INDEPENDENT
+  for (int i = 0; i < count; ++i) to[i] = static_cast<float>(scale * from[i]);
+}
+
+/// Fills in a leg's cells in single precision: twice as fast, with an error of 1e-7.
+void narrow_cells(PathLight& light) {
+  const double* from = light.cells.data() + light.begin;
+  const int count = light.end - light.begin;
+  light.unit = sum_of(from, count);
+  light.narrow.assign(static_cast<std::size_t>(count + 2 * kBlock), 0.0F);
+  if (light.unit > 0) scale_cells(from, count, 1 / light.unit, light.narrow.data() + kBlock);
 }
 
 /// Taps of a cell, ready to be added.
@@ -336,6 +372,7 @@ void PathGrid::lay(const Splines& splines, std::size_t begin, std::size_t end,
   }
   light.begin = lowest + kBlock;
   light.end = highest + 4 + kBlock;
+  narrow_cells(light);
 }
 
 void PathGrid::pair(const PathLight& in, const PathLight& out, double scale,
@@ -347,14 +384,17 @@ void PathGrid::pair(const PathLight& in, const PathLight& out, double scale,
   const int a_count = in.end - in.begin;
   const int b_count = out.end - out.begin;
   // The longer one runs along the vector registers.
-  const double* a = in.cells.data() + in.begin;
-  const double* b = out.cells.data() + out.begin;
-  double* to = pairs.cells.data() + first;
+  thread_local std::vector<float> product;
+  const float* a = in.narrow.data() + kBlock;
+  const float* b = out.narrow.data() + kBlock;
+  const auto count = static_cast<std::size_t>(a_count + b_count - 1);
+  product.assign(count + 2 * kBlock, 0.0F);
   if (a_count >= b_count) {
-    convolve(a, a_count, b, b_count, scale, to);
+    convolve(a, a_count, b, b_count, product.data());
   } else {
-    convolve(b, b_count, a, a_count, scale, to);
+    convolve(b, b_count, a, a_count, product.data());
   }
+  add_scaled(product.data(), count, scale * in.unit * out.unit, pairs.cells.data() + first);
   pairs.begin = std::min(pairs.begin, first);
   pairs.end = std::max(pairs.end, first + a_count + b_count - 1);
 }

@@ -27,6 +27,11 @@ struct PathLight {
   std::vector<double> cells;
   int begin = std::numeric_limits<int>::max();
   int end = 0;
+  /// Of a leg: the cells from `begin` to `end` in single precision, in which legs are convolved,
+  /// with a few zeros on either side. In units of their sum, because the light of dim scenes would
+  /// leave the range of floats.
+  std::vector<float> narrow;
+  double unit = 0;
 
   bool dark() const { return begin >= end; }
   /// Zero all cells that may not be.

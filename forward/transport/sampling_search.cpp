@@ -26,9 +26,37 @@ constexpr double kCoarsenessStep = 1.41421356;
 /// The same for rules of points, whose error falls so fast that smaller steps pay: half as long.
 constexpr double kRuleStep = 1.18920712;
 constexpr double kRuleFinest = 0.3;
+/// Change of the worst bin, relative to the peak, for each relative change of all light (L2): 1.5
+/// to 2 on floors and walls.
+constexpr double kPeakOfL2 = 2;
+/// Relay's sampling that an object's is looked for with, of rules: shadows' edges hardly change
+/// with the object's points.
+constexpr double kRuleRelay = 1.4;
 /// Most pairs of lit and seen patches that a lobe's model takes for an evaluation (about 0.2 s):
 /// the search for a sampling ends there, whatever the tolerance.
 constexpr double kMaxPairs = 4e7;
+
+/// Relative change of a pose's light (L2), root mean square over poses; those that give next to no
+/// light, by judgement a thousandth of the brightest's peak, do not count.
+double l2_change(const std::vector<HistogramCube>& coarse, const std::vector<HistogramCube>& fine) {
+  constexpr double kDark = 1e-3;
+  double brightest = 0;
+  for (const HistogramCube& cube : fine) {
+    brightest = std::max(brightest, *std::ranges::max_element(cube.values));
+  }
+  double sum = 0, poses = 0;
+  for (std::size_t i = 0; i < fine.size(); ++i) {
+    if (*std::ranges::max_element(fine[i].values) <= kDark * brightest) continue;
+    double change = 0, light = 0;
+    for (std::size_t k = 0; k < fine[i].values.size(); ++k) {
+      change += std::pow(coarse[i].values[k] - fine[i].values[k], 2);
+      light += std::pow(fine[i].values[k], 2);
+    }
+    sum += change / light;
+    ++poses;
+  }
+  return std::sqrt(sum / std::max(poses, 1.0));
+}
 
 /// Largest change of a bin, relative to the peak of its pose; poses that give next to no light, by
 /// judgement a thousandth of the brightest's peak, do not count.
@@ -65,7 +93,9 @@ class SamplingSearch {
   SamplingStep find() {
     const double tolerance = options_.tolerance;
     // Pairs err by the object's cells the same at a coarser relay.
-    SamplingStep sampling_step{kernel_ == Kernel::retro_pairs ? 4.0 : 2.0, kCoarsest};
+    SamplingStep sampling_step{2.0, kCoarsest};
+    if (kernel_ == Kernel::retro_pairs) sampling_step.relay = 4;
+    if (kernel_ == Kernel::lambertian) sampling_step.relay = kRuleRelay;
     // Half of the time is left for a finer relay.
     while (too_many_pairs(*model(sampling_step), 0.5 * kMaxPairs) &&
            sampling_step.relay < kCoarsest) {
@@ -178,7 +208,8 @@ class SamplingSearch {
       while (changes.size() + 1 < candidates.size()) {
         const Candidate& coarse = candidates[changes.size()];
         if (fine.cells < 2 * coarse.cells) break;
-        const double change = largest_change(coarse.cubes, fine.cubes);
+        const double change = rules ? kPeakOfL2 * l2_change(coarse.cubes, fine.cubes)
+                                    : largest_change(coarse.cubes, fine.cubes);
         if (change < tolerance) return {coarse.coarseness, change};
         const double before =
             changes.empty() ? std::numeric_limits<double>::infinity() : changes.back();

@@ -512,30 +512,17 @@ ModelSet make_models(const CompiledScene& compiled, FastModelOptions fast,
   return set;
 }
 
-/// Sampling step at most of a matt object's levels, halved with each. The oblique floor's light of
-/// the last level was 1.2 % off (L2) with that of the first level, moved by 1.4 standard deviations
-/// at 100,000 photons. The first level's limit for the object is the step that the search for a
-/// sampling begins with, for the relay half of it.
-constexpr double kMaxRelay = 2.8, kMaxObject = 5.6;
-
-/// What a level asks of the fast model. The sampling that suffices for the first level is refined
-/// with the tolerance that it is given in units of; no search is made. Light of lobes comes from
-/// pairs, because one sum has an error of its own; of coarser pairs than sqrt(8) and 4 it was
-/// larger than that of one sum.
-FastModelOptions options_of(int level, const SamplingStep& first, bool lobes) {
+/// What a level asks of the fast model. Light of lobes comes from pairs, because one sum has an
+/// error of its own; of coarser pairs than sqrt(8) and 4 it was larger than that of one sum. Their
+/// sampling follows from the first level's; no search is made.
+FastModelOptions options_of(int level, const CompiledScene& compiled, bool lobes) {
   FastModelOptions fast;
   if (!lobes) {
-    fast.tolerance = std::pow(10.0, -1 - level);
-    // What suffices for the first may be too coarse for any tolerance to mend.
-    fast.sampling_step = first;
-    fast.sampling_step->relay = std::min(first.relay, kMaxRelay / std::pow(2.0, level));
-    fast.sampling_step->object = std::min(first.object, kMaxObject / std::pow(2.0, level));
-    // Cells as small from the first level on would leave shadows' edges on the object as they are.
-    if (level + 1 == kModelLevels) {
-      fast.sampling_step->object = std::min(fast.sampling_step->object, first.object / 2);
-    }
+    fast.tolerance = kLevelTolerance[static_cast<std::size_t>(level)];
+    fast.sampling_step = compiled.knowledge->sampling_step(fast.tolerance);
     return fast;
   }
+  const SamplingStep first = *compiled.models().front()->sampling_step();
   fast.tolerance = kFirstTolerance;
   const double finer = std::pow(2.0, 0.5 * (level - 1));
   SamplingStep pairs{std::sqrt(8.0) / finer, 4 / finer, true};
@@ -556,7 +543,7 @@ const ModelSet& CompiledScene::models_at(int level) const {
   const auto known = finer_.find(level);
   if (known != finer_.end()) return known->second;
   const bool lobes = std::holds_alternative<RetroreflectiveMaterial>(scene.hidden.material);
-  const FastModelOptions fast = options_of(level, *models().front()->sampling_step(), lobes);
+  const FastModelOptions fast = options_of(level, *this, lobes);
   // Isolated: whoever waits for the lock must not be asked to work for its holder.
   return finer_
       .emplace(level, tbb::this_task_arena::isolate([&] { return make_models(*this, fast); }))

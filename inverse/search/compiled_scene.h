@@ -4,6 +4,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <atomic>
 #include <map>
 #include <memory>
@@ -32,6 +33,9 @@ inline constexpr double kFirstTolerance = 0.1;
 /// Levels of exactness that a fit may go through: light of the last is 0.2 to 0.3 % off at most
 /// (kMatt and kLobes in sharpen.cpp), of the order of the noise of a million photons, 0.1 %.
 inline constexpr int kModelLevels = 4;
+/// Their tolerances, of matt objects.
+inline constexpr std::array<double, kModelLevels> kLevelTolerance{kFirstTolerance, 0.03, 0.01,
+                                                                  0.003};
 
 /// The static background inside the gates, rows as in Observation::zones, counts of one exposure;
 /// all empty where there is none.

@@ -53,22 +53,22 @@ class Cylinder final : public RoundGeometry {
     return cells;
   }
 
-  std::vector<SurfacePoint> points(double spacing) const override {
+  std::vector<SurfacePoint> points(const PointSpacing& spacing) const override {
     std::vector<SurfacePoint> points;
-    const int around = steps_around(radius_, spacing);
+    const int around = steps_around(radius_, spacing.across);
     for (int a = 0; a < around; ++a) {
       const double phi = 2 * kPi * (a + 0.5) / around;
       const Vector3d normal(std::cos(phi), std::sin(phi), 0);
-      for (const QuadraturePoint& z : rule_along(height_, spacing)) {
+      for (const QuadraturePoint& z : rule_along(height_, spacing.up)) {
         points.push_back({radius_ * normal + Vector3d(0, 0, half_ * z.position), normal,
                           2 * kPi * radius_ / around * half_ * z.weight});
       }
     }
     // Caps: equal squares of the radius have equal areas.
     for (const double side : {1.0, -1.0}) {
-      for (const QuadraturePoint& square : rule_along(radius_, spacing)) {
+      for (const QuadraturePoint& square : rule_along(radius_, spacing.across)) {
         const double r = radius_ * std::sqrt(0.5 * (1 + square.position));
-        const int sectors = steps_around(r, spacing);
+        const int sectors = steps_around(r, spacing.across);
         for (int a = 0; a < sectors; ++a) {
           const double phi = 2 * kPi * (a + 0.5) / sectors;
           points.push_back({Vector3d(r * std::cos(phi), r * std::sin(phi), side * half_),

@@ -186,8 +186,8 @@ class Mesh final : public ShapeGeometry {
   }
 
   /// Middles of the lines from a triangle's centre to its corners: exact for degree 2.
-  std::vector<SurfacePoint> points(double spacing) const override {
-    const double edge = std::sqrt(3.0) * spacing;  // three points to a part of this edge
+  std::vector<SurfacePoint> points(const PointSpacing& spacing) const override {
+    const double edge = std::sqrt(3.0) * spacing.least();  // three points to a part of this edge
     std::vector<SurfacePoint> points;
     for (const auto& triangle : mesh_->triangles) {
       visit_parts(corners_of(*mesh_, triangle), edge,

@@ -57,7 +57,7 @@ class ShapeGeometry {
 
   /// Cells and points of `divide` and `quadrature`.
   virtual std::vector<SurfaceCell> cells(double max_edge, int min_divisions) const = 0;
-  virtual std::vector<SurfacePoint> points(double spacing) const = 0;
+  virtual std::vector<SurfacePoint> points(const PointSpacing& spacing) const = 0;
   /// Whether the cells are parallelograms that fill the surface, so that each may be sampled again.
   virtual bool parallelogram_cells() const = 0;
 

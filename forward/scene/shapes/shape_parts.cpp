@@ -55,12 +55,16 @@ std::vector<SurfaceCell> FlatGeometry::cells(double max_edge, int min_divisions)
   return cells;
 }
 
-std::vector<SurfacePoint> FlatGeometry::points(double spacing) const {
+std::vector<SurfacePoint> FlatGeometry::points(const PointSpacing& spacing) const {
   std::vector<SurfacePoint> points;
+  const auto rule = [&](const Vector3d& half) {
+    const bool upright = std::abs(half.z()) > std::hypot(half.x(), half.y());
+    return rule_along(2 * half.norm(), upright ? spacing.up : spacing.across);
+  };
   for (const auto& [center, half_u, half_v] : sides()) {
     const Vector3d cross = half_u.cross(half_v);
-    for (const QuadraturePoint& v : rule_along(2 * half_v.norm(), spacing)) {
-      for (const QuadraturePoint& u : rule_along(2 * half_u.norm(), spacing)) {
+    for (const QuadraturePoint& v : rule(half_v)) {
+      for (const QuadraturePoint& u : rule(half_u)) {
         points.push_back({center + u.position * half_u + v.position * half_v, cross.normalized(),
                           u.weight * v.weight * cross.norm()});
       }

@@ -25,7 +25,7 @@ class FlatGeometry : public ShapeGeometry {
   double depth() const final { return half_edges().z(); }
   Eigen::Vector3d half_extents(std::optional<double> yaw) const final;
   std::vector<SurfaceCell> cells(double max_edge, int min_divisions) const final;
-  std::vector<SurfacePoint> points(double spacing) const final;
+  std::vector<SurfacePoint> points(const PointSpacing& spacing) const final;
   bool parallelogram_cells() const final { return true; }
   std::vector<Triangle> triangles(int segments) const final;
   Silhouette silhouette(const ShapeFrame& world) const final;

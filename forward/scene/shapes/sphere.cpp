@@ -70,7 +70,8 @@ class Sphere final : public RoundGeometry {
   }
 
   /// Equal heights have equal areas.
-  std::vector<SurfacePoint> points(double spacing) const override {
+  std::vector<SurfacePoint> points(const PointSpacing& apart) const override {
+    const double spacing = apart.least();
     const int around = steps_around(radius_, spacing);
     std::vector<SurfacePoint> points;
     for (const QuadraturePoint& z : gauss_legendre(divisions(kPi * radius_, spacing, 4))) {

@@ -120,11 +120,23 @@ struct SurfacePoint {
   double area = 0.0;
 };
 
+/// Largest distances between points of a rule, m: in horizontal directions and upwards.
+struct PointSpacing {
+  double across;
+  double up;
+
+  PointSpacing(double everywhere)
+      : across(everywhere), up(everywhere) {}  // NOLINT(google-explicit-constructor)
+  PointSpacing(double horizontal, double vertical) : across(horizontal), up(vertical) {}
+  double least() const { return across < up ? across : up; }
+};
+
 /// Quadrature points of the shape in its own coordinates, no farther apart than about `spacing`
-/// metres: Gauss-Legendre rules over flat faces, heights and radii, even steps around a circle,
-/// three points (degree 2) for each part of a triangle. Smooth functions of the surface are
-/// integrated with an error that falls exponentially in 1 / spacing (mesh: with its third power).
-std::vector<SurfacePoint> quadrature(const Shape& shape, double spacing);
+/// (spheres and meshes: the lesser of its two everywhere): Gauss-Legendre rules over flat faces,
+/// heights and radii, even steps around a circle, three points (degree 2) for each part of a
+/// triangle. Smooth functions of the surface are integrated with an error that falls exponentially
+/// in 1 / spacing (mesh: with its third power).
+std::vector<SurfacePoint> quadrature(const Shape& shape, const PointSpacing& spacing);
 
 using Triangle = std::array<Eigen::Vector3d, 3>;
 

@@ -119,9 +119,10 @@ std::unique_ptr<ForwardModel> make_reference_renderer(const Scene& scene,
 enum class KnownLightSampling { usual, fine, below_fine };
 
 struct FastModelOptions {
-  /// Largest error of a bin relative to the pose's peak. The model takes the coarsest sampling
-  /// whose error, estimated by going on to at least twice as many cells at eight poses of the
-  /// search region, is below this: an estimate, not a bound for every pose.
+  /// Error of a bin relative to the pose's peak. The model takes the coarsest sampling whose error,
+  /// estimated by going on to at least twice as many cells at eight poses of the search region, is
+  /// below this: an estimate, not a bound for every pose. Of matt objects it is twice the relative
+  /// error of all bins (L2), root mean square over the poses.
   double tolerance = 0.01;
   /// Standard deviation of an extra Gaussian pulse, s: widens the basins of attraction.
   double extra_pulse_sigma = 0.0;
