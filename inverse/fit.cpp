@@ -30,7 +30,6 @@
 #include "inverse/posterior/posterior.h"
 #include "inverse/posterior/prior_moments.h"
 #include "inverse/posterior/unexplained_light.h"
-#include "inverse/search/climb.h"
 #include "inverse/search/compiled_scene.h"
 #include "inverse/search/refine.h"
 #include "inverse/search/scoring.h"
@@ -49,30 +48,10 @@ constexpr double kWorthAnother = 0.01;
 /// Captures of one sensor placement for which tables of exact histograms pay: they cost seconds,
 /// and save some ten milliseconds each.
 constexpr int kManyCaptures = 50;
-/// Starts that are followed at a time: more find out too late that others are better, fewer leave
-/// cores idle. Four by judgement, whatever the machine, so that answers do not depend on it.
-constexpr std::size_t kStartsAtOnce = 4;
-/// Difference in log posterior between closed-form light and the model at an optimum, or between
-/// what the optimum has and what a right one is expected to have, that shows closed form to be too
-/// rough to choose starts with: nearly what places may be below the best one before they are
-/// dropped (FitOptions::negligible_log_posterior), so that it may have dropped the right one.
-constexpr double kTooRough = 10;
 /// Presence is one half where the light says nothing, but for the rounding of evidence.
 constexpr double kNoEvidence = 0.51;
-/// So rough that descents on closed-form light, corrected by the model where they stand, do not get
-/// to optima: the steps of the model's own cost four times as much. By judgement between kTooRough
-/// and the thousand that it is off at 100,000 photons, where optima of a box and of two spheres
-/// were missed in two captures of twelve each.
-constexpr double kNoGuide = 100;
-/// Standard deviations of photon noise that a right optimum hardly ever lacks: one in 740 does.
-constexpr double kNoNoise = 3;
-/// Times as rough as there that it may be elsewhere, and starts that the model chooses then. Both
-/// by judgement: a larger factor has the model look at more places, each start costs it a descent.
-constexpr double kRoughElsewhere = 1.5;
-constexpr std::size_t kMorePlaces = 8;
-/// Places that the model has not judged yet are kept down to so many times the fall that is
-/// negligible. By judgement: it may still raise one against the best by half of that fall.
-constexpr double kBeforeModel = 1.5;
+/// Places that descents start from: by judgement, each costs some thirty evaluations of the model.
+constexpr std::size_t kPlaces = 8;
 /// Yaws from which the best optimum is looked for anew: 45 degrees apart where half a turn brings
 /// an object back to itself. A box in the street at 3,000, 10,000 and 30,000 photons (60 captures
 /// each): normalised error 1.16, 2.63, 3.19 without, 1.12, 1.02, 1.03 with them, for half as much
@@ -80,15 +59,6 @@ constexpr double kBeforeModel = 1.5;
 /// levels of light had a mean squared normalised error of 1.12, and 1.05 with them, for a tenth
 /// more time.
 constexpr int kYaws = 4;
-/// Steps in which the rest of the pose follows the yaw, two standard deviations each at most. By
-/// judgement; it ends before when a step gains nothing.
-constexpr int kFollowing = 6;
-/// A place this far below the best optimum in log posterior holds less than a per cent of the
-/// posterior, gains of its own descent included.
-constexpr double kWorthDescending = 6;
-/// Optima farther than this from a place, in grid spacings along some unknown, are not its own:
-/// they are nearer to another point of the grid.
-constexpr double kElsewhere = 0.5;
 /// Times that the best optimum is looked for anew: turned, or, of several objects, one's place
 /// while the others stay; and places of each that are followed. Two spheres at 100,000 photons
 /// needed one round and two places, a third of these.
@@ -107,155 +77,55 @@ constexpr double kFewEffective = 20;
 /// at most, for a pulse of 4 cm an error of (h / sigma)^2 / 6 = 0.2 %.
 constexpr double kSensorStep = 2e-3;
 
-/// Places that are about as good as the best optimum and have none near them: closed-form light,
-/// corrected where a descent stands, has led away over what is a valley to the model.
-std::vector<PoseVector> places_left(const CompiledScene& compiled,
-                                    const std::vector<Refined>& basins,
-                                    const std::vector<Refined>& optima) {
-  std::vector<PoseVector> left;
-  if (compiled.coarse.empty() || optima.empty()) return left;
-  const double least = optima.front().value.log_posterior - kWorthDescending;
+/// Optima of the basins that approach() ended in, and `optima`, best first.
+std::vector<Refined> with_basins(const PoseObjective& objective, std::vector<Refined> basins,
+                                 double negligible, std::vector<Refined> optima) {
+  const CompiledScene& compiled = objective.compiled();
+  if (!compiled.coarse.empty() && !compiled.spline) {
+    std::ranges::move(basins, std::back_inserter(optima));
+    return merge(compiled, std::move(optima), negligible);
+  }
+  // What a spline or a cheap model says of a basin may be off by half of what is negligible.
+  std::vector<PoseVector> places;
+  basins = merge(compiled, std::move(basins), 1.5 * negligible);
   for (const Refined& basin : basins) {
     const bool known = std::ranges::any_of(optima, [&](const Refined& optimum) {
-      return within_spacings(compiled, optimum.pose, basin.pose, kElsewhere);
+      return same_place(compiled, optimum.pose, basin.pose);
     });
-    if (!known && basin.value.log_posterior >= least) left.push_back(basin.pose);
+    if (!known) places.push_back(basin.pose);
   }
-  return left;
+  return places.empty() ? optima : polish_all(objective, places, negligible, std::move(optima));
 }
 
-/// Moves places whose yaw is given to where closed-form light is best with that yaw, best first.
-void follow_turns(const PoseObjective& objective, const Refined& optimum, Eigen::Index yaw,
-                  std::vector<Climbed>& places) {
-  const CompiledScene& compiled = objective.compiled();
-  const Eigen::Index n = optimum.pose.size();
-  const Eigen::MatrixXd precision =
-      pose_information(objective, optimum).pose + prior_precision(compiled.scene);
-  // One standard deviation each, given the yaw.
-  std::vector<Eigen::Index> free;
-  for (Eigen::Index r = 0; r < n; ++r) {
-    if (r != yaw) free.push_back(r);
-  }
-  const Eigen::MatrixXd root = Eigen::MatrixXd(precision(free, free))
-                                   .llt()
-                                   .matrixU()
-                                   .solve(Eigen::MatrixXd::Identity(n - 1, n - 1));
-  Eigen::MatrixXd directions = Eigen::MatrixXd::Zero(n, n - 1);
-  directions(free, Eigen::all) = root;
-  const LightSource light(compiled.coarse);
-  const LogTarget target = [&](const PoseVector& pose) {
-    if (!std::isfinite(log_pose_prior(compiled.scene, pose))) {
-      return -std::numeric_limits<double>::infinity();
-    }
-    LinearSolution linear = optimum.linear;
-    return objective.evaluate(light, pose, linear, true).log_posterior;
-  };
-  tbb::this_task_arena::isolate([&] {
-    tbb::parallel_for(std::size_t{0}, places.size(), [&](std::size_t j) {
-      Climbed& place = places[j];
-      place.target = target(place.pose);
-      if (!std::isfinite(place.target)) return;
-      Eigen::MatrixXd inverse = Eigen::MatrixXd::Identity(n - 1, n - 1);
-      place = climb(std::move(place), directions, target, kFollowing, inverse);
-    });
-  });
-  std::ranges::stable_sort(places, std::greater{}, &Climbed::target);
-}
-
-/// The best optimum, turned: other yaws, between which the range of yaws or the circle is divided,
-/// best first by closed-form light after everything but the yaw has followed; without those that
-/// are worse by more than `hopeless`. Turned where it stands, an object is worse whatever its yaw:
-/// descents from there led a box in the street (10,000 photons) back in 2 of 120 captures, sure of
-/// a yaw that is off by 64 degrees.
-std::vector<PoseVector> turned(const PoseObjective& objective, const Refined& optimum,
-                               double hopeless) {
-  const CompiledScene& compiled = objective.compiled();
-  const Scene& scene = compiled.scene;
-  std::vector<PoseVector> others;
-  const Eigen::Index n = optimum.pose.size();
-  for (Eigen::Index i = 0; i < n; ++i) {
-    const auto k = static_cast<std::size_t>(i);
-    const Unknown& unknown = scene.unknowns[k];
-    if (unknown.component != Component::yaw) continue;
-    const bool circular = period_of(scene, k) > 0;
-    const bool follow = n > 1 && !compiled.coarse.empty();
-    std::vector<Climbed> places;
-    for (int j = 1; j < kYaws; ++j) {
-      Climbed other{optimum.pose, 0, 0};
-      other.pose[i] += j * unknown.range() / kYaws;
-      if (!circular && other.pose[i] > unknown.upper) other.pose[i] -= unknown.range();
-      wrap_pose(scene, other.pose);
-      places.push_back(std::move(other));
-    }
-    if (follow) {
-      follow_turns(objective, optimum, i, places);
-      LinearSolution linear = optimum.linear;
-      const double here =
-          objective.evaluate(LightSource(compiled.coarse), optimum.pose, linear, true)
-              .log_posterior;
-      std::erase_if(places, [&](const Climbed& p) { return p.target < here - hopeless; });
-    }
-    for (Climbed& place : places) others.push_back(std::move(place.pose));
-  }
-  return others;
-}
-
-/// Where the last parts of descents from these places end, side by side.
-std::vector<Refined> approach_all(const PoseObjective& objective,
-                                  const std::vector<PoseVector>& places) {
-  std::vector<Refined> reached(places.size());
-  tbb::this_task_arena::isolate([&] {
-    tbb::parallel_for(std::size_t{0}, places.size(),
-                      [&](std::size_t i) { reached[i] = approach_closely(objective, places[i]); });
-  });
-  return reached;
-}
-
-/// Whether closed-form light is too rough at a place to lead from there, though it is good at the
-/// optimum.
-bool misled(const PoseObjective& objective, const Refined& optimum, const PoseVector& place) {
-  const CompiledScene& compiled = objective.compiled();
-  if (compiled.coarse.empty() || compiled.spline) return false;
-  const auto lacks = [&](const PoseVector& pose) {
-    LinearSolution linear = optimum.linear;
-    const double model = objective.evaluate(objective.models(), pose, linear, true).log_posterior;
-    return objective.evaluate(LightSource(compiled.coarse), pose, linear, true).log_posterior -
-           model;
-  };
-  return std::abs(lacks(place) - lacks(optimum.pose)) > kTooRough;
-}
-
-/// Looks for a better place of the best optimum when it is turned, until there is none; by the
-/// model where closed-form light is too rough to lead there, and there is no spline.
-std::vector<Refined> turn(const PoseObjective& objective, double negligible, double roughness,
+/// Looks for a better place of the best optimum when it is turned, until there is none: from other
+/// yaws, between which the range of yaws or the circle is divided. The rest of the pose follows
+/// first: turned where it stands, an object is worse whatever its yaw, and descents led a box in
+/// the street (10,000 photons) back in 2 of 120 captures, sure of a yaw that is off by 64 degrees.
+std::vector<Refined> turn(const PoseObjective& objective, double negligible,
                           std::vector<Refined> optima) {
   const CompiledScene& compiled = objective.compiled();
-  const bool by_model = roughness > kTooRough && !compiled.spline;
-  // Closed form may be off by its roughness at either place.
-  const double hopeless = kBeforeModel * negligible + 2 * roughness;
+  const Scene& scene = compiled.scene;
   for (int round = 0; round < kMaxRounds; ++round) {
-    std::vector<PoseVector> places = turned(objective, optima.front(), hopeless);
-    if (places.empty()) break;
-    const double before = optima.front().value.log_posterior;
-    // Where closed form fails at the best other place only, the model leads from that one.
-    const bool led_astray = !by_model && misled(objective, optima.front(), places.front());
-    if (led_astray) places.resize(1);
-    if (!by_model && !led_astray) {
-      const auto reached = merge(compiled, approach_all(objective, places), negligible);
-      places.clear();
-      for (const Refined& place : reached) {
-        if (place.value.log_posterior < before - kBeforeModel * negligible) break;
-        const bool known = std::ranges::any_of(optima, [&](const Refined& optimum) {
-          return same_place(compiled, optimum.pose, place.pose);
-        });
-        if (!known) places.push_back(place.pose);
+    const Refined top = optima.front();
+    std::vector<Refined> reached;
+    for (std::size_t k = 0; k < scene.unknowns.size(); ++k) {
+      const Unknown& unknown = scene.unknowns[k];
+      if (unknown.component != Component::yaw) continue;
+      const auto i = static_cast<Eigen::Index>(k);
+      std::vector<PoseVector> places;
+      for (int j = 1; j < kYaws; ++j) {
+        PoseVector& place = places.emplace_back(top.pose);
+        place[i] += j * unknown.range() / kYaws;
+        if (period_of(scene, k) <= 0 && place[i] > unknown.upper) place[i] -= unknown.range();
+        wrap_pose(scene, place);
       }
-      if (places.empty()) break;
-      optima = polish_all(objective, places, negligible, std::move(optima));
-    } else {
-      optima = descend_all(objective, places, negligible, std::move(optima));
+      const bool alone = scene.unknowns.size() == 1;
+      const auto held = alone ? std::nullopt : std::optional<int>(static_cast<int>(k));
+      std::ranges::move(approach_all(objective, places, held), std::back_inserter(reached));
     }
-    if (optima.front().value.log_posterior < before + kWorthAnother) break;
+    if (reached.empty()) break;
+    optima = with_basins(objective, std::move(reached), negligible, std::move(optima));
+    if (optima.front().value.log_posterior < top.value.log_posterior + kWorthAnother) break;
   }
   return optima;
 }
@@ -416,23 +286,10 @@ void set_flags(const Scene& scene, const Posterior& posterior, double left_over,
   flag(at_bound, "at_bound");
 }
 
-/// What the counts miss of the log likelihood that is expected at a right optimum; 0 where that may
-/// be photon noise by this many standard deviations.
-double unexplained(const PoseObjective& objective, const Refined& optimum, double deviations = 0) {
+/// What the counts miss of the log likelihood that is expected at a right optimum.
+double unexplained(const PoseObjective& objective, const Refined& optimum) {
   const GoodnessOfFit fit = goodness_of_fit(objective, optimum);
-  const double excess = fit.deviance - fit.expected;
-  return excess > deviations * fit.standard_deviation ? 0.5 * excess : 0.0;
-}
-
-/// What closed-form light may be off by in log posterior: what it is at an optimum, or what that
-/// optimum lacks of a right one; 0 where no closed form is used.
-double roughness_of_closed_form(const PoseObjective& objective, const Refined& optimum) {
-  if (objective.compiled().coarse.empty()) return 0;
-  LinearSolution linear = optimum.linear;
-  const LightSource light(objective.compiled().coarse);
-  const double value = objective.evaluate(light, optimum.pose, linear, true).log_posterior;
-  return std::max(std::abs(value - optimum.value.log_posterior),
-                  unexplained(objective, optimum, kNoNoise));
+  return 0.5 * std::max(fit.deviance - fit.expected, 0.0);
 }
 
 /// Samples in proportion to the cube of the number of unknowns, of which three and fewer ask for
@@ -481,7 +338,7 @@ std::vector<Refined> rearrange(const PoseObjective& objective, const Observation
     const Refined& top = optima.front();
     const double before = top.value.log_posterior;
     const std::vector<PoseVector> places =
-        other_places(objective, top.pose, top.linear, top.correction, kPlacesEach);
+        other_places(objective, top.pose, top.linear, kPlacesEach);
     optima = find_more(objective, observation, places, negligible, std::move(optima));
     if (optima.front().value.log_posterior < before + kWorthAnother) break;
   }
@@ -625,7 +482,6 @@ struct Fitter::Impl {
     std::vector<Refined> optima;     ///< best first
     std::vector<PoseVector> places;  ///< from which better models may search again
     double negligible = 0;           ///< log posterior below the best that may be dropped
-    double roughness = 0;            ///< of closed form, in log posterior
     long renders = 0;                ///< of an objective of its own
   };
   Search search(const PoseObjective& objective, const Scored& scored) const;
@@ -635,79 +491,32 @@ struct Fitter::Impl {
   FitResult fit(std::span<const Capture> captures);
 };
 
-/// Every basin that the scored poses lead to, and its optimum on the objective's models.
+/// Every basin that the scored poses lead to, and its optimum on the objective's models. Closed
+/// form chooses the poses that the models look at, and these where descents start.
 Fitter::Impl::Search Fitter::Impl::search(const PoseObjective& objective,
                                           const Scored& scored) const {
   const CompiledScene& compiled = objective.compiled();
-  std::vector<Refined> basins;
-  std::vector<PoseVector> approached;  // with a wide pulse
-  double best = -std::numeric_limits<double>::infinity();
-  double largest_gain = 0;
-  for (std::size_t next = 0; next < scored.starts.size();) {
-    // A start that would have to gain twice what any of three or more has gained so far cannot win.
-    std::vector<const Candidate*> chosen;
-    for (; next < scored.starts.size() && chosen.size() < kStartsAtOnce; ++next) {
-      const Candidate& start = scored.starts[next];
-      // Light of several objects is too rough in closed form to say so.
-      const bool hopeless = compiled.objects().empty() && basins.size() >= 3 &&
-                            start.log_posterior + 2 * largest_gain <
-                                best - kBeforeModel * options.negligible_log_posterior;
-      if (!hopeless) chosen.push_back(&start);
-    }
-    // Of those that a wide pulse brings to the same place one will do.
-    std::vector<PoseVector> places;
-    for (const Candidate* start : chosen) places.push_back(start->pose);
-    places = approach_widely(objective, places);
-    std::vector<std::size_t> apart;
-    for (std::size_t i = 0; i < chosen.size(); ++i) {
-      const bool double_start = compiled.widths.size() > 1 &&
-                                std::ranges::any_of(approached, [&](const PoseVector& other) {
-                                  return same_place(compiled, other, places[i]);
-                                });
-      if (double_start) continue;
-      approached.push_back(places[i]);
-      apart.push_back(i);
-    }
-    std::vector<PoseVector> left;
-    for (const std::size_t i : apart) left.push_back(places[i]);
-    std::vector<Refined> reached = approach_all(objective, left);
-    for (std::size_t i = 0; i < apart.size(); ++i) {
-      const double here = reached[i].value.log_posterior;
-      best = std::max(best, here);
-      largest_gain = std::max(largest_gain, here - chosen[apart[i]]->log_posterior);
-      basins.push_back(std::move(reached[i]));
-    }
+  std::vector<PoseVector> starts;
+  if (compiled.coarse.empty() || compiled.spline) {
+    for (const Candidate& start : scored.starts) starts.push_back(start.pose);
+  } else {
+    starts = best_by_model(objective, scored, kPlaces);
   }
   // The models' own error must not decide which basins are dropped: what the best one misses of its
   // expectation, a better model may give to another.
-  basins = merge(compiled, std::move(basins), std::numeric_limits<double>::infinity());
-  double negligible = options.negligible_log_posterior;
-  if (!basins.empty()) negligible += unexplained(objective, basins.front());
-  std::vector<PoseVector> places;
+  constexpr double kAll = std::numeric_limits<double>::infinity();
+  const std::vector<Refined> basins = merge(compiled, approach_all(objective, starts), kAll);
+  if (basins.empty()) return {};
+  Search found;
+  found.negligible = options.negligible_log_posterior + unexplained(objective, basins.front());
   for (const Refined& basin : basins) {
-    const double least = basins.front().value.log_posterior - kBeforeModel * negligible;
-    if (basin.value.log_posterior < least) break;
-    places.push_back(basin.pose);
+    const double least = basins.front().value.log_posterior - found.negligible;
+    if (basin.value.log_posterior >= least) found.places.push_back(basin.pose);
   }
-  std::vector<Refined> optima = polish_all(objective, places, negligible);
-  if (const auto lost = places_left(compiled, basins, optima); !lost.empty()) {
-    optima = descend_all(objective, lost, negligible, std::move(optima));
-  }
-  if (optima.empty()) return {};
-  const double roughness = roughness_of_closed_form(objective, optima.front());
-  if (roughness > kTooRough) {
-    const std::vector<PoseVector> more =
-        best_by_model(objective, scored, kMorePlaces, kRoughElsewhere * roughness);
-    if (roughness > kNoGuide) {
-      optima = descend_all(objective, more, negligible, std::move(optima));
-      places.clear();  // where closed form had led
-    } else {
-      places.insert(places.end(), more.begin(), more.end());
-      optima = polish_all(objective, more, negligible, std::move(optima));
-    }
-  }
-  optima = turn(objective, negligible, roughness, std::move(optima));
-  return {std::move(optima), std::move(places), negligible, roughness};
+  found.optima = with_basins(objective, basins, found.negligible, {});
+  if (found.optima.empty()) return {};
+  found.optima = turn(objective, found.negligible, std::move(found.optima));
+  return found;
 }
 
 /// The search by a few captures of many, from places as far apart as any: what costs a model of
@@ -755,8 +564,7 @@ Fitter::Impl::Search Fitter::Impl::on_all(const PoseObjective& objective, const 
   all.places.clear();
   for (const Refined& optimum : few.optima) all.places.push_back(optimum.pose);
   constexpr double kAll = std::numeric_limits<double>::infinity();
-  all.optima = objective.compiled().coarse.empty() ? polish_all(objective, all.places, kAll)
-                                                   : descend_all(objective, all.places, kAll, {});
+  all.optima = polish_all(objective, all.places, kAll);
   if (!all.optima.empty()) {
     all.negligible = options.negligible_log_posterior + unexplained(objective, all.optima.front());
   }
@@ -829,7 +637,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
     model_error = sharpen(objective, optima, found.places, found.negligible);
   }
   optima = settle_all(objective, std::move(optima), found.negligible);
-  if (!compiled.objects().empty() && found.roughness > kTooRough) {
+  if (!compiled.objects().empty()) {
     optima = rearrange(objective, observation, found.negligible, std::move(optima));
   }
   result.time_ms.refine = stage.lap();

@@ -18,12 +18,6 @@ ShapeBuffer& scratch() {
 
 }  // namespace
 
-std::optional<LightSource> steering_light(const CompiledScene& compiled) {
-  if (compiled.spline) return LightSource(*compiled.spline);
-  if (!compiled.coarse.empty()) return LightSource(compiled.coarse);
-  return std::nullopt;
-}
-
 bool RecentLight::find(const ModelSet& models, const PoseVector& pose,
                        std::vector<double>& light) const {
   const std::scoped_lock lock(mutex_);
@@ -132,41 +126,22 @@ void PoseObjective::shapes(const LightSource& light, const PoseVector& pose,
       if (light.models != nullptr && !light.once) recent_.keep(*light.models, pose, buffer.object);
     }
   }
-  if (light.correction != nullptr) correct(*light.correction, pose, buffer);
+  if (light.correction != nullptr) correct(*light.correction, buffer);
   point(buffer, true);
 }
 
-void PoseObjective::correct(const Correction& correction, const PoseVector& pose,
-                            ShapeBuffer& buffer) const {
-  Eigen::VectorXd change;
-  if (correction.slope.size() > 0) {
-    change = correction.slope * pose_difference(compiled_.scene, correction.pose, pose);
-  }
+void PoseObjective::correct(const Correction& correction, ShapeBuffer& buffer) const {
   std::size_t r = 0;
   for (std::size_t z = 0; z < solver_.observation().zones.size(); ++z) {
     for (int k = 0; k < solver_.observation().zones[z].bins(); ++k, ++r) {
-      double light = correction.scale[z] * buffer.object[r] + correction.added[r];
-      if (change.size() > 0) light += change[static_cast<Eigen::Index>(r)];
-      buffer.object[r] = std::max(light, 0.0);
+      buffer.object[r] =
+          std::max(correction.scale[z] * buffer.object[r] + correction.added[r], 0.0);
     }
   }
 }
 
-void PoseObjective::correct_slope(const Eigen::MatrixXd& light, const Eigen::MatrixXd& cheap,
-                                  Correction& correction) const {
-  correction.slope = light;
-  Eigen::Index row = 0;
-  for (std::size_t z = 0; z < solver_.observation().zones.size(); ++z) {
-    const int bins = solver_.observation().zones[z].bins();
-    correction.slope.middleRows(row, bins) -= correction.scale[z] * cheap.middleRows(row, bins);
-    row += bins;
-  }
-}
-
-Correction PoseObjective::correction(const PoseVector& pose, const ShapeBuffer& light,
-                                     const ShapeBuffer& cheap) const {
+Correction PoseObjective::correction(const ShapeBuffer& light, const ShapeBuffer& cheap) const {
   Correction c;
-  c.pose = pose;
   c.added.resize(light.object.size());
   std::size_t begin = 0;
   for (const ObservedZone& zone : solver_.observation().zones) {

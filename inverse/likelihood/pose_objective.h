@@ -31,13 +31,10 @@ struct PoseValue {
 };
 
 /// What a cheap light lacks at a pose of the model's: it is scaled zone by zone, then the rest is
-/// added. Near that pose the corrected light has the model's values; slopes are the model's as well
-/// where they are known, else the cheap light's.
+/// added. Near that pose the corrected light has the model's values and the cheap light's slopes.
 struct Correction {
-  PoseVector pose;
   std::vector<double> scale;  ///< [observed zones]
   std::vector<double> added;  ///< [rows] counts at unit amplitude
-  Eigen::MatrixXd slope;      ///< [rows, unknowns] of what is added; empty: none
 
   bool empty() const { return added.empty(); }
 };
@@ -80,10 +77,6 @@ struct LightSource {
     return light;
   }
 };
-
-/// The cheap light that steers a descent on the model: the spline, or closed-form models; nothing
-/// where there is neither.
-std::optional<LightSource> steering_light(const CompiledScene& compiled);
 
 /// The models' light at the poses asked for last. A descent ends where its slopes, its corrections,
 /// the Fisher information, the goodness of fit and the fitted histograms then start from. Thread
@@ -138,11 +131,7 @@ class PoseObjective {
   void shapes_of(std::span<const double> light, ShapeBuffer& buffer) const;
 
   /// What `cheap` lacks of `light`, both at a pose.
-  Correction correction(const PoseVector& pose, const ShapeBuffer& light,
-                        const ShapeBuffer& cheap) const;
-  /// Adds what the slopes `cheap` lack of `light`'s, both [rows, unknowns].
-  void correct_slope(const Eigen::MatrixXd& light, const Eigen::MatrixXd& cheap,
-                     Correction& correction) const;
+  Correction correction(const ShapeBuffer& light, const ShapeBuffer& cheap) const;
 
   /// The models that decide: the compiled scene's, unless others were chosen. They must outlive
   /// this.
@@ -169,7 +158,7 @@ class PoseObjective {
   void point(ShapeBuffer& buffer, bool object) const;
   /// Light of models or of closed-form models, gains included.
   void render(const LightSource& light, const PoseVector& pose, std::vector<double>& object) const;
-  void correct(const Correction& correction, const PoseVector& pose, ShapeBuffer& buffer) const;
+  void correct(const Correction& correction, ShapeBuffer& buffer) const;
 
   const CompiledScene& compiled_;
   const GatedBackground& background_;

@@ -169,7 +169,7 @@ SampleLights sample_lights(const PoseObjective& objective,
       ShapeBuffer rough;
       objective.shapes(light_near(objective, *optima[j]), pose, right);
       objective.shapes(objective.rough_models(), pose, rough);
-      lights.corrections[j] = objective.correction(pose, right, rough);
+      lights.corrections[j] = objective.correction(right, rough);
     });
   });
   lights.far = lights.far.asked_once();

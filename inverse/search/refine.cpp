@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "inverse/likelihood/light_slope.h"
 #include "inverse/posterior/fisher_information.h"
@@ -28,9 +29,9 @@ constexpr Stop kApproach{8, 1e-4};
 constexpr Stop kApproachCheap{40, 1e-5};
 constexpr Stop kSettle{12, 1e-6};
 constexpr Stop kPolish{25, 1e-6, true};
-/// Corrections of the steering light by the model in a row: each leaves of a move the share by
-/// which the steering light's derivatives are off, two its square. And the gain in log posterior
-/// that calls for another, from a move of a tenth of a standard deviation.
+/// Corrections of the spline by the model in a row: each leaves of a move the share by which the
+/// spline's derivatives are off, two its square. And the gain in log posterior that calls for
+/// another, from a move of a tenth of a standard deviation.
 constexpr int kMaxCorrections = 2;
 constexpr double kWorthCorrecting = 0.005;
 /// Gain in log posterior from a move of a fifth of a standard deviation: for less no failed step is
@@ -42,7 +43,7 @@ constexpr double kSmallGain = 0.02;
 constexpr double kLargeGain = 2;
 constexpr int kMaxMoves = 3;
 /// Optima this far below the best in log posterior hold less than a per cent of the posterior each:
-/// the steering light's derivatives do for them.
+/// where the first descent left them will do.
 constexpr double kWorthSettling = 5;
 /// Places no more than this above the parabola about a better one, in log posterior, and within so
 /// many standard deviations of it, are on the slopes of its peak: a descent has ended early there,
@@ -179,10 +180,11 @@ double region_size(const Scene& scene) {
   return std::max(std::sqrt(square), 1e-300);
 }
 
-/// Ceres on one model set, from and to `result`. `slope` becomes the light's where it ends, empty
-/// where that is not known.
+/// Ceres on one model set, from and to `result`; an unknown may be held. `slope` becomes the
+/// light's where it ends, empty where that is not known.
 void minimise(const PoseObjective& objective, const LightSource& light, const Stop& stop,
-              Refined& result, Eigen::MatrixXd* slope = nullptr) {
+              Refined& result, Eigen::MatrixXd* slope = nullptr,
+              std::optional<int> held = std::nullopt) {
   const Scene& scene = objective.compiled().scene;
   ResidualCost cost(objective, light, stop.central, result.linear, result.evaluations);
   ceres::Problem::Options ownership;
@@ -194,6 +196,10 @@ void minimise(const PoseObjective& objective, const LightSource& light, const St
     if (period_of(scene, i) > 0) continue;
     problem.SetParameterLowerBound(x, static_cast<int>(i), scene.unknowns[i].lower);
     problem.SetParameterUpperBound(x, static_cast<int>(i), scene.unknowns[i].upper);
+  }
+  if (held) {
+    const auto size = static_cast<int>(result.pose.size());
+    problem.SetManifold(x, new ceres::SubsetManifold(size, {*held}));  // problem owns it
   }
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
@@ -236,7 +242,7 @@ class NearbyModel {
     if (&objective.models() == &objective.rough_models()) return;
     ShapeBuffer rough;
     objective.shapes(objective.rough_models(), pose, rough);
-    correction_ = objective.correction(pose, *here, rough);
+    correction_ = objective.correction(*here, rough);
     light_ = LightSource(objective.rough_models()).corrected(correction_);
   }
   NearbyModel(const NearbyModel&) = delete;
@@ -253,54 +259,37 @@ class NearbyModel {
   LightSource light_;
 };
 
-/// The model's value at the pose, and what the steering light lacks there.
-/// `here`: the model's light there, where that is known.
-Refined finish_corrected(const PoseObjective& objective, const LightSource& steering,
-                         const LightSource& model, Refined result,
-                         const ShapeBuffer* here = nullptr) {
-  const CompiledScene& compiled = objective.compiled();
-  wrap_pose(compiled.scene, result.pose);
-  ShapeBuffer own;
+/// The model's value at the pose, and what the cheaper light lacks there.
+Refined finish_corrected(const PoseObjective& objective, const LightSource& cheaper,
+                         Refined result) {
+  wrap_pose(objective.compiled().scene, result.pose);
+  ShapeBuffer right;
   ShapeBuffer cheap;
-  if (here == nullptr) objective.shapes(model, result.pose, own);
-  objective.shapes(steering, result.pose, cheap);
-  const ShapeBuffer& right = here != nullptr ? *here : own;
-  result.correction = objective.correction(result.pose, right, cheap);
+  objective.shapes(objective.models(), result.pose, right);
+  objective.shapes(cheaper, result.pose, cheap);
+  result.correction = objective.correction(right, cheap);
   result.value =
       objective.evaluate(right, result.pose, result.linear, !result.linear.ambient.empty());
   ++result.evaluations;
   return result;
 }
 
-/// Least squares on the model with a cheap light's derivatives: minimises on that light as the
-/// model corrects it at the last pose, until that gains no more. Where it stops, J'r = 0 holds with
-/// the cheap light's Jacobian instead of the model's; if their columns differ by a share e, the log
+/// Least squares on the model with the spline's derivatives: minimises on the spline as the model
+/// corrects it at the last pose, until that gains no more. Where it stops, J'r = 0 holds with the
+/// spline's Jacobian instead of the model's; if their columns differ by a share e, the log
 /// posterior lacks e^2 / 2 an unknown there, times the misfit (chi squared a degree of freedom).
-Refined polish_steered(const PoseObjective& objective, const LightSource& steering, Refined start,
-                       const Stop& stop, int corrections) {
-  const LightSource model = objective.models();
-  Refined best = finish_corrected(objective, steering, model, std::move(start));
-  for (int k = 0; k < corrections; ++k) {
+Refined polish_on_spline(const PoseObjective& objective, Refined start) {
+  const LightSource spline(*objective.compiled().spline);
+  Refined best = finish_corrected(objective, spline, std::move(start));
+  for (int k = 0; k < kMaxCorrections; ++k) {
     Refined next = best;
-    minimise(objective, steering.corrected(best.correction), stop, next);
-    next = finish_corrected(objective, steering, model, std::move(next));
+    minimise(objective, spline.corrected(best.correction), kSettle, next);
+    next = finish_corrected(objective, spline, std::move(next));
     const double gain = next.value.log_posterior - best.value.log_posterior;
     if (gain > 0) best = std::move(next);
     if (gain < kWorthCorrecting) break;
   }
   return best;
-}
-
-/// Least squares on the model, and what the steering light lacks where it ends, slopes included.
-void settle_on(const PoseObjective& objective, const LightSource& steering,
-               const LightSource& model, Refined& optimum) {
-  Eigen::MatrixXd slope;
-  minimise(objective, model, kSettle, optimum, &slope);
-  optimum = finish_corrected(objective, steering, model, std::move(optimum));
-  if (slope.size() == 0) slope = light_slope(objective, model, optimum.pose);
-  optimum.slope = std::move(slope);
-  objective.correct_slope(optimum.slope, light_slope(objective, steering, optimum.pose),
-                          optimum.correction);
 }
 
 /// Leaves out what is on the slopes of the best one's peak; `optima` best first.
@@ -330,80 +319,80 @@ int bound_at(const Scene& scene, const PoseVector& pose, Eigen::Index unknown) {
 }
 
 LightSource light_near(const PoseObjective& objective, const Refined& refined) {
-  const std::optional<LightSource> steering = steering_light(objective.compiled());
-  if (steering && !refined.correction.empty()) return steering->corrected(refined.correction);
-  return objective.models();
+  if (refined.correction.empty()) return objective.models();
+  const CompiledScene& compiled = objective.compiled();
+  const LightSource cheaper =
+      compiled.spline ? LightSource(*compiled.spline) : LightSource(objective.rough_models());
+  return cheaper.corrected(refined.correction);
 }
 
-Refined approach_closely(const PoseObjective& objective, const PoseVector& place) {
+Refined approach(const PoseObjective& objective, const PoseVector& start,
+                 std::optional<int> held_first) {
   const CompiledScene& compiled = objective.compiled();
   Refined result;
-  result.pose = place;
+  result.pose = start;
+  const auto descend = [&](const LightSource& light, const Stop& stop) {
+    if (held_first) minimise(objective, light, stop, result, nullptr, held_first);
+    minimise(objective, light, stop, result);
+  };
   if (compiled.spline) {
-    minimise(objective, *compiled.spline, kApproachCheap, result);
+    descend(*compiled.spline, kApproachCheap);
     return finish(objective, *compiled.spline, std::move(result));
   }
   if (!compiled.coarse.empty()) {
-    minimise(objective, LightSource(compiled.coarse, compiled.widths.back()), kApproach, result);
-    return polish_steered(objective, LightSource(compiled.coarse), std::move(result), kApproach, 1);
+    descend(objective.models(), kApproach);
+    return finish(objective, objective.models(), std::move(result));
   }
   for (std::size_t rung = 0; rung + 1 < compiled.ladder.size(); ++rung) {
-    minimise(objective, compiled.ladder[rung], kApproach, result);
+    descend(compiled.ladder[rung], kApproach);
   }
   return finish(objective, compiled.cheap_models(), std::move(result));
 }
 
-std::vector<PoseVector> approach_widely(const PoseObjective& objective,
-                                        const std::vector<PoseVector>& starts) {
-  const CompiledScene& compiled = objective.compiled();
+std::vector<Refined> approach_all(const PoseObjective& objective,
+                                  const std::vector<PoseVector>& starts,
+                                  std::optional<int> held_first) {
   std::vector<Refined> reached(starts.size());
   tbb::this_task_arena::isolate([&] {
     tbb::parallel_for(std::size_t{0}, starts.size(), [&](std::size_t i) {
-      reached[i].pose = starts[i];
-      for (std::size_t w = 0; w + 1 < compiled.widths.size() && !compiled.coarse.empty(); ++w) {
-        minimise(objective, LightSource(compiled.coarse, compiled.widths[w]), kApproach,
-                 reached[i]);
-      }
-      wrap_pose(compiled.scene, reached[i].pose);
+      reached[i] = approach(objective, starts[i], held_first);
     });
   });
-  std::vector<PoseVector> places;
-  for (const Refined& refined : reached) places.push_back(refined.pose);
-  return places;
-}
-
-Refined approach(const PoseObjective& objective, const PoseVector& start) {
-  return approach_closely(objective, approach_widely(objective, {start}).front());
+  return reached;
 }
 
 Refined polish(const PoseObjective& objective, const PoseVector& start) {
   const CompiledScene& compiled = objective.compiled();
   Refined result;
   result.pose = start;
-  if (const auto steering = steering_light(compiled)) {
-    // On closed form optima are settled later.
-    const Stop& stop = compiled.coarse.empty() ? kSettle : kApproachCheap;
-    return polish_steered(objective, *steering, std::move(result), stop, kMaxCorrections);
-  }
+  if (compiled.spline) return polish_on_spline(objective, std::move(result));
+  if (!compiled.coarse.empty()) return approach(objective, start);  // settled later
   minimise(objective, objective.models(), kPolish, result);
   return finish(objective, objective.models(), std::move(result));
 }
 
 void settle(const PoseObjective& objective, Refined& optimum, const ShapeBuffer* here) {
   const CompiledScene& compiled = objective.compiled();
-  if (compiled.coarse.empty()) {
+  if (compiled.coarse.empty() || compiled.spline) {
     optimum = polish(objective, optimum.pose);
     return;
   }
-  const LightSource steering(compiled.coarse);
   for (int k = 0; k < kMaxMoves; ++k) {
     const NearbyModel model(objective, optimum.pose, k == 0 ? here : nullptr);
     const double before =
         objective
             .evaluate(model.here(), optimum.pose, optimum.linear, !optimum.linear.ambient.empty())
             .log_posterior;
-    settle_on(objective, steering, model.light(), optimum);
-    if (model.light().correction == nullptr) break;
+    minimise(objective, model.light(), kSettle, optimum, &optimum.slope);
+    if (optimum.slope.size() == 0) {
+      optimum.slope = light_slope(objective, model.light(), optimum.pose);
+    }
+    if (model.light().correction == nullptr) {
+      optimum.correction = {};
+      optimum = finish(objective, objective.models(), std::move(optimum));
+      break;
+    }
+    optimum = finish_corrected(objective, objective.rough_models(), std::move(optimum));
     if (optimum.value.log_posterior < before + kLargeGain) break;
   }
 }
@@ -420,23 +409,6 @@ std::vector<Refined> polish_all(const PoseObjective& objective,
   optima = merge(objective.compiled(), std::move(optima), negligible);
   return objective.compiled().coarse.empty() ? optima
                                              : without_slopes(objective, std::move(optima));
-}
-
-std::vector<Refined> descend_all(const PoseObjective& objective,
-                                 const std::vector<PoseVector>& places, double negligible,
-                                 std::vector<Refined> optima) {
-  const std::size_t known = optima.size();
-  optima.resize(known + places.size());
-  const LightSource steering(objective.compiled().coarse);
-  tbb::this_task_arena::isolate([&] {
-    tbb::parallel_for(std::size_t{0}, optima.size(), [&](std::size_t i) {
-      Refined& optimum = optima[i];
-      if (i >= known) optimum.pose = places[i - known];
-      minimise(objective, objective.models(), kApproach, optimum);
-      optimum = finish_corrected(objective, steering, objective.models(), std::move(optimum));
-    });
-  });
-  return without_slopes(objective, merge(objective.compiled(), std::move(optima), negligible));
 }
 
 std::vector<Refined> settle_all(const PoseObjective& objective, std::vector<Refined> optima,

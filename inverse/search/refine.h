@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Nonlinear least squares from one start: on a cheap light, on it as the model corrects it, on the
-/// model.
+/// Nonlinear least squares from one start: on the models, or on a cheaper light as these correct
+/// it.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "inverse/likelihood/pose_objective.h"
@@ -13,7 +14,9 @@ struct Refined {
   PoseVector pose;
   PoseValue value;
   LinearSolution linear;
-  Correction correction;  ///< what the steering light lacks at the pose; empty without one
+  /// What the spline lacks at the pose or, where the objective's models are better ones than the
+  /// rough ones, what the rough ones lack; else empty.
+  Correction correction;
   Eigen::MatrixXd slope;  ///< [rows, n] the model's at or near the pose; empty if not asked for
   int evaluations = 0;
   bool converged = false;
@@ -22,23 +25,21 @@ struct Refined {
 /// Where an unknown is in the search region: -1 at its lower bound, 1 at its upper one, else 0.
 int bound_at(const Scene& scene, const PoseVector& pose, Eigen::Index unknown);
 
-/// Where descents from `starts` end on closed-form light with widened pulses; without such light
-/// the starts themselves.
-std::vector<PoseVector> approach_widely(const PoseObjective& objective,
-                                        const std::vector<PoseVector>& starts);
-
 /// Minimises the deviance from `start` with Ceres (Levenberg-Marquardt, bounds, forward
-/// differences in steps of CompiledScene::step): on the spline through the scored poses where there
-/// is one (the value is its), else on closed-form light, wide pulses first (the value is the
-/// model's), else on the ladder's cheap models (the value is theirs).
-Refined approach(const PoseObjective& objective, const PoseVector& start);
+/// differences in steps of CompiledScene::step), to tell basins apart: on the spline through the
+/// scored poses where there is one (the value is its), else on the objective's models, for measured
+/// laws on the ladder's cheap ones (the value is theirs). An unknown may be held first: the others
+/// follow it before it moves.
+Refined approach(const PoseObjective& objective, const PoseVector& start,
+                 std::optional<int> held_first = std::nullopt);
 
-/// The last part of that, from where approach_widely() ended: for those who follow only one of the
-/// starts that end at the same place.
-Refined approach_closely(const PoseObjective& objective, const PoseVector& place);
+/// The same from several places, side by side.
+std::vector<Refined> approach_all(const PoseObjective& objective,
+                                  const std::vector<PoseVector>& starts,
+                                  std::optional<int> held_first = std::nullopt);
 
-/// The same with the model of the wanted tolerance, from a start in the right basin: a steering
-/// light gives the derivatives and the model the residuals; without one, both are the model's.
+/// With the objective's models, from a start in the right basin: a spline gives the derivatives and
+/// the models the residuals; without one, both are the models'.
 Refined polish(const PoseObjective& objective, const PoseVector& start);
 
 /// Optima from starts in the right basins, and `optima` that are known already: polished and
@@ -48,14 +49,8 @@ std::vector<Refined> polish_all(const PoseObjective& objective,
                                 const std::vector<PoseVector>& starts, double negligible,
                                 std::vector<Refined> optima = {});
 
-/// The same from places where closed-form light is too rough to steer: by the model's own
-/// derivatives.
-std::vector<Refined> descend_all(const PoseObjective& objective,
-                                 const std::vector<PoseVector>& places, double negligible,
-                                 std::vector<Refined> optima);
-
-/// Where closed-form light steered: those that may matter settled by the model's own derivatives,
-/// and merged.
+/// Those that may matter brought to the end of their descents, with the light's slopes there, and
+/// merged; not on splines, nor for measured laws.
 std::vector<Refined> settle_all(const PoseObjective& objective, std::vector<Refined> optima,
                                 double negligible);
 
@@ -75,8 +70,8 @@ std::vector<Refined> find_more(const PoseObjective& objective, const Observation
                                const std::vector<PoseVector>& starts, double negligible,
                                std::vector<Refined> optima);
 
-/// The light at and near a refined pose: the corrected steering light where there is one, else the
-/// model.
+/// The light at and near a refined pose: the models', or the cheaper light that these correct
+/// there.
 LightSource light_near(const PoseObjective& objective, const Refined& refined);
 
 }  // namespace blindcorner

@@ -460,13 +460,14 @@ std::vector<Candidate> object_starts(const PoseObjective& objective, const Linea
 }
 
 std::vector<PoseVector> other_places(const PoseObjective& objective, const PoseVector& optimum,
-                                     const LinearSolution& linear, const Correction& correction,
-                                     std::size_t most) {
+                                     const LinearSolution& linear, std::size_t most) {
   const CompiledScene& compiled = objective.compiled();
-  // The slopes that it lacks hold near the optimum only.
-  Correction values = correction;
-  values.slope.resize(0, 0);
-  const LightSource light = LightSource(compiled.coarse).corrected(values);
+  ShapeBuffer right;
+  ShapeBuffer closed;
+  objective.shapes(objective.rough_models(), optimum, right);
+  objective.shapes(LightSource(compiled.coarse), optimum, closed);
+  const Correction correction = objective.correction(right, closed);
+  const LightSource light = LightSource(compiled.coarse).corrected(correction);
   std::vector<PoseVector> chosen;
   for (std::size_t object = 0; object < compiled.objects().size(); ++object) {
     const CompiledScene::ObjectGrid& grid = compiled.objects()[object];
@@ -601,19 +602,22 @@ Scored score(const PoseObjective& objective, const LinearSolution& empty, int co
 }
 
 std::vector<PoseVector> best_by_model(const PoseObjective& objective, const Scored& scored,
-                                      std::size_t count, double within) {
+                                      std::size_t count) {
   const CompiledScene& compiled = objective.compiled();
   struct Place {
     double log_posterior;
     PoseVector pose;
   };
-  // Of several objects, starts are arranged; scored poses of all together are far between.
-  const std::vector<Candidate>& known = compiled.objects().empty() ? scored.exact : scored.starts;
   std::vector<Place> places;
-  for (const Candidate& c : known) {
-    if (places.size() == kMaxByModel) break;
-    if (c.log_posterior < known.front().log_posterior - within) break;
-    places.push_back({0, c.pose});
+  for (const Candidate& c : scored.starts) places.push_back({0, c.pose});
+  // Of several objects, starts are arranged; scored poses of all together are far between.
+  if (compiled.objects().empty()) {
+    for (const Candidate& c : scored.exact) {
+      if (places.size() >= kMaxByModel) break;
+      const bool start = std::ranges::any_of(
+          scored.starts, [&](const Candidate& s) { return s.index == c.index; });
+      if (!start) places.push_back({0, c.pose});
+    }
   }
   tbb::this_task_arena::isolate([&] {
     tbb::parallel_for(std::size_t{0}, places.size(), [&](std::size_t i) {

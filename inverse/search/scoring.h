@@ -91,18 +91,16 @@ std::vector<Candidate> object_starts(const PoseObjective& objective, const Linea
 /// `optimum`: of each object the `most` best places that are no neighbours of a better one.
 /// Closed-form light, corrected at the optimum, with the objects' shadows on each other.
 std::vector<PoseVector> other_places(const PoseObjective& objective, const PoseVector& optimum,
-                                     const LinearSolution& linear, const Correction& correction,
-                                     std::size_t most);
+                                     const LinearSolution& linear, std::size_t most);
 
 /// Scores all poses with the matched filter (faint objects with both weights) and its best ones
 /// exactly, both lists best first. At most `count` starts, none next to a better one on the grid.
 Scored score(const PoseObjective& objective, const LinearSolution& empty, int count,
              double negligible);
 
-/// Of the poses that were scored exactly in closed form, of several objects of the starts, the best
-/// by the model's own light that are no neighbours, at most `count`: for captures so bright that
-/// the closed form is too rough. Looks at those whose score is at most `within` below the best.
+/// Of the starts and, of one object, the best of the poses that were scored exactly in closed form:
+/// those that are best by the model's own light and no neighbours, at most `count`.
 std::vector<PoseVector> best_by_model(const PoseObjective& objective, const Scored& scored,
-                                      std::size_t count, double within);
+                                      std::size_t count);
 
 }  // namespace blindcorner

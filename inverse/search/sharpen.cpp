@@ -80,6 +80,12 @@ Eigen::MatrixXd in_any_direction(double square, const Eigen::MatrixXd& precision
   return square / static_cast<double>(precision.rows()) * precision.inverse();
 }
 
+/// The posterior's shape is this model's too: what others lacked of it is none any more.
+void use_for_all(PoseObjective& objective, const ModelSet& models, std::vector<Refined>& optima) {
+  objective.use_roughly(models);
+  for (Refined& optimum : optima) optimum.correction = {};
+}
+
 /// Moves the optima that may matter; `here`: the models' light at the first, where that is known.
 void sharpen_each(const PoseObjective& objective, std::vector<Refined>& optima,
                   const ShapeBuffer* here) {
@@ -187,7 +193,7 @@ ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima,
     const double shift = std::abs(value.log_posterior - top.value.log_posterior) / wider;
     if (level <= levels.most_jagged && overstated(objective, move.precision, *finer, top, then)) {
       objective.use(*finer);
-      objective.use_roughly(*finer);
+      use_for_all(objective, *finer, optima);
       sharpen_each(objective, optima, &then);
       optima = merge(compiled, std::move(optima), negligible);
       error.covariance *= kLeft * kLeft;
@@ -204,7 +210,7 @@ ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima,
     const bool astray = shift > kAstray;
     if (astray || size > levels.large_move || shift > levels.large_shift) {
       // What worse models say of other optima, and of the posterior's shape, is no longer good.
-      objective.use_roughly(*finer);
+      use_for_all(objective, *finer, optima);
       std::vector<PoseVector> starts = places;
       for (const Refined& optimum : optima) starts.push_back(optimum.pose);
       optima = polish_all(objective, starts, negligible);

@@ -89,8 +89,7 @@ class CaptureLikelihood final : public FrameLikelihood {
 
   Update update(const Gaussian& prior, const Eigen::VectorXd& start,
                 double inflation) const override {
-    return compiled_.coarse.empty() ? on_model(prior, start, inflation)
-                                    : steered(prior, start, inflation);
+    return with_model(prior, start, inflation);
   }
 
   std::vector<Eigen::VectorXd> starts() const override {
@@ -153,12 +152,6 @@ class CaptureLikelihood final : public FrameLikelihood {
     Eigen::MatrixXd precision;
     double log;
   };
-  /// Derivatives of the light, [rows, poses].
-  struct Slopes {
-    PoseVector pose;
-    Eigen::MatrixXd model, cheap;
-  };
-
   Eigen::Index poses() const { return compiled_.unknown_count(); }
   Eigen::Index size() const { return poses() + (has_amplitude(compiled_.scene) ? 1 : 0); }
   double amplitude(const Eigen::VectorXd& at) const {
@@ -178,59 +171,31 @@ class CaptureLikelihood final : public FrameLikelihood {
     for (double& value : light.object) value *= a;
   }
 
-  Update on_model(const Gaussian& prior, const Eigen::VectorXd& start, double inflation) const {
+  /// At the end a finer model corrects the values: the model's error is much the same in frame
+  /// after frame, so that no number of them averages it out. By what it may still be, the frame
+  /// counts for less.
+  Update with_model(const Gaussian& prior, const Eigen::VectorXd& start, double inflation) const {
     Eigen::VectorXd at = start;
     if (compiled_.spline) at = descend(*compiled_.spline, prior, at, inflation).at;
-    const State best = descend(compiled_.models(), prior, at, inflation);
-    return as_it_falls(compiled_.models(), prior, best, inflation);
-  }
-
-  /// The model corrects the closed-form light, first its values, then its slopes as well, until
-  /// that hardly moves the optimum. Slopes hold over a standard deviation. At the end a finer model
-  /// corrects the values: the model's error is much the same in frame after frame, so that no
-  /// number of them averages it out. By what it may still be, the frame counts for less.
-  Update steered(const Gaussian& prior, const Eigen::VectorXd& start, double inflation) const {
-    const LightSource steering(compiled_.coarse);
-    State best;
-    best.at = start;
-    std::optional<Slopes> slopes;
-    Correction correction;
-    for (int k = 0; k < kCorrections; ++k) {
-      const PoseVector before = best.at.head(poses());
-      ShapeBuffer model;
-      ShapeBuffer cheap;
-      objective_.shapes(compiled_.models(), before, model);
-      objective_.shapes(steering, before, cheap);
-      correction = objective_.correction(before, model, cheap);
-      if (k > 0) {
-        if (!slopes || standard_deviations(best, slopes->pose) > kSlopesHold) {
-          slopes.emplace();
-          slopes->pose = before;
-          light_slope(objective_, compiled_.models(), before, model, Differences::one_sided,
-                      slopes->model);
-          light_slope(objective_, steering, before, cheap, Differences::one_sided, slopes->cheap);
-        }
-        objective_.correct_slope(slopes->model, slopes->cheap, correction);
-      }
-      best = descend(steering.corrected(correction), prior, best.at, inflation);
-      if (k > 0 && standard_deviations(best, before) < kSmallMove) break;
-    }
+    LightSource light = compiled_.models();
+    State best = descend(light, prior, at, inflation);
+    if (compiled_.coarse.empty()) return as_it_falls(light, prior, best, inflation);
     // How far the model's own error may move the optimum, in standard deviations.
     double error = light_error(compiled_.scene, 0) * std::sqrt(best.signal);
     const ModelSet* finer =
         error > kSmallMove ? compiled_.models_within(kFiner, kMostPaths) : nullptr;
+    Correction correction;
     if (finer != nullptr) {
       const PoseVector pose = best.at.head(poses());
-      ShapeBuffer model;
-      ShapeBuffer cheap;
-      objective_.shapes(*finer, pose, model);
-      objective_.shapes(steering, pose, cheap);
-      correction = objective_.correction(pose, model, cheap);
-      if (slopes) objective_.correct_slope(slopes->model, slopes->cheap, correction);
-      best = descend(steering.corrected(correction), prior, best.at, inflation);
+      ShapeBuffer right;
+      ShapeBuffer rough;
+      objective_.shapes(*finer, pose, right);
+      objective_.shapes(compiled_.models(), pose, rough);
+      correction = objective_.correction(right, rough);
+      light = light.corrected(correction);
+      best = descend(light, prior, best.at, inflation);
       error = light_error(compiled_.scene, kFiner) * std::sqrt(best.signal);
     }
-    const LightSource light = steering.corrected(correction);
     Update result = as_it_falls(light, prior, best, inflation);
     if (error > kSmallMove) {
       const double wider = inflation * (1 + error * error);
