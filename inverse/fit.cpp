@@ -61,9 +61,9 @@ constexpr std::size_t kPlaces = 8;
 constexpr int kYaws = 4;
 /// Times that the best optimum is looked for anew: turned, or, of several objects, one's place
 /// while the others stay; and places of each that are followed. Two spheres at 100,000 photons
-/// needed one round and two places, a third of these.
+/// needed one round and two places.
 constexpr int kMaxRounds = 3;
-constexpr std::size_t kPlacesEach = 6;
+constexpr std::size_t kPlacesEach = 2;
 /// Captures of a joint fit that search for the rest of them, where there are so many times more;
 /// what they must gain over the empty scene in log posterior, misfit counted (a signal-to-noise
 /// ratio of sqrt(2 * 100) = 14); and optima that may be left. The numbers of captures
@@ -479,10 +479,9 @@ struct Fitter::Impl {
   }
 
   struct Search {
-    std::vector<Refined> optima;     ///< best first
-    std::vector<PoseVector> places;  ///< from which better models may search again
-    double negligible = 0;           ///< log posterior below the best that may be dropped
-    long renders = 0;                ///< of an objective of its own
+    std::vector<Refined> optima;  ///< best first
+    double negligible = 0;        ///< log posterior below the best that may be dropped
+    long renders = 0;             ///< of an objective of its own
   };
   Search search(const PoseObjective& objective, const Scored& scored) const;
   std::optional<Search> search_by_few(std::span<const Capture> captures);
@@ -509,10 +508,6 @@ Fitter::Impl::Search Fitter::Impl::search(const PoseObjective& objective,
   if (basins.empty()) return {};
   Search found;
   found.negligible = options.negligible_log_posterior + unexplained(objective, basins.front());
-  for (const Refined& basin : basins) {
-    const double least = basins.front().value.log_posterior - found.negligible;
-    if (basin.value.log_posterior >= least) found.places.push_back(basin.pose);
-  }
   found.optima = with_basins(objective, basins, found.negligible, {});
   if (found.optima.empty()) return {};
   found.optima = turn(objective, found.negligible, std::move(found.optima));
@@ -561,10 +556,10 @@ std::optional<Fitter::Impl::Search> Fitter::Impl::search_by_few(std::span<const 
 Fitter::Impl::Search Fitter::Impl::on_all(const PoseObjective& objective, const Search& few) const {
   Search all = few;
   all.optima.clear();
-  all.places.clear();
-  for (const Refined& optimum : few.optima) all.places.push_back(optimum.pose);
+  std::vector<PoseVector> places;
+  for (const Refined& optimum : few.optima) places.push_back(optimum.pose);
   constexpr double kAll = std::numeric_limits<double>::infinity();
-  all.optima = polish_all(objective, all.places, kAll);
+  all.optima = polish_all(objective, places, kAll);
   if (!all.optima.empty()) {
     all.negligible = options.negligible_log_posterior + unexplained(objective, all.optima.front());
   }
@@ -631,15 +626,15 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
     throw Error(captures.front().source, "found no finite likelihood at any pose");
   }
   std::vector<Refined>& optima = found.optima;
-  // Models as good as the light asks for.
-  ModelError model_error;
-  if (!options.model_tolerance) {
-    model_error = sharpen(objective, optima, found.places, found.negligible);
-  }
-  optima = settle_all(objective, std::move(optima), found.negligible);
   if (!compiled.objects().empty()) {
     optima = rearrange(objective, observation, found.negligible, std::move(optima));
   }
+  // Models as good as the light asks for.
+  ModelError model_error;
+  if (!options.model_tolerance) {
+    model_error = sharpen(objective, optima, found.negligible);
+  }
+  optima = settle_all(objective, std::move(optima), found.negligible);
   result.time_ms.refine = stage.lap();
 
   // How sure: goodness of fit, Fisher information, evidences.

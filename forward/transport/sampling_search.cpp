@@ -29,9 +29,10 @@ constexpr double kRuleFinest = 0.3;
 /// Change of the worst bin, relative to the peak, for each relative change of all light (L2): 1.5
 /// to 2 on floors and walls.
 constexpr double kPeakOfL2 = 2;
-/// Relay's sampling that an object's is looked for with, of rules: shadows' edges hardly change
-/// with the object's points.
-constexpr double kRuleRelay = 1.4;
+/// The coarsest of rules: of the shipped scenes none is coarser, to 10 %. The object's is looked for
+/// with the relay's: shadows' edges hardly change with the object's points.
+constexpr double kRuleRelay = 1.41421356;
+constexpr double kRuleObject = 2;
 /// Most pairs of lit and seen patches that a lobe's model takes for an evaluation (about 0.2 s):
 /// the search for a sampling ends there, whatever the tolerance.
 constexpr double kMaxPairs = 4e7;
@@ -101,15 +102,17 @@ class SamplingSearch {
            sampling_step.relay < kCoarsest) {
       sampling_step.relay *= kCoarsenessStep;
     }
+    const bool rules = kernel_ == Kernel::lambertian;
     const Choice object = coarsest(
-        0.5 * tolerance, 0.5 * kMaxPairs,
+        rules ? kRuleObject : kCoarsest, 0.5 * tolerance, 0.5 * kMaxPairs,
         [&](double c) {
           return model({sampling_step.relay, c});
         },
         [](const FastModel& m) { return m.sampling().object_nodes; });
     sampling_step.object = object.coarseness;
     const Choice relay = coarsest(
-        tolerance - std::min(object.change, 0.5 * tolerance), kMaxPairs,
+        rules ? kRuleRelay : kCoarsest, tolerance - std::min(object.change, 0.5 * tolerance),
+        kMaxPairs,
         [&](double c) {
           return model({c, sampling_step.object});
         },
@@ -173,9 +176,9 @@ class SamplingSearch {
     return ripple < options_.tolerance * std::sqrt(std::max(seen * m.sampling().object_nodes, 1.0));
   }
 
-  /// Of the models that `make` makes of a coarseness; `count` their cells, -1 where they are too
-  /// coarse to be looked at.
-  Choice coarsest(double tolerance, double most_pairs,
+  /// Of the models that `make` makes of a coarseness, from this one on; `count` their cells, -1
+  /// where they are too coarse to be looked at.
+  Choice coarsest(double from, double tolerance, double most_pairs,
                   const std::function<std::unique_ptr<FastModel>(double)>& make,
                   const std::function<int(const FastModel&)>& count) {
     // Borders of surfaces and shadows converge slowly: below this, finer cells that gain next to
@@ -193,7 +196,7 @@ class SamplingSearch {
     std::vector<double> changes;  // [candidate] to at least twice as many cells
     double last_skipped = 0;      // coarseness
     const double step = rules ? kRuleStep : kCoarsenessStep;
-    for (double c = kCoarsest; c > (rules ? kRuleFinest : kFinest); c /= step) {
+    for (double c = from; c > (rules ? kRuleFinest : kFinest); c /= step) {
       const auto tried = make(c);
       const int cells = count(*tried);
       const bool first = candidates.empty() && last_skipped == 0;

@@ -33,18 +33,15 @@ constexpr double kLeft = 0.5;
 /// there it may change elsewhere, and more: by it, a mode's weight changes by a third. By
 /// judgement.
 constexpr double kSmallShift = 0.3;
-/// Change of the log posterior by which a better model shows that the worse one has fitted its own
-/// errors (an object that is all but hidden, at a billion photons): closed form is no guide to
-/// where the better one's optimum is, and the next model has a say whatever the move. As kTooRough
-/// in fit.cpp.
-constexpr double kAstray = 10;
 /// The most paths (lit times seen times object points) of pairs of lobes that one render may sum
 /// over: some .3 s, of which a fit takes ten or more. Of the street's drives, a sensor close to the
 /// turn asks for more than three times as many: the fit then takes up to minutes, and 4 s without.
 constexpr double kMostPaths = 1e10;
 /// Times as much information, in some direction, as a finer model has: a standard deviation is then
-/// stated a tenth too small. Finer models take over for that up to level Levels::most_jagged, by
-/// judgement of time: a posterior's samples cost as much as their renders. On tmf8828_wall with
+/// stated a tenth too small. Finer models take over for that up to level Levels::most_jagged: a
+/// posterior's samples cost as much as their renders. Up to the second level for that, posteriors
+/// of two spheres and of an oblique floor's box at a million photons were no better, and twice as
+/// long in the making; without, the spheres' claims were a third too small. On tmf8828_wall with
 /// eight times its light (600 captures) the mean squared normalised error is 1.10 without, 1.05
 /// with 1.5, 1.04 with 1.25, for a tenth more time at most.
 constexpr double kOverstated = 1.25;
@@ -53,21 +50,16 @@ struct Levels {
   /// Relative error (L2) of each level's light on the shipped scenes, at most; the first level is
   /// that of the models in use.
   std::array<double, kModelLevels> errors;
-  /// A larger move (standard deviations), or change of the log posterior, is no correction: the
-  /// worse model's posterior is another one.
-  double large_move, large_shift;
   /// Move that is carried in the covariance rather than looked for with the next level.
   double carried;
   int most_jagged;  ///< level up to which one takes over because the one before overstates slopes
 };
-/// One standard deviation, or a factor of e in the posterior, is no correction any more.
-constexpr Levels kMatt{{0.06, 0.02, 0.007, 0.002}, 1, 1, kSmallMove, 2};
+constexpr Levels kMatt{{0.06, 0.02, 0.007, 0.002}, kSmallMove, 1};
 /// A better model of a lobe sums over pairs: each level costs five to ten times as much as the one
-/// before. Optima are corrected where they stand even if that is far, and end a third of a standard
-/// deviation from where the model's own derivatives lead (street corner), in a third of the time;
-/// what is carried widens the covariance by 8 % at most. What is no correction any more, four
-/// standard deviations or 20 in log posterior, is by judgement.
-constexpr Levels kLobes{{0.1, 0.02, 0.005, 0.003}, 4, 20, 0.4, 0};
+/// before. Optima are corrected where they stand, and end a third of a standard deviation from
+/// where the model's own derivatives lead (street corner), in a third of the time; what is carried
+/// widens the covariance by 8 % at most.
+constexpr Levels kLobes{{0.1, 0.02, 0.005, 0.003}, 0.4, 0};
 
 const Levels& levels_of(const Scene& scene) {
   const bool lobes = std::holds_alternative<RetroreflectiveMaterial>(scene.hidden.material);
@@ -80,15 +72,9 @@ Eigen::MatrixXd in_any_direction(double square, const Eigen::MatrixXd& precision
   return square / static_cast<double>(precision.rows()) * precision.inverse();
 }
 
-/// The posterior's shape is this model's too: what others lacked of it is none any more.
-void use_for_all(PoseObjective& objective, const ModelSet& models, std::vector<Refined>& optima) {
-  objective.use_roughly(models);
-  for (Refined& optimum : optima) optimum.correction = {};
-}
-
-/// Moves the optima that may matter; `here`: the models' light at the first, where that is known.
+/// Moves the optima that may matter; `here`: the models' light at the first.
 void sharpen_each(const PoseObjective& objective, std::vector<Refined>& optima,
-                  const ShapeBuffer* here) {
+                  const ShapeBuffer& here) {
   const double best = optima.front().value.log_posterior;
   std::vector<double> rough;
   for (const Refined& optimum : optima) rough.push_back(optimum.value.log_posterior);
@@ -96,7 +82,7 @@ void sharpen_each(const PoseObjective& objective, std::vector<Refined>& optima,
     tbb::this_task_arena::isolate([&] {
       tbb::parallel_for(std::size_t{0}, optima.size(), [&](std::size_t i) {
         if (rough[i] < least || rough[i] >= below) return;
-        settle(objective, optima[i], i == 0 ? here : nullptr);
+        settle(objective, optima[i], i == 0 ? &here : nullptr);
       });
     });
   };
@@ -147,8 +133,7 @@ std::string too_dear_hint() {
          "stated uncertainty holds what it may change.";
 }
 
-ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima,
-                   const std::vector<PoseVector>& places, double negligible) {
+ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima, double negligible) {
   const CompiledScene& compiled = objective.compiled();
   ModelError error;
   const auto n = static_cast<Eigen::Index>(compiled.unknown_count());
@@ -193,8 +178,9 @@ ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima,
     const double shift = std::abs(value.log_posterior - top.value.log_posterior) / wider;
     if (level <= levels.most_jagged && overstated(objective, move.precision, *finer, top, then)) {
       objective.use(*finer);
-      use_for_all(objective, *finer, optima);
-      sharpen_each(objective, optima, &then);
+      objective.use_roughly(*finer);
+      for (Refined& optimum : optima) optimum.correction = {};  // of other rough models
+      sharpen_each(objective, optima, then);
       optima = merge(compiled, std::move(optima), negligible);
       error.covariance *= kLeft * kLeft;
       error.level = level;
@@ -207,25 +193,12 @@ ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima,
       error.covariance += in_any_direction(move.square, move.precision);
     }
     objective.use(*finer);
-    const bool astray = shift > kAstray;
-    if (astray || size > levels.large_move || shift > levels.large_shift) {
-      // What worse models say of other optima, and of the posterior's shape, is no longer good.
-      use_for_all(objective, *finer, optima);
-      std::vector<PoseVector> starts = places;
-      for (const Refined& optimum : optima) starts.push_back(optimum.pose);
-      optima = polish_all(objective, starts, negligible);
-      if (astray) {
-        sharpen_each(objective, optima, nullptr);
-        optima = merge(compiled, std::move(optima), negligible);
-      }
-    } else {
-      sharpen_each(objective, optima, &then);
-      optima = merge(compiled, std::move(optima), negligible);
-    }
+    sharpen_each(objective, optima, then);
+    optima = merge(compiled, std::move(optima), negligible);
     error.covariance *= left * left;
     error.level = level;
     // What the next one would move it, errors being alike.
-    if (!astray && left * size < levels.carried) break;
+    if (left * size < levels.carried) break;
   }
   return error;
 }

@@ -25,14 +25,12 @@ std::string too_dear_hint();
 
 /// Goes to tighter models for as long as the next one moves the best optimum by a noticeable part
 /// of its standard deviation: the objective then uses them, and the optima are moved to where they
-/// have them. Where the next one changes more than a correction can, the optima are searched for
-/// again, from `places` too, and it becomes the rough model as well; of lobes, whose better models
-/// are dear, only where it changes far more. The covariance is that of the last move, of which a
+/// have them. Where the next one shows that the one in use says too much about the pose, it becomes
+/// the rough model as well. The covariance is that of the last move, of which a
 /// part is left to the models after it; where there are none, and that part is not small beside the
 /// photon noise, it may lead anywhere. So may all that a worse model's light may lack where the
 /// next one costs too much.
-ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima,
-                   const std::vector<PoseVector>& places, double negligible);
+ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima, double negligible);
 
 /// Covariance of a pose, [n, n], from what is left of the fine static background's error: a part of
 /// the move that the step to it from a coarser one makes, and as much in any direction. Zero with
