@@ -356,6 +356,15 @@ void validate_scene(const Scene& scene) {
 
 }  // namespace
 
+const std::vector<std::pair<FitRule, std::string>>& fit_rules() {
+  static const std::vector<std::pair<FitRule, std::string>> rules{
+      {FitRule::turn, "turn"},       {FitRule::rearrange, "rearrange"},
+      {FitRule::sharpen, "sharpen"}, {FitRule::settle, "settle"},
+      {FitRule::returns, "returns"}, {FitRule::along_axis, "along_axis"},
+      {FitRule::ridges, "ridges"},   {FitRule::local_light, "local_light"}};
+  return rules;
+}
+
 void FitOptions::validate() const {
   const auto require = [](bool condition, const char* field, const char* accepted) {
     if (!condition)
@@ -510,7 +519,9 @@ Fitter::Impl::Search Fitter::Impl::search(const PoseObjective& objective,
   found.negligible = options.negligible_log_posterior + unexplained(objective, basins.front());
   found.optima = with_basins(objective, basins, found.negligible, {});
   if (found.optima.empty()) return {};
-  found.optima = turn(objective, found.negligible, std::move(found.optima));
+  if (options.uses(FitRule::turn)) {
+    found.optima = turn(objective, found.negligible, std::move(found.optima));
+  }
   return found;
 }
 
@@ -626,15 +637,18 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
     throw Error(captures.front().source, "found no finite likelihood at any pose");
   }
   std::vector<Refined>& optima = found.optima;
-  if (!compiled.objects().empty()) {
+  if (!compiled.objects().empty() && options.uses(FitRule::rearrange)) {
     optima = rearrange(objective, observation, found.negligible, std::move(optima));
   }
   // Models as good as the light asks for.
   ModelError model_error;
-  if (!options.model_tolerance) {
+  const bool sharpens = !options.model_tolerance && options.uses(FitRule::sharpen);
+  if (sharpens) {
     model_error = sharpen(objective, optima, found.negligible);
   }
-  optima = settle_all(objective, std::move(optima), found.negligible);
+  if (options.uses(FitRule::settle)) {
+    optima = settle_all(objective, std::move(optima), found.negligible);
+  }
   result.time_ms.refine = stage.lap();
 
   // How sure: goodness of fit, Fisher information, evidences.
@@ -644,14 +658,18 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   sampling.samples = samples_for(options, scene, captures.size());
   sampling.seed = options.seed;
   sampling.model_error = background_covariance(objective, optima.front());
-  if (!options.model_tolerance) sampling.model_error += model_error.covariance;
+  if (sharpens) sampling.model_error += model_error.covariance;
+  sampling.along_axis = options.uses(FitRule::along_axis);
+  sampling.ridges = options.uses(FitRule::ridges);
+  sampling.local_light = options.uses(FitRule::local_light);
   const auto think = [&] {
     result.goodness_of_fit = goodness_of_fit(objective, optima.front());
     sampling.inflation = result.goodness_of_fit.inflation;
     return blindcorner::posterior(objective, optima, &scored, known->moved.get(), sampling);
   };
   Posterior posterior = think();
-  for (int again = 0; again < kMaxReturns && !posterior.promising.empty(); ++again) {
+  const int returns = options.uses(FitRule::returns) ? kMaxReturns : 0;
+  for (int again = 0; again < returns && !posterior.promising.empty(); ++again) {
     // Sampling came upon places that may be better: refine from there and, if so, think again.
     const double before = optima.front().value.log_posterior;
     optima = find_more(objective, observation, posterior.promising,

@@ -602,7 +602,7 @@ PosteriorSamples sample_posterior(const PoseObjective& objective, const SampleLi
   const double enough = options.samples / (lights.far.models == nullptr ? 3.0 : 4.0);
   while (sampler.count() < kMaxTimes * options.samples) {
     sampler.stage(stage);
-    sampler.learn();
+    if (options.local_light) sampler.learn();
     if (sampler.settled() && sampler.effective() >= enough) break;
     sampler.adapt();
   }

@@ -65,6 +65,7 @@ struct SamplingOptions {
   int samples = 256;
   double inflation = 1.0;
   std::uint64_t seed = 1;
+  bool local_light = true;  ///< a polynomial of the light, where it is good enough
 };
 
 /// Draws from a mixture of Student t about the peaks and along their ridges (`ridges`, also peaks)

@@ -342,7 +342,8 @@ Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& 
     const AxisFalls falls = axis_falls(objective, *tops[j], peaks[j], options.inflation);
     bent[j] = falls.bent();
     laplace = laplace && falls.gaussian;
-    if (falls.gaussian) corrected[j] = corrected_laplace(scene, *tops[j], peaks[j], falls);
+    if (falls.gaussian && options.along_axis)
+      corrected[j] = corrected_laplace(scene, *tops[j], peaks[j], falls);
   }
 
   const auto add_mode = [&](std::size_t j, double weight, const PoseVector& mean,
@@ -360,10 +361,12 @@ Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& 
   PosteriorSamples drawn;
   if (may_sample && !laplace) {
     const SampleLights lights = sample_lights(objective, tops, peaks, options.inflation);
-    const std::vector<Peak> ridges =
-        all_ridges(objective, lights, tops, peaks, bent, options.inflation);
-    drawn = sample_posterior(objective, lights, peaks, ridges, tops, *scored,
-                             {options.samples, options.inflation, options.seed});
+    std::vector<Peak> ridges;
+    if (options.ridges)
+      ridges = all_ridges(objective, lights, tops, peaks, bent, options.inflation);
+    drawn =
+        sample_posterior(objective, lights, peaks, ridges, tops, *scored,
+                         {options.samples, options.inflation, options.seed, options.local_light});
     result.promising = promising(objective, lights, tops, peaks, drawn.samples, options.inflation);
   }
   if (!(drawn.effective > 1)) {

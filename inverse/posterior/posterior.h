@@ -28,6 +28,8 @@ struct PosteriorOptions {
   double inflation = 1.0;  ///< of covariances and of the information, from the goodness of fit
   std::uint64_t seed = 1;
   Eigen::MatrixXd model_error;  ///< [n, n] added to modes' covariances; empty: none
+  /// As FitRule says.
+  bool along_axis = true, ridges = true, local_light = true;
 };
 
 struct Posterior {

@@ -58,6 +58,8 @@ struct LightArguments : StudyArguments {
   std::string object_light = "tracer";
   std::string captures_directory;
   int threads = 0;
+  std::vector<std::string> without;
+  bool each_rule = false;
   FitOptions fit;
 };
 
@@ -77,6 +79,7 @@ struct Trial {
 /// One scene at one level of light.
 struct Row {
   std::string scene;
+  std::string without;  ///< the rule that was left out, of a table of rules
   double photons = 0;
   double bound = 0, file_limit = 0;  ///< m
   double expected_ratio = 1;  ///< normalised error of an honest fit to light with the file's noise
@@ -247,7 +250,8 @@ void save_captures(const LightArguments& arguments, const Scene& scene, double p
 }
 
 const char* const kHeader =
-    "scene,photons,captures,failed,median_error_m,rms_error_m,claimed_rms_m,normalised_error,"
+    "scene,without,photons,captures,failed,median_error_m,rms_error_m,claimed_rms_m,normalised_"
+    "error,"
     "in_region,in_region_low,in_region_high,in_region_of_heaviest_mode,flagged,misfit,"
     "wrong_optima,wrong_optima_flagged,photon_bound_m,file_limit_m,expected_ratio,first_ms,"
     "following_median_ms,following_90_ms,following_longest_ms,exact_evaluations\n";
@@ -257,9 +261,9 @@ std::string csv(const std::vector<Row>& rows) {
   for (const Row& r : rows) {
     const int inside = r.count(&Trial::in_region);
     const ShareInterval interval = wilson_interval(inside, r.fitted());
-    text += formatted("%s,%g,%d,%d,%.5g,%.5g,%.5g,%.4g,%.4g,%.4g,%.4g,%.4g,%.4g,%.4g,%d,%d,",
-                      r.scene.c_str(), r.photons, r.captures(), r.failed(), r.median_error(),
-                      r.root_mean(&Trial::squared), r.root_mean(&Trial::claimed),
+    text += formatted("%s,%s,%g,%d,%d,%.5g,%.5g,%.5g,%.4g,%.4g,%.4g,%.4g,%.4g,%.4g,%.4g,%d,%d,",
+                      r.scene.c_str(), r.without.c_str(), r.photons, r.captures(), r.failed(),
+                      r.median_error(), r.root_mean(&Trial::squared), r.root_mean(&Trial::claimed),
                       r.root_mean(&Trial::normalised), r.share(inside), interval.low, interval.high,
                       r.share(r.count(&Trial::in_heaviest)), r.share(r.count(&Trial::flagged)),
                       r.share(r.count(&Trial::misfit)), r.count(&Trial::wrong),
@@ -292,6 +296,7 @@ nlohmann::json to_json(const std::vector<Row>& rows) {
                         {"exact_evaluations", t.evaluations}});
     }
     list.push_back({{"scene", r.scene},
+                    {"without", r.without},
                     {"photons", r.photons},
                     {"photon_bound_m", number_or_null(r.bound)},
                     {"file_limit_m", number_or_null(r.file_limit)},
@@ -324,6 +329,7 @@ std::vector<Chart> charts(const std::vector<Row>& rows) {
     for (Chart* chart : {&error, &share}) chart->width = 560, chart->height = 330;
     for (std::size_t i = first; i < end; ++i) {
       const Row& r = rows[i];
+      if (!r.without.empty()) continue;
       error.series[0].points.push_back({r.photons, r.root_mean(&Trial::squared)});
       error.series[1].points.push_back({r.photons, r.root_mean(&Trial::claimed)});
       error.series[2].points.push_back({r.photons, r.median_error()});
@@ -361,10 +367,11 @@ void print_head() {
 }
 
 void print_row(const Row& r) {
+  const std::string name = r.without.empty() ? r.scene : "  without " + r.without;
   std::printf(
       "%-28s %8g %5d %4d %9.1f %9.1f %9.1f %6.2f %6.2f %6.3f %6.3f %6.3f %6.3f %5d %4d %9.2f "
       "%9.2f %9.0f %8.1f %8.1f %8.0f %6.0f\n",
-      r.scene.c_str(), r.photons, r.captures(), r.failed(), 1e3 * r.median_error(),
+      name.c_str(), r.photons, r.captures(), r.failed(), 1e3 * r.median_error(),
       1e3 * r.root_mean(&Trial::squared), 1e3 * r.root_mean(&Trial::claimed),
       r.root_mean(&Trial::normalised), r.expected_ratio, r.share(r.count(&Trial::in_region)),
       r.share(r.count(&Trial::in_heaviest)), r.share(r.count(&Trial::flagged)),
@@ -390,10 +397,28 @@ TracedCaptures traced_captures(const LightArguments& arguments, const Scene& sce
   return {scene, std::move(traced), &renderer->static_background()};
 }
 
+/// Adds the rule of that name, if any, to those that are left out.
+void leave_out(const std::string& name, FitOptions& options) {
+  for (const auto& [rule, own] : fit_rules()) {
+    if (own == name) options.left_out.push_back(rule);
+  }
+}
+
+/// What to leave out in turn: nothing first; what is named is always left out.
+std::vector<std::string> rules_to_leave_out(const LightArguments& arguments) {
+  std::vector<std::string> rules{""};
+  for (const auto& [rule, name] : fit_rules()) {
+    if (arguments.each_rule && arguments.fit.uses(rule)) rules.push_back(name);
+  }
+  return rules;
+}
+
 /// All captures of a scene at one level of light, with a fitter that knows nothing yet.
 Row study(const LightArguments& arguments, const Scene& scene, const TracedCaptures& truth,
-          std::size_t poses, const ExhaustiveSearch& judge, double photons) {
+          std::size_t poses, const ExhaustiveSearch& judge, double photons,
+          const std::string& without) {
   Row row;
+  row.without = without;
   row.scene = scene.name;
   row.photons = photons;
   const std::size_t count = poses * static_cast<std::size_t>(arguments.seeds);
@@ -404,7 +429,9 @@ Row study(const LightArguments& arguments, const Scene& scene, const TracedCaptu
     captures[i].index = static_cast<int>(i);
   }
   if (!arguments.captures_directory.empty()) save_captures(arguments, scene, photons, captures);
-  const Fitter fitter(scene, arguments.fit);
+  FitOptions options = arguments.fit;
+  leave_out(without, options);
+  const Fitter fitter(scene, options);
   Progress progress(scene.name + formatted(", %g photons", photons), count);
   std::vector<char> done(count);
   const auto run = [&](std::size_t i) {
@@ -450,21 +477,24 @@ int run_light(const LightArguments& arguments) {
     judging.max_poses = 1;  // it only descends
     const ExhaustiveSearch judge(scene, judging);
     for (const double photons : arguments.photons) {
-      if (Interruptible::asked()) return kSomeFailed;
-      rows.push_back(study(arguments, scene, truth, poses, judge, photons));
-      if (rows.back().trials.empty()) return kSomeFailed;
       const Bounds bounds = bounds_of(scene, truth, poses, photons);
-      rows.back().bound = bounds.photon;
-      rows.back().file_limit = bounds.file;
-      rows.back().expected_ratio = std::sqrt(1 + bounds.against);
-      print_row(rows.back());
-      failed += rows.back().failed();
-      for (const Trial& t : rows.back().trials) {
-        if (!t.error.empty()) std::fprintf(stderr, "blindcorner: %s\n", t.error.c_str());
+      for (const std::string& without : rules_to_leave_out(arguments)) {
+        if (Interruptible::asked()) return kSomeFailed;
+        rows.push_back(study(arguments, scene, truth, poses, judge, photons, without));
+        Row& row = rows.back();
+        if (row.trials.empty()) return kSomeFailed;
+        row.bound = bounds.photon;
+        row.file_limit = bounds.file;
+        row.expected_ratio = std::sqrt(1 + bounds.against);
+        print_row(row);
+        failed += row.failed();
+        for (const Trial& t : row.trials) {
+          if (!t.error.empty()) std::fprintf(stderr, "blindcorner: %s\n", t.error.c_str());
+        }
+        write_study(arguments, kFiles, csv(rows), charts(rows));
+        write_atomically((fs::path(arguments.output) / "light.json").string(),
+                         to_json(rows).dump(1) + "\n");
       }
-      write_study(arguments, kFiles, csv(rows), charts(rows));
-      write_atomically((fs::path(arguments.output) / "light.json").string(),
-                       to_json(rows).dump(1) + "\n");
     }
   }
   print_study_files(arguments, kFiles);
@@ -515,12 +545,22 @@ void add_light_benchmark(CLI::App& benchmark, int& exit_code) {
       ->capture_default_str();
   command.add_option("--tolerance", arguments->fit.model_tolerance,
                      "of the fit's model; default: as each capture asks for");
+  std::vector<std::string> names;
+  for (const auto& [rule, name] : fit_rules()) names.push_back(name);
+  command
+      .add_option("--without", arguments->without,
+                  "rules of the fit that are left out, a list with commas")
+      ->delimiter(',')
+      ->check(CLI::IsMember(names));
+  command.add_flag("--each-rule", arguments->each_rule,
+                   "a further row for each rule of the fit: the same captures without it");
   command.add_option("--threads", arguments->threads, "threads; 0: one per processor")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
   command.add_option("--save-captures", arguments->captures_directory,
                      "directory for the captures, a file for each scene and number of photons");
   command.callback([arguments, &exit_code] {
+    for (const std::string& name : arguments->without) leave_out(name, arguments->fit);
     arguments->fit.validate();
     exit_code = run_light(*arguments);
   });

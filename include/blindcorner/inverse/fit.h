@@ -2,6 +2,7 @@
 /// The facade: histograms in, pose with uncertainty out.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -10,6 +11,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "blindcorner/forward/scene/pose_mixture.h"
@@ -17,6 +19,22 @@
 #include "blindcorner/forward/sensor/capture.h"
 
 namespace blindcorner {
+
+/// What a fit does beyond one descent and Laplace's approximation, so that its worth can be
+/// measured.
+enum class FitRule {
+  turn,         ///< looks for a better place of the best optimum, turned
+  rearrange,    ///< of several objects, for a better place of each while the others stay
+  sharpen,      ///< goes to finer models of the light
+  settle,       ///< goes on to the end of descents
+  returns,      ///< refines what sampling came upon
+  along_axis,   ///< where no sampling is needed, moments of how the posterior falls along axes
+  ridges,       ///< components along posteriors that bend
+  local_light,  ///< samples evaluated with a polynomial of the light
+};
+
+/// The rules' names, for users: as above.
+const std::vector<std::pair<FitRule, std::string>>& fit_rules();
 
 /// How hard the solver tries. The defaults are for use; change them to trade time for safety.
 struct FitOptions {
@@ -51,6 +69,9 @@ struct FitOptions {
   /// By 128 the scale of the largest score's law is known to a tenth.
   int empty_captures = 128;
   std::uint64_t seed = 1;
+  /// Rules that are left out, for measuring what they are worth.
+  std::vector<FitRule> left_out;
+  bool uses(FitRule rule) const { return std::ranges::find(left_out, rule) == left_out.end(); }
   /// Called as a fit goes on, from any thread: what is being done, and which share of that is done.
   std::function<void(const char* doing, double share)> progress;
 
