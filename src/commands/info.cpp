@@ -1,15 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
-/// `blindcorner info FILE...`: what is in scene and capture files.
+/// `blindcorner info FILE... [-o DIR]`: what is in scene and capture files; scenes as pictures.
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <set>
 
 #include "blindcorner/forward/constants.h"
+#include "blindcorner/forward/error.h"
+#include "blindcorner/io/atomic_file.h"
 #include "blindcorner/io/capture_file.h"
 #include "blindcorner/io/capture_text.h"
 #include "blindcorner/io/import_file.h"
 #include "blindcorner/io/scene_file.h"
+#include "blindcorner/report/page.h"
 #include "commands/commands.h"
 
 namespace blindcorner {
@@ -20,6 +24,7 @@ struct InfoArguments {
   std::vector<std::string> files;
   DescribeOptions options;
 };
+  std::string output;
 
 template <typename... Values>
 std::string line(const char* format, Values... values) {
@@ -82,9 +87,13 @@ std::string describe_scene(const Scene& scene) {
 }
 
 std::string describe_file(const std::string& path, const DescribeOptions& options) {
-  const std::string extension = std::filesystem::path(path).extension().string();
-  if (extension == ".json") return describe_scene(read_scene(path));
-  if (extension == ".exr") return describe(read_captures(path), options);
+  if (is_scene(path)) return describe_scene(read_scene(path));
+  const bool capture = std::filesystem::path(path).extension() == ".exr";
+  if (capture) return describe(read_captures(path), options);
+bool is_scene(const std::string& path) {
+  return std::filesystem::path(path).extension() == ".json";
+}
+
   return describe(import_captures({path}), options);
 }
 
@@ -92,6 +101,28 @@ int run_info(const InfoArguments& arguments) {
   arguments.options.validate();
   for (const std::string& path : arguments.files) {
     const std::string text = describe_file(path, arguments.options);
+/// A page for each scene, named after its file.
+void draw_scenes(const InfoArguments& arguments) {
+  std::vector<std::pair<std::string, std::string>> pages;  // [scenes] file, page
+  std::set<std::string> names;
+  for (const std::string& path : arguments.files) {
+    if (!is_scene(path)) continue;
+    const std::string name = std::filesystem::path(path).stem().string() + ".html";
+    if (!names.insert(name).second) {
+      throw Error("--output", "found two scenes that would both be drawn as " + name +
+                                  ", accepted: scene files of different names");
+    }
+    pages.emplace_back((std::filesystem::path(arguments.output) / name).string(),
+                       scene_page(read_scene(path)));
+  }
+  if (pages.empty()) throw Error("--output", "found no scene to draw, accepted: with a .json file");
+  make_directory(arguments.output);
+  for (const auto& [path, page] : pages) {
+    write_atomically(path, page);
+    std::printf("\n%s: the scene as a picture\n", path.c_str());
+  }
+}
+
     std::printf("%s%s\n%s", &path == &arguments.files.front() ? "" : "\n", path.c_str(),
                 text.c_str());
   }
@@ -99,6 +130,7 @@ int run_info(const InfoArguments& arguments) {
 }
 
 }  // namespace
+  if (!arguments.output.empty()) draw_scenes(arguments);
 
 void add_info_command(CLI::App& app, int& exit_code) {
   CLI::App& command = *app.add_subcommand("info", "tell what scene and capture files hold");
@@ -108,6 +140,10 @@ void add_info_command(CLI::App& app, int& exit_code) {
       .add_option("--capture", arguments->options.capture,
                   "capture whose histograms are drawn; -1: none")
       ->capture_default_str();
+  command
+      .add_option("-o,--output", arguments->output,
+                  "draw each scene as a page DIR/NAME.html; the directory is made if missing")
+      ->type_name("DIR");
   command.add_option("--width", arguments->options.width, "characters per histogram")
       ->capture_default_str();
   command.add_flag("--log", arguments->options.logarithmic, "draw the logarithm of the counts");

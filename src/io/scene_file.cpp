@@ -401,6 +401,24 @@ void read_component(const JsonReader& field, const UnknownName& name, const Numb
 }
 
 Placement read_placement(const JsonReader& reader, const Shape& shape,
+/// Refuses an absent position of which components are known: those have to be given.
+void require_position(const JsonReader& position, const std::array<const Unknown*, 3>& unknowns) {
+  std::string form = "[";
+  std::string letters, known;  // of the components that have to be given
+  int count = 0;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const std::string letter(1, "XYZ"[i]);
+    form += (i > 0 ? ", " : "") + (unknowns[i] != nullptr ? "null" : letter);
+    if (unknowns[i] != nullptr) continue;
+    const char* const joint = count++ > 0 ? " and " : "";
+    letters += joint + letter;
+    known += joint + std::string(kUnknownNames[i].key);
+  }
+  if (count == 0) return;
+  position.fail(form + "], " + letters + " " + kPosition.text() + ", because " + known +
+                (count > 1 ? " are" : " is") + " not among the unknowns");
+}
+
                          const std::vector<Unknown>& unknowns, int object) {
   Placement placement;
   const auto unknown = [&](std::size_t component) {
@@ -408,7 +426,11 @@ Placement read_placement(const JsonReader& reader, const Shape& shape,
   };
   const JsonReader position = reader.at("position_m");
   std::vector<JsonReader> parts(3, position);
-  if (position.present()) parts = position.elements_exactly(3, "numbers (null for unknown ones)");
+  if (position.present()) {
+    parts = position.elements_exactly(3, "numbers (null for unknown ones)");
+  } else {
+    require_position(position, {unknown(0), unknown(1), unknown(2)});
+  }
   for (std::size_t i = 0; i < 3; ++i) {
     read_component(parts[i], kUnknownNames[i], kPosition, {}, unknown(i), placement);
   }

@@ -24,6 +24,7 @@
 
 #include "blindcorner/io/capture_file.h"
 #include "blindcorner/io/scene_file.h"
+#include "blindcorner/io/sensor_presets.h"
 #include "io/npz.h"
 
 namespace blindcorner {
@@ -126,6 +127,12 @@ class Cli : public ::testing::Test {
     EXPECT_THAT(result.err, StartsWith("blindcorner: "));
     EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << result.err;
     EXPECT_FALSE(fs::exists(path("out"))) << "nothing may be written";
+  }
+
+  static void expect_refused_beside(const Outcome& result, const std::string& words) {
+    EXPECT_EQ(result.exit_code, 2);
+    EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << result.err;
+    EXPECT_THAT(result.err, AllOf(StartsWith("blindcorner: "), HasSubstr(words)));
   }
 
   fs::path directory_;
@@ -538,6 +545,50 @@ TEST_F(Cli, InfoTellsOfScenesAndCaptures) {
 }
 
 /// Captures of the mirrors' scene at known poses, from `render`.
+// A scene can be looked at before anything is fitted, by the page that draws fits.
+TEST_F(Cli, InfoDrawsScenes) {
+  const Outcome drawn = run("info '" + kScene + "' -o '" + path("out") + "'");
+  ASSERT_EQ(drawn.exit_code, 0) << drawn.err;
+  EXPECT_THAT(drawn.out, HasSubstr(path("out/tmf8828_wall.html")));
+  const std::string page = text_of(path("out/tmf8828_wall.html"));
+  EXPECT_THAT(page, AllOf(HasSubstr("Nothing is fitted yet"), HasSubstr("\"name\":\"partition\""),
+                          HasSubstr("\"field_of_view\":[[0,0],"), HasSubstr("function drawScene")));
+  // Where the zones look is known with the captures only.
+  const std::string mirrors = SOURCE_DIR "/scenes/cheapspad_mirrors.json";
+  EXPECT_EQ(run("info '" + mirrors + "' -o '" + path("out") + "'").exit_code, 0);
+  const Outcome none = run("info '" + write_flat("flat.exr") + "' -o '" + path("none") + "'");
+  EXPECT_EQ(none.exit_code, 2);
+  EXPECT_THAT(none.err, HasSubstr("--output: found no scene to draw"));
+}
+
+// A starter scene for every preset renders and fits as it is, and is drawn.
+TEST_F(Cli, InitWritesASceneToBeginWith) {
+  for (const std::string& preset : sensor_preset_names()) {
+    const std::string scene = path(preset + ".json"), capture = path("c.exr");
+    const Outcome begun = run("init --sensor " + preset + " -o '" + scene + "'");
+    ASSERT_EQ(begun.exit_code, 0) << begun.err;
+    EXPECT_THAT(begun.out,
+                AllOf(HasSubstr(preset), HasSubstr("position_m"), HasSubstr("unknowns")));
+    EXPECT_THAT(text_of(path(preset + ".html")), HasSubstr("Nothing is fitted yet"));
+    const Outcome rendered = run("render '" + scene + "' --model fast -o '" + capture + "'");
+    EXPECT_THAT(rendered.err, Not(HasSubstr("hint"))) << preset;
+    EXPECT_EQ(run(fit(scene, capture)).exit_code, 0) << preset;
+  }
+  const std::string again = path("vl53l8ch_4x4.json"), before = text_of(again);
+  expect_refused_beside(run("init --sensor vl53l8ch_8x8 -o '" + again + "'"), "there already");
+  EXPECT_EQ(text_of(again), before);
+  expect_refused_beside(run("init --sensor vl53 -o '" + path("new.json") + "'"),
+                        "--sensor: found \"vl53\", accepted: street_lidar_8x8, ");
+}
+
+// The first example of the reference is the scene that `init` writes.
+TEST_F(Cli, TheFirstExampleOfTheSceneReferenceIsABoxOnADesk) {
+  ASSERT_EQ(run("init --sensor tmf8828_3x3_short -o '" + path("desk.json") + "'").exit_code, 0);
+  const std::string page = text_of(SOURCE_DIR "/docs/scene.md");
+  const std::size_t begin = page.find("```json\n") + 8;
+  EXPECT_EQ(page.substr(begin, page.find("```", begin) - begin), text_of(path("desk.json")));
+}
+
 class CliCalibration : public Cli {
  protected:
   const std::string scene_ = "'" SOURCE_DIR "/scenes/cheapspad_mirrors.json'";
@@ -1626,7 +1677,7 @@ class CliTutorial : public Cli {
   /// The complete example of docs/scene.md.
   void write_example() const {
     const std::string page = text_of(SOURCE_DIR "/docs/scene.md");
-    const std::size_t begin = page.find("```json") + 8;
+    const std::size_t begin = page.find("```json", page.find("## A plate")) + 8;
     write_text("my_scene.json", page.substr(begin, page.find("```", begin) - begin));
   }
 
