@@ -20,6 +20,7 @@
 #include "commands/truth_table.h"
 #include "forward/support/comma_list.h"
 #include "io/file_bytes.h"
+#include "io/file_kind.h"
 #include "io/json_reader.h"
 #include "report/evaluation_page.h"
 
@@ -182,7 +183,8 @@ std::filesystem::path page_of(const EvaluateArguments& arguments) {
 int run_evaluate(const EvaluateArguments& arguments) {
   arguments.options.validate();
   const std::filesystem::path page = page_of(arguments);
-  const Json result = JsonReader::parse(read_bytes(arguments.result), arguments.result);
+  const Json result =
+      parse_file_kind(FileKind::result, read_bytes(arguments.result), arguments.result);
   const auto is_text = [](const Json& value) { return value.is_string(); };
   if (!result.is_object() || !result.contains("format") ||
       result["format"] != "blindcorner.result/1" || !result.contains("captures") ||

@@ -1366,6 +1366,66 @@ TEST_F(Cli, TrialsThatWereKilledGoOnToTheSameBytes) {
 TEST_F(Cli, TrialsRefuseWhatTheyCannotDo) {
   const std::string drive =
       "trials '" + std::string(SOURCE_DIR) + "/scenes/robot_drive.json' -o '" + path("out") + "' ";
+// One line says what the file is and which command takes it, whatever the command was.
+TEST_F(Cli, AFileOfAnotherKindIsNamed) {
+  const std::string scenes = SOURCE_DIR "/scenes/";
+  const std::string drive = scenes + "robot_drive.json", exr = scenes + "captures/tmf8828_wall.exr";
+  const std::string out = " -o '" + path("out") + "'";
+  const std::string result = write_text("result.json", R"({"format": "blindcorner.result/1"})");
+  const std::string instrument =
+      write_text("instrument.json", R"({"format": "blindcorner.instrument/1", "patch": {}})");
+  const std::string is_drive =
+      "robot_drive.json: is a drive file, accepted: a scene file; it is "
+      "for `blindcorner drive " +
+      drive + " -o DIR`";
+  for (const std::string& command :
+       {"fit " + drive + " " + exr + out, "render " + drive + " -o " + path("c.exr"),
+        "explain " + drive, "info " + drive, "bound " + drive + out, "compare " + drive + out}) {
+    expect_refused_beside(run(command), is_drive);
+  }
+  for (const std::string& command : {"drive " + kScene + out, "trials " + kScene + " -n 1" + out}) {
+    expect_refused_beside(run(command), "is a scene file, accepted: a drive file; it is for");
+  }
+  expect_refused_beside(run("fit " + exr + " " + kScene + out),
+                        "is a capture file, accepted: a scene file");
+  expect_refused_beside(run("drive " + exr + out), "is a capture file, accepted: a drive file");
+  for (const std::string& command :
+       {"fit " + kScene + " " + kScene + out, "export " + kScene + out}) {
+    expect_refused_beside(run(command), "is a scene file, accepted: a capture file");
+  }
+  expect_refused_beside(run("evaluate " + kScene), "is a scene file, accepted: a result of fit");
+  expect_refused_beside(run("info " + result), "is a result of fit, accepted: a scene file");
+  expect_refused_beside(run("fit " + instrument + " " + exr + out), "is an instrument file");
+  expect_refused_beside(run("fit " + kScene + " " + exr + " --instrument " + kScene + out),
+                        "is a scene file, accepted: an instrument file");
+}
+
+// The scene's sensor looks at the wall; the capture says that it was turned around.
+TEST_F(Cli, ACapturesOwnSensorPoseIsNamedWhereNoRelayIsSeen) {
+  CaptureFile file = read_captures(write_flat("turned.exr"));
+  file.captures[0].T_world_sensor = Transform(Eigen::Translation3d(0, 0, 1));
+  file.captures[0].T_world_sensor->linear() =
+      Eigen::AngleAxisd(M_PI, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  write_captures(path("turned.exr"), file);
+  EXPECT_THAT(run(fit(kScene, path("turned.exr"))).err,
+              AllOf(HasSubstr("found no relay surface that the sensor"),
+                    HasSubstr("the capture's own sensor pose, at (0, 0, 1) m, looking along (-1, "),
+                    HasSubstr("which overrides the scene's")));
+}
+
+// Scripts may ask for an exit code that says how the drive ended.
+TEST_F(Cli, DriveThatStopsFailsWhereTheGoalIsRequired) {
+  json drive = json::parse(text_of(SOURCE_DIR "/scenes/robot_drive.json"));
+  drive["scene"] = SOURCE_DIR "/scenes/robot_corridor.json";
+  drive["time_limit_s"] = 0.5;
+  const std::string command = "drive '" + write_text("late.json", drive.dump()) + "' -o '" +
+                              path("out") + "' --perception los --no-page";
+  const Outcome usual = run(command);
+  EXPECT_EQ(usual.exit_code, 0) << usual.err;
+  EXPECT_THAT(usual.out, HasSubstr("timeout"));
+  EXPECT_EQ(run(command + " --require-goal").exit_code, 1);
+}
+
   for (const char* options :
        {"-n 0", "--perception x-ray", "--perception los,los", "--light 0", "--perception cnn",
         "--perception cnn --weights /nowhere.pt", "--threads -1", "--error-trials -1"}) {
@@ -1414,7 +1474,10 @@ TEST_F(Cli, RefusesAComparisonThatMakesNoSense) {
     EXPECT_FALSE(fs::exists(path("none")));
   };
   refuses(kScene + " --conditions tilted",
-          AllOf(HasSubstr("found tilted"), HasSubstr("accepted: trained positions")));
+          AllOf(HasSubstr("found \"tilted\""), HasSubstr("accepted: trained positions")));
+  // A beginning that several names share is answered with these.
+  refuses(kScene + " --conditions positions",
+          HasSubstr("accepted: positions between the grid, positions outside of the grid\n"));
   refuses(std::string(SOURCE_DIR) + "/scenes/street_two.json", HasSubstr("found 2 objects"));
   refuses(kScene + " -n 1", HasSubstr("--captures"));
   refuses(kScene + " --network " + path("missing.pt"), HasSubstr("missing.pt"));
