@@ -15,6 +15,8 @@
 #include "blindcorner/io/scene_file.h"
 #include "blindcorner/report/page.h"
 #include "commands/commands.h"
+#include "commands/output_directory.h"
+#include "report/reading_units.h"
 
 namespace blindcorner {
 
@@ -22,9 +24,9 @@ namespace {
 
 struct InfoArguments {
   std::vector<std::string> files;
+  std::string output;
   DescribeOptions options;
 };
-  std::string output;
 
 template <typename... Values>
 std::string line(const char* format, Values... values) {
@@ -50,10 +52,12 @@ std::string unknowns_text(const Scene& scene) {
   const std::vector<std::string> names = unknown_names(scene);
   for (std::size_t i = 0; i < names.size(); ++i) {
     const Unknown& unknown = scene.unknowns[i];
-    text += line("unknown   %-8s %.4g to %.4g", names[i].c_str(), unknown.lower, unknown.upper);
+    const double unit = reading_unit(names[i]);
+    text += line("unknown   %-8s %.4g to %.4g", reading_name(names[i]).c_str(),
+                 unit * unknown.lower, unit * unknown.upper);
     if (unknown.prior) {
       text.pop_back();
-      text += line(", prior %.4g +- %.4g", unknown.prior->mean, unknown.prior->sigma);
+      text += line(", prior %.4g +- %.4g", unit * unknown.prior->mean, unit * unknown.prior->sigma);
     }
   }
   return text;
@@ -86,21 +90,17 @@ std::string describe_scene(const Scene& scene) {
   return text + unknowns_text(scene);
 }
 
-std::string describe_file(const std::string& path, const DescribeOptions& options) {
-  if (is_scene(path)) return describe_scene(read_scene(path));
-  const bool capture = std::filesystem::path(path).extension() == ".exr";
-  if (capture) return describe(read_captures(path), options);
 bool is_scene(const std::string& path) {
   return std::filesystem::path(path).extension() == ".json";
 }
 
+std::string describe_file(const std::string& path, const DescribeOptions& options) {
+  if (is_scene(path)) return describe_scene(read_scene(path));
+  const bool capture = std::filesystem::path(path).extension() == ".exr";
+  if (capture) return describe(read_captures(path), options);
   return describe(import_captures({path}), options);
 }
 
-int run_info(const InfoArguments& arguments) {
-  arguments.options.validate();
-  for (const std::string& path : arguments.files) {
-    const std::string text = describe_file(path, arguments.options);
 /// A page for each scene, named after its file.
 void draw_scenes(const InfoArguments& arguments) {
   std::vector<std::pair<std::string, std::string>> pages;  // [scenes] file, page
@@ -123,27 +123,31 @@ void draw_scenes(const InfoArguments& arguments) {
   }
 }
 
+int run_info(const InfoArguments& arguments) {
+  arguments.options.validate();
+  for (const std::string& path : arguments.files) {
+    const std::string text = describe_file(path, arguments.options);
     std::printf("%s%s\n%s", &path == &arguments.files.front() ? "" : "\n", path.c_str(),
                 text.c_str());
   }
+  if (!arguments.output.empty()) draw_scenes(arguments);
   return kAllWell;
 }
 
 }  // namespace
-  if (!arguments.output.empty()) draw_scenes(arguments);
 
 void add_info_command(CLI::App& app, int& exit_code) {
   CLI::App& command = *app.add_subcommand("info", "tell what scene and capture files hold");
   const auto arguments = std::make_shared<InfoArguments>();
   command.add_option("FILE", arguments->files, "scene (.json) or capture files")->required();
   command
-      .add_option("--capture", arguments->options.capture,
-                  "capture whose histograms are drawn; -1: none")
-      ->capture_default_str();
-  command
       .add_option("-o,--output", arguments->output,
                   "draw each scene as a page DIR/NAME.html; the directory is made if missing")
       ->type_name("DIR");
+  command
+      .add_option("--capture", arguments->options.capture,
+                  "capture whose histograms are drawn; -1: none")
+      ->capture_default_str();
   command.add_option("--width", arguments->options.width, "characters per histogram")
       ->capture_default_str();
   command.add_flag("--log", arguments->options.logarithmic, "draw the logarithm of the counts");

@@ -563,9 +563,7 @@
       : "nothing was found: these are only what the search region and the light leave open; ") +
       "mean ± standard deviation; “open”: the data left this unknown to its prior");
     var table = element(parent, "div", "wide").append("table"), head = table.append("thead").append("tr");
-    var titles = ["mode", "weight"].concat(unknowns.map(function (name) {
-      return bare(name) + (unit(name) ? " (" + unit(name) + ")" : "");
-    }), "log likelihood");
+    var titles = ["mode", "weight"].concat(unknowns.map(titleOf), "log likelihood");
     if (capture.truth) eachObject(function (o) {
       titles.push(objects.length > 1 ? objects[o].name + " to truth" : "distance to truth");
     });
@@ -576,9 +574,8 @@
       row.append("td").text(i + 1).style("color", i ? COLOUR.rival : COLOUR.heaviest);
       row.append("td").text((100 * mode.weight).toFixed(mode.weight < 0.01 ? 3 : 1) + " %");
       unknowns.forEach(function (name, k) {
-        var sigma = Math.sqrt(mode.covariance[k][k]);
-        var td = cell(row, mode.pose[k], sigma, mode.undetermined.indexOf(name) >= 0);
-        if (/yaw_rad$/.test(name) && finite(mode.pose[k])) td.append("small").text("  (" + (mode.pose[k] * 180 / Math.PI).toFixed(1) + "°)");
+        cell(row, shown(name, mode.pose[k]), shown(name, Math.sqrt(mode.covariance[k][k])),
+             mode.undetermined.indexOf(name) >= 0);
       });
       var drop = mode.log_likelihood - capture.modes[0].log_likelihood;
       row.append("td").text(!finite(drop) ? "–" : i ? (drop < 0 ? "−" : "+") + Math.abs(drop).toFixed(2)
@@ -593,8 +590,9 @@
       row.append("td").text("");
       unknowns.forEach(function (name, k) {
         var mode = capture.modes[0];
-        cell(row, capture.truth[k], undefined).append("small").text(finite(capture.truth[k])
-          ? "  (heaviest " + signed(difference(name, mode.pose[k], capture.truth[k]), Math.sqrt(mode.covariance[k][k])) + ")" : "");
+        cell(row, shown(name, capture.truth[k]), undefined).append("small").text(finite(capture.truth[k])
+          ? "  (heaviest " + signed(shown(name, difference(name, mode.pose[k], capture.truth[k])),
+                                    shown(name, Math.sqrt(mode.covariance[k][k]))) + ")" : "");
       });
       row.append("td");
       eachObject(function () { row.append("td"); });
@@ -1038,7 +1036,7 @@
   function drawCaptureTable(parent) {
     var box = element(parent, "div", "scroll"), table = box.append("table");
     var head = table.append("thead").append("tr");
-    ["capture", "source"].concat(unknowns.map(function (n) { return bare(n) + (unit(n) ? " (" + unit(n) + ")" : ""); }),
+    ["capture", "source"].concat(unknowns.map(titleOf),
       ["weight", "present", "false alarm"], objects.map(function (object) {
         return objects.length > 1 ? object.name + " to truth" : "to truth";
       }), ["flags"]).forEach(function (title, i) {
@@ -1057,7 +1055,7 @@
         return;
       }
       unknowns.forEach(function (name, k) {
-        cell(row, mode.pose[k], Math.sqrt(mode.covariance[k][k]), mode.undetermined.indexOf(name) >= 0);
+        cell(row, shown(name, mode.pose[k]), shown(name, Math.sqrt(mode.covariance[k][k])), mode.undetermined.indexOf(name) >= 0);
       });
       row.append("td").text((100 * mode.weight).toFixed(1) + " %");
       row.append("td").text(probability(c.presence_probability));
@@ -1093,6 +1091,8 @@
     drawIndexScale(left);
     drawCharts(right, widthIn(right, 590), Math.max(190, Math.round(height / 2) - 10));
     drawCaptureTable(element(parent, "div").style("margin-top", "12px"));
+  }
+
   // ---------------------------------------------------------------- a scene by itself
 
   // The object where the scene file puts it: what is unknown stands in the middle of its range.
@@ -1129,8 +1129,6 @@
     mapLegend(left, { modes: [], flags: [] }, [["rect", { x: 2, y: 2, width: 22, height: 10, fill: COLOUR.object,
       "fill-opacity": 0.3, stroke: COLOUR.object }, "the object as the scene file puts it; what is unknown, in mid-range"]]);
     drawRanges(right);
-  }
-
   }
 
   // ---------------------------------------------------------------- page

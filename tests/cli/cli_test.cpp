@@ -539,7 +539,8 @@ TEST_F(Cli, ForwardBenchmarksWriteTableAndPicture) {
 TEST_F(Cli, InfoTellsOfScenesAndCaptures) {
   const Outcome scene = run("info '" + kScene + "'");
   EXPECT_EQ(scene.exit_code, 0);
-  EXPECT_THAT(scene.out, AllOf(HasSubstr("3 x 3 zones"), HasSubstr("yaw_rad")));
+  EXPECT_THAT(scene.out,
+              AllOf(HasSubstr("3 x 3 zones"), HasSubstr("unknown   yaw_deg  -75 to 30\n")));
   EXPECT_EQ(run("info '" + write_flat("good.exr") + "'").exit_code, 0);
   EXPECT_EQ(run("info '" + path("missing.exr") + "'").exit_code, 2);
 }
@@ -632,6 +633,42 @@ TEST_F(Cli, EvaluatesYawModuloTheShapesSymmetry) {
   const Outcome refused = run("evaluate '" + file + "'");
   EXPECT_NE(refused.exit_code, 0);
   EXPECT_THAT(refused.err, HasSubstr("result.json: periods"));
+}
+
+// The number that the page of the fit states comes first; the others are called what they are.
+TEST_F(Cli, EvaluateNamesEachNumberAndBeginsWithThatOfThePage) {
+  const json covariance = {{1e-4, 0, 0}, {0, 1e-4, 0}, {0, 0, 0.01}};
+  const json mode = {
+      {"pose", {0.3, 0.4, 0.1}}, {"optimum", {0.3, 0.41, 0.1}}, {"covariance", covariance}};
+  const json capture = {{"modes", {mode}},
+                        {"mean", {0.03, 0.04, 3.1}},
+                        {"covariance", covariance},
+                        {"truth", {0.0, 0.0, 0.0}}};
+  const auto evaluated = [&](const json& captures) {
+    std::ofstream(path("result.json")) << json{{"format", "blindcorner.result/1"},
+                                               {"unknowns", {"x_m", "y_m", "yaw_rad"}},
+                                               {"periods", {0.0, 0.0, 3.14159265}},
+                                               {"captures", captures}};
+    const Outcome outcome = run("evaluate '" + path("result.json") + "' --resamples 10");
+    EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+    return outcome.out;
+  };
+  const std::string one = evaluated(json::array({capture}));
+  EXPECT_THAT(one, HasSubstr("1 positions\n  heaviest mode to truth: 0.5000 m\n"
+                             "  errors of the posterior mean (all modes together):\n"));
+  EXPECT_THAT(one, ::testing::ContainsRegex("median_distance_m +0.050 +distance in space"));
+  EXPECT_THAT(one,
+              ::testing::ContainsRegex("rmse_m +0.035 +root mean square error of a coordinate"));
+  EXPECT_THAT(one, ::testing::ContainsRegex("rmse_yaw_deg +2.38[0-9] "));
+  EXPECT_THAT(one, Not(HasSubstr(" to 0."))) << "one position says nothing about an interval";
+  const std::string page = text_of(path("evaluation.html"));
+  EXPECT_THAT(page, AllOf(HasSubstr("The position is within 50 cm of the truth"),
+                          HasSubstr("0.5000 m"), Not(HasSubstr("yaw_rad"))));
+  json moved = capture;
+  moved["truth"] = {0.3, 0.0, 0.0};
+  const std::string two = evaluated(json::array({capture, moved}));
+  EXPECT_THAT(two, HasSubstr("heaviest mode to truth: median 0.4500 m, 90th percentile"));
+  EXPECT_THAT(two, HasSubstr(" to 0."));
 }
 
 // What is no covariance, or no result at all, is named by file and field.
