@@ -718,6 +718,16 @@ TEST_F(Cli, EvaluateReadsEachTruthOnce) {
   EXPECT_THAT(message("x_m,yaw_rad\n.1,inf\n"), HasSubstr("row 1: yaw_rad: found \"inf\""));
 }
 
+// Whoever waits is told at once for what, also where nothing is a terminal.
+TEST_F(Cli, LongCommandsSayWhatTheyDo) {
+  EXPECT_THAT(run("explain '" + kScene + "' --poses 2").err,
+              StartsWith("blindcorner: choosing how finely to sample tmf8828_wall"));
+  EXPECT_THAT(run("stability --rows one_bin").err, StartsWith("blindcorner: 1 case"));
+  const Outcome rendered =
+      run("render '" + kScene + "' --model fast --random 2 -o '" + path("two.exr") + "'");
+  EXPECT_EQ(rendered.out, path("two.exr") + ": 2 captures of 3 x 3 zones, 128 bins\n");
+}
+
 TEST_F(Cli, StabilityPrintsWritesAndNamesRows) {
   const Outcome table = run("stability --rows pulse_of_0.01,one_bin -o '" + path("s") + "'");
   ASSERT_EQ(table.exit_code, 0) << table.err;
@@ -1670,6 +1680,7 @@ TEST_F(CliCnn, BaselineMakesDataTrainsAndEvaluatesOnce) {
       "cnn baseline " + kScene + " --captures 12 --epochs 1 --network wide -o " + path("base");
   const Outcome first = run(command);
   ASSERT_EQ(first.exit_code, 0) << first.err;
+  EXPECT_THAT(first.err, StartsWith("blindcorner: step 1 of 3: captures to learn from"));
   EXPECT_TRUE(fs::exists(path("base/errors_wide/index.html")));
   EXPECT_THAT(text_of(path("base/errors_wide/estimates.csv")), HasSubstr(",x_m_sigma,"));
   const auto made = fs::last_write_time(path("base/data_wide/captures.exr"));
