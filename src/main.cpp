@@ -12,6 +12,7 @@
 #include "commands/cnn.h"
 #include "commands/commands.h"
 #include "commands/compare.h"
+#include "commands/init.h"
 #include "commands/stability.h"
 #include "commands/unknown_command.h"
 
@@ -42,6 +43,7 @@ int main(int argc, char** argv) {
   blindcorner::add_calibrate_command(app, exit_code);
   blindcorner::add_evaluate_command(app, exit_code);
   blindcorner::add_crossvalidate_command(app, exit_code);
+  blindcorner::add_init_command(app, exit_code);
   blindcorner::add_info_command(app, exit_code);
   blindcorner::add_explain_command(app, exit_code);
   blindcorner::add_bound_command(app, exit_code);

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdio>
 #include <utility>
 
 #include "blindcorner/forward/constants.h"
@@ -63,6 +64,19 @@ std::vector<Surface> only_occluders(const std::vector<Surface>& surfaces) {
 /// Directions of a zone that is no relay point.
 const AngularRectangle& footprint(const Sensor& sensor, int zone) {
   return std::get<AngularRectangle>(sensor.zones[static_cast<std::size_t>(zone)].footprint);
+}
+
+/// Words for a capture's sensor pose that stands in the place of the scene's; empty: it does not.
+std::string pose_of_its_own(const Scene& scene, const SensorPlacement& placement) {
+  const Transform& T = placement.T_world_sensor;
+  if (T.isApprox(scene.T_world_sensor, 1e-9)) return "";
+  char text[200];
+  std::snprintf(
+      text, sizeof text,
+      " from the capture's own sensor pose, at (%.4g, %.4g, %.4g) m, looking along (%.3g, "
+      "%.3g, %.3g), which overrides the scene's",
+      T(0, 3), T(1, 3), T(2, 3), T(0, 0), T(1, 0), T(2, 0));
+  return text;
 }
 
 }  // namespace
@@ -399,7 +413,7 @@ std::vector<Vector3d> RelaySetup::relay_points() const {
   if (!any_lit || !any_seen) {
     throw Error(scene_place(scene_),
                 std::string("surfaces: found no relay surface that the sensor ") +
-                    (any_seen ? "lights" : "sees") +
+                    (any_seen ? "lights" : "sees") + pose_of_its_own(scene_, placement_) +
                     ", accepted: a relay in view of the sensor, its reflecting side towards it");
   }
   return points;

@@ -152,8 +152,12 @@ HistogramCube draw_counts(const Scene& scene, const HistogramCube& expected, dou
     if (sensor.pile_up_cycles > 0) {
       draw_piled_up(sensor.pile_up_cycles, exposures, counts.zone(z), counts.bins, random);
     } else {
-      draw_zone(sensor.noise_of(z), exposures, sensor.dispersion, counts.zone(z), counts.bins,
-                random);
+      double* const bins = counts.zone(z);
+      const NoiseModel& noise = sensor.noise_of(z);
+      if (noise.counts_photons()) {  // rounding leaves some a hair below zero
+        std::transform(bins, bins + counts.bins, bins, [](double c) { return std::max(c, 0.0); });
+      }
+      draw_zone(noise, exposures, sensor.dispersion, bins, counts.bins, random);
     }
   }
   saturate(sensor, counts);

@@ -11,6 +11,7 @@
 #include "blindcorner/io/scene_file.h"
 #include "commands/cnn.h"
 #include "commands/commands.h"
+#include "commands/notice.h"
 #include "io/file_bytes.h"
 #include "io/json_reader.h"
 
@@ -99,6 +100,7 @@ int run_baseline(const BaselineArguments& arguments) {
   const std::string named = scene_of_drive(arguments.source);
   const std::string scene = named.empty() ? arguments.source : named;
   const std::string data = arguments.directory(arguments.wide() ? "data_wide" : "data");
+  tell_begun("step 1 of 3: captures to learn from, in " + data);
   provide_data(scene, data_of(arguments, !named.empty(), data));
   CnnTrainArguments train;
   train.scene = scene;
@@ -108,6 +110,7 @@ int run_baseline(const BaselineArguments& arguments) {
   train.epochs = arguments.epochs;
   train.resume = true;
   train.options.seed = arguments.seed;
+  tell_begun("step 2 of 3: training, in " + train.output);
   const int trained = run_cnn_train(train);
   if (trained != kAllWell) return trained;
   CnnEvaluateArguments evaluate;
@@ -116,6 +119,7 @@ int run_baseline(const BaselineArguments& arguments) {
   evaluate.captures = {data};
   evaluate.output = arguments.directory(arguments.wide() ? "errors_wide" : "errors");
   evaluate.held_back = true;
+  tell_begun("step 3 of 3: errors on the captures held back, in " + evaluate.output);
   return run_cnn_evaluate(evaluate);
 }
 

@@ -21,6 +21,7 @@
 #include "commands/output_directory.h"
 #include "commands/progress.h"
 #include "commands/thread_limit.h"
+#include "forward/support/comma_list.h"
 #include "io/file_bytes.h"
 #include "io/json_reader.h"
 #include "report/comparison_page.h"
@@ -80,8 +81,7 @@ std::string name_of(const std::vector<Network>& networks, std::size_t which) {
     const CnnDescription &a = networks[which].cnn.description(), &b = other.cnn.description();
     return a.scene == b.scene && a.network == b.network;
   };
-  std::string name =
-      cnn_architecture_name(networks[which].cnn.description().network) + " network";
+  std::string name = cnn_architecture_name(networks[which].cnn.description().network) + " network";
   if (std::ranges::count_if(networks, same) == 1) return name;
   const auto before = networks.begin() + static_cast<std::ptrdiff_t>(which);
   return name + " " + std::to_string(std::count_if(networks.begin(), before, same) + 1);
@@ -198,7 +198,8 @@ void write_comparison(const std::string& output, const ComparisonReport& report)
 
 namespace {
 
-int run_simulated(const CompareArguments& arguments) {
+int run_simulated(CompareArguments& arguments) {
+  for (std::string& name : arguments.options.conditions) name = condition_named(name);
   arguments.options.validate();
   std::vector<Scene> scenes;
   for (const std::string& path : arguments.scenes) scenes.push_back(read_scene(path));
@@ -269,7 +270,9 @@ void add_compare_command(CLI::App& app, int& exit_code) {
       ->capture_default_str();
   command
       .add_option("--conditions", arguments->options.conditions,
-                  "names of conditions, a list with commas; default: all")
+                  "names of conditions or how they begin, a list with commas; default: all, "
+                  "which are " +
+                      comma_list(condition_names()))
       ->delimiter(',');
   add_dataset_options(command, arguments->options.dataset);
   command

@@ -35,6 +35,7 @@ struct DriveArguments {
   bool real_time = false;
   bool no_page = false;
   bool animation = false;
+  bool require_goal = false;
   DriveOptions options;
 };
 
@@ -166,7 +167,8 @@ int run_drive(const DriveArguments& arguments) {
               result.time, result.length, result.mean_speed, result.clearance);
   if (arguments.real_time) print_real_time(drive, result);
   if (arguments.check_sensor > 0) check_sensor(sensor, result, arguments.check_sensor);
-  return kAllWell;
+  const bool missed = result.outcome != DriveOutcome::reached;
+  return arguments.require_goal && missed ? kSomeFailed : kAllWell;
 }
 
 }  // namespace
@@ -208,6 +210,8 @@ void add_drive_command(CLI::App& app, int& exit_code) {
       ->check(number_from_zero());
   command.add_flag("--animation", arguments->animation,
                    "write DIR/drive.svg, which moves, as well");
+  command.add_flag("--require-goal", arguments->require_goal,
+                   "exit with code 1 unless the vehicle reaches its goal");
   command.add_flag("--no-page", arguments->no_page, "do not write index.html");
   command.callback([arguments, &exit_code] { exit_code = run_drive(*arguments); });
 }

@@ -20,6 +20,7 @@
 #include "commands/truth_table.h"
 #include "forward/support/comma_list.h"
 #include "io/file_bytes.h"
+#include "io/file_kind.h"
 #include "io/json_reader.h"
 #include "report/evaluation_page.h"
 
@@ -121,10 +122,25 @@ Eigen::MatrixXd covariance_of(const Json& rows, Eigen::Index n, const std::strin
   return covariance;
 }
 
+/// Distance of an entry's heaviest mode from the truth, m: what the page of the fit states.
+std::optional<double> mode_distance(const Json& entry, const Eigen::VectorXd& truth,
+                                    const std::vector<std::string>& names,
+                                    const std::string& where) {
+  if (!entry.contains("modes") || !entry["modes"].is_array() || entry["modes"].empty()) return {};
+  const Json& mode = entry["modes"][0];
+  if (!mode.is_object() || !mode.contains("pose") || !mode["pose"].is_array()) return {};
+  if (std::ranges::none_of(names, is_position)) return {};
+  const double distance =
+      distance_of(numbers(mode["pose"], truth.size(), where + ".modes[0].pose") - truth, names);
+  return std::isfinite(distance) ? std::optional(distance) : std::nullopt;
+}
+
 /// What one entry of the result says against its truth; nothing when either is missing.
+/// `distances` gets that of the heaviest mode.
 std::optional<EstimateError> error_of(const Json& entry, const Truth* truth,
+                                      const std::vector<std::string>& names,
                                       const Eigen::VectorXd& periods, bool mean, std::size_t place,
-                                      const std::string& where) {
+                                      const std::string& where, std::vector<double>& distances) {
   const Eigen::Index n = periods.size();
   const Json* pose = nullptr;
   const Json* covariance = nullptr;
@@ -155,6 +171,8 @@ std::optional<EstimateError> error_of(const Json& entry, const Truth* truth,
     if (periods[i] > 0) e.error[i] = std::remainder(e.error[i], periods[i]);
   }
   e.covariance = covariance_of(*covariance, n, where + ".covariance");
+  if (const auto distance = mode_distance(entry, known, names, where))
+    distances.push_back(*distance);
   std::ostringstream group;
   group << known.transpose();
   e.group = group.str();
@@ -182,7 +200,8 @@ std::filesystem::path page_of(const EvaluateArguments& arguments) {
 int run_evaluate(const EvaluateArguments& arguments) {
   arguments.options.validate();
   const std::filesystem::path page = page_of(arguments);
-  const Json result = JsonReader::parse(read_bytes(arguments.result), arguments.result);
+  const Json result =
+      parse_file_kind(FileKind::result, read_bytes(arguments.result), arguments.result);
   const auto is_text = [](const Json& value) { return value.is_string(); };
   if (!result.is_object() || !result.contains("format") ||
       result["format"] != "blindcorner.result/1" || !result.contains("captures") ||
@@ -204,11 +223,14 @@ int run_evaluate(const EvaluateArguments& arguments) {
   if (!arguments.truth.empty()) truth = read_truth(arguments.truth, names);
   EvaluationRow row;
   row.name = std::filesystem::path(arguments.result).string();
+  const bool mean = arguments.estimator == "mean";
+  row.estimator = mean ? "errors of the posterior mean (all modes together)"
+                       : "errors of the heaviest mode's optimum";
   int without = 0;
   for (std::size_t i = 0; i < result["captures"].size(); ++i) {
-    const auto error = error_of(result["captures"][i], truth ? &*truth : nullptr, periods,
-                                arguments.estimator == "mean", i,
-                                arguments.result + ": captures[" + std::to_string(i) + "]");
+    const auto error =
+        error_of(result["captures"][i], truth ? &*truth : nullptr, names, periods, mean, i,
+                 arguments.result + ": captures[" + std::to_string(i) + "]", row.mode_distances);
     if (error) {
       row.errors.push_back(*error);
     } else {

@@ -18,6 +18,7 @@
 #include "commands/capture_inputs.h"
 #include "commands/commands.h"
 #include "commands/cpu_clock.h"
+#include "commands/notice.h"
 #include "commands/pose_text.h"
 #include "forward/support/quantile.h"
 #include "inverse/search/compiled_scene.h"
@@ -134,6 +135,7 @@ void print_plan(const ExplainArguments& arguments, const Scene& scene,
                 decision.used ? "used" : "left out",
                 decision.used ? "-" : share_text(decision.bound).c_str(), change.c_str(), time,
                 decision.reason.c_str());
+    std::fflush(stdout);  // a large scene takes seconds for each
   }
   std::printf(
       "  bound: most that leaving out may change a bin, as a share of the pose's peak (pile-up: "
@@ -229,6 +231,8 @@ int run_explain(const ExplainArguments& arguments) {
   }
   FastModelOptions options;
   options.tolerance = arguments.tolerance;
+  tell_begun("choosing how finely to sample " + scene.name + ", then switching each term at " +
+             std::to_string(arguments.poses) + " poses");
   const auto model = make_fast_model(scene, sensor, options);
   options.sampling_step = model->sampling_step();  // the same sampling with and without each term
   std::printf("scene %s:", scene.name.c_str());

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// `blindcorner export CAPTURE -o FILE.npz|FILE.csv`.
+/// `blindcorner export CAPTURE -o FILE.npz|FILE.csv|FILE.log`.
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <memory>
@@ -14,10 +14,11 @@ void add_export_command(CLI::App& app, int& exit_code) {
   struct Arguments {
     std::string capture, output;
   };
-  CLI::App& command = *app.add_subcommand("export", "write a capture file as .npz (NumPy) or .csv");
+  CLI::App& command =
+      *app.add_subcommand("export", "write a capture file as .npz (NumPy), .csv or .log (TMF8828)");
   const auto arguments = std::make_shared<Arguments>();
   command.add_option("CAPTURE", arguments->capture, "capture file")->required();
-  command.add_option("-o,--output", arguments->output, "file to write, .npz or .csv")
+  command.add_option("-o,--output", arguments->output, "file to write, .npz, .csv or .log")
       ->required()
       ->type_name("FILE");
   command.callback([arguments, &exit_code] {

@@ -8,6 +8,7 @@
 
 #include "blindcorner/report/result_file.h"
 #include "forward/support/quantile.h"
+#include "report/reading_units.h"
 
 namespace blindcorner {
 
@@ -58,9 +59,11 @@ Row row_of(const Scene& scene, const FitResult& result, bool truth_known) {
     return row;
   }
   const PoseMode& mode = result.posterior.modes.front();
+  const std::vector<std::string> names = unknown_names(scene);
   for (int i = 0; i < static_cast<int>(scene.unknowns.size()); ++i) {
     const bool open = std::ranges::count(mode.undetermined, i) > 0;
-    row.push_back(with_sigma(mode.pose[i], std::sqrt(mode.covariance(i, i)), open));
+    const double unit = reading_unit(names[static_cast<std::size_t>(i)]);
+    row.push_back(with_sigma(unit * mode.pose[i], unit * std::sqrt(mode.covariance(i, i)), open));
   }
   row.push_back(number(mode.weight, 3));
   row.push_back(number(result.posterior.presence_probability, 3));
@@ -115,8 +118,11 @@ std::string summary(const Scene& scene, const std::vector<FitResult>& results) {
     text += "; median time " + number(quantile(times, 0.5), 1) + " ms";
   }
   if (!errors.empty()) {
-    text += "; distance to truth: median " + number(quantile(errors, 0.5), 4) +
-            " m, 90th percentile " + number(quantile(errors, 0.9), 4) + " m";
+    text += "; heaviest mode to truth: ";
+    text += errors.size() == 1
+                ? number(errors.front(), 4) + " m"
+                : "median " + number(quantile(errors, 0.5), 4) + " m, 90th percentile " +
+                      number(quantile(errors, 0.9), 4) + " m";
   }
   return text + "\n";
 }
@@ -129,7 +135,7 @@ std::string fit_table(const Scene& scene, const std::vector<FitResult>& results,
     return std::isfinite(position_error(scene, result));
   });
   Row titles = {"capture"};
-  for (const std::string& name : unknown_names(scene)) titles.push_back(name);
+  for (const std::string& name : unknown_names(scene)) titles.push_back(reading_name(name));
   titles.insert(titles.end(), {"weight", "present", "false alarm"});
   if (truth_known) titles.emplace_back("error_m");
   titles.emplace_back("flags");

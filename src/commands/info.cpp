@@ -1,16 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
-/// `blindcorner info FILE...`: what is in scene and capture files.
+/// `blindcorner info FILE... [-o DIR]`: what is in scene and capture files; scenes as pictures.
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <set>
 
 #include "blindcorner/forward/constants.h"
+#include "blindcorner/forward/error.h"
+#include "blindcorner/io/atomic_file.h"
 #include "blindcorner/io/capture_file.h"
 #include "blindcorner/io/capture_text.h"
 #include "blindcorner/io/import_file.h"
 #include "blindcorner/io/scene_file.h"
+#include "blindcorner/report/page.h"
 #include "commands/commands.h"
+#include "commands/output_directory.h"
+#include "report/reading_units.h"
 
 namespace blindcorner {
 
@@ -18,6 +24,7 @@ namespace {
 
 struct InfoArguments {
   std::vector<std::string> files;
+  std::string output;
   DescribeOptions options;
 };
 
@@ -45,10 +52,12 @@ std::string unknowns_text(const Scene& scene) {
   const std::vector<std::string> names = unknown_names(scene);
   for (std::size_t i = 0; i < names.size(); ++i) {
     const Unknown& unknown = scene.unknowns[i];
-    text += line("unknown   %-8s %.4g to %.4g", names[i].c_str(), unknown.lower, unknown.upper);
+    const double unit = reading_unit(names[i]);
+    text += line("unknown   %-8s %.4g to %.4g", reading_name(names[i]).c_str(),
+                 unit * unknown.lower, unit * unknown.upper);
     if (unknown.prior) {
       text.pop_back();
-      text += line(", prior %.4g +- %.4g", unknown.prior->mean, unknown.prior->sigma);
+      text += line(", prior %.4g +- %.4g", unit * unknown.prior->mean, unit * unknown.prior->sigma);
     }
   }
   return text;
@@ -81,11 +90,37 @@ std::string describe_scene(const Scene& scene) {
   return text + unknowns_text(scene);
 }
 
+bool is_scene(const std::string& path) {
+  return std::filesystem::path(path).extension() == ".json";
+}
+
 std::string describe_file(const std::string& path, const DescribeOptions& options) {
-  const std::string extension = std::filesystem::path(path).extension().string();
-  if (extension == ".json") return describe_scene(read_scene(path));
-  if (extension == ".exr") return describe(read_captures(path), options);
+  if (is_scene(path)) return describe_scene(read_scene(path));
+  const bool capture = std::filesystem::path(path).extension() == ".exr";
+  if (capture) return describe(read_captures(path), options);
   return describe(import_captures({path}), options);
+}
+
+/// A page for each scene, named after its file.
+void draw_scenes(const InfoArguments& arguments) {
+  std::vector<std::pair<std::string, std::string>> pages;  // [scenes] file, page
+  std::set<std::string> names;
+  for (const std::string& path : arguments.files) {
+    if (!is_scene(path)) continue;
+    const std::string name = std::filesystem::path(path).stem().string() + ".html";
+    if (!names.insert(name).second) {
+      throw Error("--output", "found two scenes that would both be drawn as " + name +
+                                  ", accepted: scene files of different names");
+    }
+    pages.emplace_back((std::filesystem::path(arguments.output) / name).string(),
+                       scene_page(read_scene(path)));
+  }
+  if (pages.empty()) throw Error("--output", "found no scene to draw, accepted: with a .json file");
+  make_directory(arguments.output);
+  for (const auto& [path, page] : pages) {
+    write_atomically(path, page);
+    std::printf("\n%s: the scene as a picture\n", path.c_str());
+  }
 }
 
 int run_info(const InfoArguments& arguments) {
@@ -95,6 +130,7 @@ int run_info(const InfoArguments& arguments) {
     std::printf("%s%s\n%s", &path == &arguments.files.front() ? "" : "\n", path.c_str(),
                 text.c_str());
   }
+  if (!arguments.output.empty()) draw_scenes(arguments);
   return kAllWell;
 }
 
@@ -104,6 +140,10 @@ void add_info_command(CLI::App& app, int& exit_code) {
   CLI::App& command = *app.add_subcommand("info", "tell what scene and capture files hold");
   const auto arguments = std::make_shared<InfoArguments>();
   command.add_option("FILE", arguments->files, "scene (.json) or capture files")->required();
+  command
+      .add_option("-o,--output", arguments->output,
+                  "draw each scene as a page DIR/NAME.html; the directory is made if missing")
+      ->type_name("DIR");
   command
       .add_option("--capture", arguments->options.capture,
                   "capture whose histograms are drawn; -1: none")

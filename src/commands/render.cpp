@@ -105,7 +105,11 @@ int run_render(const RenderArguments& arguments) {
   stages.reset();
   std::erase_if(file.captures, [](const Capture& c) { return c.counts.values.empty(); });
   const std::size_t done = file.captures.size();
-  if (done > 0) write_captures(arguments.output, file);
+  if (done > 0) {
+    write_captures(arguments.output, file);
+    std::printf("%s: %zu capture%s of %d x %d zones, %d bins\n", arguments.output.c_str(), done,
+                done == 1 ? "" : "s", scene.sensor.rows, scene.sensor.columns, scene.sensor.bins);
+  }
   if (done == count) return kAllWell;
   tell_interrupted(done, count, "captures", done > 0 ? "the file holds these" : "");
   return kSomeFailed;

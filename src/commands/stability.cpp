@@ -11,7 +11,9 @@
 #include "blindcorner/forward/error.h"
 #include "blindcorner/io/atomic_file.h"
 #include "commands/commands.h"
+#include "commands/notice.h"
 #include "commands/output_directory.h"
+#include "commands/progress.h"
 #include "io/json_reader.h"
 #include "report/stability_page.h"
 #include "stability/stability.h"
@@ -54,11 +56,17 @@ void print(const StabilityResult& result) {
 int run_stability(const StabilityArguments& arguments) {
   const auto rows = wanted_rows(arguments.rows);
   if (!arguments.output.empty()) make_directory(arguments.output);
+  tell_begun(std::to_string(rows.size()) + " case" + (rows.size() == 1 ? "" : "s") +
+             ", one after the other; all of them take minutes");
   std::printf("%-30s %12s %12s  %-10s %-5s %6s\n", "case", "measured", "limit", "limit from", "",
               "cpu s");
+  std::fflush(stdout);
   std::vector<StabilityResult> results;
   for (const StabilityRow* row : rows) {
-    results.push_back(run_stability_row(*row));
+    {
+      const StageProgress stage(row->name);
+      results.push_back(run_stability_row(*row));
+    }
     print(results.back());
   }
   const auto holding = std::ranges::count_if(results, &StabilityResult::holds);

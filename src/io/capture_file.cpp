@@ -19,6 +19,7 @@
 #include "io/capture_metadata.h"
 #include "io/exr_check.h"
 #include "io/file_bytes.h"
+#include "io/file_kind.h"
 
 namespace blindcorner {
 namespace {
@@ -174,6 +175,7 @@ std::string exr_bytes(const CaptureFile& file, const std::string& path) {
 CaptureFile read_captures(const std::string& path) {
   check_readable(path);
   if (!Imf::isOpenExrFile(path.c_str())) {
+    check_file_kind(FileKind::capture, read_bytes(path), path);
     throw Error(path,
                 "is not an OpenEXR file; accepted is a capture file (other formats have to "
                 "be imported first)");

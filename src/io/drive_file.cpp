@@ -12,6 +12,7 @@
 #include "blindcorner/forward/scene/orientation.h"
 #include "blindcorner/io/scene_file.h"
 #include "io/file_bytes.h"
+#include "io/file_kind.h"
 #include "io/json_reader.h"
 
 namespace blindcorner {
@@ -296,7 +297,7 @@ void read_named_scene(const JsonReader& reader, Drive& drive) {
 }  // namespace
 
 Drive read_drive(const std::string& path) {
-  const Json document = JsonReader::parse(read_bytes(path), path);
+  const Json document = parse_file_kind(FileKind::drive, read_bytes(path), path);
   const JsonReader reader(document, path);
   if (!reader.is_object()) reader.fail("an object");
   reader.allow_only({"name", "description", "scene", "vehicle", "route_m", "goal_tolerance_m",

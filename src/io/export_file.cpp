@@ -7,6 +7,7 @@
 #include "blindcorner/forward/error.h"
 #include "blindcorner/io/atomic_file.h"
 #include "io/capture_metadata.h"
+#include "io/import_tmf8828.h"
 #include "io/npy.h"
 #include "io/npz.h"
 
@@ -57,12 +58,18 @@ void export_csv(const std::string& path, const CaptureFile& file) {
   write_atomically(path, text);
 }
 
+void export_log(const std::string& path, const CaptureFile& file) {
+  check_captures(file, path);
+  write_atomically(path, tmf8828_log(file, path));
+}
+
 void export_captures(const std::string& path, const CaptureFile& file) {
   const std::string ending = std::filesystem::path(path).extension().string();
   if (ending == ".npz") return export_npz(path, file);
   if (ending == ".csv") return export_csv(path, file);
+  if (ending == ".log") return export_log(path, file);
   throw Error(path, "ending " + (ending.empty() ? "is missing" : "is " + ending) +
-                        ", accepted .npz and .csv");
+                        ", accepted .npz, .csv and .log");
 }
 
 }  // namespace blindcorner

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <cmath>
 #include <cstdint>
 #include <optional>
 #include <string_view>
@@ -273,6 +274,41 @@ std::vector<Capture> parse_tmf8828_log(const std::string& text, const std::strin
                           (first_damage.empty() ? "" : "; first damage: " + first_damage));
   }
   return captures;
+}
+
+std::string tmf8828_log(const CaptureFile& file, const std::string& path) {
+  constexpr int kAddress = 65;  // the sensor's own unless it is told another
+  constexpr double kMostCounts = (1 << 24) - 1;
+  std::string log;
+  for (std::size_t i = 0; i < file.captures.size(); ++i) {
+    const HistogramCube& counts = file.captures[i].counts;
+    const std::string where = path + ": capture " + std::to_string(i);
+    if (counts.bins != kBins) {
+      throw Error(where, "found " + std::to_string(counts.bins) + " bins, accepted: 128");
+    }
+    ImportOptions options;
+    options.rows = counts.rows;
+    options.columns = counts.columns;
+    const Layout layout = layout_of(options);
+    for (int measurement = 0; measurement < layout.measurements; ++measurement) {
+      for (int index = 0; index < kLines; ++index) {
+        const int channel = index % kChannels;
+        const bool used = channel >= 1 && channel <= layout.channels;
+        log += "#Raw," + std::to_string(kAddress) + "," + std::to_string(index);
+        for (int bin = 0; bin < kBins; ++bin) {
+          const double count = used ? counts.zone(layout.zone(measurement, channel))[bin] : 0.0;
+          if (!(count >= 0 && count <= kMostCounts && count == std::floor(count))) {
+            throw Error(where, "found a count of " + std::to_string(count) +
+                                   ", accepted: whole numbers from 0 to 16777215");
+          }
+          const auto byte = (static_cast<std::uint32_t>(count) >> (8 * (index / kChannels))) & 255U;
+          log += "," + std::to_string(byte);
+        }
+        log += "\n";
+      }
+    }
+  }
+  return log;
 }
 
 }  // namespace blindcorner

@@ -30,4 +30,10 @@ std::vector<Capture> parse_tmf8828_log(const std::string& text, const std::strin
                                        const ImportOptions& options,
                                        std::vector<std::string>& warnings);
 
+/// The log of captures, as the driver prints it from i2c address 65; the reference channel and
+/// those that are not used are dark. Throws Error naming `path` for captures that no TMF8828 makes:
+/// other than 3 x 3, 4 x 4 or 8 x 8 zones of 128 bins, or counts that are no whole numbers of 24
+/// bits.
+std::string tmf8828_log(const CaptureFile& file, const std::string& path);
+
 }  // namespace blindcorner

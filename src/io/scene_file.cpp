@@ -15,6 +15,7 @@
 #include "blindcorner/forward/sensor/link_budget.h"
 #include "forward/scene/limits.h"
 #include "io/file_bytes.h"
+#include "io/file_kind.h"
 #include "io/json_reader.h"
 #include "io/mesh_file.h"
 #include "io/sensor_reader.h"
@@ -400,6 +401,24 @@ void read_component(const JsonReader& field, const UnknownName& name, const Numb
   placement.set(name.component, value);
 }
 
+/// Refuses an absent position of which components are known: those have to be given.
+void require_position(const JsonReader& position, const std::array<const Unknown*, 3>& unknowns) {
+  std::string form = "[";
+  std::string letters, known;  // of the components that have to be given
+  int count = 0;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const std::string letter(1, "XYZ"[i]);
+    form += (i > 0 ? ", " : "") + (unknowns[i] != nullptr ? "null" : letter);
+    if (unknowns[i] != nullptr) continue;
+    const char* const joint = count++ > 0 ? " and " : "";
+    letters += joint + letter;
+    known += joint + std::string(kUnknownNames[i].key);
+  }
+  if (count == 0) return;
+  position.fail(form + "], " + letters + " " + kPosition.text() + ", because " + known +
+                (count > 1 ? " are" : " is") + " not among the unknowns");
+}
+
 Placement read_placement(const JsonReader& reader, const Shape& shape,
                          const std::vector<Unknown>& unknowns, int object) {
   Placement placement;
@@ -408,7 +427,11 @@ Placement read_placement(const JsonReader& reader, const Shape& shape,
   };
   const JsonReader position = reader.at("position_m");
   std::vector<JsonReader> parts(3, position);
-  if (position.present()) parts = position.elements_exactly(3, "numbers (null for unknown ones)");
+  if (position.present()) {
+    parts = position.elements_exactly(3, "numbers (null for unknown ones)");
+  } else {
+    require_position(position, {unknown(0), unknown(1), unknown(2)});
+  }
   for (std::size_t i = 0; i < 3; ++i) {
     read_component(parts[i], kUnknownNames[i], kPosition, {}, unknown(i), placement);
   }
@@ -623,8 +646,8 @@ Scene read_document(const Json& json, const std::string& path) {
 
 /// A scene file with what an instrument file says put over it.
 Json patched(const std::string& path, const std::string& instrument) {
-  Json document = JsonReader::parse(read_bytes(path), path);
-  const Json file = JsonReader::parse(read_bytes(instrument), instrument);
+  Json document = parse_file_kind(FileKind::scene, read_bytes(path), path);
+  const Json file = parse_file_kind(FileKind::instrument, read_bytes(instrument), instrument);
   const JsonReader reader(file, instrument);
   if (!reader.is_object()) reader.fail("an object with \"format\" and \"patch\"");
   reader.at("format").word({"blindcorner.instrument/1"});
@@ -636,7 +659,7 @@ Json patched(const std::string& path, const std::string& instrument) {
 }  // namespace
 
 Scene read_scene(const std::string& path) {
-  return read_document(JsonReader::parse(read_bytes(path), path), path);
+  return read_document(parse_file_kind(FileKind::scene, read_bytes(path), path), path);
 }
 
 Scene read_scene(const std::string& path, const std::string& instrument) {

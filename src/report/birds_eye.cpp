@@ -151,7 +151,7 @@ SensorView sensor_view(const Scene& scene, const Transform& T_world_sensor,
     if (relay_points.size() == zones.size()) {
       ends[0].push_back(relay_points[z]);
     } else if (const auto* point = std::get_if<Vector3d>(&zones[z].footprint)) {
-      ends[0].push_back(*point);
+      if (point->allFinite()) ends[0].push_back(*point);  // else each capture says where
     } else {
       for (const Vector3d& ray : directions_in(std::get<AngularRectangle>(zones[z].footprint))) {
         const Vector3d direction = T_world_sensor.linear() * ray;

@@ -64,6 +64,8 @@ ChartSeries series_of(const char* name, const char* colour, const std::vector<do
 Chart view_chart(const CalibrationView& view, double bin_width, bool background) {
   Chart chart{"zone " + std::to_string(view.zone), "time, ns; the object's light moved together",
               background ? "mean counts, without background" : "mean counts"};
+  // The direct return is a thousand times as tall as the light by way of an object.
+  chart.logarithmic_y = true;
   chart.series = {
       series_of("before", colour::kLine, view.before, bin_width, SeriesStyle::line),
       series_of("after", colour::kModel, view.after, bin_width, SeriesStyle::line),
@@ -74,17 +76,35 @@ Chart view_chart(const CalibrationView& view, double bin_width, bool background)
 /// Deviance beyond this many times its expectation: the model does not explain the captures.
 constexpr double kPoorFit = 2;
 
+/// Whether any gain was looked for and none was found.
+bool gains_unknown(const Calibration& c) {
+  bool any = false;
+  for (const CalibratedParameter& p : c.parameters) {
+    if (!p.name.starts_with("gain")) continue;
+    if (p.determined) return false;
+    any = true;
+  }
+  return any;
+}
+
+constexpr const char* kGainsUnknown =
+    "These captures say nothing about the gains, which stay as the scene says: where the scale of "
+    "the direct return is unknown too (linear.direct.mode \"per_zone\"), it takes their place.";
+
 std::string calibration_headline(const Calibration& c) {
   const auto determined = std::ranges::count_if(c.parameters, &CalibratedParameter::determined);
   std::string text = formatted(
-      "%td of %zu properties of the instrument were found out from %d captures, which differ from "
-      "the model by %.2g times what photon noise explains (%.2g times before).",
-      determined, c.parameters.size(), c.used,
-      c.deviance_after / std::max(c.expected_deviance, 1.0),
-      c.deviance_before / std::max(c.expected_deviance, 1.0));
+      "%d capture%s told %td of %zu properties of the instrument; the others stay as the scene "
+      "says. ",
+      c.used, c.used == 1 ? "" : "s", determined, c.parameters.size());
+  const double expected = std::max(c.expected_deviance, 1.0);
   if (c.deviance_after > kPoorFit * c.expected_deviance) {
-    text += " The scene does not explain these captures well: look at the pictures.";
+    return text + formatted(
+                      "The model still misses the captures by %.2g times their noise (before: %.2g "
+                      "times). The scene does not explain them well: look at the pictures.",
+                      c.deviance_after / expected, c.deviance_before / expected);
   }
+  text += "The model now explains the captures to within their noise.";
   return text;
 }
 
@@ -122,6 +142,7 @@ std::string calibration_text(const Calibration& calibration) {
   for (const LeftOutCapture& out : calibration.left_out) {
     text += formatted("  capture %d left out: ", out.index) + out.reason + "\n";
   }
+  if (gains_unknown(calibration)) text += std::string("  ") + kGainsUnknown + "\n";
   for (const std::string& note : calibration.notes) text += "  " + note + "\n";
   return text;
 }
@@ -140,7 +161,9 @@ std::string calibration_page(const Scene& before, const Calibration& calibration
             (p.determined ? "" : " (not determined, kept)") +
             formatted("<td>%.6g<td>%.3g</tr>\n", p.prior, p.prior_sigma);
   }
-  body += "</table>\n<p>Noise: " + html_safe(noise_text(calibration.scene)) +
+  body += "</table>\n";
+  if (gains_unknown(calibration)) body += "<p>" + html_safe(kGainsUnknown) + "</p>\n";
+  body += "<p>Noise: " + html_safe(noise_text(calibration.scene)) +
           formatted(
               ", of this a factor %.2f so that fits of these captures are honest. The object's "
               "brightness varies by %.1f %%.</p>\n",

@@ -123,9 +123,9 @@ std::vector<Pixel> pixels_of(const ChartSeries& series, const Axis& x, const Axi
 
 /// Whether a chart shows anything of a series.
 bool is_drawn(const Chart& chart, const ChartSeries& series) {
-  const Axis any(chart.logarithmic);
+  const Axis x(chart.logarithmic), y(chart.logarithmic || chart.logarithmic_y);
   return std::ranges::any_of(series.points,
-                             [&](const ChartPoint& p) { return any.shows(p.x) && any.shows(p.y); });
+                             [&](const ChartPoint& p) { return x.shows(p.x) && y.shows(p.y); });
 }
 
 /// Names of what is drawn in their series' colours, in rows from the left; returns the height that
@@ -304,7 +304,7 @@ std::string chart_svg(const Chart& chart) {
   svg += formatted("<text x=\"%.0f\" y=\"14\" font-size=\"13\" font-weight=\"600\">", kLeft) +
          html_safe(chart.title) + "</text>";
   const double top = kTop + add_legend(chart, svg);
-  Axis x(chart.logarithmic), y(chart.logarithmic);
+  Axis x(chart.logarithmic), y(chart.logarithmic || chart.logarithmic_y);
   for (const ChartSeries& series : chart.series) {
     for (const ChartPoint& point : series.points) {
       if (!x.shows(point.x) || !y.shows(point.y)) continue;

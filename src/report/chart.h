@@ -41,6 +41,7 @@ struct Chart {
   std::vector<ChartSeries> series{};
   std::vector<ChartRule> rules{};
   bool logarithmic = false;       ///< both axes
+  bool logarithmic_y = false;     ///< the vertical axis
   int width = 360, height = 240;  ///< pixels
 };
 

@@ -10,6 +10,7 @@
 #include "report/formatted.h"
 #include "report/html.h"
 #include "report/interval_chart.h"
+#include "report/reading_units.h"
 
 namespace blindcorner {
 namespace {
@@ -84,7 +85,13 @@ std::string position_text(const BootstrapInterval& i) {
 }
 
 /// "x_m" as a heading: what is in it is the mean absolute error.
-std::string heading(const std::string& unknown) { return "|" + unknown + "|"; }
+std::string heading(const std::string& unknown) { return "|" + reading_name(unknown) + "|"; }
+
+/// An interval of this unknown as it is shown.
+BootstrapInterval shown(const std::string& unknown, const BootstrapInterval& i) {
+  const double unit = reading_unit(unknown);
+  return {unit * i.value, unit * i.low, unit * i.high};
+}
 
 /// A figure with its interval below it.
 std::string cell(const std::string& value, const std::string& low, const std::string& high) {
@@ -123,7 +130,7 @@ std::string table_html(const SceneComparison& scene) {
   std::string head = "<tr><th>method<th>position, median, m<th>90 % within, m<th>RMSE, m";
   for (const std::string& unknown : scene.unknowns) head += "<th>" + html_safe(heading(unknown));
   head += "<th>truth in the 95 % region<th>median less the solver's, m";
-  if (!yaw_is_known(scene)) head += "<th>|yaw_rad| less the solver's";
+  if (!yaw_is_known(scene)) head += "<th>|yaw_deg| less the solver's";
   head += "<th>ms a capture<th>failed</tr>\n";
   const auto columns = std::ranges::count(head, '<') - 2;
   std::string html =
@@ -136,9 +143,14 @@ std::string table_html(const SceneComparison& scene) {
     for (const MethodFigures& m : c.methods) {
       html += "<tr><td style=\"text-align:left\">" + method_cell(m) + cell(m.position) +
               cell(m.p90) + cell(m.rmse);
-      for (const BootstrapInterval& mean : m.mean_absolute) html += cell(mean);
+      for (std::size_t k = 0; k < m.mean_absolute.size(); ++k) {
+        html += cell(shown(scene.unknowns[k], m.mean_absolute[k]));
+      }
       html += cell(m.claim) + cell(m.against_first);
-      if (!yaw_is_known(scene)) html += cell(m.yaw_against_first);
+      if (!yaw_is_known(scene)) {
+        const auto& yaw = m.yaw_against_first;
+        html += cell(yaw ? std::optional(shown("yaw_rad", *yaw)) : std::nullopt);
+      }
       html += cell(milliseconds(m.time), "%.3g") + formatted("<td>%d</tr>\n", m.failures);
     }
   }
@@ -275,7 +287,9 @@ std::string comparison_text(const SceneComparison& scene) {
       text +=
           formatted("%-33s %-20s %-27s %8.4f %-24s", name, m.method.c_str(),
                     position_text(m.position).c_str(), m.p90.value, position_text(m.rmse).c_str());
-      for (const BootstrapInterval& mean : m.mean_absolute) text += formatted(" %9.4f", mean.value);
+      for (std::size_t k = 0; k < m.mean_absolute.size(); ++k) {
+        text += formatted(" %9.4f", shown(scene.unknowns[k], m.mean_absolute[k]).value);
+      }
       text +=
           formatted(" %-21s %9.3g %7d\n", claim_text(m).c_str(), 1e3 * m.time.value, m.failures);
       name = "";

@@ -13,12 +13,44 @@
 #include "report/colours.h"
 #include "report/formatted.h"
 #include "report/html.h"
+#include "report/reading_units.h"
 
 namespace blindcorner {
 namespace {
 
-std::string figure_text(const Figure& figure) {
-  return formatted("%.3f (%.3f to %.3f)", figure.value, figure.low, figure.high);
+/// One position says nothing about how much the figure varies.
+std::string figure_text(const Figure& figure, const Evaluation& evaluation) {
+  const double unit = reading_unit(figure.name);
+  const std::string value = formatted("%.3f", unit * figure.value);
+  if (evaluation.groups < 2) return value;
+  return value + formatted(" (%.3f to %.3f)", unit * figure.low, unit * figure.high);
+}
+
+/// What a figure's name does not say by itself.
+std::string figure_note(const std::string& name) {
+  if (name == "rmse_m") return "root mean square error of a coordinate";
+  if (name.starts_with("rmse_")) return "root mean square error";
+  if (name.ends_with("_distance_m")) return "distance in space";
+  if (name.starts_with("median_") || name.starts_with("p90_")) return "absolute error";
+  if (name == "coverage_1sigma") return "0.683 where claims are honest";
+  if (name == "coverage_2sigma") return "0.954 where claims are honest";
+  return name == "normalised_error" ? "1 where claims are honest" : "";
+}
+
+/// Distances from the truth: of the heaviest modes where they are known, as the page of the fit has
+/// them.
+std::vector<double> distances_of(const EvaluationRow& row, const std::vector<std::string>& names) {
+  if (!row.mode_distances.empty()) return row.mode_distances;
+  std::vector<double> distances;
+  for (const EstimateError& e : row.errors) distances.push_back(distance_of(e.error, names));
+  return distances;
+}
+
+/// "0.021 m", or the median and the 90th percentile of several.
+std::string mode_distance_text(const EvaluationRow& row) {
+  if (row.mode_distances.size() == 1) return formatted("%.4f m", row.mode_distances.front());
+  return formatted("median %.4f m, 90th percentile %.4f m", quantile(row.mode_distances, 0.5),
+                   quantile(row.mode_distances, 0.9));
 }
 
 /// Points that a curve is drawn with at most, and dots.
@@ -28,7 +60,7 @@ constexpr std::size_t kMaxDots = 1500;
 /// What an axis says behind the name.
 std::string unit_of(const std::string& unknown) {
   if (is_position(unknown)) return ", m";
-  return unknown.ends_with("_rad") ? ", rad" : "";
+  return unknown.ends_with("_rad") ? ", degrees" : "";
 }
 
 /// Share of estimates with at most a given error.
@@ -37,8 +69,7 @@ Chart error_chart(const std::vector<EvaluationRow>& rows, const std::vector<std:
   chart.width = 460;
   chart.height = 320;
   for (const EvaluationRow& row : rows) {
-    std::vector<double> lengths;
-    for (const EstimateError& e : row.errors) lengths.push_back(distance_of(e.error, names));
+    std::vector<double> lengths = distances_of(row, names);
     std::sort(lengths.begin(), lengths.end());
     ChartSeries series{row.name, {{0, 0}}};
     const std::size_t count = lengths.size();
@@ -89,14 +120,15 @@ Chart coverage_chart(const std::vector<EvaluationRow>& rows) {
 
 /// Errors of one unknown against their claimed standard deviations.
 Chart unknown_chart(const EvaluationRow& row, const std::string& unknown, Eigen::Index k) {
-  Chart chart{row.name + ": " + unknown, "claimed standard deviation" + unit_of(unknown),
-              "error" + unit_of(unknown)};
+  Chart chart{row.name + ": " + reading_name(unknown),
+              "claimed standard deviation" + unit_of(unknown), "error" + unit_of(unknown)};
   ChartSeries dots{"", {}, SeriesStyle::dots, colour::kFound};
   double most = 0;
   const std::size_t step = std::max<std::size_t>(1, row.errors.size() / kMaxDots);
   for (std::size_t e = 0; e < row.errors.size(); e += step) {
-    const double sigma = std::sqrt(row.errors[e].covariance(k, k));
-    dots.points.push_back({sigma, row.errors[e].error[k]});
+    const double unit = reading_unit(unknown);
+    const double sigma = unit * std::sqrt(row.errors[e].covariance(k, k));
+    dots.points.push_back({sigma, unit * row.errors[e].error[k]});
     most = std::max(most, sigma);
   }
   const std::string bound = colour::kInk;
@@ -107,10 +139,9 @@ Chart unknown_chart(const EvaluationRow& row, const std::string& unknown, Eigen:
 }
 
 std::string evaluation_headline(const EvaluationRow& row, const std::vector<std::string>& names) {
-  std::vector<double> distances;
+  const std::vector<double> distances = distances_of(row, names);
   double squares = 0, count = 0;
   for (const EstimateError& e : row.errors) {
-    distances.push_back(distance_of(e.error, names));
     for (Eigen::Index i = 0; i < e.error.size(); ++i, ++count) {
       squares += e.error[i] * e.error[i] / e.covariance(i, i);
     }
@@ -142,8 +173,14 @@ std::string evaluation_text(const std::vector<EvaluationRow>& rows) {
   for (const EvaluationRow& row : rows) {
     text += formatted("%s: %d estimates of %d positions\n", row.name.c_str(),
                       row.evaluation.estimates, row.evaluation.groups);
+    if (!row.mode_distances.empty()) {
+      text += "  heaviest mode to truth: " + mode_distance_text(row) + "\n";
+    }
+    if (!row.estimator.empty()) text += "  " + row.estimator + ":\n";
     for (const Figure& figure : row.evaluation.figures) {
-      text += formatted("  %-20s %s\n", figure.name.c_str(), figure_text(figure).c_str());
+      text +=
+          formatted("  %-20s %-24s %s\n", reading_name(figure.name).c_str(),
+                    figure_text(figure, row.evaluation).c_str(), figure_note(figure.name).c_str());
     }
   }
   return text;
@@ -152,18 +189,28 @@ std::string evaluation_text(const std::vector<EvaluationRow>& rows) {
 std::string evaluation_page(const std::string& title, const std::vector<EvaluationRow>& rows,
                             const std::vector<std::string>& names) {
   std::string body =
-      "<p>Lengths in m, angles in rad; bootstrap intervals (95 %) over positions. Honest: coverage "
-      "0.683 and 0.954, normalised error 1.</p>\n<table><tr><th>&nbsp;";
+      "<p>Lengths in m, angles in degrees; bootstrap intervals (95 %) over positions, where there "
+      "are several. Honest: coverage 0.683 and 0.954, normalised error 1.</p>\n"
+      "<table><tr><th>&nbsp;";
   for (const EvaluationRow& row : rows) body += "<th>" + html_safe(row.name);
   body += "</tr>\n<tr><td>estimates (positions)";
   for (const EvaluationRow& row : rows) {
     body += formatted("<td>%d (%d)", row.evaluation.estimates, row.evaluation.groups);
   }
   body += "</tr>\n";
+  if (std::ranges::none_of(rows, [](const auto& row) { return row.mode_distances.empty(); })) {
+    body += "<tr><td>heaviest mode to truth";
+    for (const EvaluationRow& row : rows) body += "<td>" + mode_distance_text(row);
+    body += "</tr>\n";
+  }
+  if (!rows.front().estimator.empty()) {
+    body += "<tr><td>" + html_safe(rows.front().estimator) + ":<td></tr>\n";
+  }
   for (std::size_t f = 0; f < rows.front().evaluation.figures.size(); ++f) {
-    body += "<tr><td>" + html_safe(rows.front().evaluation.figures[f].name);
+    const std::string& name = rows.front().evaluation.figures[f].name;
+    body += "<tr><td>" + html_safe(reading_name(name) + ", " + figure_note(name));
     for (const EvaluationRow& row : rows) {
-      body += "<td>" + html_safe(figure_text(row.evaluation.figures[f]));
+      body += "<td>" + html_safe(figure_text(row.evaluation.figures[f], row.evaluation));
     }
     body += "</tr>\n";
   }
@@ -186,6 +233,9 @@ std::string evaluation_json(const std::vector<EvaluationRow>& rows) {
                     {"estimates", row.evaluation.estimates},
                     {"positions", row.evaluation.groups},
                     {"figures", std::move(figures)}});
+    if (row.mode_distances.empty()) continue;
+    list.back()["mode_distance_m"] = {{"median", quantile(row.mode_distances, 0.5)},
+                                      {"p90", quantile(row.mode_distances, 0.9)}};
   }
   nlohmann::ordered_json json;
   json["format"] = "blindcorner.evaluation/2";

@@ -12,8 +12,12 @@ namespace blindcorner {
 /// One row of the table.
 struct EvaluationRow {
   std::string name;
-  std::vector<EstimateError> errors;
-  Evaluation evaluation;
+  std::vector<EstimateError> errors{};
+  /// Distances of the heaviest modes from the truth, m, the number that pages of fits state; empty:
+  /// not known.
+  std::vector<double> mode_distances{};
+  std::string estimator{};  ///< whose errors the figures are; empty: left unsaid
+  Evaluation evaluation{};
 };
 
 /// Table for a terminal: a row each, figures with their intervals.

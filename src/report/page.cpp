@@ -269,6 +269,11 @@ void add_captures(const Scene& scene, const std::vector<FitResult>& results,
   data["max_zones"] = options.max_zones;
 }
 
+std::string page_of(const Scene& scene, const json& data) {
+  return script_page(scene.name.empty() ? "fit" : scene.name, dump_json(data),
+                     {.style = "page.css", .library = "d3.js", .script = "page.js"});
+}
+
 }  // namespace
 
 CaptureConditions conditions_of(const Scene& scene, const Capture& capture) {
@@ -294,9 +299,14 @@ std::string result_page(const Scene& scene, const std::vector<FitResult>& result
   data["headline"] = results.size() == 1 ? fit_headline(scene, results.front())  //
                                          : fits_headline(results);
   add_captures(scene, results, conditions, options, data);
-  const std::string title = scene.name.empty() ? "fit" : scene.name;
-  return script_page(title, dump_json(data),
-                     {.style = "page.css", .library = "d3.js", .script = "page.js"});
+  return page_of(scene, data);
+}
+
+std::string scene_page(const Scene& scene) {
+  json data = {{"result", result_json(scene, {})}, {"scene", scene_json(scene)}};
+  data["headline"] = "What the scene file says. Nothing is fitted yet.";
+  data["views"] = json::array({view_json(sensor_view(scene, scene.T_world_sensor, {}))});
+  return page_of(scene, data);
 }
 
 }  // namespace blindcorner

@@ -30,6 +30,10 @@
 
   function finite(value) { return typeof value === "number" && isFinite(value); }
   function unit(name) { return /_m$/.test(name) ? "m" : /_rad$/.test(name) ? "rad" : ""; }
+  // Readers get degrees.
+  function shownUnit(name) { return unit(name) === "rad" ? "°" : unit(name); }
+  function shown(name, value) { return unit(name) === "rad" && finite(value) ? value * 180 / Math.PI : value; }
+  function titleOf(name) { return bare(name) + (unit(name) ? " (" + shownUnit(name) + ")" : ""); }
   function bare(name) { return name.replace(/_(m|rad)$/, "").replace(".", " "); }
 
   function digits(sigma) {
@@ -482,9 +486,9 @@
     truth: ["path", { d: "M5,7H21M13,0V14", stroke: COLOUR.truth, "stroke-width": 2.4 }, "truth"]
   };
   function region(o) { return "95 % " + (freeInPlane(o || 0) === 1 ? "interval" : "ellipse"); }
-  function mapLegend(parent, capture) {
+  function mapLegend(parent, capture, first) {
     var some = function (key) { return scene.surfaces.some(function (s) { return s[key]; }); };
-    var entries = [];
+    var entries = first || [];
     if (found(capture)) entries.push(SWATCH.heaviest.slice(0, 2).concat("found: " + region() + " and outline"));
     if (found(capture) && capture.modes.length > 1) entries.push(SWATCH.rival);
     if (capture.truth) entries.push(SWATCH.truth);
@@ -559,9 +563,7 @@
       : "nothing was found: these are only what the search region and the light leave open; ") +
       "mean ± standard deviation; “open”: the data left this unknown to its prior");
     var table = element(parent, "div", "wide").append("table"), head = table.append("thead").append("tr");
-    var titles = ["mode", "weight"].concat(unknowns.map(function (name) {
-      return bare(name) + (unit(name) ? " (" + unit(name) + ")" : "");
-    }), "log likelihood");
+    var titles = ["mode", "weight"].concat(unknowns.map(titleOf), "log likelihood");
     if (capture.truth) eachObject(function (o) {
       titles.push(objects.length > 1 ? objects[o].name + " to truth" : "distance to truth");
     });
@@ -572,9 +574,8 @@
       row.append("td").text(i + 1).style("color", i ? COLOUR.rival : COLOUR.heaviest);
       row.append("td").text((100 * mode.weight).toFixed(mode.weight < 0.01 ? 3 : 1) + " %");
       unknowns.forEach(function (name, k) {
-        var sigma = Math.sqrt(mode.covariance[k][k]);
-        var td = cell(row, mode.pose[k], sigma, mode.undetermined.indexOf(name) >= 0);
-        if (/yaw_rad$/.test(name) && finite(mode.pose[k])) td.append("small").text("  (" + (mode.pose[k] * 180 / Math.PI).toFixed(1) + "°)");
+        cell(row, shown(name, mode.pose[k]), shown(name, Math.sqrt(mode.covariance[k][k])),
+             mode.undetermined.indexOf(name) >= 0);
       });
       var drop = mode.log_likelihood - capture.modes[0].log_likelihood;
       row.append("td").text(!finite(drop) ? "–" : i ? (drop < 0 ? "−" : "+") + Math.abs(drop).toFixed(2)
@@ -589,8 +590,9 @@
       row.append("td").text("");
       unknowns.forEach(function (name, k) {
         var mode = capture.modes[0];
-        cell(row, capture.truth[k], undefined).append("small").text(finite(capture.truth[k])
-          ? "  (heaviest " + signed(difference(name, mode.pose[k], capture.truth[k]), Math.sqrt(mode.covariance[k][k])) + ")" : "");
+        cell(row, shown(name, capture.truth[k]), undefined).append("small").text(finite(capture.truth[k])
+          ? "  (heaviest " + signed(shown(name, difference(name, mode.pose[k], capture.truth[k])),
+                                    shown(name, Math.sqrt(mode.covariance[k][k]))) + ")" : "");
       });
       row.append("td");
       eachObject(function () { row.append("td"); });
@@ -1034,7 +1036,7 @@
   function drawCaptureTable(parent) {
     var box = element(parent, "div", "scroll"), table = box.append("table");
     var head = table.append("thead").append("tr");
-    ["capture", "source"].concat(unknowns.map(function (n) { return bare(n) + (unit(n) ? " (" + unit(n) + ")" : ""); }),
+    ["capture", "source"].concat(unknowns.map(titleOf),
       ["weight", "present", "false alarm"], objects.map(function (object) {
         return objects.length > 1 ? object.name + " to truth" : "to truth";
       }), ["flags"]).forEach(function (title, i) {
@@ -1053,7 +1055,7 @@
         return;
       }
       unknowns.forEach(function (name, k) {
-        cell(row, mode.pose[k], Math.sqrt(mode.covariance[k][k]), mode.undetermined.indexOf(name) >= 0);
+        cell(row, shown(name, mode.pose[k]), shown(name, Math.sqrt(mode.covariance[k][k])), mode.undetermined.indexOf(name) >= 0);
       });
       row.append("td").text((100 * mode.weight).toFixed(1) + " %");
       row.append("td").text(probability(c.presence_probability));
@@ -1089,6 +1091,44 @@
     drawIndexScale(left);
     drawCharts(right, widthIn(right, 590), Math.max(190, Math.round(height / 2) - 10));
     drawCaptureTable(element(parent, "div").style("margin-top", "12px"));
+  }
+
+  // ---------------------------------------------------------------- a scene by itself
+
+  // The object where the scene file puts it: what is unknown stands in the middle of its range.
+  function drawStated(group, x, y) {
+    eachObject(function (o) {
+      group.append("path").attr({ d: polygon(placedObject(null, o), x, y), fill: COLOUR.object, "fill-opacity": 0.3,
+                                  stroke: COLOUR.object, "stroke-width": objects[o].outline.length < 3 ? 3 : 1.4 })
+        .append("title").text(objects[o].name);
+    });
+  }
+  function drawRanges(parent) {
+    element(parent, "h2", "", "Unknowns").append("small").text("what a fit finds, and in which range");
+    var body = element(parent, "table").append("tbody");
+    unknowns.forEach(function (name, i) {
+      var row = body.append("tr");
+      row.append("td").attr("class", "text").text(titleOf(name));
+      row.append("td").text(scene.bounds[i].map(function (v) { return compact(shown(name, v)).replace("-", "−"); }).join(" to "));
+    });
+  }
+  function drawScene(parent) {
+    var columns = element(parent, "div", "columns");
+    var left = columns.append("div").attr("class", "picture"), right = columns.append("div").attr("class", "rest");
+    var extent = sceneExtent([0], false), width = widthIn(left, 760), height = heightFor(extent, width, 300, 640);
+    element(left, "h2", "", "From above");
+    var tools = element(left, "div", "tools");
+    var map = new Map(left, { width: width, height: height, draw: function (g, x, y, perMetre) {
+      drawSurroundings(g, x, y, perMetre, [0]);
+      drawStated(g, x, y);
+    } });
+    button(tools, "overview", false, function () { map.show(extent); });
+    button(tools, "whole scene", false, function () { map.show(sceneExtent([0], true)); });
+    tools.append("span").attr("class", "soft").text("drag to move, double-click to enlarge");
+    map.show(extent);
+    mapLegend(left, { modes: [], flags: [] }, [["rect", { x: 2, y: 2, width: 22, height: 10, fill: COLOUR.object,
+      "fill-opacity": 0.3, stroke: COLOUR.object }, "the object as the scene file puts it; what is unknown, in mid-range"]]);
+    drawRanges(right);
   }
 
   // ---------------------------------------------------------------- page
@@ -1203,7 +1243,7 @@
       drawCapture(detail, chosen);
       drawHistograms(histograms, captures[chosen], chosen);
     } else {
-      element(detail, "div", "note", "There are no captures.");
+      drawScene(detail);
     }
     [overview, controls, detail, histograms].forEach(function (part) { part.style("min-height", null); });
     window.scrollTo(window.pageXOffset, top);

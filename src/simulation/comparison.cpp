@@ -15,6 +15,7 @@
 #include <optional>
 #include <random>
 
+#include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
 #include "blindcorner/inverse/baseline/back_projection.h"
 #include "blindcorner/inverse/baseline/multilateration.h"
@@ -271,9 +272,12 @@ void add_findings(const Condition& condition, const MethodFigures& figures,
   }
   const auto& turn = figures.yaw_against_first;
   if (turn && turn->high < 0) {
-    findings.push_back(finding(condition, "mean error of yaw", "rad", figures.method,
-                               figures.mean_absolute[*yaw], first, first.mean_absolute[*yaw],
-                               *turn));
+    const auto degrees = [](const BootstrapInterval& i) {
+      return BootstrapInterval{i.value / kDegree, i.low / kDegree, i.high / kDegree};
+    };
+    findings.push_back(finding(condition, "mean error of yaw", "degrees", figures.method,
+                               degrees(figures.mean_absolute[*yaw]), first,
+                               degrees(first.mean_absolute[*yaw]), degrees(*turn)));
   }
 }
 

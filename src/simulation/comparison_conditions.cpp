@@ -16,6 +16,7 @@
 #include "blindcorner/simulation/synthetic.h"
 #include "forward/relay/ray_scene.h"
 #include "forward/relay/relay.h"
+#include "forward/support/comma_list.h"
 #include "simulation/scene_changes.h"
 
 namespace blindcorner {
@@ -258,12 +259,9 @@ void ComparisonOptions::validate() const {
   if (captures < 2) {
     throw Error("captures", "found " + std::to_string(captures) + ", accepted: >= 2");
   }
-  const std::vector<std::string> known = condition_names();
   for (const std::string& name : conditions) {
-    if (std::ranges::find(known, name) != known.end()) continue;
-    std::string names;
-    for (const std::string& one : known) names += (names.empty() ? "" : ", ") + one;
-    throw Error("conditions", "found " + name + ", accepted: " + names);
+    if (condition_named(name) == name) continue;
+    throw Error("conditions", "found \"" + name + "\", accepted: " + condition_named(name));
   }
   dataset.validate();
 }
@@ -281,6 +279,18 @@ std::vector<std::string> condition_names() {
           "relay tilted by 2 degrees",
           "a tenth of the photons",
           "second object"};
+}
+
+std::string condition_named(const std::string& word) {
+  const std::vector<std::string> known = condition_names();
+  if (std::ranges::count(known, word) > 0) return word;
+  std::vector<std::string> meant;
+  for (const std::string& name : known) {
+    if (!word.empty() && name.starts_with(word)) meant.push_back(name);
+  }
+  if (meant.size() == 1) return meant.front();
+  throw Error("conditions",
+              "found \"" + word + "\", accepted: " + comma_list(meant.empty() ? known : meant));
 }
 
 bool clear_of_surfaces(const Scene& scene, const PoseVector& pose) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// `index.html`: the results of a fit as one page that needs no network.
+/// `index.html`: the results of a fit as one page that needs no network; the same page of a scene
+/// before anything is fitted.
 #pragma once
 
 #include <string>
@@ -37,5 +38,9 @@ struct PageOptions {
 std::string result_page(const Scene& scene, const std::vector<FitResult>& results,
                         const std::vector<std::vector<CaptureConditions>>& conditions = {},
                         const PageOptions& options = {});
+
+/// The scene alone, as that page draws it: surfaces, what the sensor sees, the search region and
+/// the object where the scene file puts it.
+std::string scene_page(const Scene& scene);
 
 }  // namespace blindcorner

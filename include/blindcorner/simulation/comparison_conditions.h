@@ -39,6 +39,9 @@ struct Condition {
 
 /// Names of all conditions in order.
 std::vector<std::string> condition_names();
+/// The name that a word stands for: itself, or the only one that begins so. Throws Error that lists
+/// those that are possible.
+std::string condition_named(const std::string& word);
 
 /// The conditions with captures of the simulated sensor. Those that change something other than
 /// places share their places with "trained positions". The same at any number of threads. `advance`

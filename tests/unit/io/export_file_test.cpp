@@ -73,13 +73,36 @@ TEST(ExportTest, CsvHasALinePerCount) {
             "1,0,0,0,0,0.1\n1,0,0,0,1,-3\n1,1,1,0,0,1e+20\n1,1,1,0,1,nan\n");
 }
 
+// What a log holds comes back from the reader of logs, in every layout of zones.
+TEST(ExportTest, LogsOfATmf8828ComeBack) {
+  TemporaryFolder folder;
+  for (const int side : {3, 4, 8}) {
+    CaptureFile file = make_captures(2, side, side, 128);
+    for (Capture& capture : file.captures) {
+      double next = 0;  // up to three bytes
+      for (double& count : capture.counts.values) count = std::fmod(next += 70001, 1 << 24);
+    }
+    export_captures(folder.file("a.log"), file);
+    ImportOptions options;
+    options.rows = options.columns = side;
+    options.bin_width = 88e-12;
+    const CaptureFile back = import_captures({folder.file("a.log")}, options);
+    ASSERT_EQ(back.captures.size(), 2u) << side;
+    EXPECT_EQ(back.captures[1].counts.values, file.captures[1].counts.values) << side;
+  }
+  CaptureFile half = make_captures(1, 3, 3, 128);
+  half.captures[0].counts.values[5] = 0.5;
+  EXPECT_THAT(error_of([&] { export_captures(folder.file("b.log"), half); }),
+              AllOf(HasSubstr("b.log: capture 0"), HasSubstr("accepted: whole numbers")));
+}
+
 TEST(ExportTest, EndingChoosesTheFormat) {
   TemporaryFolder folder;
   export_captures(folder.file("a.npz"), make_captures(1, 1, 1, 2));
   EXPECT_EQ(import_captures({folder.file("a.npz")}).captures.size(), 1u);
   const std::string path = folder.file("a.mat");
   EXPECT_EQ(error_of([&] { export_captures(path, make_captures(1, 1, 1, 2)); }),
-            path + ": ending is .mat, accepted .npz and .csv");
+            path + ": ending is .mat, accepted .npz, .csv and .log");
   EXPECT_THAT(error_of([&] { export_captures(folder.file("b.npz"), CaptureFile{}); }),
               AllOf(StartsWith(folder.file("b.npz")), HasSubstr("no captures")));
   EXPECT_EQ(folder.entries(), 1u);

@@ -280,6 +280,25 @@ TEST(SceneFile, GivenValueOfAnUnknownIsKeptAndYawIsTakenModuloATurn) {
   EXPECT_NEAR(scene.hidden.placement.yaw, -10 * kDegree, kRounding);
 }
 
+// What has to be given is said in the form in which it is given.
+TEST(SceneFile, AMissingPositionIsToldWithWhatIsUnknownAsNull) {
+  const auto message = [](const Change& change) { return message_of([&] { changed(change); }); };
+  EXPECT_EQ(
+      message([](json& s) { s["hidden"].erase("position_m"); }),
+      "test.json: hidden.position_m: found nothing, accepted: [null, null, Z], Z a number from "
+      "-10000000 to 10000000, because z_m is not among the unknowns");
+  EXPECT_THAT(message([](json& s) {
+                s["hidden"].erase("position_m");
+                s["unknowns"].erase("x_m");
+              }),
+              HasSubstr("accepted: [X, null, Z], X and Z a number from -10000000 to 10000000, "
+                        "because x_m and z_m are not among the unknowns"));
+  EXPECT_EQ(changed([](json& s) {
+              s["hidden"]["position_m"] = {nullptr, nullptr, 0};
+            }).hidden.placement.position,
+            Eigen::Vector3d(0.25, 0.7, 0));
+}
+
 TEST(SceneFile, StandingShapesAreAnchoredAtTheirBase) {
   const auto anchor = [](const char* hidden) {
     return changed([&](json& s) { s["hidden"] = json::parse(hidden); }).hidden.anchor;

@@ -174,7 +174,8 @@ TEST(Comparison, SaysWhereAnotherMethodIsBetterAndCountsFailures) {
   ASSERT_EQ(figures.findings.size(), 2u);
   EXPECT_THAT(figures.findings[0], HasSubstr("other has a smaller median error (0.0500 m)"));
   EXPECT_THAT(figures.findings[0], HasSubstr("the relay is off"));
-  EXPECT_THAT(figures.findings[1], HasSubstr("worse has a smaller mean error of yaw (0.0200 rad)"));
+  EXPECT_THAT(figures.findings[1],
+              HasSubstr("worse has a smaller mean error of yaw (1.1459 degrees)"));
 }
 
 }  // namespace

@@ -135,6 +135,8 @@ TEST(PhotonNoiseTest, SameSeedSameCountsOtherSeedOthers) {
 TEST(PhotonNoiseTest, NoLightGivesNoCounts) {
   const Scene scene = scene_of(1, 1, 64);
   for (const double value : draws(scene, 0, 1, 64)) EXPECT_EQ(value, 0);
+  // Nor does a rounding error below zero, which would not be a count.
+  for (const double value : draws(scene, -1e-16, 1, 64)) EXPECT_EQ(value, 0);
 }
 
 // gain (a S + b static) + ambient, zone by zone.
