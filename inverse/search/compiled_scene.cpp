@@ -519,7 +519,17 @@ FastModelOptions options_of(int level, const CompiledScene& compiled, bool lobes
   FastModelOptions fast;
   if (!lobes) {
     fast.tolerance = kLevelTolerance[static_cast<std::size_t>(level)];
-    fast.sampling_step = compiled.knowledge->sampling_step(fast.tolerance);
+    if (level + 1 < kModelLevels) {
+      fast.sampling_step = compiled.knowledge->sampling_step(fast.tolerance);
+      return fast;
+    }
+    // A search as fine takes seconds; of the level before, a step finer by half is enough.
+    fast.sampling_step =
+        compiled.knowledge->sampling_step(kLevelTolerance[static_cast<std::size_t>(level) - 1]);
+    if (fast.sampling_step) {
+      fast.sampling_step->relay /= std::sqrt(2.0);
+      fast.sampling_step->object /= std::sqrt(2.0);
+    }
     return fast;
   }
   const SamplingStep first = *compiled.models().front()->sampling_step();

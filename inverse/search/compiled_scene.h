@@ -35,7 +35,7 @@ inline constexpr double kFirstTolerance = 0.1;
 inline constexpr int kModelLevels = 4;
 /// Their tolerances, of matt objects.
 inline constexpr std::array<double, kModelLevels> kLevelTolerance{kFirstTolerance, 0.03, 0.01,
-                                                                  0.003};
+                                                                  0.001};
 
 /// The static background inside the gates, rows as in Observation::zones, counts of one exposure;
 /// all empty where there is none.

@@ -27,7 +27,7 @@ struct Stop {
 };
 constexpr Stop kApproach{8, 1e-4};
 constexpr Stop kApproachCheap{40, 1e-5};
-constexpr Stop kSettle{12, 1e-5};
+constexpr Stop kSettle{12, 1e-6};
 constexpr Stop kPolish{25, 1e-6, true};
 /// Corrections of the spline by the model in a row: each leaves of a move the share by which the
 /// spline's derivatives are off, two its square. And the gain in log posterior that calls for

@@ -41,9 +41,9 @@ TEST(ModelLevels, OfWideLobesAreEachFinerThanTheLast) {
 // with 0.3 to 0.6 % of the light, at every level.
 TEST(ModelLevels, OfAMattObjectEndWithFinerCellsOnIt) {
   const auto known = compiled(shipped("tmf8828_wall"));
-  const SamplingStep first = *known->models_at(1).front()->sampling_step();
-  const SamplingStep last = *known->models_at(kModelLevels - 1).front()->sampling_step();
-  EXPECT_LE(last.object, 0.5 * first.object);
+  const ModelSize first = known->models_at(1).front()->size().value();
+  const ModelSize last = known->models_at(kModelLevels - 1).front()->size().value();
+  EXPECT_GE(last.object_points, 2 * first.object_points);
 }
 
 // Sums over patches of a matt object are cheap at every level and count for nothing.
