@@ -23,6 +23,8 @@ namespace {
 /// Optima this far below the best in log posterior hold less than a per cent of the posterior each:
 /// the models that found them do for them.
 constexpr double kWorthSharpening = 5;
+/// Standard deviations of photon noise that a right optimum hardly ever lacks: one in 740 does.
+constexpr double kNoNoise = 3;
 /// A move of this part of a standard deviation is not worth a better model: carried in the
 /// covariance, it widens it by 2 %.
 constexpr double kSmallMove = 0.2;
@@ -38,10 +40,8 @@ constexpr double kSmallShift = 0.3;
 /// turn asks for more than three times as many: the fit then takes up to minutes, and 4 s without.
 constexpr double kMostPaths = 1e10;
 /// Times as much information, in some direction, as a finer model has: a standard deviation is then
-/// stated a tenth too small. Finer models take over for that up to level Levels::most_jagged: a
-/// posterior's samples cost as much as their renders. Up to the second level for that, posteriors
-/// of two spheres and of an oblique floor's box at a million photons were no better, and twice as
-/// long in the making; without, the spheres' claims were a third too small. On tmf8828_wall with
+/// stated a tenth too small. Finer models take over for that up to level Levels::most_jagged, by
+/// judgement of time: a posterior's samples cost as much as their renders. On tmf8828_wall with
 /// eight times its light (600 captures) the mean squared normalised error is 1.10 without, 1.05
 /// with 1.5, 1.04 with 1.25, for a tenth more time at most.
 constexpr double kOverstated = 1.25;
@@ -54,7 +54,7 @@ struct Levels {
   double carried;
   int most_jagged;  ///< level up to which one takes over because the one before overstates slopes
 };
-constexpr Levels kMatt{{0.06, 0.02, 0.007, 0.002}, kSmallMove, 1};
+constexpr Levels kMatt{{0.06, 0.02, 0.007, 0.002}, kSmallMove, 2};
 /// A better model of a lobe sums over pairs: each level costs five to ten times as much as the one
 /// before. Optima are corrected where they stand, and end a third of a standard deviation from
 /// where the model's own derivatives lead (street corner), in a third of the time; what is carried
@@ -87,9 +87,14 @@ void sharpen_each(const PoseObjective& objective, std::vector<Refined>& optima,
     });
   };
   const double least = best - kWorthSharpening;
-  settle_those(least, std::numeric_limits<double>::infinity());
-  // What the better model does to one optimum it may do to another.
-  settle_those(least - 2 * std::abs(optima.front().value.log_posterior - best), least);
+  constexpr double kAll = std::numeric_limits<double>::infinity();
+  settle_those(least, kAll);
+  // What the better model does to one optimum it may do to another; and where the best one still
+  // lacks more than photon noise explains, any other may be the right one.
+  const GoodnessOfFit fit = goodness_of_fit(objective, optima.front());
+  const bool lacks = fit.deviance > fit.expected + kNoNoise * fit.standard_deviation;
+  const double moved = std::abs(optima.front().value.log_posterior - best);
+  settle_those(lacks ? -kAll : least - 2 * moved, least);
 }
 
 /// Where a change of the object's light [rows, 1] moves an optimum.
