@@ -1176,7 +1176,7 @@ TEST_F(Cli, LightBenchmarkTellsErrorsAndClaims) {
   EXPECT_THAT(outcome.out, AllOf(HasSubstr("in 95%"), HasSubstr("file mm"), HasSubstr("30000")));
   EXPECT_THAT(text_of(path("out/light.html")), HasSubstr("<svg"));
   const std::string csv = text_of(path("out/light.csv"));
-  EXPECT_THAT(csv, StartsWith("scene,photons,captures,failed,median_error_m,"));
+  EXPECT_THAT(csv, StartsWith("scene,without,photons,captures,failed,median_error_m,"));
   EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 3) << csv;
   const json rows = json::parse(text_of(path("out/light.json")));
   ASSERT_EQ(rows.size(), 2U);

@@ -252,7 +252,8 @@ TEST_P(Objects, OneObjectHidesAnother) {
   const Scene first = both;
   const Vector3d back(-std::cos(-25 * kDegree), -std::sin(-25 * kDegree), 0);
   both.further_hidden = {plate(both.hidden.placement.position + 0.003 * back, -25, 0.1)};
-  EXPECT_LT(difference(light_of(both, fast()), light_of(first, fast())), 1e-3);
+  // Fast models of one and of two objects have samplings of their own, of 1 % tolerance each.
+  EXPECT_LT(difference(light_of(both, fast()), light_of(first, fast())), fast() ? 5e-3 : 1e-3);
 }
 
 // A sphere half hides another: the fast model's silhouettes against the reference's triangles.
