@@ -1178,6 +1178,13 @@ TEST_F(Cli, LightBenchmarkTellsErrorsAndClaims) {
   const std::string csv = text_of(path("out/light.csv"));
   EXPECT_THAT(csv, StartsWith("scene,without,photons,captures,failed,median_error_m,"));
   EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 3) << csv;
+  // A row for each rule that is left out, on the same captures.
+  const Outcome rules = run(command + "--photons 300 --seeds 1 --without ridges --each-rule -o '" +
+                            path("rules") + "'");
+  ASSERT_EQ(rules.exit_code, 0) << rules.err;
+  EXPECT_THAT(rules.out, AllOf(HasSubstr("without turn"), HasSubstr("without local_light")));
+  EXPECT_THAT(rules.out, Not(HasSubstr("without ridges")));
+  EXPECT_NE(run(command + "--without nothing").exit_code, 0);
   const json rows = json::parse(text_of(path("out/light.json")));
   ASSERT_EQ(rows.size(), 2U);
   for (const json& row : rows) {
