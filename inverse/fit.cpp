@@ -51,7 +51,7 @@ constexpr int kManyCaptures = 50;
 /// Presence is one half where the light says nothing, but for the rounding of evidence.
 constexpr double kNoEvidence = 0.51;
 /// Places that descents start from: by judgement, each costs some thirty evaluations of the model.
-constexpr std::size_t kPlaces = 8;
+constexpr std::size_t kPlaces = 6;
 /// Yaws from which the best optimum is looked for anew: 45 degrees apart where half a turn brings
 /// an object back to itself. A box in the street at 3,000, 10,000 and 30,000 photons (60 captures
 /// each): normalised error 1.16, 2.63, 3.19 without, 1.12, 1.02, 1.03 with them, for half as much

@@ -42,9 +42,9 @@ constexpr double kSmallGain = 0.02;
 /// time.
 constexpr double kLargeGain = 2;
 constexpr int kMaxMoves = 3;
-/// Optima this far below the best in log posterior hold less than a per cent of the posterior each:
-/// where the first descent left them will do.
-constexpr double kWorthSettling = 5;
+/// Optima this far below the best in log posterior: where the first descent left them, within 0.1 of
+/// their peaks, will do.
+constexpr double kWorthSettling = 2;
 /// Places no more than this above the parabola about a better one, in log posterior, and within so
 /// many standard deviations of it, are on the slopes of its peak: a descent has ended early there,
 /// and another would end at that peak. What a Gaussian falls by within one of them, and, by
