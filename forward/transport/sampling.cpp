@@ -44,6 +44,8 @@ constexpr double kAnchorEdge = 2;
 /// Cosine between normals of cells on one side of the object, 26 degrees: by judgement, boxes have
 /// sides 90 degrees apart.
 constexpr double kSameSide = 0.9;
+/// Sine of the elevation of what counts as upright: half way to level.
+constexpr double kUpright = 0.7;
 /// Cells along the longest edge of an object that tell how paths change over it, by judgement.
 constexpr double kEvenCells = 6;
 /// Doubles of the widest vector register (512 bits).
@@ -138,7 +140,6 @@ ProbedMiddles::Ranges ProbedMiddles::ranges(const CellPlaces& places,
                                             const Vector3d& origin) const {
   Ranges mean;
   std::array<std::array<double, 3>, 3> path{};
-  CellPlaces way;
   for (std::size_t k = 0; k < x_.size(); ++k) {
     if (counts_[k] <= 0) continue;
     const Vector3d q(x_[k], y_[k], z_[k]);
@@ -452,9 +453,10 @@ void sample_anchors(const Shape& shape, double edge, Sampling& into) {
 PointSpacing spacing_of(const std::vector<SurfaceCell>& cells,
                         const std::vector<SeenFromObject>& seen_from, const Limits& limits) {
   double light = 0, near = 0;
-  std::array<double, 2> path{};   // squared gradient, one way: across, up
+  std::array<double, 2> path{};   // squared gradient, one way, per metre of its own: across, up
   std::array<double, 2> edges{};  // of the same
   for (const SeenFromObject& from : seen_from) {
+    const double size2 = from.size * from.size;
     for (const SurfaceCell& cell : cells) {
       const std::array<Vector3d, 2> along{cell.half_u.normalized(), cell.half_v.normalized()};
       double own = 0;
@@ -464,16 +466,16 @@ PointSpacing spacing_of(const std::vector<SurfaceCell>& cells,
         const double inverse2 = 1 / std::max(way.squaredNorm(), from.nearest2[i]);
         const double facing = std::max(way.dot(cell.normal), 0.0);
         const double w =
-            from.counts[i] * cell.area * facing * facing * inverse2 * inverse2 * inverse2;
+            from.counts[i] * size2 * cell.area * facing * facing * inverse2 * inverse2 * inverse2;
         own += w;
-        near += w * inverse2;
+        near += w * size2 * inverse2;
         for (std::size_t k = 0; k < 2; ++k) {
-          changes[k] += w * inverse2 * std::pow(way.dot(along[k]), 2);
+          changes[k] += w * size2 * inverse2 * std::pow(way.dot(along[k]), 2);
         }
       }
       light += own;
       for (std::size_t k = 0; k < 2; ++k) {
-        const std::size_t upright = std::abs(along[k].z()) > M_SQRT1_2 ? 1 : 0;
+        const std::size_t upright = std::abs(along[k].z()) > kUpright ? 1 : 0;
         path[upright] += changes[k];
         edges[upright] += own;
       }

@@ -26,7 +26,7 @@ using ModelSet = std::vector<std::unique_ptr<ForwardModel>>;  // [captures]
 
 class SceneKnowledge;
 
-/// Tolerance of the models that score and steer, and of the first level of exactness; further
+/// Tolerance of the models that search, which is that of the first level of exactness; further
 /// levels follow from the capture. A search with 4 % found no better poses and took longer.
 inline constexpr double kFirstTolerance = 0.1;
 
@@ -52,9 +52,11 @@ struct CompiledScene {
   /// Coarse to fine: cheap models with a widened pulse first (where the grid asks for it), the
   /// cheap model with the true pulse next to last, the model of the wanted tolerance last.
   std::vector<ModelSet> ladder;
-  /// Closed-form models [captures] that steer where there is no spline; none for measured laws.
+  /// Closed-form models [captures] that score poses where there is no spline; none for measured
+  /// laws.
   std::vector<CoarseModel> coarse;
-  /// Extra pulse widths (s) of theirs, wide first, on the way from a scored pose to an optimum.
+  /// Extra pulse widths (s), wide first: the scored poses' and, on the ladder, those on the way
+  /// from them to an optimum.
   std::vector<double> widths;
   std::vector<std::vector<TimeGate>> gates;  ///< [captures][zones]
   double pulse_path = 0.0;        ///< m, standard deviation of pulse and bin as optical path

@@ -54,8 +54,9 @@ struct FitOptions {
   /// Most memory for compiled sensor placements, bytes; the least recently used go first. By
   /// judgement: some placements of a sensor that moves, which never come again.
   std::size_t cache_bytes = 48'000'000;
-  /// Most candidates that are refined by nonlinear least squares: by judgement, a limit of the time
-  /// for scenes with many local optima.
+  /// Most candidates that the scored poses give: the model looks at them, and descents start from
+  /// the best; for measured laws and on splines, from all. By judgement, a limit of the time for
+  /// scenes with many local optima.
   int max_starts = 24;
   /// A candidate or mode is dropped when its log posterior is this far below the best one: even a
   /// thousand of them hold less than a per cent (exp(-12) = 6e-6).
