@@ -29,8 +29,8 @@ constexpr double kRuleFinest = 0.3;
 /// Change of the worst bin, relative to the peak, for each relative change of all light (L2): 1.5
 /// to 2 on floors and walls.
 constexpr double kPeakOfL2 = 2;
-/// The coarsest of rules: of the shipped scenes none is coarser, to 10 %. The object's is looked for
-/// with the relay's: shadows' edges hardly change with the object's points.
+/// The coarsest of rules: of the shipped scenes none is coarser, to 10 %. The object's is looked
+/// for with the relay's: shadows' edges hardly change with the object's points.
 constexpr double kRuleRelay = 1.41421356;
 constexpr double kRuleObject = 2;
 /// Most pairs of lit and seen patches that a lobe's model takes for an evaluation (about 0.2 s):

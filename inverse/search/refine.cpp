@@ -42,8 +42,8 @@ constexpr double kSmallGain = 0.02;
 /// time.
 constexpr double kLargeGain = 2;
 constexpr int kMaxMoves = 3;
-/// Optima this far below the best in log posterior: where the first descent left them, within 0.1 of
-/// their peaks, will do.
+/// Optima this far below the best in log posterior: where the first descent left them, within 0.1
+/// of their peaks, will do.
 constexpr double kWorthSettling = 2;
 /// Places no more than this above the parabola about a better one, in log posterior, and within so
 /// many standard deviations of it, are on the slopes of its peak: a descent has ended early there,

@@ -324,7 +324,8 @@ std::vector<StabilityRow> inference_rows() {
        "Central differences of the light at steps of 1e-10 to 1e-2 m: largest error over rounding "
        "and truncation",
        1, "1", LimitOrigin::arithmetic,
-       "1e-8 of the light over the step, because single precision convolves it, and (step / 1 cm)^2, 1 cm a quarter of the pulse's "
+       "1e-8 of the light over the step, because single precision convolves it, and (step / 1 "
+       "cm)^2, 1 cm a quarter of the pulse's "
        "length; 1e-4 for the reference.",
        difference_steps_row},
   };
