@@ -81,7 +81,7 @@ constexpr double kSensorStep = 2e-3;
 std::vector<Refined> with_basins(const PoseObjective& objective, std::vector<Refined> basins,
                                  double negligible, std::vector<Refined> optima) {
   const CompiledScene& compiled = objective.compiled();
-  if (!compiled.coarse.empty() && !compiled.spline) {
+  if (!compiled.coarse.empty()) {
     std::ranges::move(basins, std::back_inserter(optima));
     return merge(compiled, std::move(optima), negligible);
   }
@@ -505,7 +505,7 @@ Fitter::Impl::Search Fitter::Impl::search(const PoseObjective& objective,
                                           const Scored& scored) const {
   const CompiledScene& compiled = objective.compiled();
   std::vector<PoseVector> starts;
-  if (compiled.coarse.empty() || compiled.spline) {
+  if (compiled.coarse.empty()) {
     for (const Candidate& start : scored.starts) starts.push_back(start.pose);
   } else {
     starts = best_by_model(objective, scored, kPlaces);

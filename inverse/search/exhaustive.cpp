@@ -110,9 +110,8 @@ ExhaustiveResult ExhaustiveSearch::search(const Capture& capture,
     if (!close) chosen.push_back(pose);
   }
   // As the fit does, on the cheap model first; what was asked for goes on as it is.
-  std::vector<Refined> basins;
-  for (const PoseVector& start : chosen) basins.push_back(approach(objective, start));
-  basins = merge(compiled, std::move(basins), 1.5 * kNegligible);
+  const std::vector<Refined> basins =
+      merge(compiled, approach_all(objective, chosen), 1.5 * kNegligible);
   for (const Refined& basin : basins) starts.push_back(basin.pose);
   const std::vector<Refined> optima = find_optima(objective, starts, kNegligible);
 

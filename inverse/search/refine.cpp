@@ -373,7 +373,7 @@ Refined polish(const PoseObjective& objective, const PoseVector& start) {
 
 void settle(const PoseObjective& objective, Refined& optimum, const ShapeBuffer* here) {
   const CompiledScene& compiled = objective.compiled();
-  if (compiled.coarse.empty() || compiled.spline) {
+  if (compiled.coarse.empty()) {
     optimum = polish(objective, optimum.pose);
     return;
   }

@@ -1,14 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "inverse/tracking/capture_likelihood.h"
 
-#include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
-
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <optional>
 #include <utility>
 
 #include "blindcorner/forward/constants.h"
@@ -33,14 +29,9 @@ namespace {
 constexpr double kWorthAStep = 2e-3;
 constexpr int kMaxSteps = 12;
 constexpr int kMaxHalvings = 5;
-/// Times that the closed-form light is corrected by the model on the way, and the move in standard
-/// deviations over which a correction holds. By judgement: carried as an error, it would widen a
-/// standard deviation by 4 %.
-constexpr int kCorrections = 4;
+/// A move in standard deviations that the model's own error may make. By judgement: carried as an
+/// error, it would widen a standard deviation by 4 %.
 constexpr double kSmallMove = 0.3;
-/// Standard deviations over which the slopes of a correction hold, by judgement: within one,
-/// a likelihood is taken for a Gaussian elsewhere, too.
-constexpr double kSlopesHold = 1;
 /// Level of the models that correct the light at the end, and the most paths (lit times seen times
 /// object points) that a render of them may sum over: some 100 ms. Of the street's drives, frames
 /// cost 15 to 60 ms so, and 1 to 7 s where the car is close to the turn.
@@ -97,13 +88,12 @@ class CaptureLikelihood final : public FrameLikelihood {
     objective_.evaluate_empty(empty);
     const Scored scored =
         score(objective_, empty, options_.max_starts, options_.negligible_log_posterior);
-    std::vector<Refined> basins(std::min(scored.starts.size(), kMaxStarts));
-    tbb::this_task_arena::isolate([&] {
-      tbb::parallel_for(std::size_t{0}, basins.size(), [&](std::size_t i) {
-        basins[i] = approach(objective_, scored.starts[i].pose);
-      });
-    });
-    basins = merge(compiled_, std::move(basins), options_.negligible_log_posterior);
+    std::vector<PoseVector> places;
+    for (const Candidate& start : scored.starts) {
+      if (places.size() < kMaxStarts) places.push_back(start.pose);
+    }
+    const std::vector<Refined> basins =
+        merge(compiled_, approach_all(objective_, places), options_.negligible_log_posterior);
     std::vector<Eigen::VectorXd> result;
     for (const Refined& basin : basins) {
       Eigen::VectorXd at(size());
@@ -247,13 +237,6 @@ class CaptureLikelihood final : public FrameLikelihood {
     }
     wrap(result.posterior.mean);
     return result;
-  }
-
-  /// How far a state lies from a pose, in its own standard deviations.
-  double standard_deviations(const State& state, const PoseVector& pose) const {
-    const PoseVector way = pose_difference(compiled_.scene, pose, state.at.head(poses()));
-    const Eigen::MatrixXd covariance = state.covariance.topLeftCorner(poses(), poses());
-    return std::sqrt(way.dot(covariance.ldlt().solve(way)));
   }
 
   Eigen::VectorXd from_mean(const Gaussian& prior, const Eigen::VectorXd& at) const {
