@@ -250,9 +250,9 @@ void save_captures(const LightArguments& arguments, const Scene& scene, double p
 }
 
 const char* const kHeader =
-    "scene,without,photons,captures,failed,median_error_m,rms_error_m,claimed_rms_m,normalised_"
-    "error,"
-    "in_region,in_region_low,in_region_high,in_region_of_heaviest_mode,flagged,misfit,"
+    "scene,without,photons,captures,failed,median_error_m,rms_error_m,claimed_rms_m,"
+    "normalised_error,in_region,in_region_low,in_region_high,in_region_of_heaviest_mode,flagged,"
+    "misfit,"
     "wrong_optima,wrong_optima_flagged,photon_bound_m,file_limit_m,expected_ratio,first_ms,"
     "following_median_ms,following_90_ms,following_longest_ms,exact_evaluations\n";
 
@@ -413,22 +413,28 @@ std::vector<std::string> rules_to_leave_out(const LightArguments& arguments) {
   return rules;
 }
 
-/// All captures of a scene at one level of light, with a fitter that knows nothing yet.
-Row study(const LightArguments& arguments, const Scene& scene, const TracedCaptures& truth,
-          std::size_t poses, const ExhaustiveSearch& judge, double photons,
-          const std::string& without) {
-  Row row;
-  row.without = without;
-  row.scene = scene.name;
-  row.photons = photons;
-  const std::size_t count = poses * static_cast<std::size_t>(arguments.seeds);
-  std::vector<Capture> captures(count);
-  row.trials.resize(count);
-  for (std::size_t i = 0; i < count; ++i) {
+/// A scene's captures at one level of light, which are kept where that is asked for.
+std::vector<Capture> captures_of(const LightArguments& arguments, const Scene& scene,
+                                 const TracedCaptures& truth, std::size_t poses, double photons) {
+  std::vector<Capture> captures(poses * static_cast<std::size_t>(arguments.seeds));
+  for (std::size_t i = 0; i < captures.size(); ++i) {
     captures[i] = truth.capture(i % poses, photons, arguments.seed + 1'000'003 * (i + 1));
     captures[i].index = static_cast<int>(i);
   }
   if (!arguments.captures_directory.empty()) save_captures(arguments, scene, photons, captures);
+  return captures;
+}
+
+/// All these captures, with a fitter that knows nothing yet.
+Row study(const LightArguments& arguments, const Scene& scene, const TracedCaptures& truth,
+          std::size_t poses, const ExhaustiveSearch& judge, const std::vector<Capture>& captures,
+          double photons, const std::string& without) {
+  Row row;
+  row.without = without;
+  row.scene = scene.name;
+  row.photons = photons;
+  const std::size_t count = captures.size();
+  row.trials.resize(count);
   FitOptions options = arguments.fit;
   leave_out(without, options);
   const Fitter fitter(scene, options);
@@ -477,10 +483,12 @@ int run_light(const LightArguments& arguments) {
     judging.max_poses = 1;  // it only descends
     const ExhaustiveSearch judge(scene, judging);
     for (const double photons : arguments.photons) {
+      if (Interruptible::asked()) return kSomeFailed;
       const Bounds bounds = bounds_of(scene, truth, poses, photons);
+      const std::vector<Capture> captures = captures_of(arguments, scene, truth, poses, photons);
       for (const std::string& without : rules_to_leave_out(arguments)) {
         if (Interruptible::asked()) return kSomeFailed;
-        rows.push_back(study(arguments, scene, truth, poses, judge, photons, without));
+        rows.push_back(study(arguments, scene, truth, poses, judge, captures, photons, without));
         Row& row = rows.back();
         if (row.trials.empty()) return kSomeFailed;
         row.bound = bounds.photon;
