@@ -68,8 +68,9 @@ int run_init(const InitArguments& arguments) {
   std::printf("%s: a box on a desk, seen by %s. %s draws it.\n", path.c_str(),
               arguments.sensor.c_str(), page.c_str());
   std::string explanation = kExplanation;
-  for (std::size_t at = 0; (at = explanation.find('@')) != std::string::npos;) {
+  for (std::size_t at = 0; (at = explanation.find('@', at)) != std::string::npos;) {
     explanation.replace(at, 1, path.string());
+    at += path.string().size();  // the name may hold one too
   }
   std::fputs(explanation.c_str(), stdout);
   return kAllWell;

@@ -577,6 +577,8 @@ TEST_F(Cli, InitWritesASceneToBeginWith) {
   const std::string again = path("vl53l8ch_4x4.json"), before = text_of(again);
   expect_refused_beside(run("init --sensor vl53l8ch_8x8 -o '" + again + "'"), "there already");
   EXPECT_EQ(text_of(again), before);
+  // A name that holds the sign which stands for the name in what is printed.
+  EXPECT_EQ(run("init --sensor vl53l8ch_8x8 -o '" + path("a@desk.json") + "'").exit_code, 0);
   expect_refused_beside(run("init --sensor vl53 -o '" + path("new.json") + "'"),
                         "--sensor: found \"vl53\", accepted: street_lidar_8x8, ");
 }
