@@ -204,11 +204,13 @@ std::string evaluation_page(const std::string& title, const std::vector<Evaluati
     body += "</tr>\n";
   }
   if (!rows.front().estimator.empty()) {
-    body += "<tr><td>" + html_safe(rows.front().estimator) + ":<td></tr>\n";
+    body += "<tr><td style=\"white-space:normal\">" + html_safe(rows.front().estimator) +
+            ":<td></tr>\n";
   }
   for (std::size_t f = 0; f < rows.front().evaluation.figures.size(); ++f) {
     const std::string& name = rows.front().evaluation.figures[f].name;
-    body += "<tr><td>" + html_safe(reading_name(name) + ", " + figure_note(name));
+    body += "<tr><td>" + html_safe(reading_name(name)) + "<br><small>" +
+            html_safe(figure_note(name)) + "</small>";
     for (const EvaluationRow& row : rows) {
       body += "<td>" + html_safe(figure_text(row.evaluation.figures[f], row.evaluation));
     }
