@@ -2,6 +2,7 @@
 #include "report/calibration_page.h"
 
 #include <algorithm>
+#include <limits>
 
 #include "report/chart.h"
 #include "report/colours.h"
@@ -52,10 +53,12 @@ std::string summary_line(const Calibration& c) {
                    c.expected_deviance);
 }
 
+/// Values from `least` on.
 ChartSeries series_of(const char* name, const char* colour, const std::vector<double>& values,
-                      double bin_width, SeriesStyle style) {
+                      double bin_width, SeriesStyle style, double least) {
   ChartSeries series{name, {}, style, colour};
   for (std::size_t k = 0; k < values.size(); ++k) {
+    if (values[k] < least) continue;
     series.points.push_back({1e9 * bin_width * static_cast<double>(k), values[k]});
   }
   return series;
@@ -66,10 +69,15 @@ Chart view_chart(const CalibrationView& view, double bin_width, bool background)
               background ? "mean counts, without background" : "mean counts"};
   // The direct return is a thousand times as tall as the light by way of an object.
   chart.logarithmic_y = true;
+  // What the model has far below anything measured would take most of that axis.
+  double least = std::numeric_limits<double>::infinity();
+  for (const double value : view.measured) {
+    if (value > 0) least = std::min(least, 0.1 * value);
+  }
   chart.series = {
-      series_of("before", colour::kLine, view.before, bin_width, SeriesStyle::line),
-      series_of("after", colour::kModel, view.after, bin_width, SeriesStyle::line),
-      series_of("measured", colour::kMeasured, view.measured, bin_width, SeriesStyle::dots)};
+      series_of("before", colour::kLine, view.before, bin_width, SeriesStyle::line, least),
+      series_of("after", colour::kModel, view.after, bin_width, SeriesStyle::line, least),
+      series_of("measured", colour::kMeasured, view.measured, bin_width, SeriesStyle::dots, least)};
   return chart;
 }
 
