@@ -97,34 +97,43 @@ std::vector<Refined> with_basins(const PoseObjective& objective, std::vector<Ref
   return places.empty() ? optima : polish_all(objective, places, negligible, std::move(optima));
 }
 
-/// Looks for a better place of the best optimum when it is turned, until there is none: from other
-/// yaws, between which the range of yaws or the circle is divided. The rest of the pose follows
-/// first: turned where it stands, an object is worse whatever its yaw, and descents led a box in
-/// the street (10,000 photons) back in 2 of 120 captures, sure of a yaw that is off by 64 degrees.
-std::vector<Refined> turn(const PoseObjective& objective, double negligible,
-                          std::vector<Refined> optima) {
+/// Other yaws of an optimum, between which the range of yaws or the circle is divided. The rest of
+/// the pose follows first: turned where it stands, an object is worse whatever its yaw, and
+/// descents led a box in the street (10,000 photons) back in 2 of 120 captures, sure of a yaw that
+/// is off by 64 degrees.
+void add_turned(const Scene& scene, const PoseVector& pose, std::vector<Start>& starts) {
+  for (std::size_t k = 0; k < scene.unknowns.size(); ++k) {
+    const Unknown& unknown = scene.unknowns[k];
+    if (unknown.component != Component::yaw) continue;
+    const auto i = static_cast<Eigen::Index>(k);
+    for (int j = 1; j < kYaws; ++j) {
+      Start& start = starts.emplace_back(pose);
+      start.pose[i] += j * unknown.range() / kYaws;
+      if (period_of(scene, k) <= 0 && start.pose[i] > unknown.upper) {
+        start.pose[i] -= unknown.range();
+      }
+      wrap_pose(scene, start.pose);
+      if (scene.unknowns.size() > 1) start.held_first = static_cast<int>(k);
+    }
+  }
+}
+
+/// Looks for a better optimum than the best one where few descents end by themselves, until there
+/// is none: turned, and, of several objects, at another place of one while the others stay.
+std::vector<Refined> look_elsewhere(const PoseObjective& objective, const FitOptions& options,
+                                    double negligible, std::vector<Refined> optima) {
   const CompiledScene& compiled = objective.compiled();
-  const Scene& scene = compiled.scene;
   for (int round = 0; round < kMaxRounds; ++round) {
     const Refined top = optima.front();
-    std::vector<Refined> reached;
-    for (std::size_t k = 0; k < scene.unknowns.size(); ++k) {
-      const Unknown& unknown = scene.unknowns[k];
-      if (unknown.component != Component::yaw) continue;
-      const auto i = static_cast<Eigen::Index>(k);
-      std::vector<PoseVector> places;
-      for (int j = 1; j < kYaws; ++j) {
-        PoseVector& place = places.emplace_back(top.pose);
-        place[i] += j * unknown.range() / kYaws;
-        if (period_of(scene, k) <= 0 && place[i] > unknown.upper) place[i] -= unknown.range();
-        wrap_pose(scene, place);
+    std::vector<Start> starts;
+    if (options.uses(FitRule::turn)) add_turned(compiled.scene, top.pose, starts);
+    if (!compiled.objects().empty() && options.uses(FitRule::rearrange)) {
+      for (PoseVector& place : other_places(objective, top.pose, top.linear, kPlacesEach)) {
+        starts.push_back({std::move(place)});
       }
-      const bool alone = scene.unknowns.size() == 1;
-      const auto held = alone ? std::nullopt : std::optional<int>(static_cast<int>(k));
-      std::ranges::move(approach_all(objective, places, held), std::back_inserter(reached));
     }
-    if (reached.empty()) break;
-    optima = with_basins(objective, std::move(reached), negligible, std::move(optima));
+    if (starts.empty()) break;
+    optima = with_basins(objective, approach_all(objective, starts), negligible, std::move(optima));
     if (optima.front().value.log_posterior < top.value.log_posterior + kWorthAnother) break;
   }
   return optima;
@@ -331,20 +340,6 @@ std::vector<std::size_t> spread_out(const Scene& scene, std::span<const Capture>
   return chosen;
 }
 
-/// Of several objects, looks for a better place of one while the others stay, until there is none.
-std::vector<Refined> rearrange(const PoseObjective& objective, const Observation& observation,
-                               double negligible, std::vector<Refined> optima) {
-  for (int round = 0; round < kMaxRounds; ++round) {
-    const Refined& top = optima.front();
-    const double before = top.value.log_posterior;
-    const std::vector<PoseVector> places =
-        other_places(objective, top.pose, top.linear, kPlacesEach);
-    optima = find_more(objective, observation, places, negligible, std::move(optima));
-    if (optima.front().value.log_posterior < before + kWorthAnother) break;
-  }
-  return optima;
-}
-
 void validate_scene(const Scene& scene) {
   validate(scene);
   if (scene.unknowns.empty()) {
@@ -358,10 +353,15 @@ void validate_scene(const Scene& scene) {
 
 const std::vector<std::pair<FitRule, std::string>>& fit_rules() {
   static const std::vector<std::pair<FitRule, std::string>> rules{
-      {FitRule::turn, "turn"},       {FitRule::rearrange, "rearrange"},
-      {FitRule::sharpen, "sharpen"}, {FitRule::settle, "settle"},
-      {FitRule::returns, "returns"}, {FitRule::along_axis, "along_axis"},
-      {FitRule::ridges, "ridges"},   {FitRule::local_light, "local_light"}};
+      {FitRule::turn, "turn"},
+      {FitRule::rearrange, "rearrange"},
+      {FitRule::sharpen, "sharpen"},
+      {FitRule::settle, "settle"},
+      {FitRule::shadow, "shadow"},
+      {FitRule::returns, "returns"},
+      {FitRule::along_axis, "along_axis"},
+      {FitRule::ridges, "ridges"},
+      {FitRule::local_light, "local_light"}};
   return rules;
 }
 
@@ -504,11 +504,13 @@ struct Fitter::Impl {
 Fitter::Impl::Search Fitter::Impl::search(const PoseObjective& objective,
                                           const Scored& scored) const {
   const CompiledScene& compiled = objective.compiled();
-  std::vector<PoseVector> starts;
+  std::vector<Start> starts;
   if (compiled.coarse.empty()) {
-    for (const Candidate& start : scored.starts) starts.push_back(start.pose);
+    for (const Candidate& start : scored.starts) starts.push_back({start.pose});
   } else {
-    starts = best_by_model(objective, scored, kPlaces);
+    for (PoseVector& pose : best_by_model(objective, scored, kPlaces)) {
+      starts.push_back({std::move(pose)});
+    }
   }
   // The models' own error must not decide which basins are dropped: what the best one misses of its
   // expectation, a better model may give to another.
@@ -519,9 +521,8 @@ Fitter::Impl::Search Fitter::Impl::search(const PoseObjective& objective,
   found.negligible = options.negligible_log_posterior + unexplained(objective, basins.front());
   found.optima = with_basins(objective, basins, found.negligible, {});
   if (found.optima.empty()) return {};
-  if (options.uses(FitRule::turn)) {
-    found.optima = turn(objective, found.negligible, std::move(found.optima));
-  }
+  found.optima = look_elsewhere(objective, options, found.negligible, std::move(found.optima));
+  if (!compiled.coarse.empty()) found.optima = without_slopes(objective, std::move(found.optima));
   return found;
 }
 
@@ -637,9 +638,6 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
     throw Error(captures.front().source, "found no finite likelihood at any pose");
   }
   std::vector<Refined>& optima = found.optima;
-  if (!compiled.objects().empty() && options.uses(FitRule::rearrange)) {
-    optima = rearrange(objective, observation, found.negligible, std::move(optima));
-  }
   // Models as good as the light asks for.
   ModelError model_error;
   const bool sharpens = !options.model_tolerance && options.uses(FitRule::sharpen);
@@ -649,6 +647,9 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   if (options.uses(FitRule::settle)) {
     optima = settle_all(objective, std::move(optima), found.negligible);
   }
+  const bool shades = options.uses(FitRule::shadow);
+  Eigen::MatrixXd shadow_error;
+  if (shades) shadow_error = cast_shadow(objective, optima, found.negligible);
   result.time_ms.refine = stage.lap();
 
   // How sure: goodness of fit, Fisher information, evidences.
@@ -659,6 +660,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   sampling.seed = options.seed;
   sampling.model_error = background_covariance(objective, optima.front());
   if (sharpens) sampling.model_error += model_error.covariance;
+  if (shades) sampling.model_error += shadow_error;
   sampling.along_axis = options.uses(FitRule::along_axis);
   sampling.ridges = options.uses(FitRule::ridges);
   sampling.local_light = options.uses(FitRule::local_light);

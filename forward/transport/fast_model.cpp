@@ -312,6 +312,13 @@ const HistogramCube& FastModel::static_background() const {
   return direct_;
 }
 
+HistogramCube FastModel::background_behind(const std::vector<OccluderFace>& bodies) const {
+  if (!holds_known_light() || !bounces()) return static_background();
+  HistogramCube direct;
+  return view_->transport->static_background()->light(setup_, options_.known_light, true, direct,
+                                                      bodies);
+}
+
 BackgroundError FastModel::background_error() const {
   if (!holds_known_light()) return {};
   const HistogramCube& light = static_background();
@@ -447,6 +454,9 @@ class FastObjects final : public ForwardModel {
   }
   const HistogramCube& static_background() const override {
     return parts_.front()->static_background();
+  }
+  HistogramCube shadowed_background(const PoseVector& pose) const override {
+    return parts_.front()->background_behind(hidden_faces(scene_, pose));
   }
   BackgroundError background_error() const override { return parts_.front()->background_error(); }
   const TransportPlan& plan() const override {

@@ -39,6 +39,11 @@ class FastModel final : public ForwardModel {
   /// of patches were looked at.
   double render(const Placement& placement, const MovingBodies& bodies, HistogramCube& out) const;
   const HistogramCube& static_background() const override;
+  HistogramCube shadowed_background(const PoseVector& pose) const override {
+    return background_behind(hidden_faces(scene_, pose));
+  }
+  /// static_background() with these bodies in the way of the later bounces.
+  HistogramCube background_behind(const std::vector<OccluderFace>& bodies) const;
   BackgroundError background_error() const override;
   /// Reasons are found when somebody asks for them.
   const TransportPlan& plan() const override;

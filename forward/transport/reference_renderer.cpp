@@ -313,13 +313,8 @@ void ReferenceRenderer::three_bounce(const PoseVector& pose, HistogramCube& out)
 HistogramCube ReferenceRenderer::shadowed_background(const PoseVector& pose) const {
   const StaticBackground& known = background();
   if (!known.bounces.any()) return known.direct;
-  std::vector<OccluderFace> bodies;
-  for (const PlacedObject& o : placed_objects(scene_, pose)) {
-    const auto faces = known_faces(o.object->shape, o.T_world_object, o.size);
-    bodies.insert(bodies.end(), faces.begin(), faces.end());
-  }
   HistogramCube light = known.first_bounce;
-  known.bounces.add(setup_, known.pulses, light, bodies);
+  known.bounces.add(setup_, known.pulses, light, hidden_faces(scene_, pose));
   mix_zones(scene_.sensor, light);
   return light;
 }

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <numeric>
 
@@ -796,6 +797,19 @@ void KnownBounces::add(const RelaySetup& setup, const PulseTable& pulses, Histog
   }
 }
 
+std::vector<OccluderFace> hidden_faces(const Scene& scene, const PoseVector& pose) {
+  std::vector<OccluderFace> faces;
+  const std::vector<Placement> placements = placements_at(scene, pose);
+  for (int i = 0; i < object_count(scene); ++i) {
+    const HiddenObject& object = hidden_object(scene, i);
+    const Placement& placement = placements[static_cast<std::size_t>(i)];
+    const Transform T_world_object = object_to_world(object.shape, object.anchor, placement);
+    std::ranges::copy(known_faces(object.shape, T_world_object, placement.size),
+                      std::back_inserter(faces));
+  }
+  return faces;
+}
+
 StaticBackgroundModel::StaticBackgroundModel(const Scene& scene)
     : scene_(scene),
       sampling_(sampling_for(scene)),
@@ -847,12 +861,13 @@ const KnownBounces& StaticBackgroundModel::bounces_of(KnownLightSampling samplin
 }
 
 HistogramCube StaticBackgroundModel::light(const RelaySetup& setup, KnownLightSampling sampling,
-                                           bool bounces, HistogramCube& direct) const {
+                                           bool bounces, HistogramCube& direct,
+                                           const std::vector<OccluderFace>& bodies) const {
   const bool fine = sampling == KnownLightSampling::fine;
   HistogramCube known = setup.direct_return(pulses_, fine ? kFineCells : kDirectCells);
   direct = known;
   mix_zones(scene_.sensor, direct);
-  if (bounces && bounces_.any()) bounces_of(sampling).add(setup, pulses_, known);
+  if (bounces && bounces_.any()) bounces_of(sampling).add(setup, pulses_, known, bodies);
   mix_zones(scene_.sensor, known);
   return known;
 }

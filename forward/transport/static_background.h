@@ -38,6 +38,9 @@ StaticLightSampling denser(StaticLightSampling sampling, double by);
 std::vector<OccluderFace> known_faces(const Shape& shape, const Transform& T_world_shape,
                                       double size);
 
+/// Faces of all hidden objects at a pose, that hide what is behind them.
+std::vector<OccluderFace> hidden_faces(const Scene& scene, const PoseVector& pose);
+
 /// Two and three bounces within the known scene, smooth in the sensor's pose. Patches of the known
 /// surfaces send each other light whose paths spread over their extent, so that coarse patches give
 /// no comb. What a middle cell gathers is one histogram, which each zone's patches then delay.
@@ -111,9 +114,9 @@ class StaticBackgroundModel {
   explicit StaticBackgroundModel(const Scene& scene);
   bool any_bounces() const { return bounces_.any(); }
   /// W/m^2 per bin, crosstalk included. Without `bounces` the direct return alone, which is handed
-  /// out as well.
+  /// out as well. `bodies` stand in the way of the bounces.
   HistogramCube light(const RelaySetup& setup, KnownLightSampling sampling, bool bounces,
-                      HistogramCube& direct) const;
+                      HistogramCube& direct, const std::vector<OccluderFace>& bodies = {}) const;
   /// Standard deviations of the model's own error in `light` and `direct`, both as by light(), as
   /// large as if bins had errors of their own: those of neighbouring bins and zones go together,
   /// and add up. What the light does not tell is measured once, at the scene's own placement.

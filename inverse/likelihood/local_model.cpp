@@ -3,6 +3,7 @@
 
 #include <Eigen/QR>
 #include <algorithm>
+#include <boost/math/special_functions/gamma.hpp>
 #include <cmath>
 #include <limits>
 #include <numeric>
@@ -21,7 +22,7 @@ constexpr double kMinLeft = 1e-3;
 
 /// Weight of a node's equations at |z| standard deviations: less than a round posterior's, so that
 /// the outer nodes still hold the polynomial.
-double fit_weight(double square) { return std::exp(-square / 8); }
+double fit_weight(double z) { return std::exp(-z * z / 8); }
 
 std::size_t nodes_for(std::size_t terms) {
   return static_cast<std::size_t>(std::ceil(1.6 * static_cast<double>(terms))) + 2;
@@ -32,7 +33,7 @@ Eigen::VectorXd coordinates(const Scene& scene, const LocalRegion& region, const
       pose_difference(scene, region.center, pose));
 }
 
-/// Scaled by the reach, so that all columns of a design are of one size.
+/// `z` scaled by the reach: all columns of a design are of one size.
 Eigen::VectorXd monomials(const std::vector<std::vector<int>>& exponents,
                           const Eigen::VectorXd& z) {
   Eigen::VectorXd out(static_cast<Eigen::Index>(exponents.size()));
@@ -40,7 +41,7 @@ Eigen::VectorXd monomials(const std::vector<std::vector<int>>& exponents,
     double product = 1;
     for (Eigen::Index i = 0; i < z.size(); ++i) {
       for (int p = 0; p < exponents[k][static_cast<std::size_t>(i)]; ++p) {
-        product *= z[i] / kLocalReach;
+        product *= z[i];
       }
     }
     out[static_cast<Eigen::Index>(k)] = product;
@@ -49,6 +50,11 @@ Eigen::VectorXd monomials(const std::vector<std::vector<int>>& exponents,
 }
 
 }  // namespace
+
+double local_reach(Eigen::Index unknowns) {
+  constexpr double kBeyond = 1e-3;
+  return std::sqrt(2 * boost::math::gamma_q_inv(0.5 * static_cast<double>(unknowns), kBeyond));
+}
 
 double leave_one_out_error(const Eigen::MatrixXd& design, const Eigen::VectorXd& weight,
                            const Eigen::MatrixXd& gram) {
@@ -69,12 +75,13 @@ std::optional<LocalModel> LocalModel::fit(const Scene& scene, LocalRegion region
                                           const std::vector<LightNode>& nodes,
                                           const Eigen::VectorXd& row_information,
                                           double tolerance) {
+  LocalModel model(std::move(region));
   std::vector<const LightNode*> inside;
   std::vector<Eigen::VectorXd> z;
   for (const LightNode& node : nodes) {
     if (inside.size() == kMaxNodes) break;
-    Eigen::VectorXd at = coordinates(scene, region, node.pose);
-    if (!(at.norm() <= kLocalReach)) continue;
+    Eigen::VectorXd at = coordinates(scene, model.region_, node.pose) / model.reach_;
+    if (!(at.norm() <= 1)) continue;
     inside.push_back(&node);
     z.push_back(std::move(at));
   }
@@ -90,12 +97,11 @@ std::optional<LocalModel> LocalModel::fit(const Scene& scene, LocalRegion region
   Eigen::VectorXd weight(count);
   for (Eigen::Index i = 0; i < count; ++i) {
     light.col(i) = inside[static_cast<std::size_t>(i)]->light;
-    weight[i] = fit_weight(z[static_cast<std::size_t>(i)].squaredNorm());
+    weight[i] = fit_weight(model.reach_ * z[static_cast<std::size_t>(i)].norm());
   }
   const Eigen::MatrixXd seen = row_information.cwiseSqrt().asDiagonal() * light;
   const Eigen::MatrixXd gram = seen.transpose() * seen;
 
-  LocalModel model(std::move(region));
   model.error_ = std::numeric_limits<double>::infinity();
   Eigen::MatrixXd chosen;
   for (int degree = kLeastDegree; degree <= kMaxDegree; ++degree) {
@@ -122,12 +128,13 @@ std::optional<LocalModel> LocalModel::fit(const Scene& scene, LocalRegion region
 }
 
 bool LocalModel::covers(const Scene& scene, const PoseVector& pose) const {
-  return coordinates(scene, region_, pose).norm() <= kLocalReach;
+  return coordinates(scene, region_, pose).norm() <= reach_;
 }
 
 void LocalModel::light(const Scene& scene, const PoseVector& pose, double* out) const {
   Eigen::Map<Eigen::VectorXd> rows(out, coefficients_.rows());
-  rows.noalias() = coefficients_ * monomials(exponents_, coordinates(scene, region_, pose));
+  rows.noalias() =
+      coefficients_ * monomials(exponents_, coordinates(scene, region_, pose) / reach_);
   rows = rows.cwiseMax(0.0);
 }
 

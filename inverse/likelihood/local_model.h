@@ -8,8 +8,8 @@
 ///     pose = center + root z,      light(pose) = sum_k c_k phi_k(z),
 ///
 /// phi_k the monomials up to a degree. The coefficients are least squares through exact light at
-/// nodes within kLocalReach standard deviations, which weigh less farther out. A fit of k monomials
-/// takes 1.6 k + 2 nodes or more.
+/// nodes within local_reach() standard deviations, which weigh less farther out. A fit of k
+/// monomials takes 1.6 k + 2 nodes or more.
 ///
 /// *Error.* What the polynomial, fitted without a node, misses there is the node's residual over
 /// one minus its leverage (the leave-one-out residual, exact for least squares). With the
@@ -32,15 +32,15 @@
 
 namespace blindcorner {
 
-/// An ellipsoid in which a local model holds: pose = center + root * z with |z| <= kLocalReach.
+/// An ellipsoid in which a local model holds: pose = center + root * z with |z| <= local_reach(n).
 struct LocalRegion {
   PoseVector center;
   Eigen::MatrixXd root;  ///< [n, n] lower triangular, one standard deviation
 };
 
-/// Standard deviations to which a local model reaches: of a normal posterior of three unknowns one
-/// part in a thousand lies beyond.
-inline constexpr double kLocalReach = 4;
+/// Standard deviations to which a local model of so many unknowns reaches: of a normal posterior
+/// one part in a thousand lies beyond (three unknowns 4.03, six 4.74).
+double local_reach(Eigen::Index unknowns);
 
 /// Exact light at a pose, [rows] at unit amplitude.
 struct LightNode {
@@ -66,9 +66,11 @@ class LocalModel {
   double error() const { return error_; }
 
  private:
-  explicit LocalModel(LocalRegion region) : region_(std::move(region)) {}
+  explicit LocalModel(LocalRegion region)
+      : region_(std::move(region)), reach_(local_reach(region_.center.size())) {}
 
   LocalRegion region_;
+  double reach_;
   std::vector<std::vector<int>> exponents_;  ///< [terms][n]
   Eigen::MatrixXd coefficients_;             ///< [rows, terms]
   int degree_ = 0;

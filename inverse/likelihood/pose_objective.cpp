@@ -3,6 +3,9 @@
 
 #include <algorithm>
 #include <tuple>
+#include <utility>
+
+#include "blindcorner/forward/sensor/photon_noise.h"
 
 namespace blindcorner {
 namespace {
@@ -60,15 +63,44 @@ PoseObjective::PoseObjective(const CompiledScene& compiled, const Observation& o
 
 const std::vector<double>& PoseObjective::background_step() const { return background_.step; }
 
+std::vector<double> PoseObjective::shadow_at(const PoseVector& pose) const {
+  if (background_.light.empty()) return {};
+  std::vector<double> shadow;
+  HistogramCube lit, shaded;
+  int current = -1;
+  for (const ObservedZone& zone : solver_.observation().zones) {
+    if (zone.capture != current) {
+      current = zone.capture;
+      const ForwardModel& model = *compiled_.models()[static_cast<std::size_t>(current)];
+      lit = static_background(compiled_.scene, model.static_background());
+      shaded = static_background(compiled_.scene, model.shadowed_background(pose));
+    }
+    for (int k = zone.first; k < zone.first + zone.bins(); ++k) {
+      shadow.push_back(lit.zone(zone.zone)[k] - shaded.zone(zone.zone)[k]);
+    }
+  }
+  if (std::ranges::all_of(shadow, [](double s) { return s == 0; })) shadow.clear();
+  return shadow;
+}
+
+void PoseObjective::cast(std::vector<double> shadow) {
+  shadow_ = std::move(shadow);
+  shaded_.clear();
+  for (std::size_t r = 0; r < shadow_.size(); ++r) {
+    shaded_.push_back(std::max(background_.light[r] - shadow_[r], 0.0));
+  }
+}
+
 void PoseObjective::point(ShapeBuffer& buffer, bool object) const {
   const auto& zones = solver_.observation().zones;
   buffer.shapes.resize(zones.size());
+  const std::vector<double>& direct = object && !shaded_.empty() ? shaded_ : background_.light;
   std::size_t row = 0;
   for (std::size_t z = 0; z < zones.size(); ++z) {
     ZoneShapes& shapes = buffer.shapes[z];
     const int bins = zones[z].bins();
     shapes.object = object ? buffer.object.data() + row : nullptr;
-    shapes.direct = background_.light.empty() ? nullptr : background_.light.data() + row;
+    shapes.direct = direct.empty() ? nullptr : direct.data() + row;
     shapes.object_first = 0;
     shapes.object_end = object ? bins : 0;
     if (object) {

@@ -137,6 +137,12 @@ class PoseObjective {
   /// this.
   const ModelSet& models() const { return *models_; }
   void use(const ModelSet& models) { models_ = &models; }
+  /// What the hidden objects at a pose take off the static background, [rows] counts at a scale of
+  /// one, because they stand in the way of its later bounces; empty: nothing.
+  std::vector<double> shadow_at(const PoseVector& pose) const;
+  /// Takes it off from now on wherever there is an object. Empty: no shadow.
+  void cast(std::vector<double> shadow);
+  const std::vector<double>& shadow() const { return shadow_; }
   /// Models that are right enough beside the photon noise to say what the posterior looks like
   /// where they are corrected at its optima: the compiled scene's, unless others were chosen.
   const ModelSet& rough_models() const { return *rough_; }
@@ -164,6 +170,7 @@ class PoseObjective {
   const GatedBackground& background_;
   const ModelSet* models_;
   const ModelSet* rough_;
+  std::vector<double> shadow_, shaded_;  // [rows] and the background less that; empty: none
   LinearSolver solver_;
   std::vector<std::pair<int, int>> direct_range_;  // [observed zones] lit bins, [first, end)
   int rows_ = 0;

@@ -42,9 +42,12 @@ FittedHistograms fitted_histograms(const PoseObjective& objective, const Refined
     for (int k = at.shapes[i].object_first; k < at.shapes[i].object_end; ++k) {
       object[zones[i].first + k] = h.amplitude[z] * at.shapes[i].object[k];
     }
+    double* light = known.zone(zones[i].zone);
+    if (at.shapes[i].direct != nullptr) {  // in the object's shadow
+      std::copy_n(at.shapes[i].direct, zones[i].bins(), light + zones[i].first);
+    }
     for (int k = 0; k < sensor.bins; ++k) {
-      h.model.zone(zones[i].zone)[k] =
-          object[k] + h.ambient[z] + scale * known.zone(zones[i].zone)[k];
+      h.model.zone(zones[i].zone)[k] = object[k] + h.ambient[z] + scale * light[k];
     }
   }
   return h;

@@ -57,8 +57,9 @@ constexpr double kShift = 0.4;
 /// Samples about the heaviest one that a component is made of: some twice the 21 moments of six
 /// unknowns.
 constexpr std::size_t kNeighbours = 40;
-/// LocalModel::error() that samples' light may have: log posteriors are then off by 0.3 at random.
-constexpr double kLightTolerance = 0.05;
+/// LocalModel::error() that samples' light may have: log posteriors are then off by 0.55 at random,
+/// and the weights of 256 samples by as much as those of 190 independent ones.
+constexpr double kLightTolerance = 0.15;
 /// Samples' moments lay a local model's region when so many are effective for each unknown; it is
 /// laid anew when there are so many times the nodes.
 constexpr double kEffectiveEach = 4, kMoreNodes = 1.5;

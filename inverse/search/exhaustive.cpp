@@ -98,16 +98,16 @@ ExhaustiveResult ExhaustiveSearch::search(const Capture& capture,
     const double y = values[static_cast<std::size_t>(b)].log_posterior;
     return x != y ? x > y : a < b;
   });
-  std::vector<PoseVector> chosen;
+  std::vector<Start> chosen;
   const double best_grid = values[static_cast<std::size_t>(order.front())].log_posterior;
   for (const int i : order) {
     if (static_cast<int>(chosen.size()) >= impl_->options.refined) break;
     if (values[static_cast<std::size_t>(i)].log_posterior < best_grid - 15) break;
     const PoseVector& pose = compiled.poses[static_cast<std::size_t>(i)];
-    const bool close = std::any_of(chosen.begin(), chosen.end(), [&](const PoseVector& other) {
-      return within_spacings(compiled, other, pose, kNextOnGrid);
+    const bool close = std::any_of(chosen.begin(), chosen.end(), [&](const Start& other) {
+      return within_spacings(compiled, other.pose, pose, kNextOnGrid);
     });
-    if (!close) chosen.push_back(pose);
+    if (!close) chosen.push_back({pose});
   }
   // As the fit does, on the cheap model first; what was asked for goes on as it is.
   const std::vector<Refined> basins =

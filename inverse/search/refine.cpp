@@ -34,9 +34,12 @@ constexpr Stop kPolish{25, 1e-6, true};
 /// another, from a move of a tenth of a standard deviation.
 constexpr int kMaxCorrections = 2;
 constexpr double kWorthCorrecting = 0.005;
-/// Gain in log posterior from a move of a fifth of a standard deviation: for less no failed step is
-/// tried again.
+/// Gain in log posterior from a move of a fifth of a standard deviation: a descent ends with a step
+/// that promises less.
 constexpr double kSmallGain = 0.02;
+/// Gain from a move of half a standard deviation: where a step by forward differences of a model
+/// promised less and failed, the light's own roughness decides, and shorter steps are not tried.
+constexpr double kRough = 0.1;
 /// A gain from a move of two standard deviations, over which the difference between the rough
 /// models and better ones may change; and how often that is looked up, by judgement: it bounds the
 /// time.
@@ -160,17 +163,22 @@ class ResidualCost final : public ceres::CostFunction {
   mutable Eigen::MatrixXd slope_;
 };
 
-/// Ends a descent at a step that failed and had promised next to nothing: Ceres would try shorter
-/// and shorter ones.
+/// Ends a descent at a step that promised next to nothing: Ceres would take more of them and, where
+/// one fails, shorter and shorter ones.
 class NothingPromised final : public ceres::IterationCallback {
  public:
+  explicit NothingPromised(bool rough) : failed_(rough ? kRough : kSmallGain) {}
   ceres::CallbackReturnType operator()(const ceres::IterationSummary& step) override {
-    const bool failed = step.iteration > 0 && !step.step_is_successful;
+    if (step.iteration == 0) return ceres::SOLVER_CONTINUE;
     const double promised =
         step.relative_decrease != 0 ? step.cost_change / step.relative_decrease : 0.0;
-    return failed && promised < kSmallGain ? ceres::SOLVER_TERMINATE_SUCCESSFULLY
-                                           : ceres::SOLVER_CONTINUE;
+    return promised < (step.step_is_successful ? kSmallGain : failed_)
+               ? ceres::SOLVER_TERMINATE_SUCCESSFULLY
+               : ceres::SOLVER_CONTINUE;
   }
+
+ private:
+  double failed_;  ///< gain promised by a failed step that ends the descent
 };
 
 /// Diagonal of the search region, unknowns as they are.
@@ -213,7 +221,7 @@ void minimise(const PoseObjective& objective, const LightSource& light, const St
   options.max_num_line_search_step_size_iterations = 0;
   options.logging_type = ceres::SILENT;
   options.num_threads = 1;
-  NothingPromised nothing_promised;
+  NothingPromised nothing_promised(light.models != nullptr && !stop.central);
   options.callbacks.push_back(&nothing_promised);
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);
@@ -292,21 +300,6 @@ Refined polish_on_spline(const PoseObjective& objective, Refined start) {
   return best;
 }
 
-/// Leaves out what is on the slopes of the best one's peak; `optima` best first.
-std::vector<Refined> without_slopes(const PoseObjective& objective, std::vector<Refined> optima) {
-  if (optima.size() < 2) return optima;
-  const Scene& scene = objective.compiled().scene;
-  const Refined best = optima.front();
-  const Eigen::MatrixXd precision = pose_information(objective, best).pose + prior_precision(scene);
-  std::erase_if(optima, [&](const Refined& other) {
-    const PoseVector way = pose_difference(scene, best.pose, other.pose);
-    const double square = way.dot(precision * way);
-    const double below = best.value.log_posterior - other.value.log_posterior;
-    return square > 0 && square < kOnSlope * kOnSlope && below > 0.5 * square - kAboveSlope;
-  });
-  return optima;
-}
-
 }  // namespace
 
 int bound_at(const Scene& scene, const PoseVector& pose, Eigen::Index unknown) {
@@ -326,13 +319,12 @@ LightSource light_near(const PoseObjective& objective, const Refined& refined) {
   return cheaper.corrected(refined.correction);
 }
 
-Refined approach(const PoseObjective& objective, const PoseVector& start,
-                 std::optional<int> held_first) {
+Refined approach(const PoseObjective& objective, const Start& start) {
   const CompiledScene& compiled = objective.compiled();
   Refined result;
-  result.pose = start;
+  result.pose = start.pose;
   const auto descend = [&](const LightSource& light, const Stop& stop) {
-    if (held_first) minimise(objective, light, stop, result, nullptr, held_first);
+    if (start.held_first) minimise(objective, light, stop, result, nullptr, start.held_first);
     minimise(objective, light, stop, result);
   };
   if (compiled.spline) {
@@ -350,13 +342,11 @@ Refined approach(const PoseObjective& objective, const PoseVector& start,
 }
 
 std::vector<Refined> approach_all(const PoseObjective& objective,
-                                  const std::vector<PoseVector>& starts,
-                                  std::optional<int> held_first) {
+                                  const std::vector<Start>& starts) {
   std::vector<Refined> reached(starts.size());
   tbb::this_task_arena::isolate([&] {
-    tbb::parallel_for(std::size_t{0}, starts.size(), [&](std::size_t i) {
-      reached[i] = approach(objective, starts[i], held_first);
-    });
+    tbb::parallel_for(std::size_t{0}, starts.size(),
+                      [&](std::size_t i) { reached[i] = approach(objective, starts[i]); });
   });
   return reached;
 }
@@ -366,7 +356,7 @@ Refined polish(const PoseObjective& objective, const PoseVector& start) {
   Refined result;
   result.pose = start;
   if (compiled.spline) return polish_on_spline(objective, std::move(result));
-  if (!compiled.coarse.empty()) return approach(objective, start);  // settled later
+  if (!compiled.coarse.empty()) return approach(objective, {start});  // settled later
   minimise(objective, objective.models(), kPolish, result);
   return finish(objective, objective.models(), std::move(result));
 }
@@ -395,6 +385,20 @@ void settle(const PoseObjective& objective, Refined& optimum, const ShapeBuffer*
     optimum = finish_corrected(objective, objective.rough_models(), std::move(optimum));
     if (optimum.value.log_posterior < before + kLargeGain) break;
   }
+}
+
+std::vector<Refined> without_slopes(const PoseObjective& objective, std::vector<Refined> optima) {
+  if (optima.size() < 2) return optima;
+  const Scene& scene = objective.compiled().scene;
+  const Refined best = optima.front();
+  const Eigen::MatrixXd precision = pose_information(objective, best).pose + prior_precision(scene);
+  std::erase_if(optima, [&](const Refined& other) {
+    const PoseVector way = pose_difference(scene, best.pose, other.pose);
+    const double square = way.dot(precision * way);
+    const double below = best.value.log_posterior - other.value.log_posterior;
+    return square > 0 && square < kOnSlope * kOnSlope && below > 0.5 * square - kAboveSlope;
+  });
+  return optima;
 }
 
 std::vector<Refined> polish_all(const PoseObjective& objective,
@@ -443,6 +447,7 @@ std::vector<Refined> find_more(const PoseObjective& objective, const Observation
   PoseObjective rough(compiled, observation);
   rough.use(objective.rough_models());
   rough.count_with(objective);
+  rough.cast(objective.shadow());
   LinearSolution linear = optima.front().linear;
   const double best =
       rough.evaluate(rough.models(), optima.front().pose, linear, true).log_posterior;

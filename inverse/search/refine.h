@@ -22,25 +22,30 @@ struct Refined {
   bool converged = false;
 };
 
+/// Where a descent starts. An unknown may be held first: the others follow it before it moves.
+struct Start {
+  PoseVector pose;
+  std::optional<int> held_first = std::nullopt;
+};
+
 /// Where an unknown is in the search region: -1 at its lower bound, 1 at its upper one, else 0.
 int bound_at(const Scene& scene, const PoseVector& pose, Eigen::Index unknown);
 
 /// Minimises the deviance from `start` with Ceres (Levenberg-Marquardt, bounds, forward
 /// differences in steps of CompiledScene::step), to tell basins apart: on the spline through the
 /// scored poses where there is one (the value is its), else on the objective's models, for measured
-/// laws on the ladder's cheap ones (the value is theirs). An unknown may be held first: the others
-/// follow it before it moves.
-Refined approach(const PoseObjective& objective, const PoseVector& start,
-                 std::optional<int> held_first = std::nullopt);
+/// laws on the ladder's cheap ones (the value is theirs).
+Refined approach(const PoseObjective& objective, const Start& start);
 
 /// The same from several places, side by side.
-std::vector<Refined> approach_all(const PoseObjective& objective,
-                                  const std::vector<PoseVector>& starts,
-                                  std::optional<int> held_first = std::nullopt);
+std::vector<Refined> approach_all(const PoseObjective& objective, const std::vector<Start>& starts);
 
 /// With the objective's models, from a start in the right basin: a spline gives the derivatives and
 /// the models the residuals; without one, both are the models'.
 Refined polish(const PoseObjective& objective, const PoseVector& start);
+
+/// Leaves out what is on the slopes of the best one's peak; `optima` best first.
+std::vector<Refined> without_slopes(const PoseObjective& objective, std::vector<Refined> optima);
 
 /// Optima from starts in the right basins, and `optima` that are known already: polished and
 /// merged, best first; without those on the slopes of the best one's peak, where optima are settled

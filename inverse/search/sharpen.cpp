@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <limits>
 
 #include "inverse/likelihood/light_slope.h"
@@ -45,6 +46,11 @@ constexpr double kMostPaths = 1e10;
 /// eight times its light (600 captures) the mean squared normalised error is 1.10 without, 1.05
 /// with 1.5, 1.04 with 1.25, for a tenth more time at most.
 constexpr double kOverstated = 1.25;
+/// Times that the best optimum's shadow is looked up anew: a limit of the time, by judgement. Each
+/// time it changes by a small part of what it changed before.
+constexpr int kMaxShadows = 4;
+/// Relative error (L2) of a shadow's light at the usual sampling, at most (desk, tests).
+constexpr double kShadowError = 0.1;
 /// What the levels of one kind of material are worth.
 struct Levels {
   /// Relative error (L2) of each level's light on the shipped scenes, at most; the first level is
@@ -125,6 +131,23 @@ bool overstated(const PoseObjective& objective, const Eigen::MatrixXd& claimed,
   const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> ratio(claimed, right,
                                                                         Eigen::EigenvaluesOnly);
   return ratio.eigenvalues().maxCoeff() > kOverstated;
+}
+
+/// A change of the static background, [rows], as one of the object's light at unit amplitude,
+/// [rows, 1], that changes the expected counts alike.
+Eigen::MatrixXd as_object(const PoseObjective& objective, const Refined& optimum,
+                          const std::vector<double>& background) {
+  Eigen::MatrixXd change = Eigen::MatrixXd::Zero(objective.rows(), 1);
+  Eigen::Index row = 0;
+  const Observation& observation = objective.solver().observation();
+  for (std::size_t z = 0; z < observation.zones.size(); ++z) {
+    const double amplitude = optimum.linear.amplitude[z];
+    const double scale = amplitude > 0 ? optimum.linear.direct[z] / amplitude : 0;
+    for (int k = 0; k < observation.zones[z].bins(); ++k, ++row) {
+      change(row, 0) = scale * background[static_cast<std::size_t>(row)];
+    }
+  }
+  return change;
 }
 
 }  // namespace
@@ -208,21 +231,43 @@ ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima, doubl
   return error;
 }
 
+Eigen::MatrixXd cast_shadow(PoseObjective& objective, std::vector<Refined>& optima,
+                            double negligible) {
+  const auto n = static_cast<Eigen::Index>(objective.compiled().unknown_count());
+  Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(n, n);
+  const auto in_own_shadow = [&](Refined& optimum) {
+    objective.cast(objective.shadow_at(optimum.pose));
+    optimum.value =
+        objective.evaluate(light_near(objective, optimum), optimum.pose, optimum.linear, true);
+  };
+  for (int round = 0; round < kMaxShadows; ++round) {
+    const Refined top = optima.front();
+    const std::vector<double> before = objective.shadow();
+    std::vector<double> change = objective.shadow_at(top.pose);
+    if (change.empty()) break;
+    for (std::size_t r = 0; r < change.size(); ++r) {
+      change[r] = (before.empty() ? 0 : before[r]) - change[r];
+    }
+    const Move move(objective, top, as_object(objective, top, change));
+    if (round == 0) covariance = kShadowError * kShadowError * move.by * move.by.transpose();
+    if (move.square < kSmallMove * kSmallMove) break;
+    for (Refined& optimum : optima) in_own_shadow(optimum);
+    std::ranges::stable_sort(optima, std::greater{},
+                             [](const Refined& o) { return o.value.log_posterior; });
+    in_own_shadow(optima.front());
+    ShapeBuffer here;
+    objective.shapes(objective.models(), optima.front().pose, here);
+    sharpen_each(objective, optima, here);
+    optima = merge(objective.compiled(), std::move(optima), negligible);
+  }
+  return covariance;
+}
+
 Eigen::MatrixXd background_covariance(const PoseObjective& objective, const Refined& optimum) {
   const auto n = static_cast<Eigen::Index>(objective.compiled().unknown_count());
   const std::vector<double>& step = objective.background_step();
   if (step.empty()) return Eigen::MatrixXd::Zero(n, n);
-  Eigen::MatrixXd change = Eigen::MatrixXd::Zero(objective.rows(), 1);  // as the object's light
-  Eigen::Index row = 0;
-  const Observation& observation = objective.solver().observation();
-  for (std::size_t z = 0; z < observation.zones.size(); ++z) {
-    const double amplitude = optimum.linear.amplitude[z];
-    const double scale = amplitude > 0 ? optimum.linear.direct[z] / amplitude : 0;
-    for (int k = 0; k < observation.zones[z].bins(); ++k, ++row) {
-      change(row, 0) = scale * step[static_cast<std::size_t>(row)];
-    }
-  }
-  const Move move(objective, optimum, change);
+  const Move move(objective, optimum, as_object(objective, optimum, step));
   return kLeft * kLeft *
          (move.by * move.by.transpose() + in_any_direction(move.square, move.precision));
 }

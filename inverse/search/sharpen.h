@@ -32,6 +32,13 @@ std::string too_dear_hint();
 /// next one costs too much.
 ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima, double negligible);
 
+/// Lets the hidden objects stand in the way of the known scene's later bounces, where that changes
+/// the best optimum: each optimum is weighed in the shadow that it casts itself, that of the best
+/// one is taken off the background for all of them, and they are moved, until it hardly changes
+/// any more. Returns the covariance, [n, n], of what the shadow's own sampling may move.
+Eigen::MatrixXd cast_shadow(PoseObjective& objective, std::vector<Refined>& optima,
+                            double negligible);
+
 /// Covariance of a pose, [n, n], from what is left of the fine static background's error: a part of
 /// the move that the step to it from a coarser one makes, and as much in any direction. Zero with
 /// the usual background, whose error is small beside the photon noise.

@@ -88,9 +88,9 @@ class CaptureLikelihood final : public FrameLikelihood {
     objective_.evaluate_empty(empty);
     const Scored scored =
         score(objective_, empty, options_.max_starts, options_.negligible_log_posterior);
-    std::vector<PoseVector> places;
+    std::vector<Start> places;
     for (const Candidate& start : scored.starts) {
-      if (places.size() < kMaxStarts) places.push_back(start.pose);
+      if (places.size() < kMaxStarts) places.push_back({start.pose});
     }
     const std::vector<Refined> basins =
         merge(compiled_, approach_all(objective_, places), options_.negligible_log_posterior);

@@ -29,6 +29,7 @@ const ClaimStudy<CoverageOptions, CoverageLevel> kCoverageStudy{
     study_coverage,
     coverage_text,
     coverage_headline,
+    coverage_summary,
     [](const CoverageReport& report) {
       std::vector<std::pair<std::string, std::string>> files{
           {"coverage.csv", coverage_csv(report)},
@@ -58,12 +59,16 @@ void add_coverage_benchmark(CLI::App& benchmark, int& exit_code) {
                   "of each wrong assumption, at most as many as -n")
       ->check(CLI::Range(1, 10'000'000))
       ->capture_default_str();
+  command.add_flag("--dense-truth", options.dense_truth,
+                   "makes --truth 1.4 times as dense where the captures' own sampling matters; "
+                   "scenes of --random have it");
   command.add_option("--importance-samples", options.fit.importance_samples, "of the fit")
       ->check(number_from_zero())
       ->capture_default_str();
   command.callback([arguments, &options, &exit_code] {
     options.wrong_captures =
         arguments->wrong ? std::min(options.wrong_captures, options.captures) : 0;
+    options.dense_truth = options.dense_truth || arguments->study.random > 0;
     exit_code = run_claim_study(kCoverageStudy, arguments->study, options);
   });
 }

@@ -23,6 +23,7 @@ const ClaimStudy<DetectionOptions, DetectionLevel> kDetectionStudy{
     study_detection,
     detection_text,
     detection_headline,
+    nullptr,
     [](const DetectionReport& report) {
       return std::vector<std::pair<std::string, std::string>>{
           {"detection.csv", detection_csv(report)},

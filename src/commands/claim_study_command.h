@@ -27,7 +27,19 @@ struct ClaimStudyArguments {
   std::vector<std::string> scenes;
   std::string output = "out/benchmark", light = "reference";
   int threads = 0;
+  int random = 0;  ///< scenes drawn at random, beside those that are named
 };
+
+/// A scene of a study, and the levels of light that it comes with; none: those that the study asks
+/// for.
+struct StudiedScene {
+  Scene scene;
+  std::vector<double> photons;
+};
+
+/// The scenes that are named, and those drawn at random, whose files go to OUTPUT/scenes. Throws
+/// Error where there is none.
+std::vector<StudiedScene> studied_scenes(const ClaimStudyArguments& arguments, std::uint64_t seed);
 
 /// Declares the arguments and options that all such commands have.
 void add_claim_study_options(CLI::App& command, ClaimStudyArguments& arguments,
@@ -45,6 +57,7 @@ struct ClaimStudy {
   StudyScene<Level> (*study)(const Scene&, const Options&, const std::function<void()>&);
   std::string (*text)(const StudyScene<Level>&);
   std::string (*headline)(const Report&);
+  std::string (*summary)(const Report&);  ///< of several scenes, after their texts
   std::vector<std::pair<std::string, std::string>> (*files)(const Report&);
 };
 
@@ -56,14 +69,15 @@ int run_claim_study(const ClaimStudy<Options, Level>& study, const ClaimStudyArg
   options.light = arguments.light == "sensor" ? TrueLight::sensor : TrueLight::reference;
   options.validate();
   StudyReport<Options, Level> report{options, {}};
-  std::vector<Scene> scenes;
-  for (const std::string& path : arguments.scenes) scenes.push_back(read_scene(path));
   make_directory(arguments.output);
+  const std::vector<StudiedScene> scenes = studied_scenes(arguments, options.seed);
   const Interruptible interruptible;
   std::size_t levels = 0;
-  for (const Scene& scene : scenes) {
-    Progress progress(scene.name, study.fits(scene, options));
-    auto studied = study.study(scene, options, [&] {
+  for (const auto& [scene, photons] : scenes) {
+    Options own = options;
+    if (!photons.empty()) own.photons = photons;
+    Progress progress(scene.name, study.fits(scene, own));
+    auto studied = study.study(scene, own, [&] {
       progress.advance();
       if (Interruptible::asked()) throw StudyInterrupted{};
     });
@@ -81,6 +95,9 @@ int run_claim_study(const ClaimStudy<Options, Level>& study, const ClaimStudyArg
   for (const StudyScene<Level>& scene : report.scenes) {
     std::printf("%s\n", study.text(scene).c_str());
     for (const Level& level : scene.levels) failures += level.failures;
+  }
+  if (report.scenes.size() > 1 && study.summary != nullptr) {
+    std::printf("%s\n", study.summary(report).c_str());
   }
   const std::filesystem::path directory(arguments.output);
   for (const auto& [name, text] : study.files(report)) {

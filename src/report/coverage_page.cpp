@@ -4,7 +4,9 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <random>
+#include <variant>
 
 #include "report/chart.h"
 #include "report/claim_table.h"
@@ -18,9 +20,6 @@ namespace {
 
 /// Samples that show a posterior.
 constexpr int kShownSamples = 400;
-/// What the truth's own sampling may add to the mean squared normalised error: as much as 2000
-/// captures of two unknowns tell.
-constexpr double kMaxTruthError = 0.05;
 
 std::string light_of(const CoverageLevel& level) {
   return level.photons ? formatted("%g photons on average", *level.photons)
@@ -47,11 +46,11 @@ std::string warnings_text(const WarningShares& w) {
 std::string truth_text(const CoverageLevel& level) {
   if (!level.truth_error) return {};
   std::string text = formatted(
-      "Half the sampling of the truth adds %.3f to the mean squared normalised error, "
-      "so that its own adds less. ",
-      *level.truth_error);
+      "Half the sampling of the truth (%g times the usual one) adds %.3f to the mean squared "
+      "normalised error, so that its own adds less. ",
+      level.sampling, *level.truth_error);
   if (*level.truth_error > kMaxTruthError) {
-    text += "WARNING: that is not small; ask for a denser truth (--truth). ";
+    text += "WARNING: that is not small; ask for a denser truth (--truth, --dense-truth). ";
   }
   return text;
 }
@@ -216,6 +215,65 @@ nlohmann::ordered_json wrong_json(const WrongFigures& w) {
   return json;
 }
 
+double found(const CoverageLevel& level, const char* claim) {
+  const auto it = std::ranges::find(level.claims, claim, &ClaimTest::what);
+  return it == level.claims.end() ? std::numeric_limits<double>::quiet_NaN() : it->found;
+}
+
+/// Scenes and levels of light, a row each: what a reader of many scenes looks at first.
+struct SummaryRow {
+  std::string scene, sensor, object, unknowns, photons;
+  double in_50 = 0, in_95 = 0, square = 0, truth_error = 0, warned = 0;
+  bool holds = false;
+};
+
+SummaryRow summary_row(const Scene& scene, const CoverageLevel& level) {
+  SummaryRow row;
+  row.scene = scene.name;
+  row.sensor = scene.sensor.name;
+  for (int i = 0; i < object_count(scene); ++i) {
+    const HiddenObject& object = hidden_object(scene, i);
+    if (i > 0) row.object += ", ";
+    if (std::holds_alternative<RetroreflectiveMaterial>(object.material)) row.object += "retro ";
+    row.object += shape_name(object.shape);
+  }
+  for (const std::string& name : unknown_names(scene)) {
+    row.unknowns += (row.unknowns.empty() ? "" : " ") + name.substr(0, name.find_last_of('_'));
+  }
+  row.photons = level.photons ? formatted("%.3g", *level.photons) : "own";
+  row.in_50 = found(level, "truth in the 50 % region");
+  row.in_95 = found(level, "truth in the 95 % region");
+  row.square = found(level, "mean squared normalised error");
+  row.truth_error = level.truth_error.value_or(std::numeric_limits<double>::quiet_NaN());
+  row.warned = level.warnings.warned;
+  row.holds = std::ranges::all_of(level.claims, &ClaimTest::holds);
+  return row;
+}
+
+std::vector<SummaryRow> summary_rows(const CoverageReport& report) {
+  std::vector<SummaryRow> rows;
+  for (const CoverageScene& scene : report.scenes) {
+    for (const CoverageLevel& level : scene.levels) rows.push_back(summary_row(scene.scene, level));
+  }
+  return rows;
+}
+
+std::string summary_html(const std::vector<SummaryRow>& rows) {
+  std::string html =
+      "<div style=\"overflow-x:auto\"><table><tr><th>scene<th>sensor<th>object<th>unknowns"
+      "<th>photons<th>in 50 %<th>in 95 %<th>squared error<th>of the truth<th>warned<th>verdict</tr>"
+      "\n";
+  for (const SummaryRow& r : rows) {
+    html +=
+        std::string(r.holds ? "<tr>" : "<tr style=\"background:var(--alarm);font-weight:600\">") +
+        "<td>" + html_safe(r.scene) + "<td>" + html_safe(r.sensor) + "<td>" + html_safe(r.object) +
+        "<td>" + html_safe(r.unknowns) +
+        formatted("<td>%s<td>%.3f<td>%.3f<td>%.3f<td>%.3f<td>%.2f<td>%s</tr>\n", r.photons.c_str(),
+                  r.in_50, r.in_95, r.square, r.truth_error, r.warned, r.holds ? "holds" : "fails");
+  }
+  return html + "</table></div>\n";
+}
+
 nlohmann::ordered_json trial_json(const ClaimTrial& t) {
   if (!t.error.empty()) return {{"error", t.error}};
   std::vector<double> weights;
@@ -239,6 +297,7 @@ nlohmann::ordered_json coverage_level_json(const CoverageLevel& level) {
   json["median_claimed_m"] = number_or_null(level.median_claimed);
   json["mean_square_low"] = number_or_null(level.mean_square_low);
   json["mean_square_high"] = number_or_null(level.mean_square_high);
+  json["truth_sampling"] = level.sampling;
   if (level.truth_error) json["truth_error"] = number_or_null(*level.truth_error);
   json["claims"] = claims_json(level.claims);
   json["flagged"] = warnings_json(level.warnings);
@@ -301,6 +360,19 @@ std::string coverage_text(const CoverageScene& scene) {
   return text;
 }
 
+std::string coverage_summary(const CoverageReport& report) {
+  std::string text =
+      formatted("%-14s %-18s %-16s %-14s %8s %6s %6s %8s %8s %7s\n", "scene", "sensor", "object",
+                "unknowns", "photons", "in 50%", "in 95%", "square", "of truth", "warned");
+  for (const SummaryRow& r : summary_rows(report)) {
+    text += formatted("%-14s %-18s %-16s %-14s %8s %6.3f %6.3f %8.3f %8.3f %7.2f  %s\n",
+                      r.scene.c_str(), r.sensor.c_str(), r.object.c_str(), r.unknowns.c_str(),
+                      r.photons.c_str(), r.in_50, r.in_95, r.square, r.truth_error, r.warned,
+                      r.holds ? "holds" : "FAILS");
+  }
+  return text;
+}
+
 std::string coverage_csv(const CoverageReport& report) { return claims_csv(report.scenes); }
 
 std::string wrong_assumptions_csv(const CoverageReport& report) {
@@ -346,6 +418,8 @@ std::string coverage_page(const CoverageReport& report) {
           " Captures without an answer count as outside. A mode is right where the truth most "
           "likely comes from it and lies in its 99.9 % region, by Student's t: modes need not be "
           "normal.</p>\n";
+  const std::vector<SummaryRow> rows = summary_rows(report);
+  if (rows.size() > 1) body += summary_html(rows);
   for (const CoverageScene& scene : report.scenes) {
     for (const CoverageLevel& level : scene.levels) body += level_html(scene, level);
   }

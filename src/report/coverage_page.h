@@ -12,6 +12,8 @@ namespace blindcorner {
 /// The sentence that stands first: how many claims hold.
 std::string coverage_headline(const CoverageReport& report);
 std::string coverage_text(const CoverageScene& scene);
+/// A row for each scene and level of light: what it is, and whether all of its claims hold.
+std::string coverage_summary(const CoverageReport& report);
 /// A row for each claim (docs/benchmark.md).
 std::string coverage_csv(const CoverageReport& report);
 /// A row for each wrong assumption.

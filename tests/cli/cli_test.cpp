@@ -1130,6 +1130,19 @@ TEST_F(Cli, CoverageBenchmarkJudgesClaims) {
   EXPECT_EQ(one["trials"], level["trials"]);
 }
 
+// Scenes that nobody tuned: their files are kept, and a table holds a row for each.
+TEST_F(Cli, CoverageBenchmarkDrawsScenesAtRandom) {
+  const Outcome outcome =
+      run("benchmark coverage --random 2 -n 2 --light sensor --seed 3 -o '" + path("out") + "'");
+  ASSERT_LE(outcome.exit_code, 1) << outcome.err;
+  for (const char* name : {"random_30000", "random_30001"}) {
+    EXPECT_THAT(outcome.out, HasSubstr(std::string("\n") + name + " ")) << outcome.out;
+    EXPECT_EQ(run("info '" + path("out/scenes/") + name + ".json'").exit_code, 0);
+  }
+  EXPECT_THAT(text_of(path("out/coverage.html")), HasSubstr("<td>random_30001<td>"));
+  EXPECT_EQ(run("benchmark coverage").exit_code, 2);
+}
+
 TEST_F(Cli, DetectionBenchmarkDrawsCurvesAndChecksTheStatedRate) {
   const Outcome outcome =
       run("benchmark detection '" + std::string(SOURCE_DIR) +

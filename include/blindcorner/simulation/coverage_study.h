@@ -18,6 +18,9 @@ struct CoverageOptions : ClaimStudyOptions {
   CoverageOptions() { captures = 2000; }
 
   int wrong_captures = 200;  ///< of each wrong assumption; 0: none is tried
+  /// Makes `sampling` 1.4 times as dense where the coarser step before it adds more than
+  /// 0.05 to the mean squared normalised error of the brightest level of light.
+  bool dense_truth = false;
 
   /// Throws Error naming the field that is out of range.
   void validate() const;
@@ -111,6 +114,7 @@ struct AmbiguousExample {
 /// One scene at one level of light.
 struct CoverageLevel : ClaimLevel {
   double median_photons = 0;  ///< expected of the objects drawn
+  double sampling = 1;        ///< of the truth, as DrawOptions::sampling
   std::vector<ClaimTrial> trials;
   WarningShares warnings;
   double median_error = 0, median_claimed = 0;       ///< m

@@ -12,6 +12,7 @@
 #include "blindcorner/forward/sensor/photon_noise.h"
 #include "blindcorner/forward/transport/forward_model.h"
 #include "blindcorner/io/scene_file.h"
+#include "blindcorner/io/starter_scene.h"
 #include "inverse/search/exhaustive.h"
 #include "unit/error_message.h"
 #include "unit/test_scenes.h"
@@ -170,6 +171,28 @@ TEST(Fit, StatesNoMoreThanFinerModelsKnowBesideAShadowsEdge) {
   const Eigen::MatrixXd& covariance = result.posterior.modes.front().covariance;
   EXPECT_GT(std::sqrt(covariance(1, 1)), 0.004);
   EXPECT_LT(std::sqrt(covariance(1, 1)), 0.012);
+}
+
+// A box on a desk takes light away that goes from the wall to the desk and back: 8 % of its own.
+TEST(Fit, ABoxCastsItsShadowOnTheDesk) {
+  Scene scene = parse_scene_text(starter_scene("vl53l8ch_4x4"), "desk.json");
+  for (Zone& zone : scene.sensor.zones) zone.gain *= 100;
+  const auto renderer =
+      make_reference_renderer(scene, sensor_placement(scene), reference_sampling(1));
+  const PoseVector truth = Eigen::Vector3d(0.2, 0.6, 0.3);
+  Capture capture;
+  capture.source = "expected";
+  capture.counts = expected_counts(scene, renderer->three_bounce(truth),
+                                   renderer->shadowed_background(truth), {1.0, 10.0, 1.0});
+  FitOptions options;
+  options.empty_captures = 0;
+  const FitResult shaded = fit(scene, capture, options);
+  options.left_out = {FitRule::shadow};
+  const FitResult open = fit(scene, capture, options);
+  EXPECT_LT(shaded.goodness_of_fit.deviance, 0.3 * open.goodness_of_fit.deviance);
+  const PoseVector d = pose_error(scene, shaded.posterior.mean, truth);
+  EXPECT_LT(d.dot(shaded.posterior.covariance.ldlt().solve(d)), 3);
+  EXPECT_LT(d.head(2).norm(), 0.02);
 }
 
 TEST(Fit, OutliersHaveThePriorsMeanAndSpread) {

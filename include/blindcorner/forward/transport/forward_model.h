@@ -78,7 +78,7 @@ class ForwardModel {
 
   virtual BackgroundError background_error() const { return {}; }
 
-  /// With the hidden objects in the way of the later bounces: the reference renderer's alone.
+  /// The same with the hidden objects in the way of the later bounces.
   virtual HistogramCube shadowed_background(const PoseVector& /*pose*/) const {
     return static_background();
   }

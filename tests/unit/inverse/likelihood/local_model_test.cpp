@@ -101,8 +101,8 @@ TEST(LocalModel, CoversItsRegionAndIsNeverNegative) {
   const auto at = [](const Eigen::Vector2d& z) {
     return PoseVector(region().center + region().root * z);
   };
-  EXPECT_TRUE(model->covers(flat_scene(), at(0.99 * kLocalReach * direction)));
-  EXPECT_FALSE(model->covers(flat_scene(), at(1.01 * kLocalReach * direction)));
+  EXPECT_TRUE(model->covers(flat_scene(), at(0.99 * local_reach(2) * direction)));
+  EXPECT_FALSE(model->covers(flat_scene(), at(1.01 * local_reach(2) * direction)));
   EXPECT_EQ(value(*model, {2, 0}, 0), 0);
 }
 
