@@ -164,21 +164,21 @@ class ResidualCost final : public ceres::CostFunction {
 };
 
 /// Ends a descent at a step that promised next to nothing: Ceres would take more of them and, where
-/// one fails, shorter and shorter ones.
+/// one fails, shorter and shorter ones. On a light that costs nothing only where one fails.
 class NothingPromised final : public ceres::IterationCallback {
  public:
-  explicit NothingPromised(bool rough) : failed_(rough ? kRough : kSmallGain) {}
+  explicit NothingPromised(bool dear) : dear_(dear) {}
   ceres::CallbackReturnType operator()(const ceres::IterationSummary& step) override {
     if (step.iteration == 0) return ceres::SOLVER_CONTINUE;
     const double promised =
         step.relative_decrease != 0 ? step.cost_change / step.relative_decrease : 0.0;
-    return promised < (step.step_is_successful ? kSmallGain : failed_)
-               ? ceres::SOLVER_TERMINATE_SUCCESSFULLY
-               : ceres::SOLVER_CONTINUE;
+    const double least =
+        step.step_is_successful ? (dear_ ? kSmallGain : 0.0) : (dear_ ? kRough : kSmallGain);
+    return promised < least ? ceres::SOLVER_TERMINATE_SUCCESSFULLY : ceres::SOLVER_CONTINUE;
   }
 
  private:
-  double failed_;  ///< gain promised by a failed step that ends the descent
+  bool dear_;
 };
 
 /// Diagonal of the search region, unknowns as they are.
