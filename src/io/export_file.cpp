@@ -7,9 +7,9 @@
 #include "blindcorner/forward/error.h"
 #include "blindcorner/io/atomic_file.h"
 #include "io/capture_metadata.h"
-#include "io/import_tmf8828.h"
 #include "io/npy.h"
 #include "io/npz.h"
+#include "io/readers/tmf8828_log.h"
 
 namespace blindcorner {
 namespace {

@@ -27,7 +27,7 @@ ImportOptions with_axes() {
   return options;
 }
 
-ImportOptions of_format(ImportFormat format) {
+ImportOptions of_format(const std::string& format) {
   ImportOptions options;
   options.format = format;
   return options;
@@ -54,7 +54,7 @@ const std::map<std::string, Reader, std::less<>>& readers() {
       {"exr", {"in.exr", [](const std::string& path) { read_captures(path); }}},
       {"npz", {"in.npz", import({})}},
       {"npy", {"in.npy", import(with_axes())}},
-      {"mat", {"in.mat", import(of_format(ImportFormat::cheapspad))}},
+      {"mat", {"in.mat", import(of_format("cheapspad"))}},
       {"log", {"in.log", import({})}},
       {"obj", {"in.obj", [](const std::string& path) { read_obj(path, 1.0); }}},
       {"ros_yaml", {"in.yaml", [](const std::string& path) { read_ros_map(path); }}},
