@@ -33,6 +33,12 @@ ImportOptions of_format(const std::string& format) {
   return options;
 }
 
+ImportOptions of_pattern(const std::string& pattern) {
+  ImportOptions options;
+  options.pattern = pattern;
+  return options;
+}
+
 /// The description that a file of weights holds; the rest of it is libtorch's.
 void read_weights_description(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
@@ -56,6 +62,8 @@ const std::map<std::string, Reader, std::less<>>& readers() {
       {"npy", {"in.npy", import(with_axes())}},
       {"mat", {"in.mat", import(of_format("cheapspad"))}},
       {"log", {"in.log", import({})}},
+      {"table", {"in.txt", import(of_pattern("zone,counts"))}},
+      {"hdf5", {"in.hdf5", import({})}},
       {"obj", {"in.obj", [](const std::string& path) { read_obj(path, 1.0); }}},
       {"ros_yaml", {"in.yaml", [](const std::string& path) { read_ros_map(path); }}},
       {"ros_pgm",

@@ -11,6 +11,7 @@ CaptureReader person_tracking_reader();
 CaptureReader numpy_reader();
 CaptureReader cheapspad_reader();
 CaptureReader matlab_reader();
+CaptureReader tal_reader();
 CaptureReader tmf8829_json_reader();
 CaptureReader tmf8828_log_reader();
 CaptureReader tmf882x_lines_reader();
@@ -20,8 +21,9 @@ CaptureReader text_table_reader();
 
 const std::vector<CaptureReader>& capture_readers() {
   static const std::vector<CaptureReader> readers = {
-      person_tracking_reader(), numpy_reader(),       cheapspad_reader(),     matlab_reader(),
-      tmf8829_json_reader(),    tmf8828_log_reader(), tmf882x_lines_reader(), vl53l8ch_csv_reader(),
+      person_tracking_reader(), numpy_reader(),         cheapspad_reader(),
+      matlab_reader(),          tal_reader(),           tmf8829_json_reader(),
+      tmf8828_log_reader(),     tmf882x_lines_reader(), vl53l8ch_csv_reader(),
       vl53l8ch_log_reader(),    text_table_reader()};
   return readers;
 }
