@@ -20,7 +20,7 @@ USAGE
 packages=(
   g++ cmake ninja-build pkg-config
   libeigen3-dev libceres-dev libembree-dev libtbb-dev
-  libopenexr-dev nlohmann-json3-dev libcli11-dev libzip-dev zlib1g-dev libmatio-dev
+  libopenexr-dev nlohmann-json3-dev libcli11-dev libzip-dev zlib1g-dev libmatio-dev libhdf5-dev
   libpng-dev libyaml-cpp-dev libboost-dev
   libtinyobjloader-dev
   libjs-d3

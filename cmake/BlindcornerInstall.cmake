@@ -13,10 +13,12 @@ install(FILES ${CMAKE_CURRENT_BINARY_DIR}/blindcornerConfig.cmake
 
 # The same for builds that use pkg-config.
 file(RELATIVE_PATH pc_prefix "${CMAKE_INSTALL_FULL_LIBDIR}/pkgconfig" "${CMAKE_INSTALL_PREFIX}")
-set(pc_matio "")
-if(matio_FOUND)
-  set(pc_matio " matio")
-endif()
+set(pc_optional "")
+foreach(library matio hdf5)
+  if(${library}_FOUND)
+    string(APPEND pc_optional " ${library}")
+  endif()
+endforeach()
 configure_file(cmake/blindcorner.pc.in ${CMAKE_CURRENT_BINARY_DIR}/blindcorner.pc @ONLY)
 install(FILES ${CMAKE_CURRENT_BINARY_DIR}/blindcorner.pc
         DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)

@@ -365,13 +365,20 @@ const std::vector<std::pair<FitRule, std::string>>& fit_rules() {
   return rules;
 }
 
+namespace {
+
+/// As `FastModelOptions::tolerance`.
+constexpr double kLeastModelTolerance = 1e-5;
+
+}  // namespace
+
 void FitOptions::validate() const {
   const auto require = [](bool condition, const char* field, const char* accepted) {
     if (!condition)
       throw Error(std::string("FitOptions.") + field, std::string("accepted: ") + accepted);
   };
-  require(!model_tolerance || (*model_tolerance > 0 && *model_tolerance < 1), "model_tolerance",
-          "between 0 and 1");
+  require(!model_tolerance || (*model_tolerance >= kLeastModelTolerance && *model_tolerance < 1),
+          "model_tolerance", "1e-5 to less than 1");
   require(max_scored_poses >= 1, "max_scored_poses", "at least 1");
   require(max_closed_form_poses >= 1, "max_closed_form_poses", "at least 1");
   require(captures_per_placement >= 1, "captures_per_placement", "at least 1");

@@ -507,8 +507,9 @@ class FastObjects final : public ForwardModel {
 }  // namespace
 
 void FastModelOptions::validate() const {
-  if (!(tolerance > 0 && tolerance < 1)) {
-    throw Error("FastModelOptions.tolerance", "accepted: between 0 and 1");
+  // Sums of float weights end near 1e-6: below this, no number of cells would do.
+  if (!(tolerance >= 1e-5 && tolerance < 1)) {
+    throw Error("FastModelOptions.tolerance", "accepted: 1e-5 to less than 1");
   }
   if (!(extra_pulse_sigma >= 0)) {
     throw Error("FastModelOptions.extra_pulse_sigma", "accepted: at least 0 s");

@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 
 #include "blindcorner/forward/constants.h"
@@ -48,6 +49,8 @@ constexpr double kBinsHeld = 0.6;
 /// Factor by which a pulse is widened until the grid is small enough: the grid of three unknowns
 /// then has up to 1.1^3 = 1.3 times fewer poses than it might. Widened so far, it tells nothing.
 constexpr double kWiden = 1.1, kMaxWidening = 64;
+/// Poses of a grid that are kept, some 200 bytes each, and looked at: half a minute.
+constexpr double kMostGridPoses = 2e6;
 /// Grid step for a spline, in units of the pulse: its error is then 0.25 %.
 constexpr double kSplineStep = 0.75;
 /// Limits of the spline through them: it touches 4^unknowns histograms for one pose, 64 of three
@@ -128,6 +131,22 @@ double grid_size(const CompiledScene& compiled) {
   double size = 1;
   for (const GridAxis& axis : compiled.axes) size *= axis.count;
   return size;
+}
+
+/// Throws Error where even the widest pulse leaves more poses than can be kept and scored.
+void check_grid_size(const CompiledScene& compiled) {
+  if (grid_size(compiled) <= kMostGridPoses) return;
+  const auto longest =
+      std::ranges::max_element(compiled.axes, {}, [](const GridAxis& axis) { return axis.count; });
+  const auto k = static_cast<std::size_t>(longest - compiled.axes.begin());
+  const Unknown& unknown = compiled.scene.unknowns[k];
+  char text[300];
+  std::snprintf(text, sizeof text,
+                "the search region asks for %.2g poses to be scored, accepted: up to %.2g; %s has "
+                "the most of them, from %g to %g",
+                grid_size(compiled), kMostGridPoses, unknown_names(compiled.scene)[k].c_str(),
+                unknown.lower, unknown.upper);
+  throw Error("unknowns", text);
 }
 
 /// Bins that light from the search region or the direct return can reach.
@@ -662,6 +681,7 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
       make_grid(*compiled, rates, widening * compiled->pulse_path / grid.density,
                 widening / grid.density);
     }
+    check_grid_size(*compiled);
   }
   const double widest = grid.widen ? pulse_time * std::sqrt(widening * widening - 1) : 0.0;
   // From twice the pulse a descent lands where the pulse itself leads on.

@@ -255,6 +255,7 @@ def import_captures(
     format: str = "auto",
     axes: str = "",
     array: str = "",
+    pattern: str = "",
     rows: int = 0,
     columns: int = 0,
     bin_width_ps: float = 0.0,
@@ -272,13 +273,13 @@ def import_captures(
     """Captures from other programs' files (docs/capture.md says what is read, and how).
 
     The options are those of ``blindcorner import``: ``axes`` the order of an array's axes,
-    ``bin_width_ps`` the width of a bin where the file does not say it, ps, ``truth`` what is known
+    ``pattern`` the columns of any text table, ``bin_width_ps`` the width of a bin where the file does not say it, ps, ``truth`` what is known
     of the object in each capture. What was left out or assumed comes as a warning, one line each.
     Raises Error that names file, place, what was found and what is accepted.
     """
     arrays, told = _core.import_captures(
-        [os.fspath(p) for p in paths], format, axes, array, rows, columns, bin_width_ps * 1e-12,
-        exposures, dispersion, sensor, description, sensor_positions, axes_world, sensor_yaw_rad,
+        [os.fspath(p) for p in paths], format, axes, array, pattern, rows, columns,
+        bin_width_ps * 1e-12, exposures, dispersion, sensor, description, sensor_positions, axes_world, sensor_yaw_rad,
         i2c_address, repeats,
     )
     for line in told:

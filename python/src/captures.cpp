@@ -42,29 +42,18 @@ void save(const std::string& path, const Input<3>& counts, const std::string& me
       [] {});
 }
 
-ImportFormat format_of(const std::string& name) {
-  if (name == "auto") return ImportFormat::automatic;
-  if (name == "numpy") return ImportFormat::numpy;
-  if (name == "tmf8828") return ImportFormat::tmf8828_log;
-  if (name == "vl53l8ch") return ImportFormat::vl53l8ch_log;
-  if (name == "cheapspad") return ImportFormat::cheapspad;
-  if (name == "st_person_tracking") return ImportFormat::st_person_tracking;
-  throw Error("format", "found \"" + name +
-                            "\", accepted: auto, numpy, tmf8828, vl53l8ch, cheapspad, "
-                            "st_person_tracking");
-}
-
 nb::tuple import(const std::vector<std::string>& paths, const std::string& format,
-                 const std::string& axes, const std::string& array, int rows, int columns,
-                 double bin_width_s, std::optional<double> exposures,
+                 const std::string& axes, const std::string& array, const std::string& pattern,
+                 int rows, int columns, double bin_width_s, std::optional<double> exposures,
                  std::optional<double> dispersion, const std::string& sensor,
                  const std::string& description, const std::string& sensor_positions,
                  const std::string& axes_world, double sensor_yaw_rad, int i2c_address,
                  int repeats) {
   ImportOptions options;
-  options.format = format_of(format);
+  options.format = format;
   options.axes = axes;
   options.array = array;
+  options.pattern = pattern;
   options.rows = rows;
   options.columns = columns;
   options.bin_width = bin_width_s;
@@ -140,11 +129,11 @@ void add_captures(nb::module_& m) {
   m.def("save_captures", &save, nb::arg("path"), nb::arg("counts"), nb::arg("metadata"),
         nb::arg("sources"), nb::arg("indices"), "Writes .exr, .npz or .csv.");
   m.def("import_captures", &import, nb::arg("paths"), nb::arg("format"), nb::arg("axes"),
-        nb::arg("array"), nb::arg("rows"), nb::arg("columns"), nb::arg("bin_width_s"),
-        nb::arg("exposures").none(), nb::arg("dispersion").none(), nb::arg("sensor"),
-        nb::arg("description"), nb::arg("sensor_positions"), nb::arg("axes_world"),
-        nb::arg("sensor_yaw_rad"), nb::arg("i2c_address"), nb::arg("repeats"),
-        "Returns ((counts, metadata, sources, indices), warnings).");
+        nb::arg("array"), nb::arg("pattern"), nb::arg("rows"), nb::arg("columns"),
+        nb::arg("bin_width_s"), nb::arg("exposures").none(), nb::arg("dispersion").none(),
+        nb::arg("sensor"), nb::arg("description"), nb::arg("sensor_positions"),
+        nb::arg("axes_world"), nb::arg("sensor_yaw_rad"), nb::arg("i2c_address"),
+        nb::arg("repeats"), "Returns ((counts, metadata, sources, indices), warnings).");
   m.def("render", &render, nb::arg("scene"), nb::arg("poses"), nb::arg("random"),
         nb::arg("sensor_poses"), nb::arg("frames"), nb::arg("model"), nb::arg("noiseless"),
         nb::arg("empty"), nb::arg("seed"), nb::arg("photons"), nb::arg("sampling").none(),

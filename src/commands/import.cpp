@@ -58,24 +58,31 @@ int run_import(const ImportArguments& arguments) {
 }
 
 void add_array_options(CLI::App& command, ImportOptions& options) {
-  const std::map<std::string, ImportFormat> formats = {
-      {"auto", ImportFormat::automatic},
-      {"numpy", ImportFormat::numpy},
-      {"tmf8828", ImportFormat::tmf8828_log},
-      {"vl53l8ch", ImportFormat::vl53l8ch_log},
-      {"cheapspad", ImportFormat::cheapspad},
-      {"st_person_tracking", ImportFormat::st_person_tracking}};
-  command
-      .add_option("--format", options.format,
-                  "auto, numpy, tmf8828, vl53l8ch, cheapspad or st_person_tracking")
-      ->transform(CLI::CheckedTransformer(formats, CLI::ignore_case).description(""))
+  std::vector<std::string> formats = {"auto"};
+  std::string readers = "Formats that are recognised by content:";
+  for (const ImportReader& reader : import_readers()) {
+    formats.push_back(reader.name);
+    readers += "\n  " + reader.name + ": " + reader.recognises + "; assumes " + reader.assumes;
+  }
+  command.footer(readers);
+  command.add_option("--format", options.format, "one of the formats below, or auto")
+      ->check(CLI::IsMember(formats).description(""))
       ->type_name("NAME");
   command
       .add_option("--axes", options.axes,
                   "order of the array's axes, slowest first, as capture,row,column,bin; zone "
-                  "stands for row and column (numpy)")
+                  "stands for row and column (numpy, matlab)")
       ->delimiter('\0');
-  command.add_option("--array", options.array, "array of a .npz that holds the counts");
+  command.add_option("--array", options.array,
+                     "array of a file with several that holds the counts: of a .npz or .mat, "
+                     "mp_histo_HA (tmf8829), HSHORT (tmf882x)");
+  command
+      .add_option(
+          "--pattern", options.pattern,
+          "columns of any text table: a list of capture, zone, row, column, bin, count, skip, "
+          "'words' and, at its end, counts, as 'zone,skip,counts'")
+      ->delimiter('\0')
+      ->type_name("COLUMNS");
   command.add_option("--rows", options.rows,
                      "rows of zones; TMF8828 log: 3 (default), 4 or 8, with as many columns");
   command.add_option("--columns", options.columns, "columns of zones");
@@ -104,7 +111,7 @@ void add_array_options(CLI::App& command, ImportOptions& options) {
       ->transform(CLI::CheckedTransformer(filters, CLI::ignore_case).description(""))
       ->type_name("NAME");
   command.add_option("--i2c-address", options.i2c_address,
-                     "sensor of a TMF8828 log with several; 0: the only one");
+                     "sensor of a TMF8828 log with several; 0: the first");
 }
 
 void add_metadata_options(CLI::App& command, ImportArguments& arguments) {

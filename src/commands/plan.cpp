@@ -53,6 +53,61 @@ void print_path(const PlannedPath& planned, const std::string& output) {
               (fs::path(output) / "index.html").c_str());
 }
 
+/// The middle of the cell nearest to a point that a path may lead through; nothing where there is
+/// none.
+std::optional<Eigen::Vector2d> nearest_free(const PlanningGrid& grid,
+                                            const Eigen::Vector2d& point) {
+  const GridGeometry& geometry = grid.geometry();
+  std::optional<Eigen::Vector2d> nearest;
+  for (std::size_t i = 0; i < geometry.cells(); ++i) {
+    const Cell cell = geometry.cell(i);
+    if (!grid.traversable(cell)) continue;
+    const Eigen::Vector2d centre = geometry.center(cell);
+    if (!nearest || (centre - point).norm() < (*nearest - point).norm()) nearest = centre;
+  }
+  return nearest;
+}
+
+/// Why there is no path, and what to do.
+std::string advice(const PlannedPath& planned) {
+  const PlanningGrid& grid = planned.grid;
+  const GridGeometry& geometry = grid.geometry();
+  const PathStatus status = planned.path.status;
+  const bool start = status == PathStatus::start_blocked || status == PathStatus::start_outside;
+  const std::string end = start ? "start" : "goal";
+  char text[400] = "";
+  switch (status) {
+    case PathStatus::start_outside:
+    case PathStatus::goal_outside: {
+      const Eigen::Vector2d far =
+          geometry.origin + geometry.cell_size * Eigen::Vector2d(geometry.columns, geometry.rows);
+      std::snprintf(text, sizeof text,
+                    ": the %s lies outside of the map, which spans x %g to %g m and y %g to %g m",
+                    end.c_str(), geometry.origin.x(), far.x(), geometry.origin.y(), far.y());
+      break;
+    }
+    case PathStatus::start_blocked:
+    case PathStatus::goal_blocked: {
+      const auto free = nearest_free(grid, start ? planned.request.start : planned.request.goal);
+      std::snprintf(text, sizeof text, ": the %s lies in an obstacle or nearer than %.3g m to one",
+                    end.c_str(), grid.options().lethal_radius + geometry.cell_size / 2);
+      if (free) {
+        char place[200];
+        std::snprintf(place, sizeof place, "; the nearest free place is --%s %g,%g", end.c_str(),
+                      free->x(), free->y());
+        return text + std::string(place) +
+               (grid.options().lethal_radius > 0 ? ", or plan for a smaller vehicle" : "");
+      }
+      return text + std::string("; no cell of the map is free for this vehicle");
+    }
+    case PathStatus::no_path:
+      return ": start and goal are free, but nothing connects them for this vehicle";
+    default:
+      break;
+  }
+  return text;
+}
+
 int run_plan(const PlanArguments& arguments) {
   PathPlannerOptions options = arguments.planner;
   options.smoothing.footprint = footprint_of(arguments);
@@ -71,9 +126,10 @@ int run_plan(const PlanArguments& arguments) {
                    path_page(planned, map.occupancy));
   print_path(planned, arguments.output);
   if (path.found() && !path.flags.footprint_collides) return kAllWell;
-  std::fprintf(
-      stderr, "blindcorner: %s: %s\n", arguments.map.c_str(),
-      path.found() ? "footprint_collides" : std::string(path_status_word(path.status)).c_str());
+  const std::string why = path.found()
+                              ? "footprint_collides"
+                              : std::string(path_status_word(path.status)) + advice(planned);
+  std::fprintf(stderr, "blindcorner: %s: %s\n", arguments.map.c_str(), why.c_str());
   return kSomeFailed;
 }
 

@@ -2,14 +2,16 @@
 #include "blindcorner/io/export_file.h"
 
 #include <charconv>
+#include <cmath>
 #include <filesystem>
 
 #include "blindcorner/forward/error.h"
 #include "blindcorner/io/atomic_file.h"
 #include "io/capture_metadata.h"
-#include "io/import_tmf8828.h"
 #include "io/npy.h"
 #include "io/npz.h"
+#include "io/readers/tal.h"
+#include "io/readers/tmf8828_log.h"
 
 namespace blindcorner {
 namespace {
@@ -63,13 +65,31 @@ void export_log(const std::string& path, const CaptureFile& file) {
   write_atomically(path, tmf8828_log(file, path));
 }
 
-void export_captures(const std::string& path, const CaptureFile& file) {
+void ExportOptions::validate() const {
+  if (capture < -1) {
+    throw Error("capture", "found " + std::to_string(capture) + ", accepted 0 or more");
+  }
+  if (!std::isfinite(time_zero)) throw Error("time_zero", "accepted a finite number of seconds");
+}
+
+void export_tal(const std::string& path, const CaptureFile& file, const ExportOptions& options) {
+  check_captures(file, path);
+  options.validate();
+  write_atomically(path, tal_file(file, options, path));
+}
+
+void export_captures(const std::string& path, const CaptureFile& file,
+                     const ExportOptions& options) {
   const std::string ending = std::filesystem::path(path).extension().string();
+  if (ending == ".hdf5" || ending == ".h5") return export_tal(path, file, options);
+  if (options.capture >= 0 || options.confocal || options.time_zero != 0.0) {
+    throw Error(path, "capture, confocal and time_zero are for .hdf5 (tal) only");
+  }
   if (ending == ".npz") return export_npz(path, file);
   if (ending == ".csv") return export_csv(path, file);
   if (ending == ".log") return export_log(path, file);
   throw Error(path, "ending " + (ending.empty() ? "is missing" : "is " + ending) +
-                        ", accepted .npz, .csv and .log");
+                        ", accepted .npz, .csv, .log and .hdf5");
 }
 
 }  // namespace blindcorner

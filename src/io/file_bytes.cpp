@@ -33,15 +33,16 @@ std::ifstream open_for_reading(const std::string& path) {
 
 void check_readable(const std::string& path) { open_for_reading(path); }
 
-std::string read_bytes(const std::string& path) {
+std::string read_bytes(const std::string& path, std::size_t most) {
   std::ifstream stream = open_for_reading(path);
   std::string bytes;
   std::array<char, 1 << 16> block{};
   do {
     stream.read(block.data(), block.size());
     bytes.append(block.data(), static_cast<std::size_t>(stream.gcount()));
-  } while (stream);
+  } while (stream && bytes.size() < most);
   if (stream.bad()) throw Error(path, "cannot be read to its end");
+  bytes.resize(std::min(bytes.size(), most));
   return bytes;
 }
 

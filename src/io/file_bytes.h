@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstddef>
+#include <limits>
 #include <string>
 
 namespace blindcorner {
@@ -14,8 +15,9 @@ inline constexpr std::size_t kDeflateExpansion = 1032;
 /// Throws Error when `path` is missing, a directory, empty or not readable.
 void check_readable(const std::string& path);
 
-/// Contents of the file. Throws Error as `check_readable` does.
-std::string read_bytes(const std::string& path);
+/// Contents of the file, at most its first `most` bytes. Throws Error as `check_readable` does.
+std::string read_bytes(const std::string& path,
+                       std::size_t most = std::numeric_limits<std::size_t>::max());
 
 /// `text` on a single line: messages of other libraries may hold line breaks.
 std::string one_line(std::string text);

@@ -5,6 +5,8 @@
 
 #include <cctype>
 #include <charconv>
+#include <cstdint>
+#include <cstdlib>
 #include <string_view>
 
 #include "blindcorner/forward/error.h"
@@ -134,13 +136,84 @@ GreyImage read_png(const std::string& bytes, const std::string& path) {
   return image;
 }
 
+// --- bmp
+// ------------------------------------------------------------------------------------------
+
+/// An uncompressed Windows bitmap (BITMAPINFOHEADER and later): 1, 4 or 8 bits with a palette, or
+/// 24 or 32 bits of blue, green and red.
+class BmpReader {
+ public:
+  BmpReader(const std::string& bytes, const std::string& path) : bytes_(bytes), path_(path) {}
+
+  GreyImage read() const {
+    constexpr std::size_t kHead = 14;
+    const std::uint32_t info = number(kHead, 4);
+    const int width = static_cast<int>(number(kHead + 4, 4));
+    const int height = static_cast<int>(number(kHead + 8, 4));  // negative: the top row is first
+    const std::size_t bits = number(kHead + 14, 2);
+    const std::uint32_t compression = number(kHead + 16, 4);
+    const bool known = bits == 1 || bits == 4 || bits == 8 || bits == 24 || bits == 32;
+    if (info < 40 || !known || compression != 0) {
+      fail("is a bmp of " + std::to_string(bits) + " bits, compression " +
+           std::to_string(compression) + ", accepted: 1, 4, 8, 24 or 32 bits, not compressed");
+    }
+    GreyImage image;
+    image.width = width;
+    image.height = std::abs(height);
+    if (width < 1 || height == 0 || width > (1 << 24) || image.height > (1 << 24) ||
+        image.pixels() > kMaxPixels) {
+      fail("is damaged: it has " + std::to_string(width) + " x " + std::to_string(height) +
+           " pixels");
+    }
+    const std::size_t first = number(10, 4);
+    const std::size_t row_bytes = (bits * static_cast<std::size_t>(width) + 31) / 32 * 4;
+    const std::size_t palette = kHead + info;
+    if (first + row_bytes * static_cast<std::size_t>(image.height) > bytes_.size()) {
+      fail("pixels: found " + std::to_string(bytes_.size()) + " bytes, accepted: " +
+           std::to_string(first + row_bytes * static_cast<std::size_t>(image.height)));
+    }
+    for (int row = 0; row < image.height; ++row) {
+      const int stored = height < 0 ? row : image.height - 1 - row;
+      const std::size_t begin = first + row_bytes * static_cast<std::size_t>(stored);
+      for (int column = 0; column < width; ++column) {
+        const std::size_t bit = bits * static_cast<std::size_t>(column);
+        std::size_t colour = begin + bit / 8;
+        if (bits <= 8) {
+          const std::size_t shift = 8 - bits - bit % 8;
+          colour = palette + 4 * (number(colour, 1) >> shift & ((1U << bits) - 1));
+        }
+        const double sum = number(colour, 1) + number(colour + 1, 1) + number(colour + 2, 1);
+        image.shade.push_back(sum / (3 * 255.0));
+      }
+    }
+    return image;
+  }
+
+ private:
+  [[noreturn]] void fail(const std::string& problem) const { throw Error(path_, problem); }
+
+  /// Little-endian number of `size` bytes.
+  std::uint32_t number(std::size_t at, std::size_t size) const {
+    if (at + size > bytes_.size()) fail("is a bmp that ends early");
+    std::uint32_t value = 0;
+    for (std::size_t i = size; i-- > 0;) {
+      value = value << 8U | static_cast<unsigned char>(bytes_[at + i]);
+    }
+    return value;
+  }
+
+  const std::string& bytes_;
+  const std::string& path_;
+};
+
 }  // namespace
 
 GreyImage read_grey_image(const std::string& path) {
   const std::string bytes = read_bytes(path);
   if (bytes.starts_with("P5") || bytes.starts_with("P2")) return PgmReader(bytes, path).read();
   if (bytes.starts_with("\x89PNG")) return read_png(bytes, path);
-  throw Error(path, "is neither a pgm (P2, P5) nor a png");
+  if (bytes.starts_with("BM")) return BmpReader(bytes, path).read();
+  throw Error(path, "is neither a pgm (P2, P5) nor a png nor a bmp");
 }
 
 std::string pgm_bytes(int width, int height, const std::vector<std::uint8_t>& grey) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Grey images: pgm and png.
+/// Grey images: pgm, png and bmp.
 #pragma once
 
 #include <cstddef>
@@ -20,8 +20,8 @@ struct GreyImage {
   }
 };
 
-/// Reads a pgm (P2 or P5, up to 16 bits) or a png (any kind, colours averaged), told apart by the
-/// first bytes. Throws Error naming the file.
+/// Reads a pgm (P2 or P5, up to 16 bits), a png (any kind) or a bmp (not compressed), told apart by
+/// the first bytes; colours are averaged. Throws Error naming the file.
 GreyImage read_grey_image(const std::string& path);
 
 /// The bytes of a binary pgm of 8 bits.

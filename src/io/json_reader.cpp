@@ -44,6 +44,13 @@ std::string syntax_message(const std::string& what) {
   return place + "found what is not JSON (" + text + "), accepted: JSON";
 }
 
+/// Whether the parser stopped at a comment; `byte` is the last that it read, from 1.
+bool begins_comment(const std::string& text, std::size_t byte) {
+  if (byte == 0 || byte > text.size()) return false;
+  const std::string_view rest = std::string_view(text).substr(byte - 1);
+  return rest.starts_with("//") || rest.starts_with("/*") || rest.starts_with("#");
+}
+
 std::vector<std::string> to_strings(const std::vector<std::string_view>& words) {
   return {words.begin(), words.end()};
 }
@@ -69,6 +76,9 @@ Json JsonReader::parse(const std::string& text, const std::string& file) {
   Json json;
   try {
     json = Json::parse(text, watch);
+  } catch (const Json::parse_error& error) {
+    throw Error(file, syntax_message(error.what()) +
+                          (begins_comment(text, error.byte) ? " (it has no comments)" : ""));
   } catch (const Json::exception& error) {
     throw Error(file, syntax_message(error.what()));
   }

@@ -3,6 +3,7 @@
 
 #include <yaml-cpp/yaml.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <charconv>
@@ -148,20 +149,65 @@ MapMode mode_of(const YamlField& field) {
 }
 
 bool negate_of(const YamlField& field) {
-  if (const auto number = field.as<int>()) return *number != 0;
-  const std::optional<bool> word = field.as<bool>();
+  const std::optional<int> number = field.as<int>();
+  if (number && (*number == 0 || *number == 1)) return *number == 1;
+  const std::optional<bool> word = number ? std::nullopt : field.as<bool>();
   if (!word) field.fail("0 or 1");
   return *word;
 }
 
-Eigen::Vector2d origin_of(const YamlField& field) {
+/// Where the lower left corner of the image lies, and how far the image is turned about it, rad.
+struct Origin {
+  Eigen::Vector2d corner;
+  double yaw = 0;
+};
+
+Origin origin_of(const YamlField& field) {
   const auto values = field.as<std::vector<double>>();
   if (!values || values->size() != 3 ||
       !std::ranges::all_of(*values, [](double v) { return std::isfinite(v); })) {
     field.fail("[x, y, yaw], m and rad");
   }
-  if ((*values)[2] != 0) field.fail("a yaw of 0: turned maps are not supported");
-  return {(*values)[0], (*values)[1]};
+  return {{(*values)[0], (*values)[1]}, (*values)[2]};
+}
+
+/// The map turned counter-clockwise about its lower left corner, on cells along the axes: each says
+/// the most that it meets at nine places within it, so that thin walls stay closed. What the image
+/// does not cover is unknown.
+RosMap turned(const RosMap& map, double yaw, const YamlField& field) {
+  const GridGeometry& from = map.geometry;
+  const double size = from.cell_size;
+  const Eigen::Rotation2Dd turn(yaw);
+  Eigen::AlignedBox2d box;
+  for (const int column : {0, from.columns}) {
+    for (const int row : {0, from.rows}) {
+      box.extend(from.origin + turn * Eigen::Vector2d(size * column, size * row));
+    }
+  }
+  // A quarter turn meets its cells exactly but for rounding.
+  constexpr double kRounding = 1e-6;
+  RosMap out;
+  out.geometry.cell_size = size;
+  out.geometry.origin = box.min();
+  const Eigen::Vector2d extent = box.sizes() / size;
+  constexpr double kMostCells = 1 << 27;
+  if (extent.prod() > kMostCells) field.fail("a map that has at most 2^27 cells when it is turned");
+  out.geometry.columns = static_cast<int>(std::ceil(extent.x() - kRounding));
+  out.geometry.rows = static_cast<int>(std::ceil(extent.y() - kRounding));
+  out.cells.assign(out.geometry.cells(), RosMap::kUnknown);
+  for (std::size_t i = 0; i < out.cells.size(); ++i) {
+    const Eigen::Vector2d centre = out.geometry.center(out.geometry.cell(i));
+    for (const double x : {-size / 3, 0.0, size / 3}) {
+      for (const double y : {-size / 3, 0.0, size / 3}) {
+        const Eigen::Vector2d place =
+            turn.inverse() * (centre + Eigen::Vector2d(x, y) - from.origin) / size;
+        const Cell cell{static_cast<int>(std::floor(place.x())),
+                        static_cast<int>(std::floor(place.y()))};
+        if (from.contains(cell)) out.cells[i] = std::max(out.cells[i], map.cells[from.index(cell)]);
+      }
+    }
+  }
+  return out;
 }
 
 /// The shortest text that reads as the same number.
@@ -212,9 +258,10 @@ RosMap read_ros_map(const std::string& yaml_path) {
   }
   RosMap map;
   map.geometry.cell_size = field("resolution").number(1e-6, 1e6, "metres > 0");
-  map.geometry.origin = origin_of(field("origin"));
+  const Origin origin = origin_of(field("origin"));
+  map.geometry.origin = origin.corner;
   const std::string name = field("image").as<std::string>().value_or("");
-  if (name.empty()) field("image").fail("the name of a pgm or png file");
+  if (name.empty()) field("image").fail("the name of a pgm, png or bmp file");
 
   // An absolute name stands for itself.
   const auto folder = std::filesystem::path(yaml_path).parent_path();
@@ -230,7 +277,7 @@ RosMap read_ros_map(const std::string& yaml_path) {
       map.cells[cell_index(map.geometry, column, row)] = cell_of(image.shade[pixel], alpha, rules);
     }
   }
-  return map;
+  return origin.yaw == 0 ? map : turned(map, origin.yaw, field("origin"));
 }
 
 void write_ros_map(const std::string& yaml_path, const RosMap& map, const RosMapOptions& options) {

@@ -113,14 +113,34 @@ MeshShape read_mesh(const JsonReader& reader) {
   const JsonReader file = reader.at("file");
   const std::filesystem::path beside = std::filesystem::path(reader.file()).parent_path();
   const double scale = reader.at("scale").number_or(1, NumberRange::between(1e-6, 1e6));
+  const std::string name = file.text();
   MeshShape shape;
   try {
-    shape.mesh = read_obj((beside / file.text()).string(), std::isfinite(scale) ? scale : 1.0);
+    shape.mesh = read_obj((beside / name).string(), std::isfinite(scale) ? scale : 1.0);
   } catch (const Error& error) {
     file.refuse(error.what());
   }
   shape.two_sided = reader.at("two_sided").boolean_or(!shape.mesh->closed);
   return shape;
+}
+
+/// Refuses a hidden body whose faces show inwards, as no light leaves its outside.
+void check_winding(const JsonReader& reader, const Shape& shape) {
+  const auto* mesh = std::get_if<MeshShape>(&shape);
+  if (mesh == nullptr || !mesh->mesh->closed || mesh->two_sided) return;
+  double volume = 0;  // signed, of the pyramids over all faces (divergence theorem)
+  for (const auto& corners : mesh->mesh->triangles) {
+    const auto vertex = [&](std::size_t k) -> const Eigen::Vector3d& {
+      return mesh->mesh->vertices[static_cast<std::size_t>(corners[k])];
+    };
+    volume += vertex(0).dot(vertex(1).cross(vertex(2))) / 6;
+  }
+  if (volume >= 0) return;
+  char cubic_metres[32];
+  std::snprintf(cubic_metres, sizeof cubic_metres, "%.3g", volume);
+  reader.at("file").fail(
+      "faces that are wound inwards (signed volume " + std::string(cubic_metres) + " m^3)",
+      "corners counter-clockwise as seen from outside, or \"two_sided\": true");
 }
 
 double length(const JsonReader& reader, const char* key) { return reader.at(key).number(kLength); }
@@ -454,7 +474,10 @@ HiddenObject read_object(const JsonReader& reader, const std::string& default_na
   add_fields(fields, {"anchor", "material", "albedo", "position_m", "yaw_deg", "size"});
   reader.allow_only(fields);
   reader.attempt([&] { hidden.name = reader.at("name").text_or(default_name); });
-  reader.attempt([&] { hidden.shape = read_hidden_shape(reader); });
+  reader.attempt([&] {
+    hidden.shape = read_hidden_shape(reader);
+    check_winding(reader, hidden.shape);
+  });
   hidden.anchor = default_anchor(hidden.shape);
   reader.attempt([&] { hidden.material = read_material(reader.at("material")); });
   hidden.albedo = reader.at("albedo").number_or(0.5, kPositiveShare);

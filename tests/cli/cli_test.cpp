@@ -281,6 +281,27 @@ TEST_F(Cli, OptionsOutOfRangeNameTheField) {
   EXPECT_THAT(result.err, HasSubstr("model_tolerance"));
 }
 
+// What cannot end is refused at once: a tolerance below that of the arithmetic, and more poses than
+// can be kept.
+TEST_F(Cli, ToleranceAndSearchRegionHaveLimits) {
+  const std::string capture = path("c.exr");
+  ASSERT_EQ(run("render '" + kScene + "' --model fast -o '" + capture + "'").exit_code, 0);
+  for (const std::string& command :
+       {fit(kScene, capture), "explain '" + kScene + "'",
+        "render '" + kScene + "' --model fast -o '" + path("d.exr") + "'"}) {
+    const Outcome refused = run(command + " --tolerance 1e-300");
+    EXPECT_EQ(refused.exit_code, 2) << command;
+    EXPECT_THAT(refused.err, AllOf(HasSubstr("olerance"), HasSubstr("1e-5"))) << command;
+  }
+  json scene = json::parse(text_of(kScene));
+  scene["unknowns"]["x_m"] = {-1e7, 1e7};
+  scene["unknowns"]["y_m"] = {-1e7, 1e7};
+  std::ofstream(path("vast.json")) << scene;
+  const Outcome vast = run(fit(path("vast.json"), capture));
+  EXPECT_NE(vast.exit_code, 0);
+  EXPECT_THAT(vast.err, AllOf(HasSubstr("poses to be scored"), HasSubstr("from -1e+07 to 1e+07")));
+}
+
 TEST_F(Cli, WrongScenesAreRefused) {
   const std::string capture = write_flat("good.exr");
   json wrong = json::parse(text_of(kScene));
@@ -1282,7 +1303,19 @@ TEST_F(Cli, PlanTellsWhyThereIsNoPath) {
   const std::string map = write_map(path("small.map"));
   const Outcome blocked = run("plan " + map + " --start 0.5,2.5 --goal 0.5,0.5 -o " + path("out"));
   EXPECT_EQ(blocked.exit_code, 1);
-  EXPECT_THAT(blocked.err, HasSubstr("start_blocked"));
+  EXPECT_THAT(blocked.err, AllOf(HasSubstr("start_blocked: the start lies in an obstacle"),
+                                 HasSubstr("the nearest free place is --start ")));
+  // What is proposed is free.
+  const std::string sign = "--start ";
+  std::string proposed = blocked.err.substr(blocked.err.find(sign) + sign.size());
+  proposed = proposed.substr(0, proposed.find('\n'));
+  EXPECT_EQ(
+      run("plan " + map + " --start " + proposed + " --goal " + proposed + " -o " + path("out2"))
+          .exit_code,
+      0)
+      << proposed;
+  EXPECT_THAT(run("plan " + map + " --start 0.5,0.5 --goal 9,0 -o " + path("o2")).err,
+              HasSubstr("the goal lies outside of the map, which spans x 0 to "));
   EXPECT_EQ(json::parse(text_of(path("out/path.json")))["status"], "start_blocked");
   EXPECT_EQ(run("plan " + map + " --start 0.5,0.5 --goal 9,0 -o " + path("o2")).exit_code, 1);
   EXPECT_EQ(run("plan " + map + " --start 0.5 --goal 9,0 -o " + path("o3")).exit_code, 2);

@@ -27,9 +27,15 @@ ImportOptions with_axes() {
   return options;
 }
 
-ImportOptions of_format(ImportFormat format) {
+ImportOptions of_format(const std::string& format) {
   ImportOptions options;
   options.format = format;
+  return options;
+}
+
+ImportOptions of_pattern(const std::string& pattern) {
+  ImportOptions options;
+  options.pattern = pattern;
   return options;
 }
 
@@ -54,8 +60,10 @@ const std::map<std::string, Reader, std::less<>>& readers() {
       {"exr", {"in.exr", [](const std::string& path) { read_captures(path); }}},
       {"npz", {"in.npz", import({})}},
       {"npy", {"in.npy", import(with_axes())}},
-      {"mat", {"in.mat", import(of_format(ImportFormat::cheapspad))}},
+      {"mat", {"in.mat", import(of_format("cheapspad"))}},
       {"log", {"in.log", import({})}},
+      {"table", {"in.txt", import(of_pattern("zone,counts"))}},
+      {"hdf5", {"in.hdf5", import({})}},
       {"obj", {"in.obj", [](const std::string& path) { read_obj(path, 1.0); }}},
       {"ros_yaml", {"in.yaml", [](const std::string& path) { read_ros_map(path); }}},
       {"ros_pgm",

@@ -23,7 +23,24 @@ void export_csv(const std::string& path, const CaptureFile& file);
 /// Error.
 void export_log(const std::string& path, const CaptureFile& file);
 
-/// One of the three, chosen by the ending of `path`. Throws Error for other endings.
-void export_captures(const std::string& path, const CaptureFile& file);
+/// What a tal file needs beside the captures.
+struct ExportOptions {
+  int capture = -1;        ///< which one of the file; -1: the only one
+  bool confocal = false;   ///< the laser lights the point that each zone looks at
+  double time_zero = 0.0;  ///< s, when light of zero path length arrives
+
+  /// Throws Error naming the field that is out of range.
+  void validate() const;
+};
+
+/// `.hdf5` or `.h5` as tal (y-tal) keeps captures, which `import` reads back: single precision, the
+/// relay wall turned into its frame; what captures do not hold is empty. Atomic. Throws Error.
+void export_tal(const std::string& path, const CaptureFile& file,
+                const ExportOptions& options = {});
+
+/// One of these, chosen by the ending of `path`. Throws Error for other endings, and for options
+/// that an ending has no use for.
+void export_captures(const std::string& path, const CaptureFile& file,
+                     const ExportOptions& options = {});
 
 }  // namespace blindcorner

@@ -102,7 +102,7 @@ TEST(ExportTest, EndingChoosesTheFormat) {
   EXPECT_EQ(import_captures({folder.file("a.npz")}).captures.size(), 1u);
   const std::string path = folder.file("a.mat");
   EXPECT_EQ(error_of([&] { export_captures(path, make_captures(1, 1, 1, 2)); }),
-            path + ": ending is .mat, accepted .npz, .csv and .log");
+            path + ": ending is .mat, accepted .npz, .csv, .log and .hdf5");
   EXPECT_THAT(error_of([&] { export_captures(folder.file("b.npz"), CaptureFile{}); }),
               AllOf(StartsWith(folder.file("b.npz")), HasSubstr("no captures")));
   EXPECT_EQ(folder.entries(), 1u);

@@ -446,6 +446,13 @@ TEST_F(LogTest, LostLinesCostOneCapture) {
   // Where a capture has several measurements, nothing tells which one comes next.
   EXPECT_THAT(log_error(measurement(0, false) + broken, 4),
               AllOf(HasSubstr("line 43"), HasSubstr("unknown which zones")));
+  // What was before is kept, and what comes when the board starts again.
+  const std::string whole = measurement(0, false) + measurement(1, false);
+  const CaptureFile around =
+      import_log(whole + broken + whole + "TMF8828 Arduino=13\r\n" + whole, 4);
+  ASSERT_EQ(around.captures.size(), 2u);
+  EXPECT_EQ(around.captures[1].counts.zone(8)[0], log_count(1, 1, 0));
+  EXPECT_THAT(warnings_, ElementsAre(AllOf(HasSubstr("line 73"), HasSubstr("unknown which"))));
 }
 
 TEST_F(LogTest, DamagedLinesAreNamed) {
@@ -463,7 +470,7 @@ TEST_F(LogTest, DamagedLinesAreNamed) {
               AllOf(HasSubstr("line 31"), HasSubstr("byte 127"), HasSubstr("'256'")));
   EXPECT_THAT(warning("#Raw,65,0" + bytes + ",-1"), HasSubstr("'-1'"));
   EXPECT_THAT(warning("#Raw,65,0" + bytes + ",1x"), HasSubstr("'1x'"));
-  EXPECT_THAT(warning("#Raw,65,0" + bytes + ","), HasSubstr("byte 127 is ''"));
+  EXPECT_THAT(warning("#Raw,65,0" + bytes + ","), HasSubstr("130 fields"));
   EXPECT_THAT(warning("#Raw,65,30" + bytes + ",1"), HasSubstr("index is '30'"));
   EXPECT_THAT(warning("#Raw,65,0,1,2#Raw,65,1" + bytes), HasSubstr("left out"));
   EXPECT_THAT(log_error("#Raw,65,0" + bytes + ",256\n#Raw,65,1\n"),
@@ -508,9 +515,23 @@ TEST_F(LogTest, WrongLayoutIsSuspectedFromTheNinthChannel) {
               HasSubstr("5 x 5, a TMF8828 log is"));
 }
 
-TEST_F(LogTest, OneOfSeveralSensorsHasToBeChosen) {
-  const std::string text = measurement(0, true) + measurement(3, true, 0, 30, 66);
-  EXPECT_THAT(log_error(text), AllOf(HasSubstr("line 31"), HasSubstr("65 and 66")));
+TEST_F(LogTest, ARestartOfTheBoardCostsTheCaptureThatItCut) {
+  const std::string whole = measurement(0, false) + measurement(1, false);
+  const CaptureFile file =
+      import_log(whole + measurement(5, false) + "TMF8828 Arduino=13\r\n" + whole, 4);
+  ASSERT_EQ(file.captures.size(), 2u);
+  EXPECT_EQ(file.captures[1].counts.zone(0)[0], log_count(0, 1, 0));
+  EXPECT_THAT(warnings_, ElementsAre(AllOf(HasSubstr("line 91"), HasSubstr("started again"))));
+}
+
+TEST_F(LogTest, OfSeveralSensorsTheFirstIsKeptUnlessOneIsChosen) {
+  const std::string text =
+      measurement(0, true) + measurement(3, true, 0, 30, 66) + measurement(1, true);
+  const CaptureFile first = import_log(text);
+  ASSERT_EQ(first.captures.size(), 2u);
+  EXPECT_EQ(first.captures[1].counts.zone(0)[0], log_count(1, 1, 0));
+  EXPECT_THAT(warnings_, ElementsAre(AllOf(HasSubstr("line 31"), HasSubstr("address 66"),
+                                           HasSubstr("--i2c-address chooses"))));
   ImportOptions options;
   options.i2c_address = 66;
   const CaptureFile file = import_captures({path_}, options);
@@ -525,8 +546,15 @@ TEST_F(LogTest, OptionsWithoutEffectAreRefused) {
 
 TEST_F(ImportTest, UnknownFormatsAreNamed) {
   write_text(folder_.file("a.txt"), "hello");
-  EXPECT_THAT(import_error(folder_.file("a.txt")),
-              AllOf(StartsWith(folder_.file("a.txt")), HasSubstr("not recognised")));
+  const std::string message = import_error(folder_.file("a.txt"));
+  EXPECT_THAT(message, AllOf(StartsWith(folder_.file("a.txt")), HasSubstr("not recognised")));
+  for (const ImportReader& reader : import_readers()) {
+    EXPECT_THAT(message, HasSubstr(reader.name + ": " + reader.recognises));
+  }
+  ImportOptions options;
+  options.format = "tmf9999";
+  EXPECT_THAT(import_error(folder_.file("a.txt"), options),
+              AllOf(StartsWith("format: found 'tmf9999'"), HasSubstr("tmf8829")));
   EXPECT_THAT(import_error(folder_.file("a.exr")), HasSubstr("capture file already"));
   EXPECT_THAT(import_error(folder_.file("none.log")), HasSubstr("no such file"));
 }
@@ -542,7 +570,7 @@ TEST_F(ImportTest, PersonTrackingFolderIsReadInOrder) {
         {"hists", npy_bytes("<f8", "(4, 2)", hists)},
         {"pt_cloud", npy_bytes("<f8", "(4, 3)", points)}};
   };
-  EXPECT_EQ(import_error(folder_.path()), folder_.path() + ": holds no files volume_NNNNNN.npz");
+  EXPECT_THAT(import_error(folder_.path()), HasSubstr("not recognised"));
   write_npz(folder_.file("volume_000010.npz"), volume(100));
   write_npz(folder_.file("volume_000002.npz"), volume(0));
   write_text(folder_.file("notes.txt"), "not a volume");

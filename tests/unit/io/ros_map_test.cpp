@@ -150,6 +150,90 @@ TEST(RosMap, SixteenBitsAndColours) {
   EXPECT_EQ(read_ros_map(folder.file("m.yaml")).cells, (std::vector<std::int8_t>{0, 100}));
 }
 
+/// A map of 3 x 2 cells of a metre, turned by `yaw` about (10, 20); from the lower row: free,
+/// occupied, free; unknown, free, free.
+RosMap turned_map(const std::string& yaw) {
+  const TemporaryFolder folder;
+  write_text(folder.file("m.pgm"), "P2\n3 2\n255\n205 254 254\n254 0 254\n");
+  write_text(folder.file("m.yaml"),
+             "image: m.pgm\nresolution: 1\norigin: [10, 20, " + yaw +
+                 "]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n");
+  return read_ros_map(folder.file("m.yaml"));
+}
+
+TEST(RosMap, AQuarterTurnMeetsItsCells) {
+  const RosMap map = turned_map("1.5707963267948966");
+  EXPECT_EQ(map.geometry.columns, 2);
+  EXPECT_EQ(map.geometry.rows, 3);
+  EXPECT_NEAR(map.geometry.origin.x(), 8, 1e-9);
+  EXPECT_NEAR(map.geometry.origin.y(), 20, 1e-9);
+  // The image's lower row goes up along the right edge.
+  EXPECT_EQ(map.cells, (std::vector<std::int8_t>{-1, 0, 0, 100, 0, 0}));
+}
+
+TEST(RosMap, TurnedWallsStayClosedAndCornersAreUnknown) {
+  const TemporaryFolder folder;
+  std::string pixels = "P2\n21 21\n255\n";
+  for (int i = 0; i < 21 * 21; ++i) pixels += i / 21 == 10 ? "0 " : "254 ";  // a wall of one cell
+  write_text(folder.file("m.pgm"), pixels);
+  write_text(folder.file("m.yaml"),
+             "image: m.pgm\nresolution: 0.5\norigin: [0, 0, 0.6]\nnegate: 0\n"
+             "occupied_thresh: 0.65\nfree_thresh: 0.196\n");
+  const RosMap map = read_ros_map(folder.file("m.yaml"));
+  const Eigen::Rotation2Dd turn(0.6);
+  for (double along = 0.3; along < 10.2; along += 0.05) {
+    const Eigen::Vector2d place = turn * Eigen::Vector2d(along, 5.25);
+    EXPECT_EQ(map.cells[map.geometry.index(map.geometry.cell_at(place))], 100) << along;
+    const Eigen::Vector2d clear = turn * Eigen::Vector2d(along, 2.0);
+    EXPECT_EQ(map.cells[map.geometry.index(map.geometry.cell_at(clear))], 0) << along;
+  }
+  EXPECT_EQ(map.cells.front(), RosMap::kUnknown);
+}
+
+/// A bmp of `bits` a pixel: 2 x 2, the top row black and white, the lower one white and black.
+std::string bmp(int bits) {
+  const auto word = [](std::uint32_t value, int size) {
+    std::string bytes;
+    for (int i = 0; i < size; ++i) bytes += static_cast<char>(value >> (8 * i) & 0xff);
+    return bytes;
+  };
+  const std::string palette = bits <= 8 ? std::string("\0\0\0\0\xff\xff\xff\0", 8) : "";
+  std::string pixels;
+  for (const bool top : {false, true}) {  // the lowest row first
+    std::string row;
+    for (const bool right : {false, true}) {
+      const bool white = right == top;
+      if (bits == 1 && !right) row += static_cast<char>(white ? 0x80 : 0);
+      if (bits == 1 && right) row[0] = static_cast<char>(row[0] | (white ? 0x40 : 0));
+      if (bits == 8) row += static_cast<char>(white ? 1 : 0);
+      if (bits >= 24) row += std::string(static_cast<std::size_t>(bits / 8), white ? '\xff' : '\0');
+    }
+    row.resize((row.size() + 3) / 4 * 4);
+    pixels += row;
+  }
+  const auto start = static_cast<std::uint32_t>(54 + palette.size());
+  return "BM" + word(start + static_cast<std::uint32_t>(pixels.size()), 4) + word(0, 4) +
+         word(start, 4) + word(40, 4) + word(2, 4) + word(2, 4) + word(1, 2) +
+         word(static_cast<std::uint32_t>(bits), 2) + std::string(24, '\0') + palette + pixels;
+}
+
+TEST(RosMap, Bitmaps) {
+  const TemporaryFolder folder;
+  write_text(folder.file("m.yaml"), yaml("m.bmp", "trinary", 0));
+  for (const int bits : {1, 8, 24, 32}) {
+    write_text(folder.file("m.bmp"), bmp(bits));
+    EXPECT_EQ(read_ros_map(folder.file("m.yaml")).cells, (std::vector<std::int8_t>{0, 100, 100, 0}))
+        << bits;
+  }
+  const std::string good = bmp(24);
+  for (std::size_t length = 2; length < good.size(); length += 7) {
+    write_text(folder.file("m.bmp"), good.substr(0, length));
+    EXPECT_THAT(error_of([&] { read_ros_map(folder.file("m.yaml")); }), HasSubstr("m.bmp: "));
+  }
+  write_text(folder.file("m.bmp"), std::string(good).replace(30, 1, "\1"));
+  EXPECT_THAT(error_of([&] { read_ros_map(folder.file("m.yaml")); }), HasSubstr("compression 1"));
+}
+
 TEST(RosMap, RefusesWithOneLine) {
   const TemporaryFolder folder;
   const std::string path = folder.file("m.yaml");
@@ -171,7 +255,8 @@ TEST(RosMap, RefusesWithOneLine) {
               HasSubstr("resolution: found -1"));
   EXPECT_THAT(refusal(with("resolution: 0.05", "resolution: .nan")), HasSubstr("resolution"));
   EXPECT_THAT(refusal(with("resolution: 0.05\n", "")), HasSubstr("resolution: found nothing"));
-  EXPECT_THAT(refusal(with("0.0]", "0.1]")), HasSubstr("a yaw of 0"));
+  EXPECT_THAT(refusal(with("0.0]", ".nan]")), HasSubstr("[x, y, yaw]"));
+  EXPECT_THAT(refusal(with("negate: 0", "negate: 2")), HasSubstr("negate: found 2"));
   EXPECT_THAT(refusal(with(", 0.0]", "]")), HasSubstr("[x, y, yaw]"));
   EXPECT_THAT(refusal(with("negate: 0", "negate: maybe")), HasSubstr("negate: found maybe"));
   EXPECT_THAT(refusal(with("0.196", "0.7")), HasSubstr("less than occupied_thresh, 0.65"));

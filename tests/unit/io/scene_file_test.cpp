@@ -17,13 +17,17 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
+#include "io/json_reader.h"
+#include "unit/io/io_test_files.h"
 
 namespace blindcorner {
 namespace {
 
 using nlohmann::json;
+using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::Not;
 using ::testing::StartsWith;
 
 /// Unit conversions and rotations leave a few roundings of a double.
@@ -373,6 +377,50 @@ TEST(SceneFile, MeshesAreReadFromBesideTheScene) {
   scene["hidden"]["file"] = "meshes/none.obj";
   EXPECT_THAT(message_of([&] { parse_scene(scene, beside); }),
               AllOf(HasSubstr("hidden.file: "), HasSubstr("none.obj: no such file")));
+  scene["hidden"].erase("file");
+  EXPECT_EQ(message_of([&] { parse_scene(scene, beside); }),
+            beside + ": hidden.file: found nothing, accepted: a string");
+}
+
+TEST(SceneFile, HiddenMeshesWoundInwardsAreRecognised) {
+  const test::TemporaryFolder folder;
+  const auto write_pyramid = [&](const std::string& faces) {
+    test::write_text(folder.file("body.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n" + faces);
+  };
+  json scene = minimal();
+  scene["hidden"] = json::parse(R"({"shape": "mesh", "file": "body.obj", "scale": 0.1,
+                                    "position_m": [null, null, 1]})");
+  const auto read = [&] { return parse_scene(scene, folder.file("scene.json")); };
+  write_pyramid("f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n");
+  EXPECT_NO_THROW(read());
+  write_pyramid("f 1 2 3\nf 1 4 2\nf 1 3 4\nf 2 4 3\n");
+  EXPECT_THAT(message_of(read), AllOf(HasSubstr("hidden.file: found faces that are wound inwards"),
+                                      HasSubstr("-0.000167 m^3"), HasSubstr("two_sided")));
+  scene["hidden"]["two_sided"] = true;
+  EXPECT_NO_THROW(read());
+  // A surface may be a room that is seen from inside, and what is open has no inside.
+  scene["surfaces"].push_back(scene["hidden"]);
+  scene["surfaces"][1].erase("two_sided");
+  scene["surfaces"][1]["position_m"] = {0, 0, 0};
+  EXPECT_NO_THROW(read());
+  scene["hidden"].erase("two_sided");
+  write_pyramid("f 1 2 3\nf 1 4 2\nf 1 3 4\n");
+  EXPECT_NO_THROW(read());
+}
+
+TEST(SceneFile, CommentsAreNamedAsSuch) {
+  const std::string good = minimal().dump(1);
+  const auto message = [](const std::string& text) {
+    return message_of([&] { JsonReader::parse(text, "scene.json"); });
+  };
+  for (const std::string comment : {"// a wall\n", "/* a wall */", "# a wall\n"}) {
+    EXPECT_THAT(message(comment + good), HasSubstr("accepted: JSON (it has no comments)"));
+    std::string within = good;
+    within.insert(within.find("\"surfaces\""), comment);
+    EXPECT_THAT(message(within), HasSubstr("it has no comments"));
+  }
+  EXPECT_THAT(message("{\"a\": 1,}"), Not(HasSubstr("comments")));
+  EXPECT_EQ(message("{\"a\": \"// text\"}"), "accepted");
 }
 
 TEST(SceneFile, DetectorsEffectsAreRead) {

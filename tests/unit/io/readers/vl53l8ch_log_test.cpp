@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 /// Serial log of VL53L8CH firmware.
-#include "io/import_vl53l8ch.h"
+#include "io/readers/vl53l8ch_log.h"
 
 #include <gtest/gtest.h>
 

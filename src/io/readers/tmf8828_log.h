@@ -25,10 +25,19 @@
 
 namespace blindcorner {
 
-/// Captures of a log without sensor name, bin width and exposures. `text` is the content of `path`.
-std::vector<Capture> parse_tmf8828_log(const std::string& text, const std::string& path,
-                                       const ImportOptions& options,
-                                       std::vector<std::string>& warnings);
+/// Zones of a TMF882x: `side` rows and columns, measured one after the other.
+struct Tmf882xLayout {
+  int side = 3;          ///< rows and columns
+  int measurements = 1;  ///< per capture
+  int channels = 9;      ///< used per measurement, from channel 1
+
+  /// Place of a channel in measurement `measurement` of a capture.
+  int zone(int measurement, int channel) const;
+};
+
+/// The layout that rows and columns state, 3 x 3 where they do not. Throws Error for others than
+/// 3 x 3, 4 x 4 and 8 x 8.
+Tmf882xLayout tmf882x_layout(const ImportOptions& options);
 
 /// The log of captures, as the driver prints it from i2c address 65; the reference channel and
 /// those that are not used are dark. Throws Error naming `path` for captures that no TMF8828 makes:

@@ -1,16 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "io/import_tmf8828.h"
+#include "io/readers/tmf8828_log.h"
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <cstdint>
 #include <optional>
+#include <set>
 #include <string_view>
 #include <utility>
 
 #include "blindcorner/forward/error.h"
+#include "io/readers/capture_reader.h"
+#include "io/readers/text_lines.h"
 
 namespace blindcorner {
 namespace {
@@ -21,46 +23,6 @@ constexpr int kLines = 3 * kChannels;  ///< of one measurement
 constexpr std::size_t kFieldsBeforeBins = 3;
 constexpr std::size_t kRawFields = kFieldsBeforeBins + kBins;
 
-struct Layout {
-  int side = 3;          ///< rows and columns
-  int measurements = 1;  ///< per capture
-  int channels = 9;      ///< used per measurement, from channel 1
-
-  int zone(int measurement, int channel) const {
-    if (side < 8) return measurement * channels + channel - 1;
-    const int row = 7 - 2 * ((channel - 1) / 2) - measurement / 4;
-    const int column = 4 * ((channel - 1) % 2) + measurement % 4;
-    return row * side + column;
-  }
-};
-
-Layout layout_of(const ImportOptions& options) {
-  const int rows = options.rows == 0 ? 3 : options.rows;
-  const int columns = options.columns == 0 ? 3 : options.columns;
-  if (rows == 3 && columns == 3) return {3, 1, 9};
-  if (rows == 4 && columns == 4) return {4, 2, 8};
-  if (rows == 8 && columns == 8) return {8, 8, 8};
-  throw Error("rows, columns", "found " + std::to_string(rows) + " x " + std::to_string(columns) +
-                                   ", a TMF8828 log is 3 x 3, 4 x 4 or 8 x 8");
-}
-
-std::optional<int> whole_number(std::string_view field) {
-  int value = 0;
-  const auto [stop, error] = std::from_chars(field.data(), field.data() + field.size(), value);
-  if (error != std::errc() || stop != field.data() + field.size()) return std::nullopt;
-  return value;
-}
-
-std::vector<std::string_view> fields_of(std::string_view line) {
-  std::vector<std::string_view> fields;
-  for (std::size_t begin = 0; begin <= line.size();) {
-    const std::size_t end = std::min(line.find(',', begin), line.size());
-    fields.push_back(line.substr(begin, end - begin));
-    begin = end + 1;
-  }
-  return fields;
-}
-
 struct RawLine {
   int address = 0;
   int index = 0;
@@ -68,14 +30,14 @@ struct RawLine {
 };
 
 RawLine parse_raw_line(std::string_view line, const std::string& where) {
-  const std::vector<std::string_view> fields = fields_of(line);
+  const std::vector<std::string_view> fields = fields_of(line, ',');
   const auto value = [&](std::size_t field, int highest, const std::string& name) {
-    const std::optional<int> number = whole_number(fields[field]);
+    const std::optional<long> number = whole_number_of(fields[field]);
     if (!number || *number < 0 || *number > highest) {
       throw Error(where, name + " is '" + std::string(fields[field]) +
                              "', accepted a whole number from 0 to " + std::to_string(highest));
     }
-    return *number;
+    return static_cast<int>(*number);
   };
   if (fields.size() != kRawFields) {
     throw Error(where, "a #Raw line has " + std::to_string(fields.size()) +
@@ -94,7 +56,8 @@ RawLine parse_raw_line(std::string_view line, const std::string& where) {
 /// Puts lines together to measurements and these to captures.
 class Assembler {
  public:
-  Assembler(Layout layout, bool has_results, std::string path, std::vector<std::string>& warnings)
+  Assembler(Tmf882xLayout layout, bool has_results, std::string path,
+            std::vector<std::string>& warnings)
       : layout_(layout),
         has_results_(has_results),
         path_(std::move(path)),
@@ -102,6 +65,7 @@ class Assembler {
         frame_(layout.side, layout.side, kBins) {}
 
   void add(const RawLine& raw, int line) {
+    if (lost_) return;
     if (raw.index != expected_) lose(line, raw.index);
     if (raw.index != expected_) return;  // still waiting for the next measurement to begin
     if (raw.index == 0) counts_.fill(0.0);
@@ -131,8 +95,18 @@ class Assembler {
     intact_ = next == 0;
   }
 
+  /// The board started again: the next measurement is the first of a frame.
+  void restart(int line) {
+    if (begun_ && (expected_ != 0 || measurement_ != 0)) {
+      warn(line, "the board started again within a capture, which is left out");
+    }
+    expected_ = measurement_ = 0;
+    begun_ = waiting_ = lost_ = false;
+    known_ = intact_ = true;
+  }
+
   std::vector<Capture> finish(bool cut_off) {
-    if (cut_off || expected_ != 0 || (measurement_ != 0 && known_)) {
+    if (!lost_ && (cut_off || expected_ != 0 || (measurement_ != 0 && known_))) {
       warnings_.push_back(path_ + ": the log ends within a capture, which is left out");
     }
     const bool ninth_used = layout_.channels == 9;
@@ -158,10 +132,13 @@ class Assembler {
                                             ": lines are missing"
                                       : "the log begins within a measurement";
       if (layout_.measurements > 1 && !(layout_.side == 8 && has_results_)) {
-        throw Error(path_ + ": line " + std::to_string(line),
-                    what + ", so that it is unknown which zones the next measurement belongs to");
+        lost_ = true;
+        warn(line, what +
+                       ", so that it is unknown which zones the next measurement belongs to; "
+                       "left out until the board starts again");
+      } else {
+        warn(line, what + "; the capture is left out");
       }
-      warn(line, what + "; the capture is left out");
     }
     expected_ = 0;
     intact_ = layout_.measurements == 1;
@@ -186,7 +163,7 @@ class Assembler {
     intact_ = true;
   }
 
-  Layout layout_;
+  Tmf882xLayout layout_;
   bool has_results_;
   std::string path_;
   std::vector<std::string>& warnings_;
@@ -197,83 +174,122 @@ class Assembler {
   int measurement_ = 0;   ///< place of the current measurement in its frame
   bool begun_ = false;    ///< a line was accepted
   bool waiting_ = false;  ///< lines were lost, none accepted since
+  bool lost_ = false;     ///< nothing tells where a frame begins
   bool known_ = true;     ///< `measurement_` can be believed
   bool intact_ = true;    ///< all measurements of the frame so far were seen
   bool ninth_has_counts_ = false;
   std::vector<Capture> captures_;
 };
 
-/// Which sensor's lines to use.
+/// Which sensor's lines to use: the chosen one's, or those of the first in the log.
 class AddressFilter {
  public:
-  explicit AddressFilter(int wanted) : wanted_(wanted), fixed_(wanted != 0) {}
+  AddressFilter(int wanted, ImportNotes& notes)
+      : wanted_(wanted), fixed_(wanted != 0), notes_(notes) {}
 
   bool accepts(int address, const std::string& where) {
     if (wanted_ == 0) wanted_ = address;
     if (address == wanted_) return true;
-    if (fixed_) return false;
-    throw Error(where, "the log holds sensors at i2c addresses " + std::to_string(wanted_) +
-                           " and " + std::to_string(address) + ", one has to be chosen");
+    if (!fixed_ && others_.insert(address).second) {
+      notes_.push_back(where + ": the lines of a sensor at i2c address " + std::to_string(address) +
+                       " are left out, those of address " + std::to_string(wanted_) +
+                       " are kept; --i2c-address chooses");
+    }
+    return false;
   }
 
  private:
   int wanted_;
   bool fixed_;
+  ImportNotes& notes_;
+  std::set<int> others_;
 };
+
+bool recognise(const ImportSource& source) {
+  return source.beginning().find("#Raw,") != std::string::npos;
+}
+
+/// What the driver prints when the board starts.
+bool is_greeting(std::string_view line) {
+  return line.find("TMF88") != std::string_view::npos &&
+         line.find("Arduino") != std::string_view::npos;
+}
+
+CaptureFile read(const ImportSource& source, const ImportOptions& options, ImportNotes& notes) {
+  const std::string& path = source.path();
+  const Tmf882xLayout layout = tmf882x_layout(options);
+  const bool has_results = source.bytes().find("#Obj,") != std::string::npos;
+  const std::size_t notes_before = notes.size();
+  Assembler assembler(layout, has_results, path, notes);
+  AddressFilter filter(options.i2c_address, notes);
+  bool cut_off = false;  // within its last line
+  for (const TextLine& line : lines_of(source.bytes())) {
+    std::string_view text = line.text;
+    // Whatever a serial monitor puts before its lines, no such line has this sign within.
+    if (const std::size_t begins = text.find('#'); begins != std::string_view::npos) {
+      text.remove_prefix(begins);
+    }
+    const std::string where = path + ": line " + std::to_string(line.number);
+    if (text.starts_with("#Raw")) {
+      RawLine raw;
+      try {
+        raw = parse_raw_line(text, where);
+      } catch (const Error& damage) {
+        cut_off = !line.ended;
+        if (cut_off) break;
+        notes.push_back(std::string(damage.what()) + "; the line is left out");
+        continue;
+      }
+      if (filter.accepts(raw.address, where)) assembler.add(raw, line.number);
+    } else if (text.starts_with("#Obj,")) {
+      const std::vector<std::string_view> fields = fields_of(text, ',');
+      const auto address = fields.size() > 1 ? whole_number_of(fields[1]) : std::nullopt;
+      const auto number = fields.size() > 2 ? whole_number_of(fields[2]) : std::nullopt;
+      if (address && number && *number >= 0 && filter.accepts(static_cast<int>(*address), where)) {
+        assembler.add_result(static_cast<int>(*number % 4), line.number);
+      }
+    } else if (is_greeting(text)) {
+      assembler.restart(line.number);
+    }
+  }
+  CaptureFile file;
+  file.captures = assembler.finish(cut_off || source.cut());
+  file.sensor = "tmf8828";
+  if (file.captures.empty()) {
+    throw Error(path, "holds no complete capture of " + std::to_string(layout.side) + " x " +
+                          std::to_string(layout.side) + " zones (30 #Raw lines each measurement, " +
+                          std::to_string(layout.measurements) + " measurements each capture)" +
+                          (notes.size() > notes_before ? "; first: " + notes[notes_before] : ""));
+  }
+  return file;
+}
 
 }  // namespace
 
-std::vector<Capture> parse_tmf8828_log(const std::string& text, const std::string& path,
-                                       const ImportOptions& options,
-                                       std::vector<std::string>& warnings) {
-  const bool has_results = text.find("#Obj,") != std::string::npos;
-  Assembler assembler(layout_of(options), has_results, path, warnings);
-  AddressFilter filter(options.i2c_address);
-  int line_number = 0;
-  bool cut_off = false;  // within its last line
-  std::string first_damage;
-  for (std::size_t begin = 0; begin < text.size();) {
-    const std::size_t end = std::min(text.find('\n', begin), text.size());
-    std::string_view line(text.data() + begin, end - begin);
-    begin = end + 1;
-    ++line_number;
-    while (!line.empty() && (line.back() == '\r' || line.back() == ' ')) line.remove_suffix(1);
-    // Whatever a serial monitor puts before its lines, no such line has this sign within.
-    if (const std::size_t begins = line.find('#'); begins != std::string_view::npos) {
-      line.remove_prefix(begins);
-    }
-    const std::string where = path + ": line " + std::to_string(line_number);
-    if (line.starts_with("#Raw")) {
-      RawLine raw;
-      try {
-        raw = parse_raw_line(line, where);
-      } catch (const Error& damage) {
-        cut_off = end == text.size();
-        if (cut_off) break;
-        warnings.push_back(std::string(damage.what()) + "; the line is left out");
-        if (first_damage.empty()) first_damage = warnings.back();
-        continue;
-      }
-      if (filter.accepts(raw.address, where)) assembler.add(raw, line_number);
-    } else if (line.starts_with("#Obj,")) {
-      const std::vector<std::string_view> fields = fields_of(line);
-      const auto address = whole_number(fields[1]);
-      const auto number = fields.size() > 2 ? whole_number(fields[2]) : std::nullopt;
-      if (address && number && *number >= 0 && filter.accepts(*address, where)) {
-        assembler.add_result(*number, line_number);
-      }
-    }
-  }
-  std::vector<Capture> captures = assembler.finish(cut_off);
-  if (captures.empty()) {
-    throw Error(path, "holds no complete capture of " + std::to_string(layout_of(options).side) +
-                          " x " + std::to_string(layout_of(options).side) +
-                          " zones (30 #Raw lines each " + "measurement, " +
-                          std::to_string(layout_of(options).measurements) +
-                          " measurements each capture)" +
-                          (first_damage.empty() ? "" : "; first damage: " + first_damage));
-  }
-  return captures;
+CaptureReader tmf8828_log_reader() {
+  return {.name = "tmf8828",
+          .recognises = "serial log of the TMF8828 Arduino driver, lines #Raw,...",
+          .assumes = "3 x 3 zones unless --rows and --columns say 4 or 8",
+          .options = {"rows", "i2c_address"},
+          .recognise = recognise,
+          .read = read};
+}
+
+int Tmf882xLayout::zone(int measurement, int channel) const {
+  if (side < 8) return measurement * channels + channel - 1;
+  const int row = 7 - 2 * ((channel - 1) / 2) - measurement / 4;
+  const int column = 4 * ((channel - 1) % 2) + measurement % 4;
+  return row * side + column;
+}
+
+Tmf882xLayout tmf882x_layout(const ImportOptions& options) {
+  const int rows = options.rows == 0 ? 3 : options.rows;
+  const int columns = options.columns == 0 ? 3 : options.columns;
+  if (rows == 3 && columns == 3) return {3, 1, 9};
+  if (rows == 4 && columns == 4) return {4, 2, 8};
+  if (rows == 8 && columns == 8) return {8, 8, 8};
+  throw Error("rows, columns", "found " + std::to_string(rows) + " x " + std::to_string(columns) +
+                                   ", a TMF8828 log is 3 x 3, 4 x 4 or 8 x 8");
 }
 
 std::string tmf8828_log(const CaptureFile& file, const std::string& path) {
@@ -289,7 +305,7 @@ std::string tmf8828_log(const CaptureFile& file, const std::string& path) {
     ImportOptions options;
     options.rows = counts.rows;
     options.columns = counts.columns;
-    const Layout layout = layout_of(options);
+    const Tmf882xLayout layout = tmf882x_layout(options);
     for (int measurement = 0; measurement < layout.measurements; ++measurement) {
       for (int index = 0; index < kLines; ++index) {
         const int channel = index % kChannels;

@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 /// The CheapSPAD layout: phases told apart, bad repeats left out, weights kept.
-#include "io/import_cheapspad.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -10,6 +8,7 @@
 
 #include "blindcorner/forward/error.h"
 #include "blindcorner/io/import_file.h"
+#include "io/readers/matlab_file.h"
 #include "io/repeats.h"
 
 #ifdef BLINDCORNER_TEST_MATIO
@@ -219,8 +218,7 @@ TEST_F(CheapSpadFile, MissingVariablesAndOtherFilesAreNamed) {
 
 TEST(CheapSpadFile, NeedsMatio) {
   EXPECT_FALSE(reads_matlab());
-  std::vector<std::string> warnings;
-  EXPECT_THROW(import_cheapspad("x.mat", {}, warnings), Error);
+  EXPECT_THROW(read_matlab_cells("x.mat", "datacubes"), Error);
 }
 
 #endif

@@ -1,122 +1,33 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "io/import_cheapspad.h"
-
+/// MATLAB files of the CheapSPAD data set (Callenberg et al., SIGGRAPH 2021): `datacubes`
+/// {positions}[2, 2, bins, repeats] and `positions` {positions}[3] (m).
+///
+/// A relay spot (row, column) and a phase make one zone: zone 2 * spot + phase, the capture has a
+/// row per spot and two columns. Repeats of a spot alternate between two phases that differ in
+/// gain, ambient light and where the time axis wraps; which of them came first changes from spot to
+/// spot and position to position, so phase 0 is the one whose direct return is brighter. Its time
+/// axis wraps after 20 bins: bins 20 to 22 get what the file has in bins 0 to 2, which is of use
+/// where no direct return lights those. The truth is x_m, y_m, z_m. Repeats that were rejected are
+/// counted by reason, and captures carry the number of repeats that were averaged in each zone.
 #include <algorithm>
 #include <array>
-#include <cmath>
-#include <functional>
 #include <map>
-#include <memory>
 #include <numeric>
 
 #include "blindcorner/forward/error.h"
-#include "io/matlab_check.h"
+#include "io/readers/capture_reader.h"
+#include "io/readers/matlab_file.h"
 #include "io/repeats.h"
 
-#ifdef BLINDCORNER_HAS_MATIO
-#include <matio.h>
-#endif
-
 namespace blindcorner {
-
-#ifdef BLINDCORNER_HAS_MATIO
-
 namespace {
 
 /// VL53L1X: 0.197 m one way.
 constexpr double kBinWidth = 1314.2e-12;  // s
 constexpr std::size_t kSpots = 4;
 
-struct MatCloser {
-  void operator()(mat_t* file) const { Mat_Close(file); }
-};
-struct VariableFreer {
-  void operator()(matvar_t* variable) const { Mat_VarFree(variable); }
-};
-using MatFile = std::unique_ptr<mat_t, MatCloser>;
-using Variable = std::unique_ptr<matvar_t, VariableFreer>;
-
-Variable read_cells(mat_t* file, const std::string& path, const char* name) {
-  Variable variable(Mat_VarRead(file, name));
-  if (!variable) throw Error(path, std::string("variable ") + name + " is missing");
-  if (variable->class_type != MAT_C_CELL || variable->data == nullptr) {
-    throw Error(path + ": variable " + name, "found no cell array, accepted: a cell per position");
-  }
-  return variable;
-}
-
-std::size_t cell_count(const matvar_t& variable) {
-  std::size_t count = 1;
-  for (int i = 0; i < variable.rank; ++i) count *= variable.dims[i];
-  return count;
-}
-
-/// Numbers of one cell, first index fastest.
-struct Numbers {
-  std::vector<std::size_t> shape;
-  std::vector<double> values;
-
-  std::string shape_text() const {
-    std::string text;
-    for (const std::size_t extent : shape) {
-      text += (text.empty() ? "" : " x ") + std::to_string(extent);
-    }
-    return text;
-  }
-};
-
-template <typename T>
-void copy_numbers(const matvar_t& cell, std::vector<double>& values) {
-  const T* data = static_cast<const T*>(cell.data);
-  std::transform(data, data + values.size(), values.begin(),
-                 [](T value) { return static_cast<double>(value); });
-}
-
-Numbers numbers_of(matvar_t* cells, std::size_t index, const std::string& where) {
-  const matvar_t* cell = Mat_VarGetCell(cells, static_cast<int>(index));
-  if (cell == nullptr || cell->data == nullptr || cell->isComplex != 0) {
-    throw Error(where, "found an empty cell, accepted: real numbers");
-  }
-  Numbers numbers;
-  numbers.shape.assign(cell->dims, cell->dims + cell->rank);
-  numbers.values.resize(std::accumulate(numbers.shape.begin(), numbers.shape.end(), std::size_t{1},
-                                        std::multiplies<>()));
-  switch (cell->class_type) {
-    case MAT_C_DOUBLE:
-      copy_numbers<double>(*cell, numbers.values);
-      break;
-    case MAT_C_SINGLE:
-      copy_numbers<float>(*cell, numbers.values);
-      break;
-    case MAT_C_INT8:
-      copy_numbers<std::int8_t>(*cell, numbers.values);
-      break;
-    case MAT_C_UINT8:
-      copy_numbers<std::uint8_t>(*cell, numbers.values);
-      break;
-    case MAT_C_INT16:
-      copy_numbers<std::int16_t>(*cell, numbers.values);
-      break;
-    case MAT_C_UINT16:
-      copy_numbers<std::uint16_t>(*cell, numbers.values);
-      break;
-    case MAT_C_INT32:
-      copy_numbers<std::int32_t>(*cell, numbers.values);
-      break;
-    case MAT_C_UINT32:
-      copy_numbers<std::uint32_t>(*cell, numbers.values);
-      break;
-    default:
-      throw Error(where, "found a cell that holds no numbers, accepted: real numbers");
-  }
-  if (!std::ranges::all_of(numbers.values, [](double value) { return std::isfinite(value); })) {
-    throw Error(where, "found a number that is not finite, accepted: finite numbers");
-  }
-  return numbers;
-}
-
 /// Repeats of one position, one series per spot; spots row by row.
-std::array<RepeatSeries, kSpots> series_of(const Numbers& cube, const std::string& where) {
+std::array<RepeatSeries, kSpots> series_of(const MatlabArray& cube, const std::string& where) {
   if (cube.shape.size() != 4 || cube.shape[0] != 2 || cube.shape[1] != 2 || cube.shape[2] < 2 ||
       cube.shape[3] < 1) {
     throw Error(where, "has shape " + cube.shape_text() + ", accepted: 2 x 2 x bins x repeats");
@@ -151,27 +62,23 @@ struct Position {
 };
 
 std::vector<Position> read_positions(const std::string& path) {
-  check_matlab_file(path);
-  const MatFile file(Mat_Open(path.c_str(), MAT_ACC_RDONLY));
-  if (!file) throw Error(path, "is no MATLAB file that can be read");
-  const Variable cubes = read_cells(file.get(), path, "datacubes");
-  const Variable places = read_cells(file.get(), path, "positions");
-  const std::size_t count = cell_count(*cubes);
-  if (cell_count(*places) != count) {
-    throw Error(path, "has " + std::to_string(count) + " datacubes and " +
-                          std::to_string(cell_count(*places)) + " positions, accepted: as many");
+  const std::vector<MatlabArray> cubes = read_matlab_cells(path, "datacubes");
+  const std::vector<MatlabArray> places = read_matlab_cells(path, "positions");
+  if (places.size() != cubes.size()) {
+    throw Error(path, "has " + std::to_string(cubes.size()) + " datacubes and " +
+                          std::to_string(places.size()) + " positions, accepted: as many");
   }
-  std::vector<Position> positions(count);
-  for (std::size_t i = 0; i < count; ++i) {
+  std::vector<Position> positions(cubes.size());
+  for (std::size_t i = 0; i < cubes.size(); ++i) {
     const std::string cell = "{" + std::to_string(i) + "}";
-    const Numbers place = numbers_of(places.get(), i, path + ": positions" + cell);
+    const MatlabArray& place = places[i];
     if (place.values.size() != 3) {
       throw Error(path + ": positions" + cell,
                   "has shape " + place.shape_text() + ", accepted: 3 numbers");
     }
     std::copy(place.values.begin(), place.values.end(), positions[i].place.begin());
     const std::string where = path + ": datacubes" + cell;
-    positions[i].spots = series_of(numbers_of(cubes.get(), i, where), where);
+    positions[i].spots = series_of(cubes[i], where);
     if (positions[i].spots[0].front().size() != positions[0].spots[0].front().size()) {
       throw Error(where, "has another number of bins than the first");
     }
@@ -236,12 +143,14 @@ void add_captures(const Position& position, const std::vector<SortedRepeats>& so
   }
 }
 
-}  // namespace
+bool recognise(const ImportSource& source) {
+  if (!is_matlab(source)) return false;
+  const std::vector<std::string> names = matlab_names(source.path());
+  return std::ranges::count(names, "datacubes") > 0;
+}
 
-bool reads_matlab() { return true; }
-
-CaptureFile import_cheapspad(const std::string& path, const ImportOptions& options,
-                             std::vector<std::string>& warnings) {
+CaptureFile read(const ImportSource& source, const ImportOptions& options, ImportNotes& warnings) {
+  const std::string& path = source.path();
   const std::vector<Position> positions = read_positions(path);
   // Where each spot sees its direct return, from all positions together.
   std::array<RepeatReference, kSpots> references;
@@ -291,15 +200,15 @@ CaptureFile import_cheapspad(const std::string& path, const ImportOptions& optio
   return file;
 }
 
-#else
+}  // namespace
 
-bool reads_matlab() { return false; }
-
-CaptureFile import_cheapspad(const std::string& path, const ImportOptions&,
-                             std::vector<std::string>&) {
-  throw Error(path, "is a MATLAB file, but this build is without matio (Debian: libmatio-dev)");
+CaptureReader cheapspad_reader() {
+  return {.name = "cheapspad",
+          .recognises = "MATLAB file of the CheapSPAD data with datacubes and positions",
+          .assumes = "bins of 1314.2 ps, repeats that alternate between two phases",
+          .options = {"repeats", "published_filter"},
+          .recognise = recognise,
+          .read = read};
 }
-
-#endif
 
 }  // namespace blindcorner

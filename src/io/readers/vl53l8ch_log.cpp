@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "io/import_vl53l8ch.h"
+#include "io/readers/vl53l8ch_log.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "blindcorner/forward/error.h"
+#include "io/readers/capture_reader.h"
 #include "io/serial_log.h"
 
 namespace blindcorner {
@@ -15,6 +16,8 @@ namespace {
 
 /// Bins and ambient light are printed in thousandths.
 constexpr double kThousandth = 1e-3;
+/// Width of a bin where the firmware sums none, s.
+constexpr double kBinWidth = 250e-12;
 /// Zone, ambient light and distance stand before the bins.
 constexpr std::size_t kLeading = 3;
 
@@ -104,7 +107,7 @@ std::vector<Frame> frames_of(const std::string& text) {
 }  // namespace
 
 bool is_vl53l8ch_log(const std::string& text) {
-  for (const Frame& frame : frames_of(text.substr(0, 1 << 20))) {
+  for (const Frame& frame : frames_of(text)) {
     if (!frame.zones.empty()) return true;
   }
   return false;
@@ -158,6 +161,29 @@ std::vector<Capture> parse_vl53l8ch_log(const std::string& text, const std::stri
   }
   if (captures.empty()) throw Error(path, "holds no whole frame (a line D, then a line per zone)");
   return captures;
+}
+
+namespace {
+
+bool recognise(const ImportSource& source) { return is_vl53l8ch_log(source.beginning()); }
+
+CaptureFile read(const ImportSource& source, const ImportOptions& options, ImportNotes& notes) {
+  CaptureFile file;
+  file.captures = parse_vl53l8ch_log(source.bytes(), source.path(), options, notes);
+  file.sensor = "vl53l8ch";
+  file.bin_width = kBinWidth;
+  return file;
+}
+
+}  // namespace
+
+CaptureReader vl53l8ch_log_reader() {
+  return {.name = "vl53l8ch",
+          .recognises = "serial log of VL53L8CH firmware, a line D, then a line each zone",
+          .assumes = "bins of 250 ps, zones row by row in a square unless --rows and --columns say",
+          .options = {"rows"},
+          .recognise = recognise,
+          .read = read};
 }
 
 }  // namespace blindcorner

@@ -1,0 +1,327 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Log of a TMF8829 as the makers' programs write it (tmf8829_driver_python, logger version 4):
+/// JSON, plain or gzipped. `Result_Set[f].mp_histo[row][column].bin` are counts, `ref_histo` is the
+/// reference; `configuration` holds the registers.
+///
+/// Bins: `bin_shift` b sums 2^b of the sensor's own, of which it uses `histogram_bins`.
+///
+/// Logs of the evaluation program 2.2.5 hold one histogram in all columns of a row, and it is not
+/// that of the row: its ambient light is that of the results' noise along the first row of zones
+/// (measured on a public log, correlation 0.9999, any other row or column at most 0.76; its peaks
+/// are where the distances of these zones say, 5 mm rms). Where histograms repeat, the reader looks
+/// for the row or column of zones whose noise they have, and the other zones get no exposures.
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <numeric>
+#include <optional>
+
+#include "blindcorner/forward/error.h"
+#include "io/readers/capture_reader.h"
+
+namespace blindcorner {
+namespace {
+
+using Json = nlohmann::json;
+
+/// Width of the sensor's own bins, s. The driver calls them 200 ps; the peaks of a public log
+/// (16 x 16 zones, 16 distances from 1.0 to 2.8 m that the sensor states itself) ask for 204.4 +-
+/// 0.5.
+constexpr double kBinWidth = 204.4e-12;
+
+constexpr int kMostZonesAside = 64;
+constexpr int kMostBins = 256;
+
+/// Histograms and noise of one frame.
+struct Frame {
+  int number = 0;  ///< from 0, place in the log
+  HistogramCube counts;
+  std::vector<double> noise;  ///< [zones] of the results, empty where they are not in the log
+};
+
+std::string shape(const HistogramCube& cube) {
+  return std::to_string(cube.rows) + " x " + std::to_string(cube.columns) + " x " +
+         std::to_string(cube.bins);
+}
+
+/// Throws Json::exception or Error for what is no frame.
+HistogramCube counts_of(const Json& rows) {
+  const Json& first = rows.at(0).at(0).at("bin");
+  const std::size_t columns = rows.at(0).size();
+  if (rows.size() > kMostZonesAside || columns > kMostZonesAside || first.size() > kMostBins) {
+    throw Error("histograms", "more than 64 x 64 zones of 256 bins");
+  }
+  HistogramCube cube(static_cast<int>(rows.size()), static_cast<int>(columns),
+                     static_cast<int>(first.size()));
+  double* next = cube.values.data();
+  for (const Json& row : rows) {
+    if (row.size() != columns) throw Error("histograms", "rows of unequal length");
+    for (const Json& zone : row) {
+      const Json& bins = zone.at("bin");
+      if (bins.size() != first.size()) throw Error("histograms", "unequal numbers of bins");
+      for (const Json& count : bins) *next++ = count.get<double>();
+    }
+  }
+  return cube;
+}
+
+std::vector<double> noise_of(const Json& frame, const HistogramCube& counts) {
+  std::vector<double> noise;
+  if (!frame.contains("results")) return noise;
+  for (const Json& row : frame["results"]) {
+    for (const Json& zone : row) noise.push_back(zone.value("noise", std::nan("")));
+  }
+  if (std::ssize(noise) != counts.zones() ||
+      !std::ranges::all_of(noise, [](double n) { return std::isfinite(n); })) {
+    noise.clear();
+  }
+  return noise;
+}
+
+/// What a log holds, read frame by frame: a log that ends early gives what is before.
+class Log {
+ public:
+  Log(const ImportSource& source, std::string array, ImportNotes& notes)
+      : path_(source.path()), array_(std::move(array)), notes_(notes) {
+    std::string key;
+    const auto take = [&](int depth, Json::parse_event_t event, Json& parsed) {
+      if (event == Json::parse_event_t::key && depth == 1) key = parsed.get<std::string>();
+      if (event != Json::parse_event_t::object_end) return true;
+      if (depth == 1 && key == "configuration") configuration_ = parsed;
+      if (depth == 2 && key == "Result_Set") add(parsed);
+      return depth != 2 || key != "Result_Set";  // frames are not kept
+    };
+    try {
+      [[maybe_unused]] const Json rest = Json::parse(source.bytes(), take);
+    } catch (const Json::parse_error& error) {
+      const auto line =
+          1 + std::count(source.bytes().begin(),
+                         source.bytes().begin() +
+                             std::min<std::ptrdiff_t>(static_cast<std::ptrdiff_t>(error.byte),
+                                                      std::ssize(source.bytes())),
+                         '\n');
+      notes_.push_back(path_ + ": line " + std::to_string(line) +
+                       (source.cut() || error.byte >= source.bytes().size()
+                            ? ": the log ends within a frame; what is before is kept"
+                            : ": is damaged; what is before is kept"));
+    }
+  }
+
+  std::vector<Frame>& frames() { return frames_; }
+
+  std::optional<int> setting(const char* name) const {
+    if (!configuration_.is_object() || !configuration_.contains(name)) return std::nullopt;
+    const Json& value = configuration_[name];
+    return value.is_number_integer() ? std::optional(value.get<int>()) : std::nullopt;
+  }
+
+ private:
+  void add(const Json& frame) {
+    const int number = next_++;
+    const std::string where = path_ + ": Result_Set[" + std::to_string(number) + "]";
+    try {
+      if (!frame.contains(array_)) {
+        notes_.push_back(where + ": holds no " + array_ + "; left out");
+        return;
+      }
+      Frame read{number, counts_of(frame[array_]), {}};
+      read.noise = noise_of(frame, read.counts);
+      if (!frames_.empty() && shape(read.counts) != shape(frames_.front().counts)) {
+        throw Error(where, "has " + shape(read.counts) + " rows x columns x bins, those before " +
+                               shape(frames_.front().counts));
+      }
+      frames_.push_back(std::move(read));
+    } catch (const std::exception& damage) {  // of a value that is not what it should be
+      notes_.push_back(where + ": is damaged (" + damage.what() + "); left out");
+    }
+  }
+
+  std::string path_;
+  std::string array_;
+  ImportNotes& notes_;
+  Json configuration_;
+  std::vector<Frame> frames_;
+  int next_ = 0;
+};
+
+/// Bins that the sensor uses: as configured, else up to the last that ever held a count.
+int used_bins(const std::vector<Frame>& frames, const Log& log) {
+  const int all = frames.front().counts.bins;
+  const auto bins = log.setting("histogram_bins");
+  const auto shift = log.setting("bin_shift");
+  if (bins && shift && *bins > 0 && *shift >= 0 && *shift < 8) {
+    return std::clamp(*bins >> *shift, 1, all);
+  }
+  int last = 0;
+  for (const Frame& frame : frames) {
+    for (int zone = 0; zone < frame.counts.zones(); ++zone) {
+      for (int bin = last; bin < all; ++bin) {
+        if (frame.counts.zone(zone)[bin] != 0) last = bin;
+      }
+    }
+  }
+  return last + 1;
+}
+
+/// Whether all columns of every row hold the same counts, in all frames.
+bool rows_repeat(const std::vector<Frame>& frames) {
+  return std::ranges::all_of(frames, [](const Frame& frame) {
+    const HistogramCube& cube = frame.counts;
+    for (int row = 0; row < cube.rows; ++row) {
+      const double* first = cube.zone(row * cube.columns);
+      for (int column = 1; column < cube.columns; ++column) {
+        const double* other = cube.zone(row * cube.columns + column);
+        if (!std::equal(first, first + cube.bins, other)) return false;
+      }
+    }
+    return cube.columns > 1;
+  });
+}
+
+double correlation(const std::vector<double>& a, const std::vector<double>& b) {
+  const auto n = static_cast<double>(a.size());
+  const double mean_a = std::accumulate(a.begin(), a.end(), 0.0) / n;
+  const double mean_b = std::accumulate(b.begin(), b.end(), 0.0) / n;
+  double ab = 0, aa = 0, bb = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    ab += (a[i] - mean_a) * (b[i] - mean_b);
+    aa += (a[i] - mean_a) * (a[i] - mean_a);
+    bb += (b[i] - mean_b) * (b[i] - mean_b);
+  }
+  return aa > 0 && bb > 0 ? ab / std::sqrt(aa * bb) : 0.0;
+}
+
+/// Counts of ambient light in a bin: half of the bins have less.
+double median(const double* bins, int count) {
+  std::vector<double> sorted(bins, bins + count);
+  std::nth_element(sorted.begin(), sorted.begin() + count / 2, sorted.end());
+  return sorted[static_cast<std::size_t>(count / 2)];
+}
+
+/// Zones that rows of repeated histograms belong to, [rows].
+struct RepeatedZones {
+  std::vector<int> zones;
+  std::string text;  ///< "row 0"
+};
+
+/// The row or column of zones whose noise the histograms' ambient light follows; nothing where none
+/// stands out.
+std::optional<RepeatedZones> zones_of_repeats(const std::vector<Frame>& frames, int bins) {
+  const HistogramCube& cube = frames.front().counts;
+  const auto side = static_cast<std::size_t>(cube.rows);
+  std::vector<double> ambient(side);
+  std::vector<double> noise(static_cast<std::size_t>(cube.zones()));
+  for (const Frame& frame : frames) {
+    if (frame.noise.empty()) return std::nullopt;
+    for (std::size_t row = 0; row < side; ++row) {
+      ambient[row] += median(frame.counts.zone(static_cast<int>(row) * cube.columns), bins);
+    }
+    for (std::size_t zone = 0; zone < noise.size(); ++zone) noise[zone] += frame.noise[zone];
+  }
+  constexpr double kAlike = 0.98;  // of row 0 of the public log 0.9999, of all others below 0.77
+  RepeatedZones best;
+  double highest = kAlike;
+  const auto consider = [&](const std::vector<int>& zones, const std::string& text) {
+    std::vector<double> here;
+    for (const int zone : zones) here.push_back(noise[static_cast<std::size_t>(zone)]);
+    const double alike = correlation(ambient, here);
+    if (alike <= highest) return;
+    highest = alike;
+    best = {zones, text};
+  };
+  for (int column = 0; column < cube.columns; ++column) {
+    std::vector<int> zones;
+    for (int row = 0; row < cube.rows; ++row) zones.push_back(row * cube.columns + column);
+    consider(zones, "column " + std::to_string(column));
+  }
+  for (int row = 0; row < cube.rows && cube.rows == cube.columns; ++row) {
+    std::vector<int> zones(side);
+    std::iota(zones.begin(), zones.end(), row * cube.columns);
+    consider(zones, "row " + std::to_string(row));
+  }
+  if (best.zones.empty()) return std::nullopt;
+  return best;
+}
+
+Capture capture_of(const Frame& frame, int bins, const std::vector<int>& zones) {
+  const HistogramCube& cube = frame.counts;
+  Capture capture;
+  capture.counts = HistogramCube(cube.rows, cube.columns, bins);
+  if (zones.empty()) {
+    for (int zone = 0; zone < cube.zones(); ++zone) {
+      std::copy(cube.zone(zone), cube.zone(zone) + bins, capture.counts.zone(zone));
+    }
+    return capture;
+  }
+  capture.zone_exposures.emplace(static_cast<std::size_t>(cube.zones()), 0.0);
+  for (int row = 0; row < cube.rows; ++row) {
+    const int zone = zones[static_cast<std::size_t>(row)];
+    const double* from = cube.zone(row * cube.columns);
+    std::copy(from, from + bins, capture.counts.zone(zone));
+    (*capture.zone_exposures)[static_cast<std::size_t>(zone)] = 1.0;
+  }
+  return capture;
+}
+
+/// Zones of repeated histograms, noted; empty where each zone has its own.
+std::vector<int> place_repeats(const std::vector<Frame>& frames, int bins, const std::string& path,
+                               ImportNotes& notes) {
+  if (!rows_repeat(frames)) return {};
+  const HistogramCube& cube = frames.front().counts;
+  const std::string what = path + ": all " + std::to_string(cube.columns) +
+                           " columns of a row hold the same histogram; ";
+  if (auto found = zones_of_repeats(frames, bins)) {
+    notes.push_back(what + "its ambient light is the noise that the results state for " +
+                    found->text + " of the zones, so that these " + std::to_string(cube.rows) +
+                    " zones get it and the others no exposures");
+    return found->zones;
+  }
+  std::vector<int> zones;
+  for (int row = 0; row < cube.rows; ++row) zones.push_back(row * cube.columns);
+  notes.push_back(
+      what + "nothing says of which column it is: column 0 gets it and the others no exposures");
+  return zones;
+}
+
+bool recognise(const ImportSource& source) {
+  const std::string& text = source.beginning();
+  const std::size_t first = text.find_first_not_of(" \t\r\n");
+  return first != std::string::npos && text[first] == '{' &&
+         text.find("\"Result_Set\"") != std::string::npos &&
+         (text.find("\"mp_histo") != std::string::npos ||
+          text.find("\"results\"") != std::string::npos);
+}
+
+CaptureFile read(const ImportSource& source, const ImportOptions& options, ImportNotes& notes) {
+  const std::string& path = source.path();
+  const std::string array = options.array.empty() ? "mp_histo" : options.array;
+  Log log(source, array, notes);
+  const std::vector<Frame>& frames = log.frames();
+  if (frames.empty()) {
+    throw Error(path, "holds no frame with " + array +
+                          ", accepted: a log with histograms, mp_histo or mp_histo_HA");
+  }
+  const int bins = used_bins(frames, log);
+  const std::vector<int> zones = place_repeats(frames, bins, path, notes);
+  CaptureFile file;
+  for (const Frame& frame : frames) file.captures.push_back(capture_of(frame, bins, zones));
+  const HistogramCube& cube = frames.front().counts;
+  file.sensor = "tmf8829_" + std::to_string(cube.columns) + "x" + std::to_string(cube.rows);
+  const auto shift = log.setting("bin_shift");
+  if (shift && *shift >= 0 && *shift < 8) file.bin_width = std::ldexp(kBinWidth, *shift);
+  return file;
+}
+
+}  // namespace
+
+CaptureReader tmf8829_json_reader() {
+  return {
+      .name = "tmf8829",
+      .recognises = "TMF8829 log of the makers' programs, JSON with Result_Set, plain or gzipped",
+      .assumes = "bins of 204.4 ps times 2^bin_shift, zones as the log has them",
+      .options = {"array"},
+      .recognise = recognise,
+      .read = read};
+}
+
+}  // namespace blindcorner
