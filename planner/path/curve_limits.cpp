@@ -11,16 +11,16 @@ namespace blindcorner {
 
 double CurveLimits::speed(double start_speed, double arc_length) const {
   const double square = start_speed * start_speed - 2 * braking * arc_length;
-  return std::max(std::sqrt(std::max(square, 0.0)), kCreeping);
+  return std::max(std::sqrt(std::max(square, 0.0)), kCreeping * wanted_speed);
 }
 
 double CurveLimits::curvature(double speed) const {
   const double tightest =
       turning_radius > 0 ? 1 / turning_radius : std::numeric_limits<double>::infinity();
-  return std::min(tightest, lateral_acceleration / (speed * speed));
+  return std::min(tightest, lateral_acceleration / std::max(speed * speed, 1e-9));
 }
 
-double CurveLimits::curvature_rate(double speed) const { return curvature_speed / speed; }
+double CurveLimits::curvature_rate(double speed) const { return curvature_speed / std::max(speed, 1e-9); }
 
 double CurveLimits::slowness(double curvature, double rate) const {
   if (wanted_speed == 0) return 1;

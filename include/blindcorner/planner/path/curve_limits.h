@@ -19,7 +19,7 @@ struct CurveLimits {
   /// m/s: what is slower costs time. 0: time is not looked at.
   double wanted_speed = 0;
 
-  /// v(s), m/s, for a start at `start_speed`; at least `kCreeping`.
+  /// v(s), m/s, for a start at `start_speed`; at least `kCreeping` of the wanted speed.
   double speed(double start_speed, double arc_length) const;
   double curvature(double speed) const;       ///< 1/m, the greatest at a speed (m/s)
   double curvature_rate(double speed) const;  ///< 1/m^2, likewise
@@ -27,8 +27,8 @@ struct CurveLimits {
   /// (1/m^2) allow no more; 1 at least.
   double slowness(double curvature, double rate) const;
 
-  /// No path is planned for less than this, m/s: walking pace.
-  static constexpr double kCreeping = 1.5;
+  /// No path is planned for less than this share of the wanted speed: a car's walking pace.
+  static constexpr double kCreeping = 0.2;
 
   /// Throws Error naming the field.
   void validate() const;
