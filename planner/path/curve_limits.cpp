@@ -20,7 +20,9 @@ double CurveLimits::curvature(double speed) const {
   return std::min(tightest, lateral_acceleration / std::max(speed * speed, 1e-9));
 }
 
-double CurveLimits::curvature_rate(double speed) const { return curvature_speed / std::max(speed, 1e-9); }
+double CurveLimits::curvature_rate(double speed) const {
+  return curvature_speed / std::max(speed, 1e-9);
+}
 
 double CurveLimits::slowness(double curvature, double rate) const {
   if (wanted_speed == 0) return 1;

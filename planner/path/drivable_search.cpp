@@ -10,6 +10,7 @@
 #include <unordered_map>
 
 #include "blindcorner/forward/constants.h"
+#include "planner/path/dubins.h"
 
 namespace blindcorner {
 namespace {
@@ -38,8 +39,9 @@ constexpr double kRounding = 0.02;
 /// A goal that is a point is met when the end is this near to it, in cells.
 constexpr double kMet = 0.02;
 constexpr double kMetHeading = 0.01;  ///< rad
-/// Difference of headings from which on a goal's is not looked at, rad.
-constexpr double kHeadingNear = 0.6;
+/// The end of a path is bent to a goal that it passes by up to half a step, at a heading that is
+/// off by this, rad.
+constexpr double kHeadingNear = 0.3;
 /// A vehicle leaves what it touches at the start within this many of its lengths.
 constexpr double kLeavesWithin = 1.5;
 /// Discs may be deeper in an obstacle than at the start by this, m.
@@ -73,6 +75,7 @@ class DrivableSearch {
   void step(std::int32_t index, double curvature);
   void add(const Node& node);
   double left_from(const PathPoint& place) const;
+  double left_over_cells(const Vector2d& position) const;
   bool is_near_goal(const PathPoint& place) const;
   bool may_be_at(const PathPoint& place) const;
   std::uint64_t key(const PathPoint& place) const;
@@ -142,10 +145,20 @@ void DrivableSearch::begin_with(double heading, double curvature, double cost) {
   add(node);
 }
 
-/// m. A vehicle may be free in a cell whose centre is too near to an obstacle: a neighbour counts.
+/// m: by the cells, and by the turning radius where the goal has a heading.
 double DrivableSearch::left_from(const PathPoint& place) const {
+  const double over_cells = left_over_cells(place.position);
+  const PathGoal& goal = request_.goal;
+  if (!goal.heading || over_cells == kNever) return over_cells;
+  const double curve = dubins_length({place.position, place.heading}, {goal.point, *goal.heading},
+                                     options_.curves.turning_radius);
+  return std::max(over_cells, grid_.least_cost_factor() * curve);
+}
+
+/// m. A vehicle may be free in a cell whose centre is too near to an obstacle: a neighbour counts.
+double DrivableSearch::left_over_cells(const Vector2d& position) const {
   const GridGeometry& geometry = grid_.geometry();
-  const Cell own = geometry.cell_at(place.position);
+  const Cell own = geometry.cell_at(position);
   if (geometry.contains(own) && left_[geometry.index(own)] < kNever) {
     return left_[geometry.index(own)];
   }
@@ -180,11 +193,11 @@ void DrivableSearch::add(const Node& node) {
       return;
     }
   }
-  if (!node.at_goal) {
-    const auto [known, is_new] = best_.try_emplace(key(node.place), node.cost);
-    if (!is_new && known->second <= node.cost) return;
-    known->second = node.cost;
-  }
+  // Ends that are bent to the goal are told apart from places beside it.
+  const std::uint64_t state = key(node.place) | (node.at_goal ? std::uint64_t{1} << 63U : 0);
+  const auto [known, is_new] = best_.try_emplace(state, node.cost);
+  if (!is_new && known->second <= node.cost) return;
+  known->second = node.cost;
   nodes_.push_back(node);
   open_.push({node.cost + left, static_cast<std::int32_t>(nodes_.size() - 1)});
 }
@@ -206,7 +219,11 @@ bool DrivableSearch::may_be_at(const PathPoint& place) const {
 
 bool DrivableSearch::is_near_goal(const PathPoint& place) const {
   const PathGoal& goal = request_.goal;
-  if (goal.line_to || (place.position - goal.point).norm() > step_) return false;
+  if (goal.line_to) return false;
+  const Vector2d off = goal.point - place.position;
+  const Vector2d ahead(std::cos(place.heading), std::sin(place.heading));
+  const double beside = std::abs(ahead.x() * off.y() - ahead.y() * off.x());
+  if (std::abs(ahead.dot(off)) > sample_ || beside > step_ / 2) return false;
   return !goal.heading ||
          std::abs(std::remainder(*goal.heading - place.heading, 2 * kPi)) < kHeadingNear;
 }

@@ -190,6 +190,7 @@ TEST_F(ReplannerTest, GoesOnWithItsPlanWhereThereIsNoBetterOne) {
 TEST_F(ReplannerTest, KeepsAPlanUntilTheBodyItselfWouldTouch) {
   PathPlannerOptions wide = car_options();
   wide.footprint = VehicleFootprint::rectangle(2.4, 1.2);
+  wide.grid.risk_weight = 0;
   replanner_ = Replanner(wide, VehicleFootprint::rectangle(2, 0.8), replanner_options());
   update({{2, 5}, 0});
   fill(9, 9.3, 5.5, 7, 1);  // within the room beside the body, 0.1 m from the body
@@ -211,7 +212,7 @@ TEST_F(ReplannerTest, SeesObstaclesBetweenPoints) {
 
 TEST_F(ReplannerTest, LeavesWhatItStandsIn) {
   replanner_ = Replanner(car_options(), car_options().footprint, replanner_options());
-  fill(2.8, 5, 5.2, 7, 1);  // reaches 0.2 m into the car's side
+  fill(1, 2.4, 5.2, 7, 1);  // reaches 0.2 m into the car's side, behind its middle
   const PlanUpdate away = update({{3, 5}, 0}, 0);
   EXPECT_EQ(away.text(), "replan: first_plan");
   EXPECT_EQ(update({{3, 5}, 0}, 0).text(), "keep: still_good");
