@@ -3,7 +3,7 @@
 // plans that the vehicle can drive.
 #include <gtest/gtest.h>
 
-#include <cmath>
+#include <algorithm>
 #include <filesystem>
 
 #include "blindcorner/simulation/drive_loop.h"
@@ -41,8 +41,8 @@ std::vector<std::string> shipped_drives() {
 }
 
 INSTANTIATE_TEST_SUITE_P(All, ShippedDrive, ::testing::ValuesIn(shipped_drives()),
-                         [](const auto& info) {
-                           return std::filesystem::path(info.param).stem().string();
+                         [](const auto& drive) {
+                           return std::filesystem::path(drive.param).stem().string();
                          });
 
 }  // namespace
