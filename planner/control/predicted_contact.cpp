@@ -16,21 +16,6 @@ constexpr double kStays = 0.05;
 /// Depths of overlap that differ by less, m, are the same.
 constexpr double kDeeper = 0.01;
 
-/// [discs] How deep each disc of the vehicle is in obstacles, m: 0 where it touches none, at most
-/// its radius.
-std::vector<double> overlaps(const PlanningGrid& grid, const VehicleFootprint& body,
-                             const VehicleState& state) {
-  const double radius = body.disc_radius();
-  const Eigen::Vector2d ahead(std::cos(state.yaw), std::sin(state.yaw));
-  std::vector<double> depths;
-  for (const double offset : body.disc_offsets()) {
-    const Eigen::Vector2d center = state.position + offset * ahead;
-    const auto nearest = grid.nearest_obstacle(center, radius);
-    depths.push_back(nearest ? radius - (*nearest - center).norm() : 0.0);
-  }
-  return depths;
-}
-
 }  // namespace
 
 void PredictionOptions::validate() const {
@@ -44,7 +29,7 @@ std::optional<double> predicted_contact(Vehicle vehicle, PathFollower follower,
                                         const PredictionOptions& options) {
   options.validate();
   VehicleState state = vehicle.state();
-  std::vector<double> allowed = overlaps(grid, body, state);
+  std::vector<double> allowed = grid.overlaps(body, {state.position, state.yaw});
   double driven = 0;
   for (double time = 0; time < options.time_limit && driven < options.distance;
        time += options.period) {
@@ -53,7 +38,7 @@ std::optional<double> predicted_contact(Vehicle vehicle, PathFollower follower,
     vehicle.step(output.request, options.period);
     const VehicleState next = vehicle.state();
     driven += (next.position - state.position).norm();
-    const std::vector<double> depths = overlaps(grid, body, next);
+    const std::vector<double> depths = grid.overlaps(body, {next.position, next.yaw});
     for (std::size_t disc = 0; disc < depths.size(); ++disc) {
       if (depths[disc] > allowed[disc] + kDeeper) return output.arc_length;
       allowed[disc] = std::min(allowed[disc], depths[disc]);

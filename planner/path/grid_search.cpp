@@ -116,6 +116,19 @@ CellPath GridSearch::search(const PlanningGrid& grid, const Cell& start, const C
   return path;
 }
 
+/// Steps cost the same both ways, so that the search goes from the goals, without an estimate.
+std::vector<double> GridSearch::costs_to(const PlanningGrid& grid, std::span<const Cell> goals) {
+  prepare(grid, {});
+  estimate_scale_ = 0;
+  for (const Cell& goal : goals) {
+    if (grid.traversable(goal)) reach(goal, grid.geometry().index(goal), 0, kNoStep);
+  }
+  for (OpenCell open; pop(open, kNever);) expand(grid, open);
+  std::vector<double> costs = cost_;
+  for (double& cost : costs) cost *= grid.geometry().cell_size;
+  return costs;
+}
+
 void GridSearch::prepare(const PlanningGrid& grid, const Cell& goal) {
   if (cost_.size() != grid.geometry().cells()) {
     cost_.assign(grid.geometry().cells(), kNever);

@@ -10,10 +10,8 @@
 namespace blindcorner {
 namespace {
 
-/// Linear, but never what is not a number beside a cusp.
-double curvature_between(double a, double b, double share) {
-  if (!std::isfinite(a)) return std::isfinite(b) ? b : 0;
-  return std::isfinite(b) ? a + share * (b - a) : a;
+double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
+  return a.x() * b.y() - a.y() * b.x();
 }
 
 }  // namespace
@@ -27,7 +25,7 @@ PathPoint path_at(std::span<const PathPoint> points, double arc_length) {
   const double share = (arc_length - a.arc_length) / (b.arc_length - a.arc_length);
   return {.position = a.position + share * (b.position - a.position),
           .heading = a.heading + share * std::remainder(b.heading - a.heading, 2 * kPi),
-          .curvature = curvature_between(a.curvature, b.curvature, share),
+          .curvature = a.curvature + share * (b.curvature - a.curvature),
           .arc_length = arc_length};
 }
 
@@ -48,6 +46,24 @@ double nearest_arc_length(std::span<const PathPoint> points, const Eigen::Vector
     if (distance < least) least = distance, nearest = a.arc_length + t * length;
   }
   return nearest;
+}
+
+std::optional<double> PathGoal::crossing(const Eigen::Vector2d& from,
+                                         const Eigen::Vector2d& to) const {
+  if (!line_to) return std::nullopt;
+  const Eigen::Vector2d way = to - from, line = *line_to - point;
+  const double turn = cross(way, line);
+  if (turn == 0) return std::nullopt;
+  const double share = cross(point - from, line) / turn;
+  const double place = cross(point - from, way) / turn;
+  const bool meets = share >= 0 && share <= 1 && place >= 0 && place <= 1;
+  return meets ? std::optional(share) : std::nullopt;
+}
+
+double Path::greatest_curvature() const {
+  double most = 0;
+  for (const PathPoint& p : points) most = std::max(most, std::abs(p.curvature));
+  return most;
 }
 
 }  // namespace blindcorner

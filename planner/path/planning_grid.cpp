@@ -57,7 +57,6 @@ PlanningGrid::PlanningGrid(const GridGeometry& geometry, std::span<const double>
   }
   std::vector<double> known(occupancy.begin(), occupancy.end());
   obstacle_.resize(known.size());
-  closed_.assign(known.size(), 0);
   for (std::size_t i = 0; i < known.size(); ++i) {
     if (std::isnan(known[i])) known[i] = options.unknown_occupancy;
     if (!(known[i] >= 0 && known[i] <= 1)) {
@@ -75,13 +74,6 @@ PlanningGrid PlanningGrid::with_lethal_radius(double radius) const {
   PlanningGrid grid = *this;
   grid.options_.lethal_radius = radius;
   grid.options_.validate();
-  grid.find_steps();
-  return grid;
-}
-
-PlanningGrid PlanningGrid::with_closed(std::span<const Cell> cells) const {
-  PlanningGrid grid = *this;
-  for (const Cell& cell : cells) grid.closed_[geometry_.index(cell)] = 1;
   grid.find_steps();
   return grid;
 }
@@ -121,8 +113,7 @@ void PlanningGrid::find_steps() {
   traversable_.resize(geometry_.cells());
   float least = std::numeric_limits<float>::infinity(), greatest = 1;
   for (std::size_t i = 0; i < traversable_.size(); ++i) {
-    const bool open = obstacle_[i] == 0 && closed_[i] == 0;
-    traversable_[i] = open && clearance_[i] >= lethal ? 1 : 0;
+    traversable_[i] = obstacle_[i] == 0 && clearance_[i] >= lethal ? 1 : 0;
     if (traversable_[i] == 0) continue;
     least = std::min(least, cost_factor_[i]);
     greatest = std::max(greatest, cost_factor_[i]);
@@ -241,6 +232,19 @@ bool PlanningGrid::is_free(const VehicleFootprint& footprint, const PlanarPose& 
   return std::ranges::all_of(footprint.disc_offsets(), [&](double distance) {
     return disc_is_free(pose.position + distance * ahead, footprint.disc_radius());
   });
+}
+
+std::vector<double> PlanningGrid::overlaps(const VehicleFootprint& footprint,
+                                           const PlanarPose& pose) const {
+  const double radius = footprint.disc_radius();
+  const Eigen::Vector2d ahead(std::cos(pose.heading), std::sin(pose.heading));
+  std::vector<double> depths;
+  for (const double offset : footprint.disc_offsets()) {
+    const Eigen::Vector2d center = pose.position + offset * ahead;
+    const auto nearest = nearest_obstacle(center, radius);
+    depths.push_back(nearest ? radius - (*nearest - center).norm() : 0.0);
+  }
+  return depths;
 }
 
 double PlanningGrid::line_cost(const Eigen::Vector2d& from, const Eigen::Vector2d& to) const {

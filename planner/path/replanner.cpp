@@ -14,12 +14,9 @@ namespace blindcorner {
 namespace {
 
 constexpr double kNever = std::numeric_limits<double>::infinity();
-/// Share by which a path may be tighter than the planner's turning radius
-/// (ReplannerOptions::max_curvature).
-constexpr double kCurvatureMargin = 0.05;
-/// A plan is looked at again in every frame while it is tighter than the turning radius by more
-/// than this share; one that is less tight by as much is taken.
-constexpr double kTightMargin = 0.1;
+/// A plan is looked at in every frame at places at most so many cells apart: a disc of the radius
+/// of a cell reaches 1/30 of a cell into a corner between two of them.
+constexpr double kLookedAt = 0.5;
 
 void check_option(bool fine, const char* field, double value, const char* accepted) {
   if (fine && std::isfinite(value)) return;
@@ -47,16 +44,29 @@ std::size_t first_after(const Path& path, double arc_length) {
       std::min<std::ptrdiff_t>(after - path.points.begin(), std::ssize(path.points) - 1));
 }
 
-/// Arc length of the first of these poses from `from` on (or of the last one, beyond them) where
-/// the vehicle touches an obstacle; infinity where there is none.
-double first_blocked(const PlanningGrid& grid, const VehicleFootprint& footprint,
-                     const std::vector<PathPoint>& poses, double from) {
-  auto pose = std::ranges::lower_bound(poses, from, {}, &PathPoint::arc_length);
-  if (pose == poses.end() && !poses.empty()) --pose;
-  for (; pose != poses.end(); ++pose) {
-    if (!grid.is_free(footprint, {pose->position, pose->heading})) return pose->arc_length;
+/// Arc length from `from` on of the first place where the vehicle touches an obstacle; infinite
+/// where there is none. Of obstacles that it is in already, where it gets deeper.
+double first_blocked(const PlanningGrid& grid, const VehicleFootprint& body, const Path& path,
+                     double from) {
+  constexpr double kDeeper = 0.01;  // m
+  const double step = kLookedAt * grid.geometry().cell_size;
+  const PathPoint begin = path.at(from);
+  std::vector<double> allowed = grid.overlaps(body, {begin.position, begin.heading});
+  for (double s = from;; s = std::min(s + step, path.points.back().arc_length)) {
+    const PathPoint place = path.at(s);
+    const PlanarPose pose{place.position, place.heading};
+    if (!grid.is_free(body, pose)) {
+      const std::vector<double> now = grid.overlaps(body, pose);
+      for (std::size_t disc = 0; disc < now.size(); ++disc) {
+        if (now[disc] > allowed[disc] + kDeeper) return s;
+        allowed[disc] = std::min(allowed[disc], now[disc]);
+      }
+      if (!grid.geometry().contains(grid.geometry().cell_at(pose.position))) return s;
+    } else {
+      std::ranges::fill(allowed, 0.0);
+    }
+    if (s >= path.points.back().arc_length) return kNever;
   }
-  return kNever;
 }
 
 /// A path to where the vehicle stands.
@@ -64,7 +74,6 @@ Path standing(const PlanarPose& vehicle) {
   Path path;
   path.status = PathStatus::found;
   path.points = {{vehicle.position, vehicle.heading, 0, 0}};
-  path.waypoints = {vehicle.position};
   return path;
 }
 
@@ -77,7 +86,6 @@ Path cut_at(const Path& path, double end) {
   Path cut = path;
   cut.points.resize(first_after(path, end));
   cut.points.push_back(path.at(end));
-  cut.pieces.clear();
   cut.length = end;
   return cut;
 }
@@ -112,8 +120,6 @@ std::string_view plan_reason_word(PlanReason reason) {
       return "blocked";
     case PlanReason::costlier:
       return "costlier";
-    case PlanReason::tight:
-      return "tight";
     case PlanReason::refresh:
       return "refresh";
     case PlanReason::stopped:
@@ -133,7 +139,6 @@ void ReplannerOptions::validate() const {
   check_option(goal_tolerance >= 0, "goal_tolerance", goal_tolerance, "a number of metres >= 0");
   check_option(goal_heading_tolerance >= 0, "goal_heading_tolerance", goal_heading_tolerance,
                "radians >= 0");
-  check_option(max_curvature >= 0, "max_curvature", max_curvature, "a number of 1/m >= 0");
   check_option(deceleration > 0, "deceleration", deceleration, "a number of m/s^2 > 0");
   check_option(stop_margin >= 0, "stop_margin", stop_margin, "a number of metres >= 0");
 }
@@ -145,46 +150,34 @@ std::string PlanUpdate::text() const {
   if (status != PathStatus::found) {
     text += ", ";
     text += path_status_word(status);
-  } else if (too_tight) {
-    text += ", the path found is tighter than the vehicle can turn";
-  } else if (action == PlanAction::stop && flags.footprint_collides) {
-    text += ", the vehicle does not fit along the path found";
   }
   if (stops_too_late) text += ", too fast to stop in time";
-  std::string words;
-  const auto add = [&words](bool set, const char* word) {
-    if (set) words += std::string(words.empty() ? "" : ", ") + word;
-  };
-  add(flags.curvature_exceeded, "curvature_exceeded");
-  add(flags.partly_unsmoothed, "partly_unsmoothed");
-  add(flags.footprint_collides, "footprint_collides");
-  if (!words.empty()) text += " (" + words + ")";
   return text;
 }
 
-Replanner::Replanner(const PathPlannerOptions& planner, const ReplannerOptions& options)
-    : planner_(planner), options_(options) {
+Replanner::Replanner(const PathPlannerOptions& planner, const VehicleFootprint& body,
+                     const ReplannerOptions& options)
+    : planner_(planner), body_(body), options_(options) {
   options.validate();
 }
 
 void Replanner::reset() {
   plan_.reset();
   planned_cost_.clear();
-  poses_.clear();
   stopped_ = false;
   arc_length_ = 0;
   age_ = 0;
 }
 
 PlanUpdate Replanner::update(const PlanningGrid& grid, const PlanarPose& vehicle, double speed,
-                             const Eigen::Vector2d& goal, std::optional<double> goal_heading,
-                             double curvature) {
+                             const PathGoal& goal, double curvature) {
   const auto begin = std::chrono::steady_clock::now();
   PlanUpdate update;
   update.status = PathStatus::found;
-  const bool finite = is_finite(vehicle) && std::isfinite(speed) && goal.allFinite() &&
-                      std::isfinite(goal_heading.value_or(0)) && std::isfinite(curvature);
-  update.reason = finite ? assess(grid, vehicle, goal, goal_heading) : PlanReason::not_finite;
+  const bool finite = is_finite(vehicle) && std::isfinite(speed) && goal.point.allFinite() &&
+                      goal.line_to.value_or(goal.point).allFinite() &&
+                      std::isfinite(goal.heading.value_or(0)) && std::isfinite(curvature);
+  update.reason = finite ? assess(grid, vehicle, goal) : PlanReason::not_finite;
   if (update.reason == PlanReason::not_finite) {
     halt(grid, vehicle, speed, update);
   } else if (update.reason == PlanReason::at_goal) {
@@ -193,81 +186,47 @@ PlanUpdate Replanner::update(const PlanningGrid& grid, const PlanarPose& vehicle
     ++age_;
     keep(update);
   } else {
-    Path path =
-        planner_.plan(grid, {vehicle.position, vehicle.heading, goal, goal_heading, curvature});
+    Path path = planner_.plan(grid, {vehicle.position, vehicle.heading, goal, curvature, speed});
     update.status = path.status;
-    update.flags = path.flags;
     decide(grid, vehicle, speed, std::move(path), update);
-    if (update.action == PlanAction::replan) {
-      goal_ = goal;
-      goal_heading_ = goal_heading;
-    }
+    if (update.action == PlanAction::replan) goal_ = goal;
   }
   update.time = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   return update;
 }
 
 /// Compared with what the plan was made for, not with the last frame: a goal may creep.
-bool Replanner::is_new_goal(const Eigen::Vector2d& goal, std::optional<double> goal_heading) const {
-  if ((goal - goal_).norm() > options_.goal_tolerance) return true;
-  if (goal_heading.has_value() != goal_heading_.has_value()) return true;
-  const double turn = std::remainder(goal_heading.value_or(0) - goal_heading_.value_or(0), 2 * kPi);
+bool Replanner::is_new_goal(const PathGoal& goal) const {
+  const auto moved = [&](const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
+    return (a - b).norm() > options_.goal_tolerance;
+  };
+  if (moved(goal.point, goal_.point) || goal.line_to.has_value() != goal_.line_to.has_value() ||
+      goal.heading.has_value() != goal_.heading.has_value()) {
+    return true;
+  }
+  if (goal.line_to && moved(*goal.line_to, *goal_.line_to)) return true;
+  const double turn = std::remainder(goal.heading.value_or(0) - goal_.heading.value_or(0), 2 * kPi);
   return std::abs(turn) > options_.goal_heading_tolerance;
-}
-
-bool Replanner::drivable(const Path& path) const {
-  const double radius = planner_.options().smoothing.min_turning_radius;
-  if (options_.max_curvature == 0 && radius == 0) return true;
-  const double most =
-      options_.max_curvature > 0 ? options_.max_curvature : (1 + kCurvatureMargin) / radius;
-  return path.greatest_curvature <= most;
-}
-
-bool Replanner::is_tight(double curvature) const {
-  return curvature * planner_.options().smoothing.min_turning_radius > 1 + kTightMargin;
-}
-
-/// Of the present plan from the vehicle on, 1/m.
-double Replanner::curvature_ahead() const {
-  double most = 0;
-  for (std::size_t i = first_after(*plan_, arc_length_); i < plan_->points.size(); ++i) {
-    most = std::max(most, std::abs(plan_->points[i].curvature));
-  }
-  return most;
-}
-
-/// Whether a path is enough better than the rest of the present plan, which could be kept: less
-/// tight where that one is tight, or cheaper and, there, not tighter. `costs`: of the plan, to its
-/// end.
-bool Replanner::is_better(const Path& path, const std::vector<double>& costs) const {
-  const double ahead = curvature_ahead(), ratio = 1 + kTightMargin;
-  if (is_tight(ahead)) {
-    if (path.greatest_curvature * ratio < ahead) return true;
-    if (path.greatest_curvature > ahead * ratio) return false;
-  }
-  const double rest = costs[first_after(*plan_, arc_length_)];
-  return path.cost * (1 + options_.max_cost_growth) <= rest;
 }
 
 /// What speaks against the present plan, the gravest first.
 PlanReason Replanner::assess(const PlanningGrid& grid, const PlanarPose& vehicle,
-                             const Eigen::Vector2d& goal, std::optional<double> goal_heading) {
-  if ((vehicle.position - goal).norm() <= options_.goal_tolerance) return PlanReason::at_goal;
+                             const PathGoal& goal) {
+  const bool at_point =
+      !goal.line_to && (vehicle.position - goal.point).norm() <= options_.goal_tolerance;
+  if (at_point) return PlanReason::at_goal;
   if (!plan_) return stopped_ ? PlanReason::stopped : PlanReason::first_plan;
   arc_length_ = plan_->nearest(vehicle.position, std::max(0.0, arc_length_ - options_.max_offset));
   if (stopped_) return PlanReason::stopped;
-  if (is_new_goal(goal, goal_heading)) return PlanReason::goal_changed;
+  if (is_new_goal(goal)) return PlanReason::goal_changed;
   if ((plan_->at(arc_length_).position - vehicle.position).norm() > options_.max_offset) {
     return PlanReason::off_path;
   }
-  if (first_blocked(grid, planner_.options().smoothing.footprint, poses_, arc_length_) < kNever) {
-    return PlanReason::blocked;
-  }
+  if (first_blocked(grid, body_, *plan_, arc_length_) < kNever) return PlanReason::blocked;
   const std::size_t here = first_after(*plan_, arc_length_);
   if (costs_to_end(grid, *plan_)[here] > (1 + options_.max_cost_growth) * planned_cost_[here]) {
     return PlanReason::costlier;
   }
-  if (plan_->flags.curvature_exceeded && is_tight(curvature_ahead())) return PlanReason::tight;
   if (options_.refresh_after > 0 && age_ >= options_.refresh_after) return PlanReason::refresh;
   return PlanReason::still_good;
 }
@@ -276,8 +235,6 @@ void Replanner::keep(PlanUpdate& update) {
   update.action = PlanAction::keep;
   update.status = PathStatus::found;
   update.path = *plan_;
-  update.flags = plan_->flags;
-  update.too_tight = false;
   update.arc_length = arc_length_;
 }
 
@@ -312,28 +269,25 @@ void Replanner::halt(const PlanningGrid& grid, const PlanarPose& vehicle, double
 void Replanner::adopt(const PlanningGrid& grid, Path path) {
   plan_ = std::move(path);
   planned_cost_ = costs_to_end(grid, *plan_);
-  poses_ = checked_poses(grid, *plan_, {}, planner_.options().smoothing.footprint);
   arc_length_ = 0;
 }
 
 /// Takes a new path, keeps the present one, or stops.
 void Replanner::decide(const PlanningGrid& grid, const PlanarPose& vehicle, double speed, Path path,
                        PlanUpdate& update) {
-  update.too_tight = path.found() && !drivable(path);
-  const bool usable = path.found() && !path.flags.footprint_collides && !update.too_tight;
-  const bool could_keep = update.reason == PlanReason::refresh ||
-                          update.reason == PlanReason::costlier ||
-                          update.reason == PlanReason::tight;
+  const bool could_keep =
+      update.reason == PlanReason::refresh || update.reason == PlanReason::costlier;
   if (could_keep) {
     const std::vector<double> costs = costs_to_end(grid, *plan_);
-    if (!usable || !is_better(path, costs)) {
+    const double rest = costs[first_after(*plan_, arc_length_)];
+    if (!path.found() || path.cost * (1 + options_.max_cost_growth) > rest) {
       planned_cost_ = costs;
       age_ = 0;
       update.reason = PlanReason::new_plan_no_better;
       return keep(update);
     }
   }
-  if (!usable) return stop(grid, vehicle, speed, update);
+  if (!path.found()) return stop(grid, vehicle, speed, update);
   adopt(grid, std::move(path));
   age_ = 0;
   stopped_ = false;
@@ -349,8 +303,7 @@ void Replanner::stop(const PlanningGrid& grid, const PlanarPose& vehicle, double
     adopt(grid, standing(vehicle));
   }
   const double braking = 0.5 * speed * speed / options_.deceleration;
-  const double blocked =
-      first_blocked(grid, planner_.options().smoothing.footprint, poses_, arc_length_);
+  const double blocked = first_blocked(grid, body_, *plan_, arc_length_);
   const double free_end = std::max(
       arc_length_, std::min(plan_->points.back().arc_length, blocked - options_.stop_margin));
   const double end = std::min(free_end, arc_length_ + braking);
@@ -359,7 +312,6 @@ void Replanner::stop(const PlanningGrid& grid, const PlanarPose& vehicle, double
   update.path = cut_at(*plan_, end);
   plan_ = cut_at(*plan_, free_end);
   planned_cost_ = costs_to_end(grid, *plan_);
-  std::erase_if(poses_, [&](const PathPoint& pose) { return pose.arc_length > free_end; });
   stopped_ = true;
   update.arc_length = arc_length_;
 }

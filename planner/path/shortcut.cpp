@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "blindcorner/planner/path/smoothing.h"
+#include "planner/path/turning_path.h"
 
 namespace blindcorner {
 namespace {

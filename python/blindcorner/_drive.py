@@ -180,11 +180,6 @@ class Plan:
         return self.status == "found"
 
     @property
-    def flags(self) -> Any:
-        """Words about the path (docs/plan.md)."""
-        return self._document["flags"]
-
-    @property
     def length_m(self) -> float | None:
         """Length, m."""
         return self._document["length_m"]

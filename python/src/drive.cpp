@@ -132,14 +132,14 @@ std::shared_ptr<PlanRun> run_plan(const std::string& name, const Input<2>& occup
   geometry.origin = origin;
   geometry.validate();
   run->occupancy.occupancy.assign(occupancy.data(), occupancy.data() + geometry.cells());
-  run->request = {start, start_heading, goal, goal_heading};
+  run->request = {start, start_heading, {goal, goal_heading, std::nullopt}};
   PathPlannerOptions options;
   if (length.has_value() != width.has_value()) {
     throw Error("vehicle_length_m and vehicle_width_m", "found one of them, accepted: both");
   }
-  options.smoothing.footprint =
+  options.footprint =
       length ? VehicleFootprint::rectangle(*length, *width) : VehicleFootprint::disc(radius);
-  options.smoothing.min_turning_radius = min_turning_radius;
+  options.curves.turning_radius = min_turning_radius;
   options.grid.unknown_occupancy = unknown;
   options.grid.risk_weight = risk_weight;
   options.grid.risk_radius = risk_radius;

@@ -19,6 +19,7 @@
 #include "commands/cpu_clock.h"
 #include "commands/progress.h"
 #include "forward/support/quantile.h"
+#include "planner/path/turning_path.h"
 #include "report/formatted.h"
 
 namespace blindcorner {
@@ -123,15 +124,17 @@ void search_all(const PlannerArguments& arguments, Study& study, TerrainGrids& g
   }
 }
 
-/// Straight lines at any angle in place of steps between cells, and the smoothed path of a point.
+/// Straight lines at any angle in place of steps between cells, and with rounded corners, for a
+/// point.
 void smooth_all(Study& study, TerrainGrids& grids) {
   PathPlanner planner;
   const auto request = [](const PlanningGrid& grid, const MovingAiProblem& problem) {
-    return PathRequest{
-        grid.geometry().center(problem.start), {}, grid.geometry().center(problem.goal), {}};
+    return PathRequest{.start = grid.geometry().center(problem.start),
+                       .start_heading = {},
+                       .goal = {grid.geometry().center(problem.goal), {}, {}}};
   };
   study.variants.push_back(
-      solve_all(study, grids, "smoothed", [&](const PlanningGrid& grid, const auto& problem) {
+      solve_all(study, grids, "rounded", [&](const PlanningGrid& grid, const auto& problem) {
         const Path path = planner.plan(grid, request(grid, problem));
         if (!path.found()) return Solution{.expansions = path.expansions};
         return Solution{path.length / grid.geometry().cell_size, 0, path.expansions};
@@ -277,7 +280,7 @@ const StudyFiles kFiles{
     "everything a new problem costs on a known map. Weights multiply the heuristic: the path is at "
     "most that much longer than the optimum. Cells of 2 and 4: those of the map joined to squares, "
     "free where all of them are. Any-angle: straight lines in place of steps between "
-    "cells. Smoothed: the curve that a point would follow, checked for collisions. Both can be "
+    "cells. Rounded: the same with rounded corners. Both can be "
     "shorter than the optimum, which moves between centres of neighbouring cells."};
 
 int run_planner(const PlannerArguments& arguments) {

@@ -43,12 +43,8 @@ std::optional<double> radians(const std::optional<double>& degrees) {
 void print_path(const PlannedPath& planned, const std::string& output) {
   const Path& path = planned.path;
   if (path.found()) {
-    std::printf("%.2f m (%.2f m over cells), %zu expansions, search %.1f ms, smoothing %.1f ms\n",
-                path.length, path.grid_length, path.expansions, 1e3 * path.search_time,
-                1e3 * path.smoothing_time);
+    std::printf("%.2f m, %zu expansions, %.1f ms\n", path.length, path.expansions, 1e3 * path.time);
   }
-  if (path.flags.curvature_exceeded) std::printf("the path turns tighter than the vehicle can\n");
-  if (path.flags.footprint_collides) std::printf("the vehicle touches an obstacle on the path\n");
   std::printf("%s and %s\n", (fs::path(output) / "path.json").c_str(),
               (fs::path(output) / "index.html").c_str());
 }
@@ -88,7 +84,8 @@ std::string advice(const PlannedPath& planned) {
     }
     case PathStatus::start_blocked:
     case PathStatus::goal_blocked: {
-      const auto free = nearest_free(grid, start ? planned.request.start : planned.request.goal);
+      const auto free =
+          nearest_free(grid, start ? planned.request.start : planned.request.goal.point);
       std::snprintf(text, sizeof text, ": the %s lies in an obstacle or nearer than %.3g m to one",
                     end.c_str(), grid.options().lethal_radius + geometry.cell_size / 2);
       if (free) {
@@ -110,13 +107,13 @@ std::string advice(const PlannedPath& planned) {
 
 int run_plan(const PlanArguments& arguments) {
   PathPlannerOptions options = arguments.planner;
-  options.smoothing.footprint = footprint_of(arguments);
+  options.footprint = footprint_of(arguments);
   PathPlanner planner(options);
   const OccupancyMap map = read_map(arguments.map);
-  const PathRequest request{{arguments.start[0], arguments.start[1]},
-                            radians(arguments.start_heading),
-                            {arguments.goal[0], arguments.goal[1]},
-                            radians(arguments.goal_heading)};
+  const PathRequest request{
+      {arguments.start[0], arguments.start[1]},
+      radians(arguments.start_heading),
+      {{arguments.goal[0], arguments.goal[1]}, radians(arguments.goal_heading), std::nullopt}};
   const PlanningGrid grid = planner.grid(map.geometry, map.occupancy);
   const Path path = planner.plan(grid, request);
   const PlannedPath planned{arguments.map, request, grid, path};
@@ -125,11 +122,9 @@ int run_plan(const PlanArguments& arguments) {
   write_atomically((fs::path(arguments.output) / "index.html").string(),
                    path_page(planned, map.occupancy));
   print_path(planned, arguments.output);
-  if (path.found() && !path.flags.footprint_collides) return kAllWell;
-  const std::string why = path.found()
-                              ? "footprint_collides"
-                              : std::string(path_status_word(path.status)) + advice(planned);
-  std::fprintf(stderr, "blindcorner: %s: %s\n", arguments.map.c_str(), why.c_str());
+  if (path.found()) return kAllWell;
+  std::fprintf(stderr, "blindcorner: %s: %s%s\n", arguments.map.c_str(),
+               std::string(path_status_word(path.status)).c_str(), advice(planned).c_str());
   return kSomeFailed;
 }
 
@@ -142,7 +137,7 @@ void add_vehicle_options(CLI::App& command, PlanArguments& arguments) {
       ->excludes(length)
       ->excludes(width);
   command
-      .add_option("--min-turning-radius", arguments.planner.smoothing.min_turning_radius,
+      .add_option("--min-turning-radius", arguments.planner.curves.turning_radius,
                   "the path turns no tighter, m")
       ->capture_default_str();
 }
@@ -152,8 +147,7 @@ void add_vehicle_options(CLI::App& command, PlanArguments& arguments) {
 void add_plan_command(CLI::App& app, int& exit_code) {
   CLI::App& command = *app.add_subcommand("plan",
                                           "a path on a map; writes path.json and index.html. Exit "
-                                          "code 1: there is none, or the vehicle touches an "
-                                          "obstacle on it");
+                                          "code 1: there is none");
   const auto arguments = std::make_shared<PlanArguments>();
   command
       .add_option("MAP", arguments->map,

@@ -235,9 +235,18 @@ void check_on_map(const JsonReader& reader, const GridGeometry& map, const Vecto
 }
 
 void read_route(const JsonReader& reader, Drive& drive) {
-  for (const JsonReader& point : reader.at("route_m").elements(1)) {
-    drive.route.push_back(read_point(point));
-    check_on_map(point, drive.map, drive.route.back());
+  const JsonReader line = reader.at("finish_line_m"), route = reader.at("route_m");
+  if (!line.present() || route.present()) {
+    for (const JsonReader& point : route.elements(1)) {
+      drive.route.push_back(read_point(point));
+      check_on_map(point, drive.map, drive.route.back());
+    }
+  }
+  if (line.present()) {
+    const auto ends = line.elements_exactly(2, "points, the ends of a line across the lane");
+    drive.finish_line = {read_point(ends[0]), read_point(ends[1])};
+    for (std::size_t i = 0; i < 2; ++i) check_on_map(ends[i], drive.map, (*drive.finish_line)[i]);
+    if ((*drive.finish_line)[0] == (*drive.finish_line)[1]) ends[1].fail("another point");
   }
   check_on_map(reader.at("vehicle").at("start").at("position_m"), drive.map, drive.vehicle.start);
   drive.goal_tolerance = reader.at("goal_tolerance_m")
@@ -301,8 +310,9 @@ Drive read_drive(const std::string& path) {
   const JsonReader reader(document, path);
   if (!reader.is_object()) reader.fail("an object");
   reader.allow_only({"name", "description", "scene", "vehicle", "route_m", "goal_tolerance_m",
-                     "speed_m_per_s", "time_limit_s", "sensor", "direct_sight", "map", "hidden",
-                     "perception", "trials", "speed_mode", "risk", "closing_speed_m_per_s"});
+                     "finish_line_m", "speed_m_per_s", "time_limit_s", "sensor", "direct_sight",
+                     "map", "hidden", "perception", "trials", "speed_mode", "risk",
+                     "closing_speed_m_per_s"});
   Drive drive;
   drive.path = path;
   drive.name = reader.at("name").text_or(std::filesystem::path(path).stem().string());

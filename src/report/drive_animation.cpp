@@ -145,6 +145,22 @@ std::string frame_picture(const Drive& drive, const DriveFrame& frame, const Can
   return text + vehicle_picture(drive, frame.vehicle, canvas);
 }
 
+std::string goal_picture(const Drive& drive, const Canvas& canvas) {
+  if (drive.finish_line) {
+    const Vector2d a = canvas.at(drive.finish_line->front());
+    const Vector2d b = canvas.at(drive.finish_line->back());
+    return formatted(
+        "<line x1=\"%.1f\" y1=\"%.1f\" x2=\"%.1f\" y2=\"%.1f\" stroke=\"#cc79a7\" "
+        "stroke-width=\"3\"/>\n",
+        a.x(), a.y(), b.x(), b.y());
+  }
+  const Vector2d goal = canvas.at(drive.route.back());
+  return formatted(
+      "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"%.1f\" fill=\"#cc79a7\" "
+      "fill-opacity=\".3\" stroke=\"#cc79a7\"/>\n",
+      goal.x(), goal.y(), canvas.scale() * drive.goal_tolerance);
+}
+
 }  // namespace
 
 std::string drive_animation(const Drive& drive, const DriveResult& result) {
@@ -155,11 +171,7 @@ std::string drive_animation(const Drive& drive, const DriveResult& result) {
       "<rect width=\"100%%\" height=\"100%%\" fill=\"#eef0ee\"/>",
       kWidth, canvas.height(), kWidth);
   text += known_world(drive, canvas);
-  const Vector2d goal = canvas.at(drive.route.back());
-  text += formatted(
-      "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"%.1f\" fill=\"#cc79a7\" "
-      "fill-opacity=\".3\" stroke=\"#cc79a7\"/>\n",
-      goal.x(), goal.y(), canvas.scale() * drive.goal_tolerance);
+  text += goal_picture(drive, canvas);
   for (std::size_t i = 0; i < result.frames.size(); ++i) {
     const bool last = i + 1 == result.frames.size();
     const double from = result.frames[i].time / total;

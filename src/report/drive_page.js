@@ -293,9 +293,18 @@
     ctx.restore();
   }
   function drawGoal(ctx) {
-    var goal = world.route_m[world.route_m.length - 1], x = X(goal[0]), y = Y(goal[1]), r = 9 * pixel;
-    ctx.beginPath(); ctx.arc(x, y, world.goal_tolerance_m * view.scale, 0, 2 * Math.PI);
-    ctx.save(); ctx.globalAlpha = 0.2; ctx.fillStyle = COLOUR.goal; ctx.fill(); ctx.restore();
+    var line = world.finish_line_m, goal = line ? [(line[0][0] + line[1][0]) / 2, (line[0][1] + line[1][1]) / 2]
+      : world.route_m[world.route_m.length - 1];
+    var x = X(goal[0]), y = Y(goal[1]), r = 9 * pixel;
+    ctx.save(); ctx.beginPath();
+    if (line) {
+      ctx.moveTo(X(line[0][0]), Y(line[0][1])); ctx.lineTo(X(line[1][0]), Y(line[1][1]));
+      ctx.strokeStyle = COLOUR.goal; ctx.lineWidth = 4 * pixel; ctx.stroke();
+    } else {
+      ctx.arc(x, y, world.goal_tolerance_m * view.scale, 0, 2 * Math.PI);
+      ctx.globalAlpha = 0.2; ctx.fillStyle = COLOUR.goal; ctx.fill();
+    }
+    ctx.restore();
     ctx.beginPath(); ctx.arc(x, y - 2.1 * r, r, Math.PI * 0.86, Math.PI * 0.14); ctx.lineTo(x, y); ctx.closePath();
     ctx.fillStyle = COLOUR.goal; ctx.fill();
     ctx.beginPath(); ctx.arc(x, y - 2.1 * r, 0.38 * r, 0, 2 * Math.PI); ctx.fillStyle = "#fff"; ctx.fill();

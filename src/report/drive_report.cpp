@@ -193,6 +193,9 @@ json world_json(const Drive& drive, const DriveResult& result) {
             {"width_m", drive.vehicle.width}}},
           {"route_m", points_json(drive.route)},
           {"goal_tolerance_m", drive.goal_tolerance},
+          {"finish_line_m",
+           drive.finish_line ? points_json({drive.finish_line->begin(), drive.finish_line->end()})
+                             : json()},
           {"sensor_rate_hz", drive.sensor.rate},
           {"bin_width_ns", drive.scene.sensor.bin_width * 1e9},
           {"map",

@@ -111,23 +111,20 @@ std::string picture(const PlannedPath& planned, std::span<const double> occupanc
   svg += "</g>\n";
   std::vector<Eigen::Vector2d> curve;
   for (const PathPoint& point : planned.path.points) curve.push_back(point.position);
-  svg += polyline(planned.path.waypoints,
-                  "stroke=\"var(--line,#8b949d)\" stroke-width=\"1\" stroke-dasharray=\"5 4\"");
   svg += polyline(curve, "stroke=\"var(--path,#0072b2)\" stroke-width=\"2.5\"");
   const double radius = 0.006 * std::max(width, height);  // a few pixels of the page
   svg += marker(planned.request.start, radius, colour::kSensor, "start");
-  svg += marker(planned.request.goal, radius, colour::kGoal, "goal");
+  svg += marker(planned.request.goal.point, radius, colour::kGoal, "goal");
   return svg + "</g></svg>\n";
 }
 
 std::string figures(const Path& path) {
   return formatted(
-      "<table><tr><td>status<td>%s</tr><tr><td>length<td>%.2f m</tr><tr><td>length over cells"
-      "<td>%.2f m</tr><tr><td>cost<td>%.2f m</tr><tr><td>greatest curvature<td>%.3f / m</tr>"
-      "<tr><td>expansions<td>%zu</tr><tr><td>search<td>%.1f ms</tr><tr><td>smoothing<td>%.1f ms"
-      "</tr></table>\n",
-      std::string(path_status_word(path.status)).c_str(), path.length, path.grid_length, path.cost,
-      path.greatest_curvature, path.expansions, 1e3 * path.search_time, 1e3 * path.smoothing_time);
+      "<table><tr><td>status<td>%s</tr><tr><td>length<td>%.2f m</tr><tr><td>cost<td>%.2f m</tr>"
+      "<tr><td>greatest curvature<td>%.3f / m</tr><tr><td>expansions<td>%zu</tr><tr><td>time"
+      "<td>%.1f ms</tr></table>\n",
+      std::string(path_status_word(path.status)).c_str(), path.length, path.cost,
+      path.greatest_curvature(), path.expansions, 1e3 * path.time);
 }
 
 std::string path_headline(const Path& path) {
@@ -156,26 +153,17 @@ std::string path_json(const PlannedPath& planned) {
   json["format"] = "blindcorner.path/1";
   json["map"] = planned.map;
   json["start_m"] = pair(planned.request.start);
-  json["goal_m"] = pair(planned.request.goal);
+  json["goal_m"] = pair(planned.request.goal.point);
   json["status"] = path_status_word(path.status);
-  json["flags"] = Json::array();
-  if (path.flags.curvature_exceeded) json["flags"].push_back("curvature_exceeded");
-  if (path.flags.partly_unsmoothed) json["flags"].push_back("partly_unsmoothed");
-  if (path.flags.footprint_collides) json["flags"].push_back("footprint_collides");
   json["length_m"] = path.length;
-  json["grid_length_m"] = path.grid_length;
   json["cost_m"] = path.cost;
   json["expansions"] = path.expansions;
-  json["time_ms"] = {{"search", 1e3 * path.search_time}, {"smoothing", 1e3 * path.smoothing_time}};
-  json["waypoints_m"] = Json::array();
-  for (const Eigen::Vector2d& waypoint : path.waypoints) {
-    json["waypoints_m"].push_back(pair(waypoint));
-  }
+  json["time_ms"] = 1e3 * path.time;
   json["point_columns"] = {"x_m", "y_m", "heading_rad", "curvature_per_m", "arc_length_m"};
   json["points"] = Json::array();
   for (const PathPoint& p : path.points) {
     json["points"].push_back(
-        {p.position.x(), p.position.y(), p.heading, number_or_null(p.curvature), p.arc_length});
+        {p.position.x(), p.position.y(), p.heading, p.curvature, p.arc_length});
   }
   return json.dump() + "\n";
 }
@@ -185,8 +173,8 @@ std::string path_page(const PlannedPath& planned, std::span<const double> occupa
                     path_headline(planned.path),
                     figures(planned.path) +
                         "<p>Grey: obstacles; brown: too near to one for the vehicle's reference "
-                        "point; light grey: unknown. Dashed: straight lines between waypoints; "
-                        "blue: the path, from the dark dot to the pink one.</p>\n" +
+                        "point; light grey: unknown; blue: the path, from the dark dot to the "
+                        "pink one.</p>\n" +
                         picture(planned, occupancy));
 }
 

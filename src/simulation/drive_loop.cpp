@@ -8,6 +8,7 @@
 #include <deque>
 #include <limits>
 #include <random>
+#include <utility>
 
 #include "blindcorner/planner/control/path_follower.h"
 #include "blindcorner/planner/control/path_outlook.h"
@@ -36,8 +37,6 @@ constexpr double kStep = 0.02;
 constexpr double kGivesUpAfter = 3.0;
 /// A vehicle slower than this stands, m/s: 6 cm until it gives up.
 constexpr double kStands = 0.02;
-/// Share of the wanted speed below which a vehicle has lost it.
-constexpr double kHeldSpeed = 0.9;
 /// Log likelihood ratio of a cell in which the known scene has a wall: a thousand to one.
 constexpr double kWallEvidence = 6.9;
 /// Frames of one drive draw their photons from seeds this far apart: a prime beyond their number.
@@ -104,6 +103,8 @@ class DriveLoop {
     return limits_.wheelbase > 0 ? std::tan(believed().steering_angle) / limits_.wheelbase : 0.0;
   }
   double speed() const { return options_.speed.value_or(world_.speed()); }
+  PathGoal goal() const;
+  bool passed_goal();
 
   const Drive& drive_;
   const SimulatedSensor& sensor_;
@@ -133,6 +134,7 @@ class DriveLoop {
   VehicleState sensed_from_;  ///< true, at the time of the frame that perception works on
   AnswerEvent perceived_;     ///< the last before any hidden object came in direct sight
   std::size_t next_goal_ = 0;
+  Vector2d passed_from_;  ///< m, where the vehicle took itself to be when the goal was looked at
   std::deque<SensedEvent> arriving_;  ///< in order of arrival
   std::deque<AnswerEvent> answers_;   ///< in order of readiness
   std::optional<AnswerEvent> latest_;
@@ -163,14 +165,15 @@ DriveLoop::DriveLoop(const Drive& drive, const SimulatedSensor& sensor, const Dr
       vehicle_(model_of(drive.vehicle)),
       limits_(vehicle_.model().limits()),
       body_(footprint_of(vehicle_.model())),
-      replanner_(planner_options(drive.vehicle, vehicle_.model(), speed()),
-                 replanner_options(drive, limits_, speed())),
+      replanner_(planner_options(drive.vehicle, vehicle_.model(), speed()), body_,
+                 replanner_options(drive)),
       faults_(options.seed ^ kFaultSeed) {
   VehicleState start;
   start.position = drive.vehicle.start;
   start.yaw = drive.vehicle.start_yaw;
   start.speed = drive.vehicle.start_speed.value_or(speed());
   vehicle_.place(start);
+  passed_from_ = believed().position;
   mark_walls();
   result_.wanted_speed = speed();
   result_.trace_step = kStep;
@@ -314,12 +317,11 @@ void DriveLoop::plan() {
   const PlanningGrid planning = replanner_.planner().grid(drive_.map, occupancy_);
   const VehicleState at = believed();
   const PlanUpdate update =
-      replanner_.update(planning, {at.position, at.yaw}, at.speed, drive_.route[next_goal_],
-                        std::nullopt, steered_curvature());
+      replanner_.update(planning, {at.position, at.yaw}, at.speed, goal(), steered_curvature());
   plan_text_ = update.text();
   held_ = false;
   follow(update);
-  if (drive_.speed_mode == SpeedMode::safe && follower_) limit_speed(planning);
+  if (follower_) limit_speed(planning);
 }
 
 /// A follower for a new path. A stop is driven along what is left of the path, to its end; where
@@ -337,13 +339,11 @@ void DriveLoop::follow(const PlanUpdate& update) {
   }
   PathFollowerOptions options = follower_options(limits_);
   options.profile.speed = speed();
-  // What holds its speed in curves does so; but where it has lost it in a stop, it does not gain it
-  // on a plan that is tighter than friction allows at that speed.
-  const bool holds = !drive_.vehicle.brakes_for_curves;
-  const bool slowed = believed().speed < kHeldSpeed * speed();
-  if (holds && slowed && update.path.flags.curvature_exceeded) {
-    options.profile.cornering = drive_.vehicle.cornering_share.value_or(options.profile.cornering);
-  } else if (holds) {
+  // A plan that looks at friction is made for the speed that is held. One that was made after a
+  // stop turns tighter, and is driven accordingly.
+  if (drive_.vehicle.cornering_share)
+    options.profile.cornering = *drive_.vehicle.cornering_share;
+  else if (!drive_.vehicle.brakes_for_curves) {
     options.profile.cornering = std::numeric_limits<double>::infinity();
   }
   options.profile.end = update.action == PlanAction::stop ? 0.0 : speed();
@@ -351,21 +351,23 @@ void DriveLoop::follow(const PlanUpdate& update) {
   outlook_.reset();
 }
 
-/// Lowers the follower's speeds to those from which the vehicle can stop for what may be there, and
-/// for what it would touch beside its path.
+/// Lowers the follower's speeds to those at which the steering follows, and from which the vehicle
+/// can stop for what may be there, and for what it would touch beside its path.
 void DriveLoop::limit_speed(const PlanningGrid& planning) {
+  if (!drive_.vehicle.brakes_for_curves) return;
   const std::vector<PathPoint>& path = follower_->path();
+  const double here = nearest_arc_length(path, believed().position, path.front().arc_length,
+                                         path.back().arc_length);
+  const std::vector<double> steerable = steerable_speeds(path, limits_, here, steered_curvature());
+  if (drive_.speed_mode != SpeedMode::safe) return follower_->limit_speed(steerable, believed());
   if (!outlook_) {
     outlook_.emplace(path, vehicle_.model().footprint(), drive_.sensor.T_vehicle_sensor, sight_,
                      drive_.map, outlook_options(drive_, limits_, speed()));
   }
-  const double here = nearest_arc_length(path, believed().position, path.front().arc_length,
-                                         path.back().arc_length);
   const std::vector<PoseHypothesis> hypotheses =
       hypotheses_.of(grid_.hidden_mixture(), grid_.not_seen());
   std::vector<double> limits = safe_speed_limits(
       path, limits_, outlook_->encounters(hypotheses, here), here, safe_speed_options(drive_));
-  const std::vector<double> steerable = steerable_speeds(path, limits_, here, steered_curvature());
   std::ranges::transform(limits, steerable, limits.begin(),
                          [](double a, double b) { return std::min(a, b); });
   follower_->limit_speed(limits, believed());
@@ -378,6 +380,20 @@ void DriveLoop::limit_speed(const PlanningGrid& planning) {
   held_ = true;
   stop_at(path, *contact - safe_speed_options(drive_).margin, limits);
   follower_->limit_speed(limits, believed());
+}
+
+/// The next point of the route, or the line behind its last one.
+PathGoal DriveLoop::goal() const {
+  if (next_goal_ < drive_.route.size()) return {drive_.route[next_goal_], {}, {}};
+  return {drive_.finish_line->front(), {}, drive_.finish_line->back()};
+}
+
+/// Whether the vehicle, where it takes itself to be, has come to the goal since it was asked last.
+bool DriveLoop::passed_goal() {
+  const Vector2d before = std::exchange(passed_from_, believed().position);
+  const PathGoal next = goal();
+  if (next.line_to) return next.crossing(before, passed_from_).has_value();
+  return (passed_from_ - next.point).norm() <= drive_.goal_tolerance;
 }
 
 /// One control period.
@@ -410,12 +426,12 @@ bool DriveLoop::finished() {
     result_.outcome = DriveOutcome::collision;
     return true;
   }
-  if ((believed().position - drive_.route[next_goal_]).norm() <= drive_.goal_tolerance) {
-    if (next_goal_ + 1 == drive_.route.size()) {
+  if (passed_goal()) {
+    const std::size_t goals = drive_.route.size() + (drive_.finish_line ? 1 : 0);
+    if (++next_goal_ == goals) {
       result_.outcome = DriveOutcome::reached;
       return true;
     }
-    ++next_goal_;
   }
   const bool stands = (brake_ || held_) && std::abs(at.speed) < kStands;
   if (!stands) standing_since_ = -1;

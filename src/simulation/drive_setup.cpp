@@ -19,17 +19,26 @@ constexpr double kAvoidedProbability = 0.2;
 constexpr double kUnknownOccupancy = 0.1;
 /// Room that plans leave on each side for the follower's offset from the path, in widths.
 constexpr double kMargin = 0.1;
-/// A path may be tighter than the turning radius that plans are made with, up to this share of what
-/// the vehicle can turn at full lock: the follower needs the rest to get back onto it.
-constexpr double kSteeringShare = 0.9;
+/// Shares that plans use of the friction limit in curves (unless the drive says), of it in braking
+/// for them, and of the steering's rate: the follower needs the rest.
+constexpr double kCorneringShare = 0.7, kBrakingShare = 0.4, kSteeringShare = 0.8;
 /// A metre at risk 0.1 costs as much as two.
 constexpr double kRiskWeight = 10;
 
-/// Tightest turn of a plan, m: v^2 / r is what friction has to hold.
-double turning_radius(const DriveVehicle& vehicle, const VehicleLimits& limits, double speed) {
-  if (!vehicle.cornering_share) return vehicle.turning_radius;
-  return std::max(vehicle.turning_radius,
-                  speed * speed / (*vehicle.cornering_share * limits.friction));
+CurveLimits curve_limits(const DriveVehicle& vehicle, const VehicleLimits& limits, double speed) {
+  CurveLimits curves;
+  // What turns on the spot does so before it drives off; on its way it turns about its own side.
+  curves.turning_radius = vehicle.turning_radius > 0 ? vehicle.turning_radius : vehicle.width / 2;
+  const double share = vehicle.cornering_share.value_or(kCorneringShare);
+  if (vehicle.cornering_share || vehicle.brakes_for_curves) {
+    curves.lateral_acceleration = share * limits.friction;
+  }
+  if (vehicle.brakes_for_curves) curves.braking = kBrakingShare * limits.friction;
+  if (limits.wheelbase > 0 && std::isfinite(limits.steering_rate)) {
+    curves.curvature_speed = kSteeringShare * limits.steering_rate / limits.wheelbase;
+  }
+  curves.wanted_speed = speed;
+  return curves;
 }
 
 }  // namespace
@@ -60,22 +69,17 @@ PathPlannerOptions planner_options(const DriveVehicle& vehicle, const VehicleMod
   options.grid.occupied_threshold = kAvoidedProbability;
   options.grid.unknown_occupancy = kUnknownOccupancy;
   options.grid.risk_weight = kRiskWeight;
-  const VehicleLimits limits = model.limits();
-  options.smoothing.min_turning_radius = turning_radius(vehicle, limits, speed);
-  if (limits.wheelbase > 0 && std::isfinite(limits.steering_rate)) {
-    options.smoothing.max_curvature_rate = limits.steering_rate / (limits.wheelbase * speed);
-  }
-  options.smoothing.footprint = footprint_of(model, kMargin * model.footprint().width);
+  options.curves = curve_limits(vehicle, model.limits(), speed);
+  options.turns_on_the_spot = vehicle.turning_radius == 0;
+  options.footprint = footprint_of(model, kMargin * model.footprint().width);
+  options.point_spacing = std::min(options.point_spacing, vehicle.length / 4);
   return options;
 }
 
-ReplannerOptions replanner_options(const Drive& drive, const VehicleLimits& limits, double speed) {
+ReplannerOptions replanner_options(const Drive& drive) {
   ReplannerOptions options;
   options.goal_tolerance = drive.goal_tolerance;
   options.max_offset = std::min(options.max_offset, drive.vehicle.width);
-  const double radius = turning_radius(drive.vehicle, limits, speed);
-  const double tightest = kSteeringShare * limits.curvature;
-  if (std::isfinite(tightest) && tightest * radius > 1) options.max_curvature = tightest;
   options.stop_margin = std::min(options.stop_margin, drive.vehicle.length / 2);
   return options;
 }

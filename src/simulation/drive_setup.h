@@ -24,7 +24,7 @@ VehicleFootprint footprint_of(const VehicleModel& model, double margin = 0);
 
 PathPlannerOptions planner_options(const DriveVehicle& vehicle, const VehicleModel& model,
                                    double speed);
-ReplannerOptions replanner_options(const Drive& drive, const VehicleLimits& limits, double speed);
+ReplannerOptions replanner_options(const Drive& drive);
 
 LineOfSightOptions sight_options(const Drive& drive);
 

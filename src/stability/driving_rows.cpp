@@ -84,7 +84,7 @@ StabilityMeasurement planned(const GridGeometry& geometry, double occupancy, dou
   const PlanningGrid grid = planner.grid(geometry, cells);
   PathRequest request;
   request.start = Eigen::Vector2d(from, from);
-  request.goal = Eigen::Vector2d(to, to);
+  request.goal.point = Eigen::Vector2d(to, to);
   const Path path = planner.plan(grid, request);
   return {path.found() == expected ? 0.0 : 1.0, path.found() ? "found" : "none"};
 }

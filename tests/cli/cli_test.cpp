@@ -1291,8 +1291,8 @@ TEST_F(Cli, PlanWritesPathAndPage) {
   const json file = json::parse(text_of(path("out/path.json")));
   EXPECT_EQ(file["format"], "blindcorner.path/1");
   EXPECT_EQ(file["status"], "found");
-  EXPECT_TRUE(file["flags"].empty());
-  EXPECT_NEAR(file["grid_length_m"], 7 + std::sqrt(2.0), 1e-9);
+  // Steps between cells are 7 + sqrt(2) m long, straight lines with rounded corners less.
+  EXPECT_LT(file["length_m"], 7 + std::sqrt(2.0));
   EXPECT_EQ(file["points"].front()[0], 0.5);
   EXPECT_EQ(file["points"].back()[1], 0.5);
   EXPECT_NEAR(file["points"].back()[4], file["length_m"], 1e-9);
@@ -1399,6 +1399,27 @@ TEST_F(Cli, DriveWritesWhatHappenedAndAPageThatPlaysIt) {
   const std::string page = text_of(path("out/index.html"));
   EXPECT_THAT(page, HasSubstr("\"canvas\""));
   EXPECT_THAT(page, Not(HasSubstr("src=\"http")));
+  EXPECT_THAT(text_of(path("out/drive.svg")), HasSubstr("<animate"));
+}
+
+// What README shows, as README writes it: the outcome and the picture.
+TEST_F(Cli, TheDriveThatReadmeShowsReachesItsGoal) {
+  const std::string readme = text_of(SOURCE_DIR "/README.md");
+  const std::string begin = "*A simulated drive (`blindcorner ";
+  const std::size_t from = readme.find(begin);
+  ASSERT_NE(from, std::string::npos);
+  std::string command = readme.substr(from + begin.size());
+  command.resize(command.find('`'));
+  const auto put = [&](const std::string& what, const std::string& by) {
+    const std::size_t at = command.find(what);
+    ASSERT_NE(at, std::string::npos) << command;
+    command.replace(at, what.size(), by);
+  };
+  put("scenes/", SOURCE_DIR "/scenes/");
+  put("-o out", "-o '" + path("out") + "'");
+  const Outcome outcome = run(command + " --require-goal");
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.out << outcome.err;
+  EXPECT_EQ(json::parse(text_of(path("out/drive.json")))["outcome"], "reached");
   EXPECT_THAT(text_of(path("out/drive.svg")), HasSubstr("<animate"));
 }
 

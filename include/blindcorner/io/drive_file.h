@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <map>
 #include <optional>
 #include <string>
@@ -92,9 +93,12 @@ struct Drive {
   Scene scene;
   Motion motion;  ///< of the hidden object as the tracker assumes it
   DriveVehicle vehicle;
-  /// Points on the way, m, world; the last one is the goal.
+  /// Points on the way, m, world; the last one is the goal where there is no finish line.
   std::vector<Eigen::Vector2d> route;
-  double goal_tolerance = 1;  ///< m
+  double goal_tolerance = 1;  ///< m, of points
+  /// Ends of a line across the lane, m: after the points the goal is reached when the vehicle
+  /// passes it.
+  std::optional<std::array<Eigen::Vector2d, 2>> finish_line;
   double speed_lower =
       5;  ///< m/s, wanted speed: drawn uniformly, or stated where both are the same
   double speed_upper = 5;  ///< m/s

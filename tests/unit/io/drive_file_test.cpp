@@ -87,6 +87,21 @@ TEST(DriveFile, SpeedModeRiskAndCornerAreRead) {
   EXPECT_EQ(read_drive(kScenes + "street_safe_drive.json").speed_mode, SpeedMode::safe);
 }
 
+TEST(DriveFile, ARouteEndsAtAPointOrALine) {
+  const Drive point = read_changed([](json&) {});
+  EXPECT_FALSE(point.finish_line);
+  const Drive line = read_changed([](json& d) {
+    d.erase("route_m");
+    d["finish_line_m"] = {{0, 2.9}, {2, 2.9}};
+  });
+  EXPECT_TRUE(line.route.empty());
+  ASSERT_TRUE(line.finish_line);
+  EXPECT_EQ(line.finish_line->back(), Eigen::Vector2d(2, 2.9));
+  const Drive both = read_changed([](json& d) { d["finish_line_m"] = {{0, 2.9}, {2, 2.9}}; });
+  EXPECT_EQ(both.route.size(), 1U);
+  EXPECT_TRUE(both.finish_line);
+}
+
 TEST(DriveFile, WrongOnesGetOneLine) {
   const auto expect = [](const std::function<void(json&)>& change, const std::string& field,
                          const std::string& found) {
@@ -112,6 +127,10 @@ TEST(DriveFile, WrongOnesGetOneLine) {
       "vehicle.start.position_m", "on the map");
   expect([](json& d) { d["route_m"] = json::array(); }, "route_m", "found");
   expect([](json& d) { d["route_m"][0] = {0.5, 40}; }, "route_m[0]", "on the map");
+  expect([](json& d) { d.erase("route_m"); }, "route_m", "nothing");
+  expect([](json& d) { d["finish_line_m"] = {{0, 2}}; }, "finish_line_m", "ends of a line");
+  expect([](json& d) { d["finish_line_m"] = {{0, 2}, {0, 2}}; }, "finish_line_m[1]", "another");
+  expect([](json& d) { d["finish_line_m"] = {{0, 2}, {0, 90}}; }, "finish_line_m[1]", "on the map");
   expect([](json& d) { d["speed_m_per_s"] = -1; }, "speed_m_per_s", "-1");
   expect([](json& d) { d["speed_m_per_s"] = {3, 2}; }, "speed_m_per_s", "3");
   expect([](json& d) { d["sensor"]["rate_hz"] = 0; }, "sensor.rate_hz", "0");

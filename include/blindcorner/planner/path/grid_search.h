@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <string_view>
 #include <vector>
 
@@ -54,6 +55,9 @@ class GridSearch {
   explicit GridSearch(const GridSearchOptions& options = {});
 
   CellPath search(const PlanningGrid& grid, const Cell& start, const Cell& goal);
+  /// [cells] least cost of the way from each cell to one of `goals`, m; infinite where there is
+  /// none. Goals that are not traversable are none.
+  std::vector<double> costs_to(const PlanningGrid& grid, std::span<const Cell> goals);
 
  private:
   struct OpenCell {

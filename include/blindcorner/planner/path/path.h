@@ -3,10 +3,10 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <span>
 #include <vector>
 
-#include "blindcorner/planner/path/bezier.h"
 #include "blindcorner/planner/path/grid_search.h"
 
 namespace blindcorner {
@@ -19,8 +19,7 @@ struct PathPoint {
 };
 
 /// Between two points of a path linearly (headings the shorter way round), clamped to its ends.
-/// `points` has one or more, in order of arc length. Of a curvature that is not finite the other
-/// point's is taken.
+/// `points` has one or more, in order of arc length.
 PathPoint path_at(std::span<const PathPoint> points, double arc_length);
 
 /// Arc length of the place on a path that is nearest to `position`, m, looked for within [from,
@@ -28,33 +27,29 @@ PathPoint path_at(std::span<const PathPoint> points, double arc_length);
 double nearest_arc_length(std::span<const PathPoint> points, const Eigen::Vector2d& position,
                           double from, double to);
 
-/// What is to be known of a path that was found.
-struct PathFlags {
-  bool curvature_exceeded = false;  ///< it turns tighter than the vehicle somewhere, ends included,
-                                    ///< or faster into a turn than the vehicle can steer
-  bool partly_unsmoothed = false;   ///< some of it follows the corners of the straight lines
-  bool footprint_collides = false;  ///< the vehicle touches an obstacle, turns on the spot included
+/// Where a path ends: at a point, or anywhere on a line.
+struct PathGoal {
+  Eigen::Vector2d point = Eigen::Vector2d::Zero();  ///< m; of a line one end
+  std::optional<double> heading;                    ///< rad, at a point; none: any
+  std::optional<Eigen::Vector2d> line_to;           ///< m, the other end of a line
+
+  /// Share of the way between two points at which it crosses the line; none: it does not, or the
+  /// goal is a point.
+  std::optional<double> crossing(const Eigen::Vector2d& from, const Eigen::Vector2d& to) const;
 };
 
-/// Points about evenly spaced from start to goal; one point when both are the same place.
+/// Points about evenly spaced from start to goal; one point when both are the same place. A path
+/// that is found is one that the vehicle can drive without touching anything.
 struct Path {
   PathStatus status = PathStatus::no_path;
-  std::vector<PathPoint> points;           ///< empty unless found
-  std::vector<CubicBezier> pieces;         ///< the same curve; empty for a single point
-  std::vector<Eigen::Vector2d> waypoints;  ///< m, corners of the straight lines before smoothing
-  PathFlags flags;
-  /// 1/m, of the curve; a turn on the spot counts as one within the points' spacing, half a cell at
-  /// most. Infinite at a cusp.
-  double greatest_curvature = 0;
-  double length = 0;       ///< m
-  double grid_length = 0;  ///< m, of the path over cells that it was made from
-  double cost = 0;         ///< m, integral of the cost factor along it
-  // Sums over the attempts that counted, which may have gone on side by side.
-  std::size_t expansions = 0;  ///< cells
-  double search_time = 0;      ///< s
-  double smoothing_time = 0;   ///< s
+  std::vector<PathPoint> points;  ///< empty unless found
+  double length = 0;              ///< m
+  double cost = 0;                ///< m, integral of the cost factor along it
+  std::size_t expansions = 0;     ///< of the search: cells, or poses
+  double time = 0;                ///< s, that the plan took
 
   bool found() const { return status == PathStatus::found; }
+  double greatest_curvature() const;  ///< 1/m, of its points
   /// path_at and nearest_arc_length of its points, of which there must be one.
   PathPoint at(double arc_length) const { return path_at(points, arc_length); }
   double nearest(const Eigen::Vector2d& position, double from = 0) const {

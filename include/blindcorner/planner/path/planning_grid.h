@@ -72,9 +72,6 @@ class PlanningGrid {
 
   /// The same grid with another lethal radius, m.
   PlanningGrid with_lethal_radius(double radius) const;
-  /// The same grid where no path may lead through the centres of these cells of it. They are no
-  /// obstacles: a vehicle may reach into them.
-  PlanningGrid with_closed(std::span<const Cell> cells) const;
 
   /// Whether no obstacle, and nothing beyond a closed border, is nearer than `radius` to a point.
   /// A disc of radius 0 is free where its cell is no obstacle. Exact.
@@ -86,6 +83,9 @@ class PlanningGrid {
   /// Whether the vehicle can stand there: all discs of its footprint are free, and its reference
   /// point lies on the map.
   bool is_free(const VehicleFootprint& footprint, const PlanarPose& pose) const;
+  /// [discs] how deep each disc of the vehicle's footprint is in obstacles, m: 0 where it touches
+  /// none, at most its radius.
+  std::vector<double> overlaps(const VehicleFootprint& footprint, const PlanarPose& pose) const;
   /// Integral of the cost factor along a straight line, m; infinity where the line leads through
   /// a cell that is not traversable (both cells beside a corner that it passes through count) or
   /// leaves the grid.
@@ -100,8 +100,8 @@ class PlanningGrid {
 
   GridGeometry geometry_;
   PlanningGridOptions options_;
-  std::vector<std::uint8_t> obstacle_, closed_, traversable_, steps_;  ///< [cell]
-  std::vector<float> clearance_, cost_factor_;                         ///< [cell]
+  std::vector<std::uint8_t> obstacle_, traversable_, steps_;  ///< [cell]
+  std::vector<float> clearance_, cost_factor_;                ///< [cell]
   double least_cost_factor_ = 1, greatest_cost_factor_ = 1;
 };
 

@@ -28,7 +28,6 @@ enum class PlanReason {
   off_path,      ///< the vehicle is too far from the path
   blocked,       ///< the path leads through an obstacle by now
   costlier,      ///< the rest of the path has become too risky
-  tight,         ///< the rest of the path is tighter than plans should be, for want of a better
   refresh,       ///< plans become old: what has become free is seen in no other way
   stopped,       ///< there was no path in the last frame
 
@@ -48,11 +47,6 @@ struct ReplannerOptions {
   /// rad: likewise of the heading at the goal. What a car of 4.5 m shows at its ends is 0.1 m, as
   /// the goal's tolerance.
   double goal_heading_tolerance = 0.05;
-  /// 1/m that the vehicle can drive: a path that is tighter is not used. 0: 5 % more than the
-  /// planner's turning radius (any where that is 0). A vehicle that can turn no tighter than that
-  /// radius leaves such a path by 5 % of it in a right angle, 0.28 m of 5.5 m: about half of
-  /// `max_offset`.
-  double max_curvature = 0;
   double deceleration = 4.0;  ///< m/s^2 of a safe stop: half of what dry tyres (mu 0.9) can do
   double stop_margin = 0.5;   ///< m between a safe stop's end and the first place that is blocked
 
@@ -64,41 +58,36 @@ struct PlanUpdate {
   PlanAction action = PlanAction::stop;
   PlanReason reason = PlanReason::first_plan;
   PathStatus status = PathStatus::no_path;  ///< of the search, where there was one; else found
-  Path path;               ///< to follow, from the start of the plan; of a stop the free stretch,
-                           ///< without points when nothing is known of where the vehicle is
-  PathFlags flags;         ///< of the path of the search, or of the plan that is kept
-  bool too_tight = false;  ///< the path found turns tighter than the vehicle can: not used
-  double arc_length = 0;   ///< m along `path`, where the vehicle is
+  Path path;              ///< to follow, from the start of the plan; of a stop the free stretch,
+                          ///< without points when nothing is known of where the vehicle is
+  double arc_length = 0;  ///< m along `path`, where the vehicle is
   bool stops_too_late = false;  ///< a stop with `deceleration` ends behind the path's end
   double time = 0;              ///< s, of this update
 
-  /// One line for a log: "keep: still_good", "stop: blocked, no_path", "replan: first_plan
-  /// (partly_unsmoothed)".
+  /// One line for a log: "keep: still_good", "stop: blocked, no_path".
   std::string text() const;
 };
 
 class Replanner {
  public:
-  explicit Replanner(const PathPlannerOptions& planner = {}, const ReplannerOptions& options = {});
+  /// `body`: the vehicle without the room that the planner's footprint leaves beside it. A plan is
+  /// kept until the body itself would touch something: what is seen a little nearer than before is
+  /// no reason for another one.
+  explicit Replanner(const PathPlannerOptions& planner = {}, const VehicleFootprint& body = {},
+                     const ReplannerOptions& options = {});
 
   /// Decides for one frame; stops where a number is not finite. `grid` as `PathPlanner::grid` makes
   /// it; `speed` forward, m/s; `curvature` that the vehicle drives now, 1/m: new plans begin with
-  /// it.
+  /// both.
   PlanUpdate update(const PlanningGrid& grid, const PlanarPose& vehicle, double speed,
-                    const Eigen::Vector2d& goal, std::optional<double> goal_heading = std::nullopt,
-                    double curvature = 0);
+                    const PathGoal& goal, double curvature = 0);
   const PathPlanner& planner() const { return planner_; }
   /// Forgets the present plan.
   void reset();
 
  private:
-  PlanReason assess(const PlanningGrid& grid, const PlanarPose& vehicle,
-                    const Eigen::Vector2d& goal, std::optional<double> goal_heading);
-  bool is_new_goal(const Eigen::Vector2d& goal, std::optional<double> goal_heading) const;
-  bool drivable(const Path& path) const;
-  double curvature_ahead() const;
-  bool is_tight(double curvature) const;
-  bool is_better(const Path& path, const std::vector<double>& costs) const;
+  PlanReason assess(const PlanningGrid& grid, const PlanarPose& vehicle, const PathGoal& goal);
+  bool is_new_goal(const PathGoal& goal) const;
   void adopt(const PlanningGrid& grid, Path path);
   void keep(PlanUpdate& update);
   void stand(const PlanarPose& vehicle, double speed, PlanUpdate& update);
@@ -108,14 +97,13 @@ class Replanner {
   void stop(const PlanningGrid& grid, const PlanarPose& vehicle, double speed, PlanUpdate& update);
 
   PathPlanner planner_;
+  VehicleFootprint body_;
   ReplannerOptions options_;
   std::optional<Path> plan_;
   std::vector<double> planned_cost_;  ///< m, from each point of the plan to its end, when planned
-  std::vector<PathPoint> poses_;      ///< of the plan, where obstacles are looked for
-  Eigen::Vector2d goal_ = Eigen::Vector2d::Zero();  ///< of the plan
-  std::optional<double> goal_heading_;              ///< of the plan, rad
-  double arc_length_ = 0;                           ///< m along the plan, where the vehicle is
-  int age_ = 0;  ///< frames since the plan was made or questioned
+  PathGoal goal_;                     ///< of the plan
+  double arc_length_ = 0;             ///< m along the plan, where the vehicle is
+  int age_ = 0;                       ///< frames since the plan was made or questioned
   bool stopped_ = false;
 };
 

@@ -152,5 +152,30 @@ TEST(GridSearch, RefusesWeightsBelowOne) {
   EXPECT_THROW(GridSearch({.heuristic_weight = 0.9}), Error);
 }
 
+TEST(GridSearch, CostsToAGoalAreThoseOfSearches) {
+  std::mt19937_64 random(5);
+  for (int repeat = 0; repeat < 6; ++repeat) {
+    const TestMap map = random_map(random, 20, 15, 0.2, repeat % 2 == 0 ? 0 : 0.6, 0.5);
+    PlanningGridOptions options;
+    options.risk_weight = 3;
+    const PlanningGrid grid(map.geometry, map.occupancy, options);
+    GridSearch search;
+    const std::vector<Cell> goals{{19, 14}, {3, 7}};
+    const std::vector<double> costs = search.costs_to(grid, goals);
+    for (std::size_t i = 0; i < costs.size(); i += 7) {
+      double least = std::numeric_limits<double>::infinity();
+      for (const Cell& goal : goals) {
+        const CellPath path = search.search(grid, map.geometry.cell(i), goal);
+        if (path.status == PathStatus::found) least = std::min(least, path.cost);
+      }
+      if (std::isinf(least)) {
+        EXPECT_EQ(costs[i], least);
+      } else {
+        EXPECT_NEAR(costs[i], least, 1e-4 * (1 + least));
+      }
+    }
+  }
+}
+
 }  // namespace
 }  // namespace blindcorner

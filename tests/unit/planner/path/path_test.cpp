@@ -35,12 +35,15 @@ TEST(PathPoints, NearestIsLookedForInTheGivenPart) {
   EXPECT_DOUBLE_EQ(nearest_arc_length(path, start, 2, 4), 2);
 }
 
-TEST(PathPoints, AreFiniteBesideACusp) {
-  auto path = straight_path(4, 1);
-  path[2].curvature = std::numeric_limits<double>::infinity();
-  for (const double s : {1.0, 1.5, 2.0, 2.5, 3.0}) {
-    EXPECT_TRUE(std::isfinite(path_at(path, s).curvature)) << s;
-  }
+TEST(PathGoal, IsPassedWithinItsLine) {
+  const PathGoal line{{2, 1}, {}, Eigen::Vector2d(2, 4)};
+  ASSERT_TRUE(line.crossing({1, 2}, {5, 2}).has_value());
+  EXPECT_NEAR(*line.crossing({1, 2}, {5, 2}), 0.25, 1e-12);
+  EXPECT_NEAR(*line.crossing({5, 2}, {1, 2}), 0.75, 1e-12);   // from either side
+  EXPECT_FALSE(line.crossing({1, 5}, {5, 5}).has_value());    // beside it
+  EXPECT_FALSE(line.crossing({1, 2}, {1.9, 2}).has_value());  // before it
+  EXPECT_FALSE(line.crossing({2, 0}, {2, 5}).has_value());    // along it
+  EXPECT_FALSE((PathGoal{{2, 1}, {}, {}}.crossing({1, 1}, {3, 1}).has_value()));
 }
 
 }  // namespace

@@ -18,13 +18,13 @@ namespace {
 /// A hall of 20 x 10 m with cells of 0.2 m, a round robot that goes from left to right.
 class ReplannerTest : public ::testing::Test {
  protected:
-  ReplannerTest() : replanner_(options(), replanner_options()) {
+  ReplannerTest() : replanner_(options(), options().footprint, replanner_options()) {
     map_.geometry = {.columns = 100, .rows = 50, .cell_size = 0.2};
     map_.occupancy.assign(map_.geometry.cells(), 0);
   }
   static PathPlannerOptions options() {
     PathPlannerOptions options;
-    options.smoothing.footprint = VehicleFootprint::disc(0.3);
+    options.footprint = VehicleFootprint::disc(0.3);
     options.grid.risk_weight = 2;
     return options;
   }
@@ -43,7 +43,7 @@ class ReplannerTest : public ::testing::Test {
   }
   PlanUpdate update(const PlanarPose& pose, double speed = 1) {
     const PlanningGrid grid = replanner_.planner().grid(map_.geometry, map_.occupancy);
-    return replanner_.update(grid, pose, speed, goal_, goal_heading_);
+    return replanner_.update(grid, pose, speed, {goal_, goal_heading_, {}});
   }
 
   TestMap map_;
@@ -154,61 +154,79 @@ TEST_F(ReplannerTest, StopsWhereANumberIsNotFinite) {
   expect_stop(no_heading);
 }
 
-TEST_F(ReplannerTest, RefusesWhatACarCannotDrive) {
-  PathPlannerOptions car = options();
-  car.smoothing.min_turning_radius = 4;
-  replanner_ = Replanner(car, replanner_options());
-  goal_ = {6, 5};  // behind, and no room to turn
-  const PlanUpdate behind = update({{10, 5}, 0}, 0);
-  EXPECT_EQ(behind.action, PlanAction::stop);
-  EXPECT_TRUE(behind.too_tight);
-  EXPECT_EQ(behind.text().substr(0, 69),
-            "stop: first_plan, the path found is tighter than the vehicle can turn");
-  EXPECT_NE(behind.text().find("(curvature_exceeded"), std::string::npos);
-  replanner_.reset();
-  goal_ = {18, 5};
-  EXPECT_EQ(update({{10, 5}, 0}, 0).action, PlanAction::replan);
-  // What the vehicle can do counts, where it is known, not the radius of the plans.
-  ReplannerOptions nimble = replanner_options();
-  nimble.max_curvature = 1e9;
-  replanner_ = Replanner(options(), nimble);
-  goal_ = {10, 8};
-  EXPECT_EQ(update({{10, 5}, 0}, 0).action, PlanAction::replan);
+/// A car that turns in 4 m, in the hall.
+PathPlannerOptions car_options() {
+  PathPlannerOptions car;
+  car.footprint = VehicleFootprint::rectangle(2, 0.8);
+  car.curves.turning_radius = 4;
+  car.grid.risk_weight = 2;
+  return car;
 }
 
-TEST_F(ReplannerTest, QuestionsATightPlanInEveryFrame) {
-  PathPlannerOptions car = options();
-  car.smoothing.min_turning_radius = 6;
-  ReplannerOptions nimble = replanner_options();
-  nimble.max_curvature = 2;
-  nimble.refresh_after = 0;
-  replanner_ = Replanner(car, nimble);
-  fill(6.9, 7.5, 3, 12, 1);  // an arc that leads 2.3 m aside within 4.6 m has a radius of 4.6 m
-  EXPECT_EQ(update({{2, 5}, 0}).text(), "replan: first_plan (curvature_exceeded)");
-  EXPECT_EQ(update({{2, 5}, 0}).text(), "keep: new_plan_no_better (curvature_exceeded)");
-  EXPECT_EQ(update({{2, 5}, 0}).text(), "keep: new_plan_no_better (curvature_exceeded)");
-  map_.occupancy.assign(map_.geometry.cells(), 0);
-  EXPECT_EQ(update({{2, 5}, 0}).text(), "replan: tight");
-  EXPECT_EQ(update({{2, 5}, 0}).text(), "keep: still_good");
+TEST_F(ReplannerTest, FollowsNothingThatACarCannotDrive) {
+  replanner_ = Replanner(car_options(), car_options().footprint, replanner_options());
+  fill(-1, 21, 8, 11, 1);
+  fill(-1, 21, -1, 2, 1);
+  goal_ = {6, 5};  // behind, and no room to turn
+  const PlanUpdate behind = update({{10, 5}, 0}, 0);
+  EXPECT_EQ(behind.text(), "stop: first_plan, no_path");
+  goal_ = {18, 5};
+  const PlanUpdate ahead = update({{10, 5}, 0}, 0);
+  EXPECT_EQ(ahead.text(), "replan: stopped");
+  EXPECT_LE(ahead.path.greatest_curvature(), 1.03 / 4);
+}
+
+TEST_F(ReplannerTest, GoesOnWithItsPlanWhereThereIsNoBetterOne) {
+  replanner_ = Replanner(car_options(), car_options().footprint, replanner_options());
+  const PlanUpdate first = update({{2, 5}, 0});
+  fill(9, 11, 3, 7, 0.6);  // riskier, and open
+  fill(9, 11, 7, 11, 1);
+  fill(9, 11, -1, 3, 1);
+  const PlanUpdate kept = update({{3, 5}, 0});
+  EXPECT_EQ(kept.text(), "keep: new_plan_no_better");
+  EXPECT_EQ(kept.path.length, first.path.length);
+}
+
+TEST_F(ReplannerTest, KeepsAPlanUntilTheBodyItselfWouldTouch) {
+  PathPlannerOptions wide = car_options();
+  wide.footprint = VehicleFootprint::rectangle(2.4, 1.2);
+  wide.grid.risk_weight = 0;
+  replanner_ = Replanner(wide, VehicleFootprint::rectangle(2, 0.8), replanner_options());
+  update({{2, 5}, 0});
+  fill(9, 9.3, 5.5, 7, 1);  // within the room beside the body, 0.1 m from the body
+  EXPECT_NE(update({{2, 5}, 0}).reason, PlanReason::blocked);
+  fill(9, 9.3, 5.3, 7, 1);
+  EXPECT_EQ(update({{2, 5}, 0}).reason, PlanReason::blocked);
 }
 
 TEST_F(ReplannerTest, SeesObstaclesBetweenPoints) {
-  PathPlannerOptions coarse = options();
-  coarse.smoothing.point_spacing = 4;
-  coarse.smoothing.min_turning_radius = 8;  // pieces of 2 m
-  replanner_ = Replanner(coarse, replanner_options());
+  PathPlannerOptions coarse = car_options();
+  coarse.point_spacing = 4;
+  replanner_ = Replanner(coarse, coarse.footprint, replanner_options());
   const PlanUpdate first = update({{2, 5}, 0});
-  double before = 0;  // the obstacle stands in the middle of the longest gap
-  double gap = 0;
-  for (std::size_t i = 1; i < first.path.points.size(); ++i) {
-    const double a = first.path.points[i - 1].position.x();
-    const double b = first.path.points[i].position.x();
-    if (b - a > gap) gap = b - a, before = a;
-  }
-  ASSERT_GT(gap, 1.5);
-  const double middle = before + gap / 2;
+  ASSERT_GT(first.path.points[1].arc_length, 2.5);
+  const double middle = (first.path.points[1].position.x() + first.path.points[2].position.x()) / 2;
   fill(middle - 0.2, middle + 0.2, 4, 6, 1);
   EXPECT_EQ(update({{2, 5}, 0}).reason, PlanReason::blocked);
+}
+
+TEST_F(ReplannerTest, LeavesWhatItStandsIn) {
+  replanner_ = Replanner(car_options(), car_options().footprint, replanner_options());
+  fill(1, 2.4, 5.2, 7, 1);  // reaches 0.2 m into the car's side, behind its middle
+  const PlanUpdate away = update({{3, 5}, 0}, 0);
+  EXPECT_EQ(away.text(), "replan: first_plan");
+  EXPECT_EQ(update({{3, 5}, 0}, 0).text(), "keep: still_good");
+}
+
+TEST_F(ReplannerTest, DrivesToALine) {
+  replanner_ = Replanner(car_options(), car_options().footprint, replanner_options());
+  const PathGoal line{{18, 2}, {}, Eigen::Vector2d(18, 8)};
+  const PlanningGrid grid = replanner_.planner().grid(map_.geometry, map_.occupancy);
+  const PlanUpdate first = replanner_.update(grid, {{2, 3}, 0.2}, 1, line);
+  ASSERT_EQ(first.action, PlanAction::replan);
+  EXPECT_NEAR(first.path.points.back().position.x(), 18, 0.05);
+  EXPECT_GT(first.path.points.back().position.y(), 2);
+  EXPECT_LT(first.path.points.back().position.y(), 8);
 }
 
 TEST_F(ReplannerTest, SeesWhatHasBecomeFree) {
@@ -262,7 +280,7 @@ TEST_F(ReplannerTest, TellsTimesAndRefusesNonsense) {
   EXPECT_GT(update({{2, 5}, 0}).time, 0);
   ReplannerOptions options;
   options.deceleration = 0;
-  EXPECT_THROW(Replanner(PathPlannerOptions{}, options), Error);
+  EXPECT_THROW(Replanner(PathPlannerOptions{}, {}, options), Error);
 }
 
 }  // namespace
