@@ -312,11 +312,19 @@ const HistogramCube& FastModel::static_background() const {
   return direct_;
 }
 
-HistogramCube FastModel::background_behind(const std::vector<OccluderFace>& bodies) const {
+HistogramCube FastModel::background_behind(const std::vector<OccluderFace>& bodies,
+                                           bool coarsely) const {
   if (!holds_known_light() || !bounces()) return static_background();
-  HistogramCube direct;
-  return view_->transport->static_background()->light(setup_, options_.known_light, true, direct,
-                                                      bodies);
+  const StaticBackgroundModel& known = *view_->transport->static_background();
+  HistogramCube& open = coarsely ? coarse_open_ : open_;
+  std::call_once(coarsely ? coarse_open_once_ : open_once_,
+                 [&] { open = known.bounces_behind(setup_, {}, coarsely); });
+  const HistogramCube shaded = known.bounces_behind(setup_, bodies, coarsely);
+  HistogramCube light = static_background();
+  for (std::size_t i = 0; i < light.values.size(); ++i) {
+    light.values[i] = std::max(light.values[i] - (open.values[i] - shaded.values[i]), 0.0);
+  }
+  return light;
 }
 
 BackgroundError FastModel::background_error() const {
@@ -455,8 +463,9 @@ class FastObjects final : public ForwardModel {
   const HistogramCube& static_background() const override {
     return parts_.front()->static_background();
   }
-  HistogramCube shadowed_background(const PoseVector& pose) const override {
-    return parts_.front()->background_behind(hidden_faces(scene_, pose));
+  using ForwardModel::shadowed_background;
+  HistogramCube shadowed_background(const PoseVector& pose, bool coarsely) const override {
+    return parts_.front()->background_behind(hidden_faces(scene_, pose), coarsely);
   }
   BackgroundError background_error() const override { return parts_.front()->background_error(); }
   const TransportPlan& plan() const override {

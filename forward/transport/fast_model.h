@@ -39,11 +39,12 @@ class FastModel final : public ForwardModel {
   /// of patches were looked at.
   double render(const Placement& placement, const MovingBodies& bodies, HistogramCube& out) const;
   const HistogramCube& static_background() const override;
-  HistogramCube shadowed_background(const PoseVector& pose) const override {
-    return background_behind(hidden_faces(scene_, pose));
+  using ForwardModel::shadowed_background;
+  HistogramCube shadowed_background(const PoseVector& pose, bool coarsely) const override {
+    return background_behind(hidden_faces(scene_, pose), coarsely);
   }
   /// static_background() with these bodies in the way of the later bounces.
-  HistogramCube background_behind(const std::vector<OccluderFace>& bodies) const;
+  HistogramCube background_behind(const std::vector<OccluderFace>& bodies, bool coarsely) const;
   BackgroundError background_error() const override;
   /// Reasons are found when somebody asks for them.
   const TransportPlan& plan() const override;
@@ -79,9 +80,10 @@ class FastModel final : public ForwardModel {
   std::shared_ptr<const Sampling> sampling_;
   std::unique_ptr<TransportKernel> sum_;
   std::vector<OccluderFace> occluders_;  ///< of poses in the search region
-  mutable std::once_flag plan_once_, direct_once_;
+  mutable std::once_flag plan_once_, direct_once_, open_once_, coarse_open_once_;
   mutable TransportPlan plan_;
   mutable HistogramCube direct_, first_bounce_;
+  mutable HistogramCube open_, coarse_open_;  ///< later bounces without a body in their way
 };
 
 /// The coarsest sampling that meets `options.tolerance`. Pairs of patches replace one sum where

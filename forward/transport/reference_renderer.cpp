@@ -105,7 +105,8 @@ class ReferenceRenderer final : public ForwardModel {
   using ForwardModel::three_bounce;
   void three_bounce(const PoseVector& pose, HistogramCube& out) const override;
   const HistogramCube& static_background() const override { return background().direct; }
-  HistogramCube shadowed_background(const PoseVector& pose) const override;
+  using ForwardModel::shadowed_background;
+  HistogramCube shadowed_background(const PoseVector& pose, bool coarsely) const override;
   const TransportPlan& plan() const override { return plan_; }
 
  private:
@@ -310,7 +311,8 @@ void ReferenceRenderer::three_bounce(const PoseVector& pose, HistogramCube& out)
   mix_zones(scene_.sensor, out);
 }
 
-HistogramCube ReferenceRenderer::shadowed_background(const PoseVector& pose) const {
+HistogramCube ReferenceRenderer::shadowed_background(const PoseVector& pose,
+                                                     bool /*coarsely*/) const {
   const StaticBackground& known = background();
   if (!known.bounces.any()) return known.direct;
   HistogramCube light = known.first_bounce;

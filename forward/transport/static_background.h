@@ -114,9 +114,13 @@ class StaticBackgroundModel {
   explicit StaticBackgroundModel(const Scene& scene);
   bool any_bounces() const { return bounces_.any(); }
   /// W/m^2 per bin, crosstalk included. Without `bounces` the direct return alone, which is handed
-  /// out as well. `bodies` stand in the way of the bounces.
+  /// out as well.
   HistogramCube light(const RelaySetup& setup, KnownLightSampling sampling, bool bounces,
-                      HistogramCube& direct, const std::vector<OccluderFace>& bodies = {}) const;
+                      HistogramCube& direct) const;
+  /// The bounces alone with `bodies` in their way, by the usual sampling or by a coarse one, which
+  /// costs a tenth and tells roughly how much the bodies take off.
+  HistogramCube bounces_behind(const RelaySetup& setup, const std::vector<OccluderFace>& bodies,
+                               bool coarsely) const;
   /// Standard deviations of the model's own error in `light` and `direct`, both as by light(), as
   /// large as if bins had errors of their own: those of neighbouring bins and zones go together,
   /// and add up. What the light does not tell is measured once, at the scene's own placement.
@@ -133,14 +137,15 @@ class StaticBackgroundModel {
   /// Finer than the usual ones; null where they cost too much.
   const KnownBounces* finer_bounces() const;
   const KnownBounces& coarser_bounces() const;
+  const KnownBounces& shadow_bounces() const;
 
   const Scene& scene_;
   StaticLightSampling sampling_;
   KnownBounces bounces_;
   PulseTable pulses_;
-  mutable std::once_flag usual_once_, fine_once_, finer_once_, coarser_once_;
+  mutable std::once_flag usual_once_, fine_once_, finer_once_, coarser_once_, shadow_once_;
   mutable Shares usual_shares_, fine_shares_;
-  mutable std::unique_ptr<KnownBounces> finer_, coarser_;
+  mutable std::unique_ptr<KnownBounces> finer_, coarser_, shadow_;
 };
 
 }  // namespace blindcorner

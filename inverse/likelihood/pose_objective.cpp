@@ -63,7 +63,7 @@ PoseObjective::PoseObjective(const CompiledScene& compiled, const Observation& o
 
 const std::vector<double>& PoseObjective::background_step() const { return background_.step; }
 
-std::vector<double> PoseObjective::shadow_at(const PoseVector& pose) const {
+std::vector<double> PoseObjective::shadow_at(const PoseVector& pose, bool coarsely) const {
   if (background_.light.empty()) return {};
   std::vector<double> shadow;
   HistogramCube lit, shaded;
@@ -73,7 +73,7 @@ std::vector<double> PoseObjective::shadow_at(const PoseVector& pose) const {
       current = zone.capture;
       const ForwardModel& model = *compiled_.models()[static_cast<std::size_t>(current)];
       lit = static_background(compiled_.scene, model.static_background());
-      shaded = static_background(compiled_.scene, model.shadowed_background(pose));
+      shaded = static_background(compiled_.scene, model.shadowed_background(pose, coarsely));
     }
     for (int k = zone.first; k < zone.first + zone.bins(); ++k) {
       shadow.push_back(lit.zone(zone.zone)[k] - shaded.zone(zone.zone)[k]);

@@ -138,8 +138,9 @@ class PoseObjective {
   const ModelSet& models() const { return *models_; }
   void use(const ModelSet& models) { models_ = &models; }
   /// What the hidden objects at a pose take off the static background, [rows] counts at a scale of
-  /// one, because they stand in the way of its later bounces; empty: nothing.
-  std::vector<double> shadow_at(const PoseVector& pose) const;
+  /// one, because they stand in the way of its later bounces; empty: nothing. `coarsely` as of
+  /// ForwardModel::shadowed_background().
+  std::vector<double> shadow_at(const PoseVector& pose, bool coarsely) const;
   /// Takes it off from now on wherever there is an object. Empty: no shadow.
   void cast(std::vector<double> shadow);
   const std::vector<double>& shadow() const { return shadow_; }

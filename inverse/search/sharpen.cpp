@@ -49,7 +49,7 @@ constexpr double kOverstated = 1.25;
 /// Times that the best optimum's shadow is looked up anew: a limit of the time, by judgement. Each
 /// time it changes by a small part of what it changed before.
 constexpr int kMaxShadows = 4;
-/// Relative error (L2) of a shadow's light at the usual sampling, at most (desk, tests).
+/// Relative error (L2) of a shadow's light at the usual sampling, at most (3 % on a desk, tests).
 constexpr double kShadowError = 0.1;
 /// What the levels of one kind of material are worth.
 struct Levels {
@@ -236,21 +236,21 @@ Eigen::MatrixXd cast_shadow(PoseObjective& objective, std::vector<Refined>& opti
   const auto n = static_cast<Eigen::Index>(objective.compiled().unknown_count());
   Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(n, n);
   const auto in_own_shadow = [&](Refined& optimum) {
-    objective.cast(objective.shadow_at(optimum.pose));
+    objective.cast(objective.shadow_at(optimum.pose, false));
     optimum.value =
         objective.evaluate(light_near(objective, optimum), optimum.pose, optimum.linear, true);
   };
   for (int round = 0; round < kMaxShadows; ++round) {
     const Refined top = optima.front();
     const std::vector<double> before = objective.shadow();
-    std::vector<double> change = objective.shadow_at(top.pose);
+    std::vector<double> change = objective.shadow_at(top.pose, round == 0);
     if (change.empty()) break;
     for (std::size_t r = 0; r < change.size(); ++r) {
       change[r] = (before.empty() ? 0 : before[r]) - change[r];
     }
     const Move move(objective, top, as_object(objective, top, change));
-    if (round == 0) covariance = kShadowError * kShadowError * move.by * move.by.transpose();
     if (move.square < kSmallMove * kSmallMove) break;
+    if (round == 0) covariance = kShadowError * kShadowError * move.by * move.by.transpose();
     for (Refined& optimum : optima) in_own_shadow(optimum);
     std::ranges::stable_sort(optima, std::greater{},
                              [](const Refined& o) { return o.value.log_posterior; });

@@ -127,7 +127,8 @@ class RememberedLight final : public ForwardModel {
     out = three_bounce_;
   }
   const HistogramCube& static_background() const override { return renderer_->static_background(); }
-  HistogramCube shadowed_background(const PoseVector& /*pose*/) const override {
+  using ForwardModel::shadowed_background;
+  HistogramCube shadowed_background(const PoseVector& /*pose*/, bool /*coarsely*/) const override {
     return static_return_;
   }
   const TransportPlan& plan() const override { return renderer_->plan(); }

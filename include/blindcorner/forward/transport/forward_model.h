@@ -78,9 +78,13 @@ class ForwardModel {
 
   virtual BackgroundError background_error() const { return {}; }
 
-  /// The same with the hidden objects in the way of the later bounces.
-  virtual HistogramCube shadowed_background(const PoseVector& /*pose*/) const {
+  /// The same with the hidden objects in the way of the later bounces; `coarsely`: good enough to
+  /// see whether that matters.
+  virtual HistogramCube shadowed_background(const PoseVector& /*pose*/, bool /*coarsely*/) const {
     return static_background();
+  }
+  HistogramCube shadowed_background(const PoseVector& pose) const {
+    return shadowed_background(pose, false);
   }
 
   virtual const TransportPlan& plan() const = 0;
