@@ -54,7 +54,7 @@ void read_localization(const JsonReader& reader, DriveVehicle& vehicle) {
 
 DriveVehicle read_vehicle(const JsonReader& reader) {
   reader.allow_only({"kind", "length_m", "width_m", "height_m", "turning_radius_m", "start",
-                     "brakes_for_curves", "cornering_share", "localization"});
+                     "brakes_for_curves", "cornering_share", "mu", "localization"});
   DriveVehicle vehicle;
   if (reader.at("kind").word({"car", "robot"}) == "robot") {
     vehicle.kind = VehicleKind::robot;
@@ -70,6 +70,7 @@ DriveVehicle read_vehicle(const JsonReader& reader) {
     vehicle.cornering_share =
         share.number(NumberRange{.lower = 0, .upper = 1, .above_lower = true});
   }
+  vehicle.friction = reader.at("mu").number_or(vehicle.friction, NumberRange::between(0.05, 1.5));
   read_localization(reader.at("localization"), vehicle);
   const JsonReader start = reader.at("start");
   start.allow_only({"position_m", "yaw_deg", "speed_m_per_s"});
@@ -271,6 +272,7 @@ void read_speed_mode(const JsonReader& reader, Drive& drive) {
     return field.number_or(absent, range);
   };
   drive.risk = number("risk", drive.risk, kShare);
+  drive.traffic_risk = reader.at("traffic_risk").number_or(drive.traffic_risk, kShare);
   drive.closing_speed = number("closing_speed_m_per_s", 0, NumberRange::between(0, 100));
 }
 
@@ -311,7 +313,7 @@ Drive read_drive(const std::string& path) {
   if (!reader.is_object()) reader.fail("an object");
   reader.allow_only({"name", "description", "scene", "vehicle", "route_m", "goal_tolerance_m",
                      "finish_line_m", "speed_m_per_s", "time_limit_s", "sensor", "direct_sight",
-                     "map", "hidden", "perception", "trials", "speed_mode", "risk",
+                     "map", "hidden", "perception", "trials", "speed_mode", "risk", "traffic_risk",
                      "closing_speed_m_per_s"});
   Drive drive;
   drive.path = path;

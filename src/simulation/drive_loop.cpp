@@ -14,6 +14,7 @@
 #include "blindcorner/planner/control/path_outlook.h"
 #include "blindcorner/planner/control/predicted_contact.h"
 #include "blindcorner/planner/control/safe_speed.h"
+#include "blindcorner/planner/control/traffic.h"
 #include "blindcorner/planner/grid/line_of_sight.h"
 #include "blindcorner/planner/grid/occupancy_grid.h"
 #include "blindcorner/planner/grid/pose_hypotheses.h"
@@ -23,6 +24,7 @@
 #include "blindcorner/simulation/true_world.h"
 #include "simulation/convex_distance.h"
 #include "simulation/drive_setup.h"
+#include "simulation/movers.h"
 #include "simulation/sightings.h"
 
 namespace blindcorner {
@@ -91,6 +93,8 @@ class DriveLoop {
   void note_frame();
   bool finished();
   void forget_maps();
+  StandingAndMoving split(const AnswerEvent& event) const;
+  std::string braking_for() const;
   void mark_walls();
 
   VehicleState state() const { return vehicle_.state(); }
@@ -114,6 +118,7 @@ class DriveLoop {
   double delay_;
   LineOfSight sight_;
   Sightings sightings_;
+  Scene map_scene_;  ///< hidden objects as the map has them
   OccupancyGrid grid_;
   PoseHypotheses hypotheses_;
   Vehicle vehicle_;
@@ -124,6 +129,8 @@ class DriveLoop {
   std::optional<PathOutlook> outlook_;  ///< of the follower's path, where speed is chosen by it
   bool brake_ = true;                   ///< no path to follow, or one that ends too soon
   bool held_ = false;                   ///< by what it would touch beside its path
+  TrafficDecision traffic_;
+  double acceleration_ = 0;  ///< m/s^2, asked for in the last control period
   std::mt19937_64 faults_;
 
   double time_ = 0;             ///< s
@@ -159,9 +166,9 @@ DriveLoop::DriveLoop(const Drive& drive, const SimulatedSensor& sensor, const Dr
       delay_(declared_delay(drive, options.perception)),
       sight_(drive.scene, drive.map, sight_options(drive)),
       sightings_(drive.scene, drive.motion),
-      grid_(drive.map, map_scene(drive.scene, perception_->disc_radius()), drive.motion,
-            occupancy_options(drive)),
-      hypotheses_(map_scene(drive.scene, perception_->disc_radius()), drive.map),
+      map_scene_(map_scene(drive.scene, perception_->disc_radius())),
+      grid_(drive.map, map_scene_, drive.motion, occupancy_options(drive)),
+      hypotheses_(map_scene_, drive.map),
       vehicle_(model_of(drive.vehicle)),
       limits_(vehicle_.model().limits()),
       body_(footprint_of(vehicle_.model())),
@@ -256,14 +263,14 @@ void DriveLoop::take_frame(const SensedEvent& event) {
   DriveFrame& frame = result_.frames[event.frame];
   const Transform T_world_believed =
       T_world_vehicle(world_.believed(event.vehicle)) * drive_.sensor.T_vehicle_sensor;
-  const LineOfSightScan scan =
+  LineOfSightScan scan =
       sight_.scan(frame.T_world_sensor, world_.placements(event.capture_time), T_world_believed);
   AnswerEvent answer{event.capture_time, time_ + delay_, {}};
   if (!scan.object_hits.empty()) {
     frame.fate = FrameFate::in_sight;
     if (!sightings_.any() && latest_) perceived_ = *latest_;
     sightings_.see(scan.objects_seen, *world_.believed_hidden(event.vehicle, event.capture_time),
-                   event.capture_time);
+                   event.capture_time, perceived_.answer);
     answer.ready = time_;
     answer.answer = sightings_.answer(perceived_.answer,
                                       std::max(0.0, event.capture_time - perceived_.capture_time),
@@ -289,6 +296,8 @@ void DriveLoop::take_frame(const SensedEvent& event) {
       frame.object_counts = std::move(sensed.object_counts);
     }
   }
+  // Objects in sight are tracked: what of them a ray met is where their track is, as it moves on.
+  scan.object_hits.clear();
   update_map(&scan, nullptr);
   if (frame.fate == FrameFate::used || frame.fate == FrameFate::in_sight) {
     answers_.push_back(std::move(answer));
@@ -303,12 +312,16 @@ void DriveLoop::take_answer(const AnswerEvent& event) {
 void DriveLoop::update_map(const LineOfSightScan* scan, const AnswerEvent* event) {
   const StageTimer watch(times_.map);
   std::optional<HiddenAnswer> answer;
-  if (event != nullptr) {
-    answer =
-        HiddenAnswer{*event->answer.mixture, time_ - event->capture_time, event->answer.velocities};
-  }
+  if (event != nullptr) answer = split(*event).standing;
   grid_.update(time_ - map_time_, scan, answer ? &*answer : nullptr);
   map_time_ = time_;
+}
+
+/// An answer as it is now.
+StandingAndMoving DriveLoop::split(const AnswerEvent& event) const {
+  return split_by_motion(
+      map_scene_, drive_.motion,
+      {*event.answer.mixture, time_ - event.capture_time, event.answer.velocities});
 }
 
 void DriveLoop::plan() {
@@ -321,7 +334,12 @@ void DriveLoop::plan() {
   plan_text_ = update.text();
   held_ = false;
   follow(update);
-  if (follower_) limit_speed(planning);
+  traffic_ = {};
+  if (!follower_) return;
+  limit_speed(planning);
+  if (!latest_ || !latest_->answer.mixture) return;
+  traffic_ = decide_for_traffic(*follower_, at, body_, limits_.friction, split(*latest_).moving,
+                                traffic_options(drive_));
 }
 
 /// A follower for a new path. A stop is driven along what is left of the path, to its end; where
@@ -407,13 +425,29 @@ void DriveLoop::step() {
     const FollowerOutput output = brake_ ? follower_->stop(before) : follower_->follow(before);
     request = output.request;
     target_speed_ = output.target_speed;
+    if (traffic_.braking > 0 && !brake_) {
+      if (traffic_.braking >= 1) request = follower_->stop(before).request;
+      request.acceleration = std::min(request.acceleration, -traffic_.braking * limits_.friction);
+      target_speed_ = 0;
+    }
   }
+  acceleration_ = request.acceleration;
   vehicle_.step(request, kStep);
   time_ += kStep;
   const VehicleState after = state();
   result_.length += (after.position - from).norm();
   result_.top_speed = std::max(result_.top_speed, after.speed);
   result_.trace.emplace_back(after.position.x(), after.position.y(), after.yaw);
+}
+
+/// What the vehicle brakes for, the gravest first.
+std::string DriveLoop::braking_for() const {
+  constexpr double kBrakes = 0.5;  // m/s^2: less is control
+  if (acceleration_ > -kBrakes || believed().speed < kStands) return "";
+  if (brake_ || plan_text_.starts_with("stop")) return "no plan";
+  if (traffic_.braking > 0) return traffic_.mover;
+  if (held_) return "what it would touch beside its path";
+  return drive_.speed_mode == SpeedMode::safe ? "what may be hidden, or a curve" : "a curve";
 }
 
 bool DriveLoop::finished() {
@@ -471,6 +505,8 @@ DriveResult DriveLoop::run() {
     frame.plan_text = plan_text_;
     frame.path = path_;
     frame.target_speed = target_speed_;
+    frame.braking_for = braking_for();
+    frame.braking = frame.braking_for.empty() ? 0.0 : -acceleration_;
     if (latest_) {
       frame.mixture = latest_->answer.mixture;
       frame.velocities = latest_->answer.velocities;

@@ -90,7 +90,7 @@ std::optional<PoseVector> TrueWorld::hidden(double time) const {
     if (axis > 1) continue;
     const double speed = velocity_[static_cast<std::size_t>(unknown.object)][axis];
     double& value = pose[static_cast<Eigen::Index>(i)];
-    value = std::clamp(value + speed * time, unknown.lower, unknown.upper);
+    value += speed * time;
   }
   return pose;
 }
