@@ -39,6 +39,8 @@ constexpr double kStep = 0.02;
 constexpr double kGivesUpAfter = 3.0;
 /// A vehicle slower than this stands, m/s: 6 cm until it gives up.
 constexpr double kStands = 0.02;
+/// Braking that is hardly felt, a share of the friction limit.
+constexpr double kGentle = 0.05;
 /// Log likelihood ratio of a cell in which the known scene has a wall: a thousand to one.
 constexpr double kWallEvidence = 6.9;
 /// Frames of one drive draw their photons from seeds this far apart: a prime beyond their number.
@@ -102,11 +104,12 @@ class DriveLoop {
   VehicleState believed() const { return world_.believed(state()); }
   Polygon outline() const;
   std::vector<double> occupancy() const;
+  std::vector<double> within_lane() const;
   /// 1/m that the wheels are turned to; 0 of what turns on the spot.
   double steered_curvature() const {
     return limits_.wheelbase > 0 ? std::tan(believed().steering_angle) / limits_.wheelbase : 0.0;
   }
-  double speed() const { return options_.speed.value_or(world_.speed()); }
+  double speed() const { return world_.speed(); }
   PathGoal goal() const;
   bool passed_goal();
 
@@ -157,7 +160,7 @@ DriveLoop::DriveLoop(const Drive& drive, const SimulatedSensor& sensor, const Dr
     : drive_(drive),
       sensor_(sensor),
       options_(options),
-      world_(drive, options.seed),
+      world_(drive, options.seed, options.speed),
       perception_(make_perception(
           options.perception,
           {sensor.scene(), drive.motion, options.fitter,
@@ -176,7 +179,7 @@ DriveLoop::DriveLoop(const Drive& drive, const SimulatedSensor& sensor, const Dr
                  replanner_options(drive)),
       faults_(options.seed ^ kFaultSeed) {
   VehicleState start;
-  start.position = drive.vehicle.start;
+  start.position = world_.vehicle_start();
   start.yaw = drive.vehicle.start_yaw;
   start.speed = drive.vehicle.start_speed.value_or(speed());
   vehicle_.place(start);
@@ -210,6 +213,16 @@ std::vector<double> DriveLoop::occupancy() const {
     }
   }
   return probabilities;
+}
+
+/// What may be driven on: what lies beside the lane is taken as occupied.
+std::vector<double> DriveLoop::within_lane() const {
+  std::vector<double> open = occupancy_;
+  if (!drive_.lane) return open;
+  for (std::size_t i = 0; i < open.size(); ++i) {
+    if (!drive_.lane->contains(drive_.map.center(drive_.map.cell(i)))) open[i] = 1;
+  }
+  return open;
 }
 
 /// The sensor's frame of this moment, which arrives now, later or never.
@@ -327,19 +340,22 @@ StandingAndMoving DriveLoop::split(const AnswerEvent& event) const {
 void DriveLoop::plan() {
   const StageTimer watch(times_.plan);
   occupancy_ = occupancy();
-  const PlanningGrid planning = replanner_.planner().grid(drive_.map, occupancy_);
+  const PlanningGrid planning = replanner_.planner().grid(drive_.map, within_lane());
   const VehicleState at = believed();
-  const PlanUpdate update =
-      replanner_.update(planning, {at.position, at.yaw}, at.speed, goal(), steered_curvature());
+  std::vector<Mover> movers;
+  if (latest_ && latest_->answer.mixture) movers = split(*latest_).moving;
+  const PlanUpdate update = replanner_.update(planning, {at.position, at.yaw}, at.speed, goal(),
+                                              steered_curvature(), movers);
   plan_text_ = update.text();
   held_ = false;
   follow(update);
-  traffic_ = {};
+  const TrafficDecision before = std::exchange(traffic_, {});
   if (!follower_) return;
   limit_speed(planning);
-  if (!latest_ || !latest_->answer.mixture) return;
-  traffic_ = decide_for_traffic(*follower_, at, body_, limits_.friction, split(*latest_).moving,
-                                traffic_options(drive_));
+  TrafficOptions traffic = traffic_options(drive_);
+  // Who brakes goes on until the way is clear: less would let the vehicle creep up to the other.
+  if (before.braking > 0) traffic.comfortable = kGentle;
+  traffic_ = decide_for_traffic(*follower_, at, body_, limits_.friction, movers, traffic);
 }
 
 /// A follower for a new path. A stop is driven along what is left of the path, to its end; where

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <array>
 #include <map>
 #include <optional>
@@ -67,6 +68,13 @@ struct TrueComponent {
   double upper = 0;  ///< m, rad or 1
 };
 
+/// Where and when vehicle and hidden object meet if nobody acts.
+struct DriveMeeting {
+  Eigen::Vector2d point = Eigen::Vector2d::Zero();  ///< m, on the vehicle's way straight on
+  double time = 0;                                  ///< s after the start
+  double spread = 0;  ///< m, standard deviation along the object's way
+};
+
 /// The truth that the vehicle does not know.
 struct DriveTruth {
   double present = 1;  ///< probability that there is a hidden object at all
@@ -76,6 +84,8 @@ struct DriveTruth {
   std::vector<Eigen::Vector2d> velocity;
   /// [objects] m/s; velocities are drawn uniformly up to these. Empty: they are stated.
   std::vector<Eigen::Vector2d> velocity_upper;
+  /// Of the first object: it and the vehicle start as far from there as they go until then.
+  std::optional<DriveMeeting> meeting;
 };
 
 /// What `blindcorner trials` varies: wanted speeds, in zones of equal width.
@@ -112,6 +122,8 @@ struct Drive {
   DriveSensor sensor;
   DirectSight sight;
   GridGeometry map;
+  /// Plans of the vehicle stay in this rectangle, m; empty: anywhere on the map.
+  std::optional<Eigen::AlignedBox2d> lane;
   DriveTruth truth;
   std::string perception = "solver";
   std::map<std::string, double> delay;         ///< s, by perception

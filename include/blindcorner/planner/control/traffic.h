@@ -20,20 +20,9 @@
 #include <vector>
 
 #include "blindcorner/planner/control/path_follower.h"
-#include "blindcorner/planner/path/vehicle_footprint.h"
+#include "blindcorner/planner/path/mover.h"
 
 namespace blindcorner {
-
-/// Something that moves over the ground, as far as it is known.
-struct Mover {
-  std::string name;
-  VehicleFootprint body;                                 ///< about its position
-  PlanarPose pose;                                       ///< mean, now
-  Eigen::Vector2d velocity = Eigen::Vector2d::Zero();    ///< mean, m/s
-  Eigen::Matrix4d covariance = Eigen::Matrix4d::Zero();  ///< of x, y (m), and their velocities
-  double acceleration_density = 0;                       ///< q, m^2/s^3 (Motion)
-  double probability = 1;                                ///< that it is there, and is this one
-};
 
 struct TrafficOptions {
   double risk = 0.02;         ///< probability of touching something that is taken at each decision
