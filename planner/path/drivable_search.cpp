@@ -204,6 +204,11 @@ void DrivableSearch::add(const Node& node) {
 
 bool DrivableSearch::may_be_at(const PathPoint& place) const {
   const PlanarPose pose{place.position, place.heading};
+  const MoverAvoidance avoidance{request_.movers, request_.speed};
+  if (avoidance.meets(options_.footprint, pose, place.arc_length,
+                      {request_.start, request_.start_heading.value_or(place.heading)})) {
+    return false;
+  }
   if (grid_.is_free(options_.footprint, pose)) return true;
   const bool leaving =
       !overlaps_.empty() &&

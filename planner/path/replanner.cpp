@@ -17,6 +17,8 @@ constexpr double kNever = std::numeric_limits<double>::infinity();
 /// A plan is looked at in every frame at places at most so many cells apart: a disc of the radius
 /// of a cell reaches 1/30 of a cell into a corner between two of them.
 constexpr double kLookedAt = 0.5;
+/// And for movers so often, m: less than half of any vehicle that moves among them.
+constexpr double kMoverStep = 0.25;
 
 void check_option(bool fine, const char* field, double value, const char* accepted) {
   if (fine && std::isfinite(value)) return;
@@ -118,6 +120,8 @@ std::string_view plan_reason_word(PlanReason reason) {
       return "off_path";
     case PlanReason::blocked:
       return "blocked";
+    case PlanReason::crossed:
+      return "crossed";
     case PlanReason::costlier:
       return "costlier";
     case PlanReason::refresh:
@@ -170,14 +174,15 @@ void Replanner::reset() {
 }
 
 PlanUpdate Replanner::update(const PlanningGrid& grid, const PlanarPose& vehicle, double speed,
-                             const PathGoal& goal, double curvature) {
+                             const PathGoal& goal, double curvature,
+                             std::span<const Mover> movers) {
   const auto begin = std::chrono::steady_clock::now();
   PlanUpdate update;
   update.status = PathStatus::found;
   const bool finite = is_finite(vehicle) && std::isfinite(speed) && goal.point.allFinite() &&
                       goal.line_to.value_or(goal.point).allFinite() &&
                       std::isfinite(goal.heading.value_or(0)) && std::isfinite(curvature);
-  update.reason = finite ? assess(grid, vehicle, goal) : PlanReason::not_finite;
+  update.reason = finite ? assess(grid, vehicle, goal, {movers, speed}) : PlanReason::not_finite;
   if (update.reason == PlanReason::not_finite) {
     halt(grid, vehicle, speed, update);
   } else if (update.reason == PlanReason::at_goal) {
@@ -186,7 +191,12 @@ PlanUpdate Replanner::update(const PlanningGrid& grid, const PlanarPose& vehicle
     ++age_;
     keep(update);
   } else {
-    Path path = planner_.plan(grid, {vehicle.position, vehicle.heading, goal, curvature, speed});
+    PathRequest request{vehicle.position, vehicle.heading, goal, curvature, speed, movers};
+    Path path = planner_.plan(grid, request);
+    if (!path.found() && !movers.empty() && update.reason != PlanReason::crossed) {
+      request.movers = {};
+      path = planner_.plan(grid, request);
+    }
     update.status = path.status;
     decide(grid, vehicle, speed, std::move(path), update);
     if (update.action == PlanAction::replan) goal_ = goal;
@@ -209,9 +219,21 @@ bool Replanner::is_new_goal(const PathGoal& goal) const {
   return std::abs(turn) > options_.goal_heading_tolerance;
 }
 
+/// Whether a mover will be on the plan when the vehicle comes there.
+bool Replanner::crossed(const PlanarPose& vehicle, const MoverAvoidance& avoidance) const {
+  if (avoidance.movers.empty()) return false;
+  for (double s = arc_length_; s <= plan_->points.back().arc_length; s += kMoverStep) {
+    const PathPoint place = plan_->at(s);
+    if (avoidance.meets(body_, {place.position, place.heading}, s - arc_length_, vehicle)) {
+      return true;
+    }
+  }
+  return false;
+}
+
 /// What speaks against the present plan, the gravest first.
 PlanReason Replanner::assess(const PlanningGrid& grid, const PlanarPose& vehicle,
-                             const PathGoal& goal) {
+                             const PathGoal& goal, const MoverAvoidance& avoidance) {
   const bool at_point =
       !goal.line_to && (vehicle.position - goal.point).norm() <= options_.goal_tolerance;
   if (at_point) return PlanReason::at_goal;
@@ -223,6 +245,7 @@ PlanReason Replanner::assess(const PlanningGrid& grid, const PlanarPose& vehicle
     return PlanReason::off_path;
   }
   if (first_blocked(grid, body_, *plan_, arc_length_) < kNever) return PlanReason::blocked;
+  if (crossed(vehicle, avoidance)) return PlanReason::crossed;
   const std::size_t here = first_after(*plan_, arc_length_);
   if (costs_to_end(grid, *plan_)[here] > (1 + options_.max_cost_growth) * planned_cost_[here]) {
     return PlanReason::costlier;
@@ -275,9 +298,11 @@ void Replanner::adopt(const PlanningGrid& grid, Path path) {
 /// Takes a new path, keeps the present one, or stops.
 void Replanner::decide(const PlanningGrid& grid, const PlanarPose& vehicle, double speed, Path path,
                        PlanUpdate& update) {
+  // Who crosses the plan is braked for on it, where there is no other.
+  const bool no_other = update.reason == PlanReason::crossed && !path.found();
   const bool could_keep =
       update.reason == PlanReason::refresh || update.reason == PlanReason::costlier;
-  if (could_keep) {
+  if (could_keep || no_other) {
     const std::vector<double> costs = costs_to_end(grid, *plan_);
     const double rest = costs[first_after(*plan_, arc_length_)];
     if (!path.found() || path.cost * (1 + options_.max_cost_growth) > rest) {

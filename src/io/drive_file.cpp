@@ -54,7 +54,7 @@ void read_localization(const JsonReader& reader, DriveVehicle& vehicle) {
 
 DriveVehicle read_vehicle(const JsonReader& reader) {
   reader.allow_only({"kind", "length_m", "width_m", "height_m", "turning_radius_m", "start",
-                     "brakes_for_curves", "cornering_share", "localization"});
+                     "brakes_for_curves", "cornering_share", "mu", "localization"});
   DriveVehicle vehicle;
   if (reader.at("kind").word({"car", "robot"}) == "robot") {
     vehicle.kind = VehicleKind::robot;
@@ -70,6 +70,7 @@ DriveVehicle read_vehicle(const JsonReader& reader) {
     vehicle.cornering_share =
         share.number(NumberRange{.lower = 0, .upper = 1, .above_lower = true});
   }
+  vehicle.friction = reader.at("mu").number_or(vehicle.friction, NumberRange::between(0.05, 1.5));
   read_localization(reader.at("localization"), vehicle);
   const JsonReader start = reader.at("start");
   start.allow_only({"position_m", "yaw_deg", "speed_m_per_s"});
@@ -191,6 +192,16 @@ void read_velocities(const JsonReader& reader, DriveTruth& truth) {
   }
 }
 
+void read_meeting(const JsonReader& reader, DriveTruth& truth) {
+  if (!reader.present()) return;
+  reader.allow_only({"at_m", "after_s", "spread_m"});
+  DriveMeeting meeting;
+  meeting.point = read_point(reader.at("at_m"));
+  meeting.time = reader.at("after_s").number(kDelay);
+  meeting.spread = reader.at("spread_m").number_or(0, NumberRange::between(0, 100));
+  truth.meeting = meeting;
+}
+
 DriveTruth read_truth(const JsonReader& reader, const Scene& scene) {
   DriveTruth truth;
   truth.components.resize(scene.unknowns.size());
@@ -199,7 +210,7 @@ DriveTruth read_truth(const JsonReader& reader, const Scene& scene) {
   std::vector<std::string> names;
   for (const Unknown& unknown : scene.unknowns) names.push_back(file_name(scene, unknown));
   std::vector<std::string_view> fields(names.begin(), names.end());
-  fields.insert(fields.end(), {"present", "velocity_m_per_s"});
+  fields.insert(fields.end(), {"present", "velocity_m_per_s", "meeting"});
   reader.allow_only(fields);
   if (const JsonReader present = reader.at("present"); present.present()) {
     const bool stated = present.json().is_boolean();
@@ -211,6 +222,7 @@ DriveTruth read_truth(const JsonReader& reader, const Scene& scene) {
     if (field.present()) truth.components[i] = read_component(field, scene.unknowns[i]);
   }
   read_velocities(reader.at("velocity_m_per_s"), truth);
+  read_meeting(reader.at("meeting"), truth);
   return truth;
 }
 
@@ -226,6 +238,15 @@ void read_perception(const JsonReader& reader, Drive& drive) {
     for (const auto& [name, file] : weights.fields()) {
       drive.weights[name] = (directory / file.text()).string();
     }
+  }
+}
+
+void read_lane(const JsonReader& reader, Drive& drive) {
+  if (!reader.present()) return;
+  reader.allow_only({"lower_m", "upper_m"});
+  drive.lane.emplace(read_point(reader.at("lower_m")), read_point(reader.at("upper_m")));
+  if (drive.lane->isEmpty()) {
+    reader.at("upper_m").fail("a corner above and to the right of lower_m");
   }
 }
 
@@ -271,6 +292,7 @@ void read_speed_mode(const JsonReader& reader, Drive& drive) {
     return field.number_or(absent, range);
   };
   drive.risk = number("risk", drive.risk, kShare);
+  drive.traffic_risk = reader.at("traffic_risk").number_or(drive.traffic_risk, kShare);
   drive.closing_speed = number("closing_speed_m_per_s", 0, NumberRange::between(0, 100));
 }
 
@@ -309,10 +331,16 @@ Drive read_drive(const std::string& path) {
   const Json document = parse_file_kind(FileKind::drive, read_bytes(path), path);
   const JsonReader reader(document, path);
   if (!reader.is_object()) reader.fail("an object");
-  reader.allow_only({"name", "description", "scene", "vehicle", "route_m", "goal_tolerance_m",
-                     "finish_line_m", "speed_m_per_s", "time_limit_s", "sensor", "direct_sight",
-                     "map", "hidden", "perception", "trials", "speed_mode", "risk",
-                     "closing_speed_m_per_s"});
+  reader.allow_only({"name",          "description",
+                     "scene",         "vehicle",
+                     "route_m",       "goal_tolerance_m",
+                     "finish_line_m", "speed_m_per_s",
+                     "time_limit_s",  "sensor",
+                     "direct_sight",  "map",
+                     "lane",          "hidden",
+                     "perception",    "trials",
+                     "speed_mode",    "risk",
+                     "traffic_risk",  "closing_speed_m_per_s"});
   Drive drive;
   drive.path = path;
   drive.name = reader.at("name").text_or(std::filesystem::path(path).stem().string());
@@ -322,6 +350,7 @@ Drive read_drive(const std::string& path) {
   drive.sensor = read_drive_sensor(reader.at("sensor"));
   drive.sight = read_sight(reader.at("direct_sight"), drive.scene.sensor);
   drive.map = read_map(reader.at("map"));
+  read_lane(reader.at("lane"), drive);
   drive.truth = read_truth(reader.at("hidden"), drive.scene);
   read_perception(reader.at("perception"), drive);
   read_route(reader, drive);

@@ -72,6 +72,8 @@ json frame_json(const DriveFrame& frame) {
           {"speed_m_per_s", frame.vehicle.speed},
           {"steering_rad", frame.vehicle.steering_angle},
           {"target_speed_m_per_s", number_or_null(frame.target_speed)},
+          {"braking_for", frame.braking_for.empty() ? json(nullptr) : json(frame.braking_for)},
+          {"braking_m_per_s2", with_digits(frame.braking, 4)},
           {"clearance_m", number_or_null(frame.clearance)},
           {"frame", fate_word(frame.fate)},
           {"arrival_s", with_digits(frame.arrival, 6)},

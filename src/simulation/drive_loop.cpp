@@ -14,6 +14,7 @@
 #include "blindcorner/planner/control/path_outlook.h"
 #include "blindcorner/planner/control/predicted_contact.h"
 #include "blindcorner/planner/control/safe_speed.h"
+#include "blindcorner/planner/control/traffic.h"
 #include "blindcorner/planner/grid/line_of_sight.h"
 #include "blindcorner/planner/grid/occupancy_grid.h"
 #include "blindcorner/planner/grid/pose_hypotheses.h"
@@ -23,6 +24,7 @@
 #include "blindcorner/simulation/true_world.h"
 #include "simulation/convex_distance.h"
 #include "simulation/drive_setup.h"
+#include "simulation/movers.h"
 #include "simulation/sightings.h"
 
 namespace blindcorner {
@@ -37,6 +39,8 @@ constexpr double kStep = 0.02;
 constexpr double kGivesUpAfter = 3.0;
 /// A vehicle slower than this stands, m/s: 6 cm until it gives up.
 constexpr double kStands = 0.02;
+/// Braking that is hardly felt, a share of the friction limit.
+constexpr double kGentle = 0.05;
 /// Log likelihood ratio of a cell in which the known scene has a wall: a thousand to one.
 constexpr double kWallEvidence = 6.9;
 /// Frames of one drive draw their photons from seeds this far apart: a prime beyond their number.
@@ -91,6 +95,8 @@ class DriveLoop {
   void note_frame();
   bool finished();
   void forget_maps();
+  StandingAndMoving split(const AnswerEvent& event) const;
+  std::string braking_for() const;
   void mark_walls();
 
   VehicleState state() const { return vehicle_.state(); }
@@ -98,11 +104,12 @@ class DriveLoop {
   VehicleState believed() const { return world_.believed(state()); }
   Polygon outline() const;
   std::vector<double> occupancy() const;
+  std::vector<double> within_lane() const;
   /// 1/m that the wheels are turned to; 0 of what turns on the spot.
   double steered_curvature() const {
     return limits_.wheelbase > 0 ? std::tan(believed().steering_angle) / limits_.wheelbase : 0.0;
   }
-  double speed() const { return options_.speed.value_or(world_.speed()); }
+  double speed() const { return world_.speed(); }
   PathGoal goal() const;
   bool passed_goal();
 
@@ -114,6 +121,7 @@ class DriveLoop {
   double delay_;
   LineOfSight sight_;
   Sightings sightings_;
+  Scene map_scene_;  ///< hidden objects as the map has them
   OccupancyGrid grid_;
   PoseHypotheses hypotheses_;
   Vehicle vehicle_;
@@ -124,6 +132,8 @@ class DriveLoop {
   std::optional<PathOutlook> outlook_;  ///< of the follower's path, where speed is chosen by it
   bool brake_ = true;                   ///< no path to follow, or one that ends too soon
   bool held_ = false;                   ///< by what it would touch beside its path
+  TrafficDecision traffic_;
+  double acceleration_ = 0;  ///< m/s^2, asked for in the last control period
   std::mt19937_64 faults_;
 
   double time_ = 0;             ///< s
@@ -150,7 +160,7 @@ DriveLoop::DriveLoop(const Drive& drive, const SimulatedSensor& sensor, const Dr
     : drive_(drive),
       sensor_(sensor),
       options_(options),
-      world_(drive, options.seed),
+      world_(drive, options.seed, options.speed),
       perception_(make_perception(
           options.perception,
           {sensor.scene(), drive.motion, options.fitter,
@@ -159,9 +169,9 @@ DriveLoop::DriveLoop(const Drive& drive, const SimulatedSensor& sensor, const Dr
       delay_(declared_delay(drive, options.perception)),
       sight_(drive.scene, drive.map, sight_options(drive)),
       sightings_(drive.scene, drive.motion),
-      grid_(drive.map, map_scene(drive.scene, perception_->disc_radius()), drive.motion,
-            occupancy_options(drive)),
-      hypotheses_(map_scene(drive.scene, perception_->disc_radius()), drive.map),
+      map_scene_(map_scene(drive.scene, perception_->disc_radius())),
+      grid_(drive.map, map_scene_, drive.motion, occupancy_options(drive)),
+      hypotheses_(map_scene_, drive.map),
       vehicle_(model_of(drive.vehicle)),
       limits_(vehicle_.model().limits()),
       body_(footprint_of(vehicle_.model())),
@@ -169,7 +179,7 @@ DriveLoop::DriveLoop(const Drive& drive, const SimulatedSensor& sensor, const Dr
                  replanner_options(drive)),
       faults_(options.seed ^ kFaultSeed) {
   VehicleState start;
-  start.position = drive.vehicle.start;
+  start.position = world_.vehicle_start();
   start.yaw = drive.vehicle.start_yaw;
   start.speed = drive.vehicle.start_speed.value_or(speed());
   vehicle_.place(start);
@@ -203,6 +213,16 @@ std::vector<double> DriveLoop::occupancy() const {
     }
   }
   return probabilities;
+}
+
+/// What may be driven on: what lies beside the lane is taken as occupied.
+std::vector<double> DriveLoop::within_lane() const {
+  std::vector<double> open = occupancy_;
+  if (!drive_.lane) return open;
+  for (std::size_t i = 0; i < open.size(); ++i) {
+    if (!drive_.lane->contains(drive_.map.center(drive_.map.cell(i)))) open[i] = 1;
+  }
+  return open;
 }
 
 /// The sensor's frame of this moment, which arrives now, later or never.
@@ -256,14 +276,14 @@ void DriveLoop::take_frame(const SensedEvent& event) {
   DriveFrame& frame = result_.frames[event.frame];
   const Transform T_world_believed =
       T_world_vehicle(world_.believed(event.vehicle)) * drive_.sensor.T_vehicle_sensor;
-  const LineOfSightScan scan =
+  LineOfSightScan scan =
       sight_.scan(frame.T_world_sensor, world_.placements(event.capture_time), T_world_believed);
   AnswerEvent answer{event.capture_time, time_ + delay_, {}};
   if (!scan.object_hits.empty()) {
     frame.fate = FrameFate::in_sight;
     if (!sightings_.any() && latest_) perceived_ = *latest_;
     sightings_.see(scan.objects_seen, *world_.believed_hidden(event.vehicle, event.capture_time),
-                   event.capture_time);
+                   event.capture_time, perceived_.answer);
     answer.ready = time_;
     answer.answer = sightings_.answer(perceived_.answer,
                                       std::max(0.0, event.capture_time - perceived_.capture_time),
@@ -289,6 +309,8 @@ void DriveLoop::take_frame(const SensedEvent& event) {
       frame.object_counts = std::move(sensed.object_counts);
     }
   }
+  // Objects in sight are tracked: what of them a ray met is where their track is, as it moves on.
+  scan.object_hits.clear();
   update_map(&scan, nullptr);
   if (frame.fate == FrameFate::used || frame.fate == FrameFate::in_sight) {
     answers_.push_back(std::move(answer));
@@ -303,25 +325,37 @@ void DriveLoop::take_answer(const AnswerEvent& event) {
 void DriveLoop::update_map(const LineOfSightScan* scan, const AnswerEvent* event) {
   const StageTimer watch(times_.map);
   std::optional<HiddenAnswer> answer;
-  if (event != nullptr) {
-    answer =
-        HiddenAnswer{*event->answer.mixture, time_ - event->capture_time, event->answer.velocities};
-  }
+  if (event != nullptr) answer = split(*event).standing;
   grid_.update(time_ - map_time_, scan, answer ? &*answer : nullptr);
   map_time_ = time_;
+}
+
+/// An answer as it is now.
+StandingAndMoving DriveLoop::split(const AnswerEvent& event) const {
+  return split_by_motion(
+      map_scene_, drive_.motion,
+      {*event.answer.mixture, time_ - event.capture_time, event.answer.velocities});
 }
 
 void DriveLoop::plan() {
   const StageTimer watch(times_.plan);
   occupancy_ = occupancy();
-  const PlanningGrid planning = replanner_.planner().grid(drive_.map, occupancy_);
+  const PlanningGrid planning = replanner_.planner().grid(drive_.map, within_lane());
   const VehicleState at = believed();
-  const PlanUpdate update =
-      replanner_.update(planning, {at.position, at.yaw}, at.speed, goal(), steered_curvature());
+  std::vector<Mover> movers;
+  if (latest_ && latest_->answer.mixture) movers = split(*latest_).moving;
+  const PlanUpdate update = replanner_.update(planning, {at.position, at.yaw}, at.speed, goal(),
+                                              steered_curvature(), movers);
   plan_text_ = update.text();
   held_ = false;
   follow(update);
-  if (follower_) limit_speed(planning);
+  const TrafficDecision before = std::exchange(traffic_, {});
+  if (!follower_) return;
+  limit_speed(planning);
+  TrafficOptions traffic = traffic_options(drive_);
+  // Who brakes goes on until the way is clear: less would let the vehicle creep up to the other.
+  if (before.braking > 0) traffic.comfortable = kGentle;
+  traffic_ = decide_for_traffic(*follower_, at, body_, limits_.friction, movers, traffic);
 }
 
 /// A follower for a new path. A stop is driven along what is left of the path, to its end; where
@@ -407,13 +441,29 @@ void DriveLoop::step() {
     const FollowerOutput output = brake_ ? follower_->stop(before) : follower_->follow(before);
     request = output.request;
     target_speed_ = output.target_speed;
+    if (traffic_.braking > 0 && !brake_) {
+      if (traffic_.braking >= 1) request = follower_->stop(before).request;
+      request.acceleration = std::min(request.acceleration, -traffic_.braking * limits_.friction);
+      target_speed_ = 0;
+    }
   }
+  acceleration_ = request.acceleration;
   vehicle_.step(request, kStep);
   time_ += kStep;
   const VehicleState after = state();
   result_.length += (after.position - from).norm();
   result_.top_speed = std::max(result_.top_speed, after.speed);
   result_.trace.emplace_back(after.position.x(), after.position.y(), after.yaw);
+}
+
+/// What the vehicle brakes for, the gravest first.
+std::string DriveLoop::braking_for() const {
+  constexpr double kBrakes = 0.5;  // m/s^2: less is control
+  if (acceleration_ > -kBrakes || believed().speed < kStands) return "";
+  if (brake_ || plan_text_.starts_with("stop")) return "no plan";
+  if (traffic_.braking > 0) return traffic_.mover;
+  if (held_) return "what it would touch beside its path";
+  return drive_.speed_mode == SpeedMode::safe ? "what may be hidden, or a curve" : "a curve";
 }
 
 bool DriveLoop::finished() {
@@ -471,6 +521,8 @@ DriveResult DriveLoop::run() {
     frame.plan_text = plan_text_;
     frame.path = path_;
     frame.target_speed = target_speed_;
+    frame.braking_for = braking_for();
+    frame.braking = frame.braking_for.empty() ? 0.0 : -acceleration_;
     if (latest_) {
       frame.mixture = latest_->answer.mixture;
       frame.velocities = latest_->answer.velocities;

@@ -48,11 +48,13 @@ std::shared_ptr<const VehicleModel> model_of(const DriveVehicle& vehicle) {
     CarParameters parameters;
     parameters.body.length = vehicle.length;
     parameters.body.width = vehicle.width;
+    parameters.friction = vehicle.friction;
     return make_car(parameters);
   }
   DifferentialDriveParameters parameters;
   parameters.length = vehicle.length;
   parameters.width = vehicle.width;
+  parameters.friction = vehicle.friction;
   return make_differential_drive(parameters);
 }
 
@@ -108,6 +110,14 @@ SafeSpeedOptions safe_speed_options(const Drive& drive) {
   options.reaction_time = 1 / drive.sensor.rate + PathFollowerOptions{}.delay;
   if (drive.sensor.late_share > 0) options.reaction_time += drive.sensor.late_by;
   options.margin = std::min(options.margin, drive.vehicle.length / 2);
+  return options;
+}
+
+TrafficOptions traffic_options(const Drive& drive) {
+  TrafficOptions options;
+  options.risk = drive.traffic_risk;
+  options.reaction_time = PathFollowerOptions{}.delay;
+  options.margin = std::min(options.margin, drive.vehicle.width / 6);
   return options;
 }
 

@@ -9,6 +9,7 @@
 #include "blindcorner/planner/control/path_outlook.h"
 #include "blindcorner/planner/control/predicted_contact.h"
 #include "blindcorner/planner/control/safe_speed.h"
+#include "blindcorner/planner/control/traffic.h"
 #include "blindcorner/planner/grid/line_of_sight.h"
 #include "blindcorner/planner/grid/occupancy_grid.h"
 #include "blindcorner/planner/path/path_planner.h"
@@ -36,6 +37,8 @@ OccupancyOptions occupancy_options(const Drive& drive);
 SafeSpeedOptions safe_speed_options(const Drive& drive);
 
 /// Looks as far as a vehicle at the wanted speed needs to slow down and then to stop.
+TrafficOptions traffic_options(const Drive& drive);
+
 PathOutlookOptions outlook_options(const Drive& drive, const VehicleLimits& limits, double speed);
 
 /// Looks as far as a vehicle at this speed (m/s) needs to stop.

@@ -32,12 +32,28 @@ class OraclePerception final : public Perception {
   PerceptionAnswer perceive(const Capture& /*capture*/, const Transform& /*T_world_sensor*/,
                             double time) override {
     PerceptionAnswer answer;
-    answer.mixture = known_pose(scene_, truth_(time));
+    const std::optional<PoseVector> pose = truth_(time);
+    answer.mixture = known_pose(scene_, pose);
+    if (pose) answer.velocities.push_back(velocity(time));
     return answer;
   }
   bool needs_histograms() const override { return false; }
 
  private:
+  PoseVelocity velocity(double time) const {
+    constexpr double kStep = 0.01;  // s
+    const auto n = static_cast<Eigen::Index>(scene_.unknowns.size());
+    PoseVelocity velocity{(*truth_(time + kStep) - *truth_(time)) / kStep,
+                          Eigen::MatrixXd::Zero(n, n), Eigen::MatrixXd::Zero(n, n)};
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const Component component = scene_.unknowns[static_cast<std::size_t>(i)].component;
+      const bool moves = component == Component::x || component == Component::y;
+      if (!moves) velocity.mean[i] = 0;
+      if (moves) velocity.covariance(i, i) = kKnownSpeed * kKnownSpeed;
+    }
+    return velocity;
+  }
+
   const Scene& scene_;
   std::function<std::optional<PoseVector>(double)> truth_;
 };

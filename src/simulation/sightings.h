@@ -12,33 +12,44 @@
 
 namespace blindcorner {
 
-/// Knows which objects have been seen, and where last.
+/// Knows which objects have been seen, and follows each along x and y with a Kalman filter (nearly
+/// constant velocity, as the scene's motion says).
 class Sightings {
  public:
   /// `scene` must outlive it.
   Sightings(const Scene& scene, const Motion& motion);
 
-  /// Notes the objects that are in sight ([hidden objects]) at a time (s) with their pose.
-  void see(const std::vector<bool>& in_sight, const PoseVector& pose, double time);
+  /// Notes the objects that are in sight ([hidden objects]) at a time (s) with their pose. Of an
+  /// object that was not seen before, `perceived` may know the velocity.
+  void see(const std::vector<bool>& in_sight, const PoseVector& pose, double time,
+           const PerceptionAnswer& perceived = {});
 
   /// Whether any object has been in sight.
   bool any() const;
 
-  /// What is known at a time (s): objects that have been seen stand where they were last, within a
-  /// known pose's deviations and what may have moved since; the others are as `perceived` says,
-  /// moved on by `age` (s), and anywhere in their search region where it says nothing. Velocities
-  /// of seen objects are any.
+  /// What is known at a time (s): objects that have been seen are where their track says; the
+  /// others are as `perceived` says, moved on by `age` (s), and anywhere in their search region
+  /// where it says nothing.
   PerceptionAnswer answer(const PerceptionAnswer& perceived, double age, double time) const;
 
  private:
   struct Sighting {
-    PoseVector pose;
-    double time = 0;  ///< s
+    PoseVector pose;                                           ///< as it was seen last
+    double time = 0;                                           ///< s
+    Eigen::Vector2d position = Eigen::Vector2d::Zero();        ///< m
+    Eigen::Vector2d velocity = Eigen::Vector2d::Zero();        ///< m/s
+    Eigen::Matrix2d covariance = Eigen::Matrix2d::Identity();  ///< of both, along each axis
   };
+  /// A track at a later time.
+  Sighting moved(const Sighting& sighting, double time) const;
+  Sighting begun(std::size_t object, const PerceptionAnswer& perceived) const;
+  Eigen::Vector2d position_of(std::size_t object, const PoseVector& pose) const;
   PerceptionAnswer elsewhere(const PerceptionAnswer& perceived, double age) const;
   void pin(std::size_t object, double time, PoseMode& mode, PoseVelocity& velocity) const;
 
   const Scene& scene_;
+  double acceleration_density_;  ///< m^2/s^3
+  double initial_speed_;         ///< m/s
   HiddenMotion motion_;
   std::vector<std::optional<Sighting>> seen_;  ///< [hidden objects]
 };

@@ -36,7 +36,8 @@ double drawn(double lower, double upper, std::mt19937_64& random) {
 
 }  // namespace
 
-TrueWorld::TrueWorld(const Drive& drive, std::uint64_t seed) : drive_(drive) {
+TrueWorld::TrueWorld(const Drive& drive, std::uint64_t seed, std::optional<double> speed)
+    : drive_(drive) {
   std::mt19937_64 random(seed);
   start_ = draw_pose(drive.scene, random);
   for (std::size_t i = 0; i < drive.truth.components.size(); ++i) {
@@ -55,12 +56,33 @@ TrueWorld::TrueWorld(const Drive& drive, std::uint64_t seed) : drive_(drive) {
   std::normal_distribution<double> normal;
   for (double& offset : offset_) offset = drive.vehicle.localization_sigma * normal(random);
   turn_ = drive.vehicle.localization_yaw_sigma * normal(random);
+  if (speed) speed_ = *speed;
+  if (const auto& meeting = drive.truth.meeting) {
+    const Eigen::Vector2d way = velocity_.front().normalized();
+    const Eigen::Vector2d start =
+        meeting->point - meeting->time * velocity_.front() + meeting->spread * normal(random) * way;
+    for (std::size_t i = 0; i < drive.scene.unknowns.size(); ++i) {
+      const Unknown& unknown = drive.scene.unknowns[i];
+      const auto axis = static_cast<Eigen::Index>(unknown.component);
+      if (unknown.object == 0 && axis <= 1) start_[static_cast<Eigen::Index>(i)] = start[axis];
+    }
+  }
   std::mt19937_64 presence(seed ^ kPresenceSeed);
   present_ = std::uniform_real_distribution<double>(0, 1)(presence) < drive.truth.present;
   for (const Surface& surface : drive.scene.surfaces) {
     if (!in_the_way(surface, drive.vehicle.height)) continue;
     walls_.push_back(footprint(surface.shape, surface.T_world_surface));
   }
+}
+
+/// As far before a meeting as the vehicle goes until then, on its heading's line.
+Eigen::Vector2d TrueWorld::vehicle_start() const {
+  const DriveVehicle& vehicle = drive_.vehicle;
+  const auto& meeting = drive_.truth.meeting;
+  if (!meeting) return vehicle.start;
+  const Eigen::Vector2d ahead(std::cos(vehicle.start_yaw), std::sin(vehicle.start_yaw));
+  const double way = ahead.dot(meeting->point - vehicle.start) - meeting->time * speed_;
+  return vehicle.start + way * ahead;
 }
 
 std::vector<Cell> TrueWorld::wall_cells() const {
@@ -90,7 +112,7 @@ std::optional<PoseVector> TrueWorld::hidden(double time) const {
     if (axis > 1) continue;
     const double speed = velocity_[static_cast<std::size_t>(unknown.object)][axis];
     double& value = pose[static_cast<Eigen::Index>(i)];
-    value = std::clamp(value + speed * time, unknown.lower, unknown.upper);
+    value += speed * time;
   }
   return pose;
 }

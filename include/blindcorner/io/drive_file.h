@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <array>
 #include <map>
 #include <optional>
@@ -37,6 +38,7 @@ struct DriveVehicle {
   /// Share of the friction limit (mu g) that the curves of a plan may need at the wanted speed;
   /// empty: plans do not look at it.
   std::optional<double> cornering_share;
+  double friction = 0.9;  ///< mu, between tyres and road
   /// Standard deviations of where the vehicle takes itself to be: an offset that stays the same for
   /// a whole drive, since a map and odometry drift slower than a corner is taken.
   double localization_sigma = 0;      ///< m, of x and of y
@@ -66,15 +68,24 @@ struct TrueComponent {
   double upper = 0;  ///< m, rad or 1
 };
 
+/// Where and when vehicle and hidden object meet if nobody acts.
+struct DriveMeeting {
+  Eigen::Vector2d point = Eigen::Vector2d::Zero();  ///< m, on the vehicle's way straight on
+  double time = 0;                                  ///< s after the start
+  double spread = 0;  ///< m, standard deviation along the object's way
+};
+
 /// The truth that the vehicle does not know.
 struct DriveTruth {
   double present = 1;  ///< probability that there is a hidden object at all
   /// [unknowns] of the scene; empty: drawn from the scene's prior.
   std::vector<std::optional<TrueComponent>> components;
-  /// [objects] m/s. An object stops where its search region ends.
+  /// [objects] m/s. What moves goes on moving, out of its search region too.
   std::vector<Eigen::Vector2d> velocity;
   /// [objects] m/s; velocities are drawn uniformly up to these. Empty: they are stated.
   std::vector<Eigen::Vector2d> velocity_upper;
+  /// Of the first object: it and the vehicle start as far from there as they go until then.
+  std::optional<DriveMeeting> meeting;
 };
 
 /// What `blindcorner trials` varies: wanted speeds, in zones of equal width.
@@ -104,12 +115,15 @@ struct Drive {
   double speed_upper = 5;  ///< m/s
   double time_limit = 60;  ///< s
   SpeedMode speed_mode = SpeedMode::wanted;
-  double risk = 0.005;  ///< of a collision at each decision of SpeedMode::safe
+  double risk = 0.005;         ///< of a collision at each decision of SpeedMode::safe
+  double traffic_risk = 0.02;  ///< of touching what moves, at each decision
   /// m/s with which what is not in sight may come towards the vehicle, in SpeedMode::safe.
   double closing_speed = 0;
   DriveSensor sensor;
   DirectSight sight;
   GridGeometry map;
+  /// Plans of the vehicle stay in this rectangle, m; empty: anywhere on the map.
+  std::optional<Eigen::AlignedBox2d> lane;
   DriveTruth truth;
   std::string perception = "solver";
   std::map<std::string, double> delay;         ///< s, by perception

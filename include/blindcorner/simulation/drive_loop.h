@@ -72,6 +72,8 @@ struct DriveFrame {
   std::string plan_text;                 ///< what the replanner decided, and why
   std::vector<Eigen::Vector2d> path;     ///< m, the plan
   double target_speed = 0;               ///< m/s
+  std::string braking_for;               ///< what it was braking for; empty: nothing
+  double braking = 0;                    ///< m/s^2 asked for then
   double clearance = 0;                  ///< m, least since the frame before
   DriveTimes time_ms;
   std::optional<HistogramCube> counts, object_counts;  ///< as sensed; expected of the object

@@ -84,6 +84,7 @@ std::unique_ptr<Perception> make_perception(const std::string& name, const Perce
 /// Standard deviations that are stated of a pose which is known: a finger's breadth, a few degrees.
 inline constexpr double kKnownPosition = 0.02;  ///< m
 inline constexpr double kKnownAngle = 0.05;     ///< rad
+inline constexpr double kKnownSpeed = 0.05;     ///< m/s
 inline constexpr double kKnownSize = 0.02;      ///< relative
 
 /// Radius of the disc that the published study of localisation errors takes an obstacle for, m.

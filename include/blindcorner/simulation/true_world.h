@@ -15,8 +15,12 @@ namespace blindcorner {
 
 class TrueWorld {
  public:
-  /// Draws what the drive file leaves open; the same seed gives the same truth.
-  TrueWorld(const Drive& drive, std::uint64_t seed);
+  /// Draws what the drive file leaves open; the same seed gives the same truth. `speed`: wanted,
+  /// m/s, instead of the drive file's.
+  TrueWorld(const Drive& drive, std::uint64_t seed, std::optional<double> speed = std::nullopt);
+
+  /// Where the vehicle starts, m.
+  Eigen::Vector2d vehicle_start() const;
 
   /// The hidden objects' true pose at a time, s; empty: there are none.
   std::optional<PoseVector> hidden(double time) const;
@@ -30,6 +34,8 @@ class TrueWorld {
 
   /// Wanted speed of this drive, m/s.
   double speed() const { return speed_; }
+  /// [objects] m/s
+  const std::vector<Eigen::Vector2d>& velocity() const { return velocity_; }
 
   /// Corners (m) of the known surfaces that stand in the vehicle's way, seen from above: what
   /// reaches into the heights between a kerb and the vehicle's roof.

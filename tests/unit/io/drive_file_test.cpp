@@ -102,6 +102,22 @@ TEST(DriveFile, ARouteEndsAtAPointOrALine) {
   EXPECT_TRUE(both.finish_line);
 }
 
+TEST(DriveFile, FrictionLaneAndMeetingAreRead) {
+  EXPECT_DOUBLE_EQ(read_changed([](json&) {}).vehicle.friction, 0.9);
+  const Drive drive = read_changed([](json& d) {
+    d["vehicle"]["mu"] = 0.3;
+    d["traffic_risk"] = 0.1;
+    d["lane"] = {{"lower_m", {-2, 0}}, {"upper_m", {2, 1}}};
+    d["hidden"]["meeting"] = {{"at_m", {0.5, 1}}, {"after_s", 3}, {"spread_m", 0.2}};
+  });
+  EXPECT_DOUBLE_EQ(drive.vehicle.friction, 0.3);
+  EXPECT_DOUBLE_EQ(drive.traffic_risk, 0.1);
+  ASSERT_TRUE(drive.lane);
+  EXPECT_TRUE(drive.lane->contains(Eigen::Vector2d(1, 0.5)));
+  ASSERT_TRUE(drive.truth.meeting);
+  EXPECT_DOUBLE_EQ(drive.truth.meeting->time, 3);
+}
+
 TEST(DriveFile, WrongOnesGetOneLine) {
   const auto expect = [](const std::function<void(json&)>& change, const std::string& field,
                          const std::string& found) {
@@ -141,6 +157,18 @@ TEST(DriveFile, WrongOnesGetOneLine) {
   expect([](json& d) { d["hidden"]["x_m"] = 7; }, "hidden.x_m", "7");
   expect([](json& d) { d["hidden"]["z_m"] = 0; }, "hidden.z_m", "unknown field");
   expect([](json& d) { d["perception"]["delay_s"]["los"] = -1; }, "perception.delay_s.los", "-1");
+  expect([](json& d) { d["vehicle"]["mu"] = 0; }, "vehicle.mu", "0");
+  expect([](json& d) { d["traffic_risk"] = 2; }, "traffic_risk", "2");
+  expect(
+      [](json& d) {
+        d["lane"] = {{"lower_m", {0, 0}}, {"upper_m", {-1, 1}}};
+      },
+      "lane.upper_m", "above");
+  expect(
+      [](json& d) {
+        d["hidden"]["meeting"] = {{"at_m", {0, 1}}};
+      },
+      "hidden.meeting.after_s", "nothing");
   expect([](json& d) { d["speed_mode"] = "fast"; }, "speed_mode", "fast");
   expect([](json& d) { d["risk"] = 0.01; }, "risk", "speed_mode is \"safe\"");
   expect(

@@ -48,13 +48,13 @@ TEST(ConvexDistance, OfSquaresAndLines) {
   EXPECT_DOUBLE_EQ(convex_distance({{0, 0}, {2, 0}}, {{3, 0}, {4, 0}}), 1);  // in line
 }
 
-TEST(TrueWorld, MovesAndStopsAtTheRegionsBorder) {
+TEST(TrueWorld, MovesOnBeyondTheRegionsBorder) {
   Drive drive = robot();
   drive.truth.components = {TrueComponent{0.4, 0.4}, TrueComponent{1.9, 1.9}};
   drive.truth.velocity[0] = {0.1, 0};
   const TrueWorld world(drive, 1);
   EXPECT_NEAR((*world.hidden(2))[0], 0.6, 1e-12);
-  EXPECT_DOUBLE_EQ((*world.hidden(100))[0], 0.9);
+  EXPECT_NEAR((*world.hidden(10))[0], 1.4, 1e-12);
   drive.truth.velocity_upper = {{0.2, 0}};
   const double drawn = (*TrueWorld(drive, 1).hidden(1))[0];
   EXPECT_GT(drawn, 0.5);
@@ -62,6 +62,19 @@ TEST(TrueWorld, MovesAndStopsAtTheRegionsBorder) {
   EXPECT_NE(drawn, (*TrueWorld(drive, 2).hidden(1))[0]);
   drive.truth.present = 0;
   EXPECT_FALSE(TrueWorld(drive, 1).hidden(0));
+}
+
+TEST(TrueWorld, VehicleAndObjectMeetWhereTheDriveSays) {
+  Drive drive = read_drive(std::string(SOURCE_DIR) + "/scenes/crossing_cyclist_drive.json");
+  drive.truth.present = 1;
+  drive.truth.meeting->spread = 0;
+  const DriveMeeting& meeting = *drive.truth.meeting;
+  for (const double speed : {6.0, 15.0}) {
+    const TrueWorld world(drive, 3, speed);
+    const PoseVector there = *world.hidden(meeting.time);
+    EXPECT_NEAR((there.head<2>() - meeting.point).norm(), 0, 1e-9);
+    EXPECT_NEAR((world.vehicle_start() - meeting.point).norm(), speed * meeting.time, 1e-9);
+  }
 }
 
 /// From the vehicle everything stands where it stood: only its map is displaced.
@@ -275,6 +288,32 @@ TEST(SimulatedSensor, MoreLightIsMoreSignalOverTheSameDaylight) {
   const Scene brighter = with_light(scene, 10);
   EXPECT_DOUBLE_EQ(brighter.sensor.radiant_intensity, 10 * scene.sensor.radiant_intensity);
   EXPECT_DOUBLE_EQ(brighter.linear.fixed_ambient, scene.linear.fixed_ambient);
+}
+
+// Somebody comes; who is told so stops for him, and says it.
+TEST(CrossingDrive, WhoKnowsBrakesForTheCyclistAndReachesTheGoal) {
+  Drive drive = read_drive(std::string(SOURCE_DIR) + "/scenes/crossing_cyclist_drive.json");
+  drive.truth.present = 1;
+  const SimulatedSensor street(drive.scene);
+  DriveOptions options;
+  options.keep_pictures = false;
+  options.perception = "oracle";
+  options.speed = 14;
+  const DriveResult result = drive_through(drive, street, options);
+  EXPECT_EQ(result.outcome, DriveOutcome::reached);
+  int braking = 0;
+  for (const DriveFrame& frame : result.frames) {
+    if (frame.braking_for != "cyclist") continue;
+    ++braking;
+    EXPECT_GT(frame.braking, 0.5);
+    EXPECT_LE(frame.braking, 0.9 * 9.81 + 1e-9);
+  }
+  EXPECT_GE(braking, 5);
+  drive.truth.present = 0;
+  const DriveResult alone = drive_through(drive, street, options);
+  EXPECT_EQ(alone.outcome, DriveOutcome::reached);
+  for (const DriveFrame& frame : alone.frames) EXPECT_EQ(frame.braking_for, "") << frame.time;
+  EXPECT_LT(alone.time, result.time - 0.5);
 }
 
 /// Slowest speed of the vehicle within 10 m of the corner, m/s.

@@ -8,6 +8,7 @@
 
 #include "blindcorner/io/drive_file.h"
 #include "blindcorner/simulation/drive_claims.h"
+#include "simulation/movers.h"
 
 namespace blindcorner {
 namespace {
@@ -55,6 +56,60 @@ TEST(Sightings, TheOtherOneStaysAsPerceivedAndAges) {
   const PerceptionAnswer both = sightings.answer(perceived, 1.5, 2);
   EXPECT_EQ(both.flags, std::vector<std::string>{"in_sight"});
   EXPECT_NEAR((both.mixture->mean - truth()).norm(), 0, 1e-12);
+}
+
+TEST(Sightings, WhatIsSeenIsTracked) {
+  Motion motion;
+  motion.initial_speed = 3;
+  motion.acceleration_density = 0.5;
+  Sightings sightings(street().scene, motion);
+  const Eigen::Vector4d velocity(0, 0, 0, -4);
+  for (int i = 0; i < 6; ++i) sightings.see({false, true}, truth() + 0.1 * i * velocity, 0.1 * i);
+  const PerceptionAnswer answer = sightings.answer({}, 0, 0.5);
+  EXPECT_NEAR(answer.velocities.front().mean[3], -4, 0.2);
+  EXPECT_LT(answer.velocities.front().covariance(3, 3), 0.3 * 0.3);
+  EXPECT_NEAR(answer.mixture->modes.front().pose[3], truth()[3] - 2, 0.05);
+  // Out of sight it goes on.
+  const PerceptionAnswer later = sightings.answer({}, 0, 1.5);
+  EXPECT_NEAR(later.mixture->modes.front().pose[3], truth()[3] - 6, 0.3);
+  EXPECT_GT(later.mixture->modes.front().covariance(3, 3), 0.1 * 0.1);
+}
+
+TEST(Sightings, AVelocityThatWasPerceivedIsNotForgottenAtFirstSight) {
+  Motion motion;
+  motion.initial_speed = 3;
+  Sightings sightings(street().scene, motion);
+  PerceptionAnswer perceived;
+  perceived.mixture = known_pose(street().scene, truth());
+  PoseVelocity velocity = HiddenMotion(street().scene, motion, 60).any_velocity();
+  velocity.mean = Eigen::Vector4d(0, 0, 0, -4);
+  velocity.covariance *= 0.01;
+  perceived.velocities = {velocity};
+  sightings.see({false, true}, truth(), 1, perceived);
+  EXPECT_NEAR(sightings.answer(perceived, 0, 1).velocities.front().mean[3], -4, 1e-6);
+}
+
+TEST(Movers, WhatMovesIsTakenOutOfTheMap) {
+  HiddenAnswer answer;
+  answer.mixture = known_pose(street().scene, truth());
+  PoseVelocity velocity = HiddenMotion(street().scene, street().motion, 60).any_velocity();
+  velocity.covariance = 0.01 * Eigen::Matrix4d::Identity();
+  velocity.mean = Eigen::Vector4d(0, 0, 0, -4);
+  answer.velocities = {velocity};
+  answer.age = 0.5;
+  const StandingAndMoving split = split_by_motion(street().scene, street().motion, answer);
+  ASSERT_EQ(split.moving.size(), 1U);
+  const Mover& mover = split.moving.front();
+  EXPECT_EQ(mover.name, hidden_object(street().scene, 1).name);
+  EXPECT_NEAR(mover.pose.position.y(), truth()[3] - 2, 1e-9);
+  EXPECT_NEAR(mover.covariance(1, 3), 0.5 * 0.01, 1e-9);
+  EXPECT_GT(mover.probability, 0.99 * std::exp(-0.5 / 60));
+  const PoseVector& left = split.standing.mixture.modes.front().pose;
+  EXPECT_EQ(left.head<2>(), truth().head<2>());
+  EXPECT_TRUE(left.tail<2>().array().isNaN().all());
+  // A speed that may be none is that of something that stands.
+  answer.velocities.front().covariance = 9 * Eigen::Matrix4d::Identity();
+  EXPECT_TRUE(split_by_motion(street().scene, street().motion, answer).moving.empty());
 }
 
 /// A drive of two frames with an answer that is off by one standard deviation along x and y of both

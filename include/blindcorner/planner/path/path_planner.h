@@ -9,6 +9,7 @@
 
 #include "blindcorner/planner/path/curve_limits.h"
 #include "blindcorner/planner/path/grid_search.h"
+#include "blindcorner/planner/path/mover.h"
 #include "blindcorner/planner/path/path.h"
 #include "blindcorner/planner/path/planning_grid.h"
 #include "blindcorner/planner/path/vehicle_footprint.h"
@@ -37,6 +38,7 @@ struct PathRequest {
   PathGoal goal;
   double start_curvature = 0;  ///< 1/m, left is positive; counts where `start_heading` is given
   double speed = 0;            ///< m/s, at the start
+  std::span<const Mover> movers = {};  ///< that the path keeps away from
 };
 
 /// Plans what the vehicle can drive, or nothing: every step of the search is one that it can drive

@@ -27,6 +27,7 @@ enum class PlanReason {
   goal_changed,  ///< or its heading, since the present plan was made
   off_path,      ///< the vehicle is too far from the path
   blocked,       ///< the path leads through an obstacle by now
+  crossed,       ///< what moves will be on the path when the vehicle comes there
   costlier,      ///< the rest of the path has become too risky
   refresh,       ///< plans become old: what has become free is seen in no other way
   stopped,       ///< there was no path in the last frame
@@ -78,15 +79,17 @@ class Replanner {
 
   /// Decides for one frame; stops where a number is not finite. `grid` as `PathPlanner::grid` makes
   /// it; `speed` forward, m/s; `curvature` that the vehicle drives now, 1/m: new plans begin with
-  /// both.
+  /// both. Where no path keeps away from the movers there is still one to brake on.
   PlanUpdate update(const PlanningGrid& grid, const PlanarPose& vehicle, double speed,
-                    const PathGoal& goal, double curvature = 0);
+                    const PathGoal& goal, double curvature = 0, std::span<const Mover> movers = {});
   const PathPlanner& planner() const { return planner_; }
   /// Forgets the present plan.
   void reset();
 
  private:
-  PlanReason assess(const PlanningGrid& grid, const PlanarPose& vehicle, const PathGoal& goal);
+  PlanReason assess(const PlanningGrid& grid, const PlanarPose& vehicle, const PathGoal& goal,
+                    const MoverAvoidance& avoidance);
+  bool crossed(const PlanarPose& vehicle, const MoverAvoidance& avoidance) const;
   bool is_new_goal(const PathGoal& goal) const;
   void adopt(const PlanningGrid& grid, Path path);
   void keep(PlanUpdate& update);

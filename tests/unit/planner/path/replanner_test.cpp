@@ -229,6 +229,32 @@ TEST_F(ReplannerTest, DrivesToALine) {
   EXPECT_LT(first.path.points.back().position.y(), 8);
 }
 
+// The car goes at 4 m/s; who comes from the side will be on its way in 2 s.
+TEST_F(ReplannerTest, GoesAroundWhereSomebodyWillBe) {
+  replanner_ = Replanner(car_options(), car_options().footprint, replanner_options());
+  const PathGoal line{{18, 0}, {}, Eigen::Vector2d(18, 10)};
+  const PlanningGrid grid = replanner_.planner().grid(map_.geometry, map_.occupancy);
+  const PlanarPose start{{2, 5}, 0};
+  replanner_.update(grid, start, 4, line);
+  Mover mover;
+  mover.body = VehicleFootprint::rectangle(1, 0.6);
+  mover.pose = {{10, 1}, 1.57};
+  mover.velocity = {0, 2};
+  const PlanUpdate around = replanner_.update(grid, start, 4, line, 0, {&mover, 1});
+  EXPECT_EQ(around.text(), "replan: crossed");
+  const MoverAvoidance avoidance{{&mover, 1}, 4};
+  for (double s = 0; s <= around.path.length; s += 0.2) {
+    const PathPoint place = around.path.at(s);
+    ASSERT_FALSE(
+        avoidance.meets(car_options().footprint, {place.position, place.heading}, s, start));
+  }
+  // Where there is no way around, the way is kept: it is for braking.
+  mover.body = VehicleFootprint::rectangle(30, 1);
+  mover.pose = {{10, -15}, 1.57};
+  EXPECT_EQ(replanner_.update(grid, start, 4, line, 0, {&mover, 1}).text(),
+            "keep: new_plan_no_better");
+}
+
 TEST_F(ReplannerTest, SeesWhatHasBecomeFree) {
   fill(9, 11, 0, 8, 1);
   const double round = update({{2, 5}, 0}).path.length;

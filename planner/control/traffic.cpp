@@ -1,0 +1,241 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "blindcorner/planner/control/traffic.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "blindcorner/forward/constants.h"
+#include "blindcorner/forward/error.h"
+
+namespace blindcorner {
+namespace {
+
+using Eigen::Vector2d;
+
+/// Samples of a mover. A risk of 0.02 is then that of two or three of them.
+constexpr int kSamples = 128;
+/// Time between places that are compared, s: at 20 m/s a metre, less than half of any body.
+constexpr double kStep = 0.05;
+/// Decelerations that are tried, in shares of the friction limit.
+constexpr std::array kBraking{0.1, 0.2, 0.275, 0.35, 0.45, 0.55, 0.7, 0.85, 1.0};
+/// A place and a velocity of a mover, and the velocity that it will gain or lose.
+struct Sample {
+  Vector2d position, velocity, gained;
+};
+
+/// Point i of the additive recurrence in six dimensions, each in (0, 1) (Roberts 2018).
+std::array<double, 6> spread_point(int i) {
+  constexpr double kRatio = 1.1127756842787055;  // x^7 = x + 1
+  std::array<double, 6> point{};
+  double step = 1;
+  for (double& value : point) {
+    step /= kRatio;
+    const double sum = 0.5 + step * (i + 1);
+    value = sum - std::floor(sum);
+  }
+  return point;
+}
+
+/// The standard normal distribution's point of two even ones (Box and Muller 1958).
+Vector2d normal_point(double a, double b) {
+  const double radius = std::sqrt(-2 * std::log(1 - a));
+  return radius * Vector2d(std::cos(2 * kPi * b), std::sin(2 * kPi * b));
+}
+
+std::vector<Sample> samples_of(const Mover& mover) {
+  const Eigen::Matrix4d root = Eigen::LDLT<Eigen::Matrix4d>(mover.covariance).matrixL();
+  const auto factor = Eigen::LDLT<Eigen::Matrix4d>(mover.covariance);
+  const Eigen::Vector4d scale = factor.vectorD().cwiseMax(0).cwiseSqrt();
+  std::vector<Sample> samples;
+  for (int i = 0; i < kSamples; ++i) {
+    const std::array<double, 6> u = spread_point(i);
+    Eigen::Vector4d normal;
+    normal << normal_point(u[0], u[1]), normal_point(u[2], u[3]);
+    const Eigen::Vector4d off =
+        factor.transpositionsP().transpose() * (root * scale.cwiseProduct(normal));
+    samples.push_back({mover.pose.position + off.head<2>(), mover.velocity + off.tail<2>(),
+                       std::sqrt(mover.acceleration_density / 3) * normal_point(u[4], u[5])});
+  }
+  return samples;
+}
+
+/// Centres of a body's discs at a pose.
+std::vector<Vector2d> discs_at(const VehicleFootprint& body, const PlanarPose& pose) {
+  const Vector2d ahead(std::cos(pose.heading), std::sin(pose.heading));
+  std::vector<Vector2d> centers;
+  for (const double offset : body.disc_offsets()) centers.push_back(pose.position + offset * ahead);
+  return centers;
+}
+
+/// A vehicle's places and speeds at times 0, kStep, 2 kStep, ...
+struct Course {
+  std::vector<PlanarPose> poses;
+  std::vector<double> speeds;  ///< m/s
+};
+
+class Traffic {
+ public:
+  Traffic(const PathFollower& follower, const VehicleState& state, const VehicleFootprint& body,
+          double friction, std::span<const Mover> movers, const TrafficOptions& options)
+      : follower_(follower),
+        state_(state),
+        body_(body),
+        friction_(friction),
+        movers_(movers),
+        options_(options) {
+    for (const Mover& mover : movers) samples_.push_back(samples_of(mover));
+    const std::vector<PathPoint>& path = follower.path();
+    here_ =
+        nearest_arc_length(path, state.position, path.front().arc_length, path.back().arc_length);
+  }
+
+  /// What comes of a course.
+  struct Outcome {
+    double probability = 0, time = 0;  ///< of touching a mover; s, mean, times the probability
+    double damage = 0;                 ///< m^2/s^2, expected square of the speed of impact
+    std::vector<double> of_mover;      ///< [movers] probability
+  };
+
+  /// `braking`: share of the friction limit; 0: as the follower's profile says.
+  Outcome of(double braking) const { return meetings(course(braking)); }
+
+ private:
+  double profile_speed(double arc_length) const;
+  PlanarPose pose_at(double arc_length) const;
+  Course course(double braking) const;
+  Outcome meetings(const Course& course) const;
+
+  const PathFollower& follower_;
+  const VehicleState& state_;
+  const VehicleFootprint& body_;
+  double friction_;
+  std::span<const Mover> movers_;
+  const TrafficOptions& options_;
+  std::vector<std::vector<Sample>> samples_;
+  double here_ = 0;  ///< m
+};
+
+double Traffic::profile_speed(double arc_length) const {
+  const std::vector<PathPoint>& path = follower_.path();
+  const auto after = std::ranges::upper_bound(path, arc_length, {}, &PathPoint::arc_length);
+  const auto i = static_cast<std::size_t>(
+      std::clamp<std::ptrdiff_t>(after - path.begin(), 1, std::ssize(path) - 1));
+  const double share = std::clamp(
+      (arc_length - path[i - 1].arc_length) / (path[i].arc_length - path[i - 1].arc_length), 0.0,
+      1.0);
+  const double low = follower_.profile()[i - 1], high = follower_.profile()[i];
+  return std::sqrt(low * low + share * (high * high - low * low));
+}
+
+/// Beyond its end a path goes straight on.
+PlanarPose Traffic::pose_at(double arc_length) const {
+  const std::vector<PathPoint>& path = follower_.path();
+  const PathPoint place = path_at(path, arc_length);
+  const double beyond = std::max(0.0, arc_length - path.back().arc_length);
+  return {place.position + beyond * Vector2d(std::cos(place.heading), std::sin(place.heading)),
+          place.heading};
+}
+
+Course Traffic::course(double braking) const {
+  Course course;
+  double s = here_, v = std::max(0.0, state_.speed);
+  for (double t = 0; t <= options_.horizon; t += kStep) {
+    course.poses.push_back(pose_at(s));
+    course.speeds.push_back(v);
+    const double before = v;
+    if (braking > 0) {
+      if (t >= options_.reaction_time) v = std::max(0.0, v - braking * friction_ * kStep);
+    } else {
+      // At most what an engine gives: from standstill a profile begins with 0.
+      const double wanted = std::max(profile_speed(s), profile_speed(s + 0.5));
+      v = std::clamp(wanted, v - friction_ * kStep, v + 0.3 * friction_ * kStep);
+    }
+    s += 0.5 * (before + v) * kStep;
+  }
+  return course;
+}
+
+Traffic::Outcome Traffic::meetings(const Course& course) const {
+  Outcome outcome;
+  std::vector<std::vector<Vector2d>> vehicle;
+  for (const PlanarPose& pose : course.poses) vehicle.push_back(discs_at(body_, pose));
+  for (std::size_t m = 0; m < movers_.size(); ++m) {
+    const Mover& mover = movers_[m];
+    const double touch = body_.disc_radius() + mover.body.disc_radius() + options_.margin;
+    const double reach =
+        body_.circumscribed_radius() + mover.body.circumscribed_radius() + options_.margin;
+    const double weight = mover.probability / kSamples;
+    double probability = 0;
+    for (const Sample& sample : samples_[m]) {
+      for (std::size_t k = 0; k < course.poses.size(); ++k) {
+        const double t = kStep * static_cast<double>(k);
+        const Vector2d at =
+            sample.position + t * sample.velocity + std::pow(t, 1.5) * sample.gained;
+        if ((at - course.poses[k].position).squaredNorm() > reach * reach) continue;
+        const std::vector<Vector2d> other = discs_at(mover.body, {at, mover.pose.heading});
+        const bool touches = std::ranges::any_of(vehicle[k], [&](const Vector2d& a) {
+          return std::ranges::any_of(
+              other, [&](const Vector2d& b) { return (a - b).squaredNorm() < touch * touch; });
+        });
+        if (!touches) continue;
+        probability += weight;
+        outcome.time += weight * t;
+        outcome.damage += weight * course.speeds[k] * course.speeds[k];
+        break;
+      }
+    }
+    outcome.of_mover.push_back(probability);
+    outcome.probability += probability;
+  }
+  return outcome;
+}
+
+}  // namespace
+
+void TrafficOptions::validate() const {
+  const auto require = [](const char* field, double value, bool good, const char* accepted) {
+    if (good) return;
+    throw Error("TrafficOptions." + std::string(field) + " = " + std::to_string(value) +
+                "; accepted: " + accepted);
+  };
+  require("risk", risk, risk >= 0 && risk <= 1, "a probability");
+  require("comfortable", comfortable, comfortable > 0 && comfortable <= 1,
+          "a share above 0, at most 1");
+  require("reaction_time", reaction_time, reaction_time >= 0 && std::isfinite(reaction_time),
+          "seconds >= 0");
+  require("horizon", horizon, horizon > 0 && std::isfinite(horizon), "seconds > 0");
+  require("margin", margin, margin >= 0 && std::isfinite(margin), "metres >= 0");
+}
+
+TrafficDecision decide_for_traffic(const PathFollower& follower, const VehicleState& state,
+                                   const VehicleFootprint& body, double friction,
+                                   std::span<const Mover> movers, const TrafficOptions& options) {
+  options.validate();
+  TrafficDecision decision;
+  if (movers.empty()) return decision;
+  const Traffic traffic(follower, state, body, friction, movers, options);
+  const Traffic::Outcome on = traffic.of(0);
+  if (on.probability <= 0) return decision;
+  const auto likeliest = std::ranges::max_element(on.of_mover) - on.of_mover.begin();
+  decision.mover = movers[static_cast<std::size_t>(likeliest)].name;
+  decision.probability = on.probability;
+  decision.time = on.time / on.probability;
+  if (on.probability <= options.risk) return decision;
+  double least = on.damage;
+  for (const double braking : kBraking) {
+    const Traffic::Outcome outcome = traffic.of(braking);
+    if (outcome.probability <= options.risk) {
+      decision.braking = braking >= options.comfortable ? braking : 0.0;
+      return decision;
+    }
+    if (outcome.damage < least) {
+      least = outcome.damage;
+      decision.braking = braking;
+    }
+  }
+  return decision;
+}
+
+}  // namespace blindcorner

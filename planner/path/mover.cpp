@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "blindcorner/planner/path/mover.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+
+namespace blindcorner {
+namespace {
+
+using Eigen::Vector2d;
+
+/// Movers of less probability are left to braking: as cells that are no obstacles.
+constexpr double kAvoided = 0.2;
+/// Seconds that are looked ahead: later, a mover has changed its mind or the vehicle its speed.
+constexpr double kHorizon = 4;
+/// Margin on all sides, m, and the most that a standard deviation adds to it.
+constexpr double kMargin = 0.3, kMostSigma = 1.0;
+/// A vehicle that is slower will not be where its path says, m/s.
+constexpr double kSlow = 1;
+
+Vector2d ahead(double heading) { return {std::cos(heading), std::sin(heading)}; }
+
+/// Whether two bodies come nearer to each other than a margin.
+bool touch(const VehicleFootprint& a, const PlanarPose& at, const VehicleFootprint& b,
+           const PlanarPose& bt, double margin) {
+  const double reach = a.circumscribed_radius() + b.circumscribed_radius() + margin;
+  if ((at.position - bt.position).squaredNorm() > reach * reach) return false;
+  const double near = a.disc_radius() + b.disc_radius() + margin;
+  for (const double i : a.disc_offsets()) {
+    const Vector2d center = at.position + i * ahead(at.heading);
+    for (const double j : b.disc_offsets()) {
+      const Vector2d other = bt.position + j * ahead(bt.heading);
+      if ((center - other).squaredNorm() < near * near) return true;
+    }
+  }
+  return false;
+}
+
+}  // namespace
+
+PlanarPose Mover::at(double time) const { return {pose.position + time * velocity, pose.heading}; }
+
+double Mover::sigma_at(double time) const {
+  const Eigen::Matrix2d cross = covariance.topRightCorner<2, 2>();
+  const Eigen::Matrix2d later = covariance.topLeftCorner<2, 2>() +
+                                time * (cross + cross.transpose()) +
+                                time * time * covariance.bottomRightCorner<2, 2>();
+  const double walk = acceleration_density * time * time * time / 3;
+  return std::sqrt(Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(later).eigenvalues().maxCoeff() +
+                   walk);
+}
+
+bool MoverAvoidance::meets(const VehicleFootprint& body, const PlanarPose& pose, double distance,
+                           const PlanarPose& now) const {
+  if (speed < kSlow || distance > kHorizon * speed) return false;
+  const double time = distance / speed;
+  return std::ranges::any_of(movers, [&](const Mover& mover) {
+    if (mover.probability < kAvoided) return false;
+    const double margin = kMargin + std::min(kMostSigma, mover.sigma_at(time));
+    return touch(body, pose, mover.body, mover.at(time), margin) &&
+           !touch(body, now, mover.body, mover.pose, kMargin);
+  });
+}
+
+}  // namespace blindcorner
