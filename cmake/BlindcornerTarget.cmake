@@ -33,7 +33,7 @@ function(blindcorner_library name)
   target_compile_features(blindcorner_${name} PUBLIC cxx_std_20)
   blindcorner_flags(blindcorner_${name})
   install(TARGETS blindcorner_${name} EXPORT blindcornerTargets
-          ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
+          ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT development)
 endfunction()
 
 # Sources of this folder whose names without linkage are those of others, or hide those of a header

@@ -10,6 +10,7 @@
 
 #include "blindcorner/forward/error.h"
 #include "commands/cnn.h"
+#include "commands/command_tree.h"
 #include "commands/commands.h"
 #include "commands/compare.h"
 #include "commands/init.h"
@@ -53,6 +54,7 @@ int main(int argc, char** argv) {
   blindcorner::add_plan_command(app, exit_code);
   blindcorner::add_compare_command(app, exit_code);
   blindcorner::add_cnn_command(app, exit_code);
+  blindcorner::add_command_tree_commands(app, BLINDCORNER_VERSION);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

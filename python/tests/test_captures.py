@@ -76,6 +76,15 @@ def test_import_tells_what_it_assumes(tmp_path):
         bc.import_captures(tmp_path / "a.npy", format="unheard_of")
 
 
+def test_any_text_table_is_read_by_its_columns(tmp_path):
+    (tmp_path / "log.txt").write_text("".join(f"H;{z};{z},5;{2 * z}\n" for z in range(4)))
+    with pytest.warns(UserWarning, match="2 rows of 2"):
+        captures = bc.import_captures(tmp_path / "log.txt", pattern="'H',zone,counts")
+    np.testing.assert_array_equal(captures.counts[0], [[0.5, 0], [1.5, 2], [2.5, 4], [3.5, 6]])
+    with pytest.raises(bc.Error, match="tmf8829: .*#HLONG.*--pattern"):
+        bc.import_captures(tmp_path / "log.txt")
+
+
 def test_render_is_what_the_program_renders(scene, program, tmp_path):
     program("render", scene.path, "-o", tmp_path / "p.exr", "--pose", "x_m=0.3,yaw_deg=-30", "--photons",
             500, "--seed", 7)

@@ -48,12 +48,12 @@ def client_of(arguments: argparse.Namespace) -> Iterator[Client]:
             yield client
         return
     if arguments.slurm:
+        options: dict[str, Any] = dict(slurm_options(arguments.slurm))
+        jobs, cores = (whole_number(name, options.pop(name, "1")) for name in ("jobs", "cores"))
         try:
             from dask_jobqueue import SLURMCluster
         except ImportError:
             raise Error('--slurm: needs dask-jobqueue: pip install "blindcorner[slurm]"') from None
-        options: dict[str, Any] = dict(slurm_options(arguments.slurm))
-        jobs, cores = (whole_number(name, options.pop(name, "1")) for name in ("jobs", "cores"))
         with SLURMCluster(
             queue=options.pop("partition", None), cores=cores, processes=cores,
             memory=options.pop("memory", f"{2 * cores} GB"), python=sys.executable, **options,

@@ -149,8 +149,9 @@ def fit(
     """Each capture by itself, as :func:`blindcorner.fit_each`, on the workers of ``client``.
 
     directory: where ``result.json`` goes, that of ``blindcorner fit SCENE CAPTURES -o DIRECTORY``
-        byte for byte but for ``time_ms``, which differs from run to run. Finished captures are in
-        ``captures.jsonl`` there before they count, so that the same call goes on after anything.
+        byte for byte but for ``time_ms`` and ``exact_evaluations``, which differ from run to run.
+        Finished captures are in ``captures.jsonl`` there before they count, so that the same call
+        goes on after anything.
         None: in memory only.
     chunk: captures of a task; 0: some ten tasks for each worker thread.
     progress: tell the dashboard's address, the rate and the time left on standard error.

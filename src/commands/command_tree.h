@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+/// What shells and man want to know of the program, from the commands as they declare themselves.
+#pragma once
+
+#include <string>
+
+namespace CLI {
+class App;
+}
+
+namespace blindcorner {
+
+/// Script that completes commands, options and files in "bash", "zsh" or "fish".
+std::string completion_script(const CLI::App& app, const std::string& shell);
+
+/// The manual page blindcorner(1).
+std::string manual_page(const CLI::App& app, const std::string& version);
+
+/// `completion SHELL` and `man`, which print them.
+void add_command_tree_commands(CLI::App& app, const std::string& version);
+
+}  // namespace blindcorner
