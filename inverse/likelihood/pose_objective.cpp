@@ -130,7 +130,6 @@ void PoseObjective::render(const LightSource& light, const PoseVector& pose,
         (*light.coarse)[c].three_bounce(pose, light.extra_pulse_sigma, sparse);
       } else {
         (*light.models)[c]->three_bounce(pose, cube);
-        ++*renders_;
       }
     }
     const double* values =
@@ -153,6 +152,8 @@ void PoseObjective::shapes(const LightSource& light, const PoseVector& pose,
   } else if (light.local != nullptr) {
     light.local->light(compiled_.scene, pose, buffer.object.data());
   } else {
+    // Remembered light counts too: which thread finds it is chance.
+    if (light.models != nullptr) *renders_ += solver_.observation().captures;
     if (light.models == nullptr || !recent_.find(*light.models, pose, buffer.object)) {
       render(light, pose, buffer.object);
       if (light.models != nullptr && !light.once) recent_.keep(*light.models, pose, buffer.object);

@@ -156,8 +156,9 @@ class PoseObjective {
   const CompiledScene& compiled() const { return compiled_; }
   int rows() const { return rows_; }
 
-  /// Histograms of one capture that models have rendered for this objective, and for those that
-  /// count with it.
+  /// Histograms of one capture that models were asked for by this objective and by those that count
+  /// with it; those that were still known included, so that the number is the same at any number of
+  /// threads.
   long renders() const { return *renders_; }
   void count_with(const PoseObjective& other) { renders_ = other.renders_; }
 

@@ -39,10 +39,12 @@ Sightings::Sighting Sightings::moved(const Sighting& sighting, double time) cons
   return later;
 }
 
-/// A track that has not been seen yet: its velocity is as perceived by a mode that weighs more than
-/// half, or any.
-Sightings::Sighting Sightings::begun(std::size_t object, const PerceptionAnswer& perceived) const {
+/// A track of what is seen for the first time: its velocity is as perceived by a mode that weighs
+/// more than half, or any.
+Sightings::Sighting Sightings::begun(std::size_t object, const PoseVector& pose,
+                                     const PerceptionAnswer& perceived) const {
   Sighting track;
+  track.position = position_of(object, pose);
   double variance = initial_speed_ * initial_speed_;
   if (perceived.mixture && perceived.velocities.size() == perceived.mixture->modes.size()) {
     for (std::size_t m = 0; m < perceived.velocities.size(); ++m) {
@@ -52,8 +54,8 @@ Sightings::Sighting Sightings::begun(std::size_t object, const PerceptionAnswer&
       variance = std::min(variance, position_of(object, velocity.covariance.diagonal()).maxCoeff());
     }
   }
-  // Wherever it is: the first sight says.
-  track.covariance << 1e6, 0, 0, std::max(variance, kKnownSpeed * kKnownSpeed);
+  track.covariance << kKnownPosition * kKnownPosition, 0, 0,
+      std::max(variance, kKnownSpeed * kKnownSpeed);
   return track;
 }
 
@@ -62,13 +64,16 @@ void Sightings::see(const std::vector<bool>& in_sight, const PoseVector& pose, d
   for (std::size_t i = 0; i < seen_.size(); ++i) {
     const bool late = seen_[i] && seen_[i]->time > time;
     if (!in_sight[i] || late) continue;
-    Sighting track = seen_[i] ? moved(*seen_[i], time) : begun(i, perceived);
-    const double total = track.covariance(0, 0) + kKnownPosition * kKnownPosition;
-    const Eigen::Vector2d gain = track.covariance.col(0) / total;
-    const Eigen::Vector2d off = position_of(i, pose) - track.position;
-    track.position += gain[0] * off;
-    track.velocity += gain[1] * off;
-    track.covariance -= gain * track.covariance.row(0).eval();
+    Sighting track = begun(i, pose, perceived);
+    if (seen_[i]) {
+      track = moved(*seen_[i], time);
+      const double total = track.covariance(0, 0) + kKnownPosition * kKnownPosition;
+      const Eigen::Vector2d gain = track.covariance.col(0) / total;
+      const Eigen::Vector2d off = position_of(i, pose) - track.position;
+      track.position += gain[0] * off;
+      track.velocity += gain[1] * off;
+      track.covariance -= gain * track.covariance.row(0).eval();
+    }
     track.pose = pose;
     track.time = time;
     seen_[i] = track;

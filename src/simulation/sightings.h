@@ -42,7 +42,8 @@ class Sightings {
   };
   /// A track at a later time.
   Sighting moved(const Sighting& sighting, double time) const;
-  Sighting begun(std::size_t object, const PerceptionAnswer& perceived) const;
+  Sighting begun(std::size_t object, const PoseVector& pose,
+                 const PerceptionAnswer& perceived) const;
   Eigen::Vector2d position_of(std::size_t object, const PoseVector& pose) const;
   PerceptionAnswer elsewhere(const PerceptionAnswer& perceived, double age) const;
   void pin(std::size_t object, double time, PoseMode& mode, PoseVelocity& velocity) const;

@@ -250,7 +250,7 @@ TEST_F(ReplannerTest, GoesAroundWhereSomebodyWillBe) {
   }
   // Where there is no way around, the way is kept: it is for braking.
   mover.body = VehicleFootprint::rectangle(30, 1);
-  mover.pose = {{10, -15}, 1.57};
+  mover.pose = {{10, -5}, 1.57};
   EXPECT_EQ(replanner_.update(grid, start, 4, line, 0, {&mover, 1}).text(),
             "keep: new_plan_no_better");
 }
