@@ -620,6 +620,10 @@
     var other = look.background ? zone.model[k] - zone.object[k] : 0;
     return zone[key][k] - other;
   }
+  // Whether photon noise of the subtracted light (direct return and ambient) is large against an axis.
+  function drowned(zone, k, height) {
+    return look.background && zone.used && Math.sqrt(variance(zone, zone.model[k] - zone.object[k])) > height / 8;
+  }
   function yRange(h, zones, range) {
     var low = Infinity, high = -Infinity, positive = Infinity;
     // The scale is that of the bins that entered the fit: others may hold the direct return's peak.
@@ -641,8 +645,9 @@
     if (!(high > low)) { high = (finite(high) ? high : 0) + 1; low = Math.min(low, 0); }
     if (look.log) return [Math.max(positive === Infinity ? 0.1 : positive * 0.8, high * 1e-6), high * 1.3];
     if (look.background) {
-      // Where the subtracted light was strong its noise would dwarf the signal: cut at quantiles.
-      var values = [], top = 0;
+      // Where the subtracted light was strong its noise would dwarf the signal: the scale is that of
+      // the object's light and of the bins that are quiet against it.
+      var values = [], quiet = [], top = 0;
       zones.forEach(function (zone) {
         for (var k = bins(zone)[0]; k < bins(zone)[1]; ++k) {
           values.push(shownValues(zone, "measured", k));
@@ -650,17 +655,27 @@
         }
       });
       values = values.filter(finite).sort(d3.ascending);
-      high = Math.min(high, Math.max(1.6 * top, 1.3 * quantile(values, 0.95)));
-      low = Math.max(low, Math.min(-0.5 * high, 1.3 * quantile(values, 0.05)));
-      return [Math.min(0, low), high > 0 ? high * 1.05 : 1];
+      var most = Math.min(high, Math.max(1.6 * top, 1.3 * quantile(values, 0.95)));
+      zones.forEach(function (zone) {
+        for (var k = bins(zone)[0]; k < bins(zone)[1]; ++k) {
+          if (!drowned(zone, k, most)) quiet.push(shownValues(zone, "measured", k));
+        }
+      });
+      quiet = quiet.filter(finite);
+      high = Math.min(most, Math.max(1.05 * top, quiet.length ? d3.max(quiet) : most));
+      low = Math.max(-0.5 * high, quiet.length ? d3.min(quiet) : low);
+      return [1.1 * Math.min(0, low), high > 0 ? high * 1.06 : 1];
     }
     return [Math.min(0, low), high * 1.06];
   }
-  function steps(values, range, x, y) {
-    var path = "";
+  // A stepped line through the bins that are `wanted`, all without it; one line a run of bins.
+  function steps(values, range, x, y, wanted) {
+    var path = "", going = false;
     for (var k = range[0]; k < range[1]; ++k) {
+      if (wanted && !wanted(k)) { going = false; continue; }
       var top = y(values(k));
-      path += (path ? "L" : "M") + x(k) + "," + top + "L" + x(k + 1) + "," + top;
+      path += (going ? "L" : "M") + x(k) + "," + top + "L" + x(k + 1) + "," + top;
+      going = true;
     }
     return path;
   }
@@ -696,8 +711,19 @@
     });
     g.append("path").attr({ d: band(function (k) { return shownValues(zone, "model", k) - zone.object[k]; },
       at("model"), range, x, value), fill: COLOUR.object, "fill-opacity": 0.55 });
-    g.append("path").attr({ d: steps(at("measured"), range, x, value), fill: "none", stroke: COLOUR.measured,
-                            "stroke-width": 1 });
+    // What is beyond the box is cut off there, not drawn along its edge.
+    var clipId = "bins" + drawZone.count++;
+    g.append("clipPath").attr("id", clipId).append("rect").attr({ width: w, height: top });
+    var clipped = g.append("g").attr("clip-path", "url(#" + clipId + ")");
+    var free = y.copy().clamp(false), height = limits[1] - limits[0];
+    function line(v) { return look.log ? value(v) : Math.max(-top, Math.min(2 * top, free(v))); }
+    function noisy(k) { return drowned(zone, k, height); }
+    clipped.append("path").attr({ d: steps(at("measured"), range, x, line, noisy), fill: "none",
+                                  "class": "drowned", stroke: COLOUR.edge, "stroke-width": 1 });
+    clipped.append("path").attr({ d: steps(at("measured"), range, x, line, function (k) { return !noisy(k); }),
+                                  fill: "none", stroke: COLOUR.measured, "stroke-width": 1 });
+    g.append("path").attr({ d: "M0,0H" + w + "V" + top + "H0", fill: "none", stroke: COLOUR.grid,
+                            "shape-rendering": "crispEdges" });
     g.append("path").attr({ d: steps(at("model"), range, x, value), fill: "none", stroke: COLOUR.model,
                             "stroke-width": 1.5 });
     var yTicks = look.log ? logTicks(limits) : y.ticks(3);
@@ -726,6 +752,8 @@
                ", of this object " + compact(zone.object[k]), "residual " + pearson(zone, k).toFixed(2) + " σ"]);
     }).on("mouseleave", hideTip);
   }
+  drawZone.count = 0;
+
   // A place on the time axis, in bins from the start, as time (ns) or as the light's path (m).
   function axisValue(zone, bins, axis) {
     var ns = bins * scene.sensor.bin_width_ps / 1000;
@@ -840,6 +868,8 @@
     element(parent, "p", "soft", "Horizontal: " + axisName() + ". Vertical: counts" + (look.background
       ? " less the fitted direct return and ambient light" : "") +
       ", to the scale of the bins that entered the fit." +
+      (look.background ? " Where photon noise of the subtracted light is large against that scale, " +
+        "the measured line is pale and cut off at the box: it says little about the object." : "") +
       " Bins on grey did not enter the fit. Below each: (measured − model) / σ of the bins that entered the fit, with a band of ±2 σ; " +
       "beyond ±3 σ in orange. χ²/bin is the mean of its square.");
   }

@@ -348,6 +348,14 @@ TEST_F(Cli, OneCaptureGivesResultAndPage) {
   EXPECT_EQ(page.find("<link"), std::string::npos);
 }
 
+// What the direct return's noise does to the difference must not look like a fault of the fit.
+TEST_F(Cli, PageSaysWhyBinsOfTheDirectReturnArePale) {
+  ASSERT_EQ(run(fit(kScene, write_flat("good.exr"))).exit_code, 0);
+  EXPECT_THAT(text_of(path("out/index.html")),
+              AllOf(HasSubstr("photon noise of the subtracted light is large"),
+                    HasSubstr("clip-path"), HasSubstr("\"drowned\"")));
+}
+
 TEST_F(Cli, PageCanBeLeftOut) {
   EXPECT_EQ(run(fit(kScene, write_flat("good.exr")) + " --no-page").exit_code, 0);
   EXPECT_TRUE(fs::exists(path("out/result.json")));
