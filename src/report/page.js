@@ -186,6 +186,12 @@
     tip.style("left", x + "px").style("top", y + "px");
   }
   function hideTip() { tip.style("display", "none"); }
+  // The keys of both; `b` has the last word.
+  function merged(a, b) {
+    var all = {};
+    [a, b].forEach(function (part) { Object.keys(part).forEach(function (key) { all[key] = part[key]; }); });
+    return all;
+  }
   function button(parent, text, on, action) {
     return element(parent, "button", on ? "on" : "", text).attr("type", "button").on("click", action);
   }
@@ -330,10 +336,22 @@
     return Math.round(Math.min(most, Math.max(least, (width - 68) * ratio + 44)));
   }
 
+  // Seen from above an upright plane is a line; all else is an area.
+  function isThin(surface) { return surface.outline.length < 3; }
+  // How a known surface looks, in the picture and in its legend.
+  function surfaceStyle(surface) {
+    var thin = isThin(surface);
+    return {
+      fill: thin ? "none" : COLOUR.body,
+      "fill-opacity": surface.occluder ? 0.9 : 0.25,
+      stroke: surface.relay || surface.occluder ? COLOUR.relay : COLOUR.line,
+      "stroke-width": thin ? (surface.relay ? 4 : 3) : 1,
+      "stroke-dasharray": thin && surface.occluder && !surface.relay ? "8,2" : null
+    };
+  }
   function drawSurroundings(group, x, y, perMetre, viewNumbers) {
     eachObject(function (o) {
-      group.append("path").attr({ d: polygon(searchRegion(o), x, y), fill: COLOUR.search, "fill-opacity": 0.07,
-                                  stroke: COLOUR.search, "stroke-dasharray": "5,4", "stroke-width": 1.2 });
+      group.append("path").attr("d", polygon(searchRegion(o), x, y)).attr(SEARCH);
     });
     viewNumbers.forEach(function (v) {
       var view = data.views[v];
@@ -341,15 +359,8 @@
                                   "fill-opacity": 0.22, stroke: COLOUR.fieldEdge, "stroke-opacity": 0.7 });
     });
     scene.surfaces.forEach(function (surface) {
-      var thin = surface.outline.length < 3;
-      group.append("path").attr({
-        d: polygon(surface.outline, x, y),
-        fill: thin ? "none" : COLOUR.body,
-        "fill-opacity": surface.occluder ? 0.9 : 0.25,
-        stroke: surface.relay || surface.occluder ? COLOUR.relay : COLOUR.line,
-        "stroke-width": thin ? (surface.relay ? 4 : 3) : 1,
-        "stroke-dasharray": thin && surface.occluder && !surface.relay ? "8,2" : null
-      }).append("title").text(surface.name + (surface.relay ? ", relay" : "") +
+      group.append("path").attr("d", polygon(surface.outline, x, y)).attr(surfaceStyle(surface))
+        .append("title").text(surface.name + (surface.relay ? ", relay" : "") +
                               (surface.occluder ? ", occluder" : ""));
     });
     viewNumbers.forEach(function (v) {
@@ -392,9 +403,13 @@
     }).attr(style);
   }
   // Where the object faces: an arrow, with a fan of 95 % where yaw is an unknown.
-  function drawYaw(group, x, y, perMetre, mode, colour, opacity, o) {
+  function facing(mode, o) {
     var i = place("yaw_rad", o);
-    if (i < 0 || mode.undetermined.indexOf(unknowns[i]) >= 0 || !(objects[o].yaw_period > 0)) return;
+    return i >= 0 && mode.undetermined.indexOf(unknowns[i]) < 0 && objects[o].yaw_period > 0;
+  }
+  function drawYaw(group, x, y, perMetre, mode, colour, opacity, o) {
+    if (!facing(mode, o)) return;
+    var i = place("yaw_rad", o);
     var p = point(mode.pose, o), yaw = mode.pose[i], spread = 1.96 * Math.sqrt(mode.covariance[i][i]);
     var r = Math.max(34, Math.min(120, 0.35 * perMetre));
     if (spread < Math.PI / 2) {
@@ -461,42 +476,54 @@
     });
   }
 
+  // Entries are lists of an element's name, its attributes and what it means.
   function legend(parent, entries) {
     var box = element(parent, "div", "legend");
     entries.forEach(function (entry) {
       var span = box.append("span");
-      var svg = span.append("svg").attr({ width: 26, height: 14 });
-      svg.append(entry[0]).attr(entry[1]);
+      span.append("svg").attr({ width: 26, height: 14 }).append(entry[0]).attr(entry[1]);
       span.append("span").text(entry[2]);
     });
   }
+  var AREA = { x: 2, y: 2, width: 22, height: 10 };
+  // Known surfaces of each kind, with the symbol that the picture has for it.
+  function surfaceEntries() {
+    var seen = {}, entries = [];
+    scene.surfaces.forEach(function (surface) {
+      var roles = [surface.relay ? "relay surface" : "", surface.occluder ? "occluder" : ""].filter(String);
+      var name = roles.join(" and ") || "other surface", key = name + isThin(surface);
+      if (seen[key]) return;
+      seen[key] = true;
+      var shape = isThin(surface) ? ["path", { d: "M2,7H24" }] : ["rect", AREA];
+      entries.push([shape[0], merged(shape[1], surfaceStyle(surface)), name + (isThin(surface) ? ", edge on" : "")]);
+    });
+    return entries;
+  }
+  var SEARCH = { fill: COLOUR.search, "fill-opacity": 0.07, stroke: COLOUR.search, "stroke-dasharray": "5,4",
+                 "stroke-width": 1.2 };
   var SWATCH = {
     sensor: ["path", { d: "M21,7L7,12L10,7L7,2Z", fill: COLOUR.sensor }, "sensor"],
-    field: ["rect", { x: 2, y: 2, width: 22, height: 10, fill: COLOUR.field, "fill-opacity": 0.3, stroke: COLOUR.fieldEdge },
+    field: ["rect", merged(AREA, { fill: COLOUR.field, "fill-opacity": 0.22, stroke: COLOUR.fieldEdge }),
             "field of view, zones on the surfaces"],
-    surface: ["path", { d: "M2,7H24", stroke: COLOUR.relay, "stroke-width": 4 }, "relay surface"],
-    occluder: ["path", { d: "M2,7H24", stroke: COLOUR.occluder, "stroke-width": 3, "stroke-dasharray": "8,2" },
-               "occluder"],
-    search: ["rect", { x: 2, y: 2, width: 22, height: 10, fill: COLOUR.shade, stroke: COLOUR.search,
-                       "stroke-dasharray": "4,3" }, "search region"],
+    search: ["rect", merged(AREA, SEARCH), "search region"],
     heaviest: ["ellipse", { cx: 13, cy: 7, rx: 10, ry: 5, fill: COLOUR.heaviest, "fill-opacity": 0.28,
                             stroke: COLOUR.heaviest, "stroke-width": 2 }, ""],
     rival: ["ellipse", { cx: 13, cy: 7, rx: 10, ry: 5, fill: COLOUR.rival, "fill-opacity": 0.2,
                          stroke: COLOUR.rival }, "other places that explain the light, fainter with less weight"],
+    yaw: ["path", { d: "M2,7H23m-6,-4l6,4l-6,4", stroke: COLOUR.heaviest, "stroke-width": 1.6, fill: "none" },
+          "which way it faces; fan: 95 %"],
     truth: ["path", { d: "M5,7H21M13,0V14", stroke: COLOUR.truth, "stroke-width": 2.4 }, "truth"]
   };
   function region(o) { return "95 % " + (freeInPlane(o || 0) === 1 ? "interval" : "ellipse"); }
   function mapLegend(parent, capture, first) {
-    var some = function (key) { return scene.surfaces.some(function (s) { return s[key]; }); };
     var entries = first || [];
     if (found(capture)) entries.push(SWATCH.heaviest.slice(0, 2).concat("found: " + region() + " and outline"));
     if (found(capture) && capture.modes.length > 1) entries.push(SWATCH.rival);
     if (capture.truth) entries.push(SWATCH.truth);
-    entries.push(SWATCH.sensor, SWATCH.field);
-    if (some("relay")) entries.push(SWATCH.surface);
-    if (some("occluder")) entries.push(SWATCH.occluder);
-    entries.push(SWATCH.search);
-    legend(parent, entries);
+    if (found(capture) && objects.some(function (unused, o) { return facing(capture.modes[0], o); })) {
+      entries.push(SWATCH.yaw);
+    }
+    legend(parent, entries.concat([SWATCH.sensor, SWATCH.field], surfaceEntries(), [SWATCH.search]));
   }
 
   // ---------------------------------------------------------------- the answer for one capture
@@ -1156,8 +1183,8 @@
     button(tools, "whole scene", false, function () { map.show(sceneExtent([0], true)); });
     tools.append("span").attr("class", "soft").text("drag to move, double-click to enlarge");
     map.show(extent);
-    mapLegend(left, { modes: [], flags: [] }, [["rect", { x: 2, y: 2, width: 22, height: 10, fill: COLOUR.object,
-      "fill-opacity": 0.3, stroke: COLOUR.object }, "the object as the scene file puts it; what is unknown, in mid-range"]]);
+    mapLegend(left, { modes: [], flags: [] }, [["rect", merged(AREA, { fill: COLOUR.object,
+      "fill-opacity": 0.3, stroke: COLOUR.object }), "the object as the scene file puts it; what is unknown, in mid-range"]]);
     drawRanges(right);
   }
 

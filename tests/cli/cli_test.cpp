@@ -356,6 +356,14 @@ TEST_F(Cli, PageSaysWhyBinsOfTheDirectReturnArePale) {
                     HasSubstr("clip-path"), HasSubstr("\"drowned\"")));
 }
 
+// A legend that draws its own symbols shows an occluder's box as a dashed line.
+TEST_F(Cli, PageTakesLegendSymbolsFromWhatItDraws) {
+  ASSERT_EQ(run("info " + std::string(kScene) + " -o '" + path("out") + "'").exit_code, 0);
+  const std::string page = text_of(path("out/tmf8828_wall.html"));
+  EXPECT_THAT(page, HasSubstr("attr(surfaceStyle(surface))"));
+  EXPECT_THAT(page, HasSubstr("merged(shape[1], surfaceStyle(surface))"));
+}
+
 TEST_F(Cli, PageCanBeLeftOut) {
   EXPECT_EQ(run(fit(kScene, write_flat("good.exr")) + " --no-page").exit_code, 0);
   EXPECT_TRUE(fs::exists(path("out/result.json")));
