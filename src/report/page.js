@@ -402,16 +402,17 @@
       transform: "translate(" + x(p[0]) + "," + y(p[1]) + ")rotate(" + -e.angle * 180 / Math.PI + ")"
     }).attr(style);
   }
-  // Where the object faces: an arrow, with a fan of 95 % where yaw is an unknown.
+  function arrowLength(perMetre) { return Math.max(34, Math.min(120, 0.35 * perMetre)); }  // pixels
   function facing(mode, o) {
     var i = place("yaw_rad", o);
     return i >= 0 && mode.undetermined.indexOf(unknowns[i]) < 0 && objects[o].yaw_period > 0;
   }
+  // Where the object faces: an arrow, with a fan of 95 % where yaw is an unknown.
   function drawYaw(group, x, y, perMetre, mode, colour, opacity, o) {
     if (!facing(mode, o)) return;
     var i = place("yaw_rad", o);
     var p = point(mode.pose, o), yaw = mode.pose[i], spread = 1.96 * Math.sqrt(mode.covariance[i][i]);
-    var r = Math.max(34, Math.min(120, 0.35 * perMetre));
+    var r = arrowLength(perMetre);
     if (spread < Math.PI / 2) {
       group.append("path").attr({ fill: colour, opacity: 0.16 * opacity, d: d3.svg.arc().innerRadius(0)
         .outerRadius(r).startAngle(Math.PI / 2 - yaw - spread).endAngle(Math.PI / 2 - yaw + spread)(),
@@ -449,27 +450,68 @@
     });
     labelModes(group, x, y, perMetre, capture);
   }
+  // Boxes [left, top, right, bottom] in pixels.
+  function boxAround(points) {
+    var xs = d3.extent(points, function (p) { return p[0]; }), ys = d3.extent(points, function (p) { return p[1]; });
+    return [xs[0], ys[0], xs[1], ys[1]];
+  }
+  function overlap(a, b) {
+    return Math.max(0, Math.min(a[2], b[2]) - Math.max(a[0], b[0])) * Math.max(0, Math.min(a[3], b[3]) - Math.max(a[1], b[1]));
+  }
+  function ellipseBox(x, y, perMetre, mode, o) {
+    var e = ellipse(mode, o), p = point(mode.pose, o), c = Math.cos(e.angle), s = Math.sin(e.angle);
+    var w = Math.max(3, perMetre * Math.sqrt(e.long * e.long * c * c + e.short * e.short * s * s));
+    var h = Math.max(3, perMetre * Math.sqrt(e.long * e.long * s * s + e.short * e.short * c * c));
+    return [x(p[0]) - w, y(p[1]) - h, x(p[0]) + w, y(p[1]) + h];
+  }
+  function outlineBox(x, y, vector, o) {
+    return boxAround(placedObject(vector, o).map(function (p) { return [x(p[0]), y(p[1])]; }));
+  }
+  // What labels should not cover: ellipses and outlines of the modes, arrows, and the truth.
+  function drawnBoxes(x, y, perMetre, capture) {
+    var boxes = [];
+    eachObject(function (o) {
+      capture.modes.forEach(function (mode) {
+        if (!holds(mode.pose, o)) return;
+        boxes.push(ellipseBox(x, y, perMetre, mode, o), outlineBox(x, y, mode.pose, o));
+        if (!facing(mode, o)) return;
+        var p = point(mode.pose, o), yaw = mode.pose[place("yaw_rad", o)], r = arrowLength(perMetre);
+        boxes.push(boxAround([0.4, 0.7, 1].map(function (f) {
+          return [x(p[0]) + f * r * Math.cos(yaw), y(p[1]) - f * r * Math.sin(yaw)];
+        })));
+      });
+      if (capture.truth && holds(capture.truth, o)) boxes.push(outlineBox(x, y, capture.truth, o));
+    });
+    return boxes;
+  }
+  // Beside what is labelled: the place in the picture that covers least of all that is drawn.
+  function labelPlace(own, size, taken, x, y) {
+    var w = size[0], h = size[1], gap = 4, cx = (own[0] + own[2]) / 2, cy = (own[1] + own[3]) / 2;
+    var corners = [[cx - w / 2, own[1] - gap - h], [own[0] - gap - w, cy - h / 2], [own[2] + gap, cy - h / 2],
+                   [cx - w / 2, own[3] + gap], [own[2], own[1] - h], [own[0] - w, own[1] - h]];
+    var boxes = corners.map(function (at) { return [at[0], at[1], at[0] + w, at[1] + h]; }).filter(function (box) {
+      return box[0] >= 0 && box[1] >= 0 && box[2] <= x.range()[1] && box[3] <= y.range()[0];
+    });
+    // Enlarged beyond the picture, the mode has its label at its centre.
+    if (!boxes.length) return [cx - w / 2, cy - h / 2, cx + w / 2, cy + h / 2];
+    function covered(box) { return d3.sum(taken, function (other) { return overlap(box, other); }); }
+    return boxes.reduce(function (best, box) { return covered(box) < covered(best) ? box : best; });
+  }
   function labelModes(group, x, y, perMetre, capture) {
-    var placed = [];
-    var right = x.range()[1];
+    var labels = [], drawn = drawnBoxes(x, y, perMetre, capture);
     capture.modes.slice(0, 12).forEach(function (mode, i) {
       eachObject(function (o) {
         if (!holds(mode.pose, o) || (i > 0 && o > 0)) return;
-        var p = point(mode.pose, o), e = ellipse(mode, o);
         var share = mode.weight < 0.01 ? "< 1" : (100 * mode.weight).toFixed(mode.weight > 0.995 ? 1 : 0);
         var text = (i + 1) + ": " + share + " %";
         if (objects.length > 1) text = objects[o].name + (o === 0 ? ", " + text : "");
-        var leftwards = (place("yaw_rad", o) >= 0 && Math.cos(component(mode.pose, "yaw_rad", o)) > 0) ||
-          x(p[0]) + 12 + 7 * text.length > right;
-        leftwards = leftwards && x(p[0]) > 12 + 7 * text.length;
-        var at = [x(p[0]) + (leftwards ? -9 : 9), y(p[1]) - 9 - Math.min(60, e.short * perMetre)];
-        if (at[1] < 12) at[1] = y(p[1]) + 18;
-        var clash = placed.some(function (q) {
-          return Math.abs(q[0] - at[0]) < 54 && Math.abs(q[1] - at[1]) < 13;
-        });
-        if (clash) return;
-        placed.push(at);
-        group.append("text").attr({ x: at[0], y: at[1], "text-anchor": leftwards ? "end" : "start",
+        var size = [6.6 * text.length, 13];
+        var own = ellipseBox(x, y, perMetre, mode, o), outline = outlineBox(x, y, mode.pose, o);
+        own = boxAround([own.slice(0, 2), own.slice(2), outline.slice(0, 2), outline.slice(2)]);
+        var box = labelPlace(own, size, drawn.concat(labels), x, y);
+        if (labels.some(function (other) { return overlap(box, other) > 0; })) return;
+        labels.push(box);
+        group.append("text").attr({ x: (box[0] + box[2]) / 2, y: box[3] - 3, "text-anchor": "middle", "class": "mode-label",
           "font-weight": i ? 400 : 700, stroke: COLOUR.paper, "stroke-width": 3, "paint-order": "stroke" })
           .style("fill", i ? COLOUR.rival : COLOUR.heaviest).text(text);
       });
