@@ -631,7 +631,7 @@
     element(parent, "h2", "", "Modes").append("small").text((found(capture) ? ""
       : "nothing was found: these are only what the search region and the light leave open; ") +
       "mean ± standard deviation; “open”: the data left this unknown to its prior");
-    var table = element(parent, "div", "wide").append("table"), head = table.append("thead").append("tr");
+    var table = element(parent, "div", "wide").append("table").attr("class", "stacked"), head = table.append("thead").append("tr");
     var titles = ["mode", "weight"].concat(unknowns.map(titleOf), "log likelihood");
     if (capture.truth) eachObject(function (o) {
       titles.push(objects.length > 1 ? objects[o].name + " to truth" : "distance to truth");
@@ -666,6 +666,10 @@
       row.append("td");
       eachObject(function () { row.append("td"); });
     }
+    // A narrow screen has the rows below each other, each value beside its title (page.css).
+    body.selectAll("tr").each(function () {
+      d3.select(this).selectAll("td").attr("data-title", function (unused, k) { return titles[k]; });
+    });
   }
   function signed(value, sigma) {
     return (value < 0 ? "−" : "+") + Math.abs(value).toFixed(digits(sigma));
