@@ -693,9 +693,18 @@
     var other = look.background ? zone.model[k] - zone.object[k] : 0;
     return zone[key][k] - other;
   }
-  // Whether photon noise of the subtracted light (direct return and ambient) is large against an axis.
+  // Standard deviation of the light that is subtracted (direct return and ambient).
+  function otherNoise(zone, k) { return Math.sqrt(variance(zone, zone.model[k] - zone.object[k])); }
+  function usualNoise(zone) {
+    if (zone.usual_noise === undefined) {
+      zone.usual_noise = d3.median(d3.range(zone.first_bin, zone.end_bin), function (k) { return otherNoise(zone, k); }) || 0;
+    }
+    return zone.usual_noise;
+  }
+  // Whether it is large against an axis, and against that of most bins: an empty zone is noise all over.
   function drowned(zone, k, height) {
-    return look.background && zone.used && Math.sqrt(variance(zone, zone.model[k] - zone.object[k])) > height / 8;
+    if (!look.background || !zone.used) return false;
+    return otherNoise(zone, k) > Math.max(height / 8, 3 * usualNoise(zone));
   }
   function yRange(h, zones, range) {
     var low = Infinity, high = -Infinity, positive = Infinity;
@@ -720,7 +729,7 @@
     if (look.background) {
       // Where the subtracted light was strong its noise would dwarf the signal: the scale is that of
       // the object's light and of the bins that are quiet against it.
-      var values = [], quiet = [], top = 0;
+      var values = [], quiet = [], top = 0, noise = 4 * d3.max(zones, usualNoise);
       zones.forEach(function (zone) {
         for (var k = bins(zone)[0]; k < bins(zone)[1]; ++k) {
           values.push(shownValues(zone, "measured", k));
@@ -728,7 +737,7 @@
         }
       });
       values = values.filter(finite).sort(d3.ascending);
-      var most = Math.min(high, Math.max(1.6 * top, 1.3 * quantile(values, 0.95)));
+      var most = Math.min(high, Math.max(1.6 * top, 1.3 * quantile(values, 0.95), noise));
       zones.forEach(function (zone) {
         for (var k = bins(zone)[0]; k < bins(zone)[1]; ++k) {
           if (!drowned(zone, k, most)) quiet.push(shownValues(zone, "measured", k));
@@ -736,7 +745,7 @@
       });
       quiet = quiet.filter(finite);
       high = Math.min(most, Math.max(1.05 * top, quiet.length ? d3.max(quiet) : most));
-      low = Math.max(-0.5 * high, quiet.length ? d3.min(quiet) : low);
+      low = Math.max(-Math.max(0.5 * high, noise), quiet.length ? d3.min(quiet) : low);
       return [1.1 * Math.min(0, low), high > 0 ? high * 1.06 : 1];
     }
     return [Math.min(0, low), high * 1.06];
