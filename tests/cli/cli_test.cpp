@@ -1562,7 +1562,12 @@ TEST_F(Cli, TrialsWriteTableAndPage) {
       table,
       StartsWith("perception,zone,seed,speed_m_per_s,outcome,clearance_m,time_s,length_m\n"));
   EXPECT_EQ(std::ranges::count(table, '\n'), 5);
-  EXPECT_THAT(text_of(path("study/index.html")), HasSubstr("Success by speed"));
+  // Zones have names with a unit, bars have intervals, and no column is empty: the published study
+  // has no robot's speeds, and all drives reach the goal.
+  EXPECT_THAT(text_of(path("study/index.html")),
+              AllOf(HasSubstr("Success by speed"), HasSubstr("<td>0.6 m/s<td>"),
+                    HasSubstr("class=\"interval\""), Not(HasSubstr("published")),
+                    Not(HasSubstr("<td>-")), Not(HasSubstr("<th>collision"))));
 }
 
 // Pairs of perceptions that were not driven have no row.
