@@ -1673,7 +1673,20 @@ TEST_F(Cli, BoundsTheErrorToExpect) {
   for (const json& place : map.at("places")) {
     EXPECT_LE(place.at("position_error_m"), 1.001 * map.at("prior_error_m").get<double>());
   }
-  EXPECT_THAT(text_of(path("out/index.html")), AllOf(HasSubstr("<svg"), Not(HasSubstr("nan"))));
+  const std::string page = text_of(path("out/index.html"));
+  EXPECT_THAT(page, AllOf(HasSubstr("<svg"), Not(HasSubstr("nan"))));
+  // Both pictures are as large as the page lets them be, and no title of a column is long.
+  std::size_t large = 0;
+  for (const char* size : {" width=\"566\"", " height=\"640\""}) {
+    for (std::size_t at = page.find(size); at != std::string::npos; at = page.find(size, at + 1)) {
+      ++large;
+    }
+  }
+  EXPECT_GE(large, 2U);
+  for (std::size_t at = page.find("<th>"); at != std::string::npos;
+       at = page.find("<th>", at + 1)) {
+    EXPECT_LE(page.find('<', at + 4) - at - 4, 14U) << page.substr(at, 40);
+  }
   EXPECT_EQ(run(command + "--pose x=3 -o " + path("none")).exit_code, 2);
   EXPECT_FALSE(fs::exists(path("none")));
 }
