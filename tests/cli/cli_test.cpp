@@ -805,7 +805,12 @@ TEST_F(Cli, StabilityPrintsWritesAndNamesRows) {
   EXPECT_EQ(written.at("format"), "blindcorner.stability/1");
   EXPECT_EQ(written.at("rows").size(), 2U);
   EXPECT_EQ(written.at("rows")[0].at("verdict"), "holds");
-  EXPECT_THAT(text_of(path("s") + "/index.html"), HasSubstr("pulse_of_0.01"));
+  const std::string page = text_of(path("s") + "/index.html");
+  EXPECT_THAT(page, HasSubstr("pulse_of_0.01"));
+  // A mark for each case against its limit, before the tables.
+  EXPECT_LT(page.find("class=\"mark"), page.find("<table"));
+  EXPECT_THAT(page, AllOf(HasSubstr("<div class=\"mark\" style=\"left:"),
+                          HasSubstr("the line is the limit")));
   const Outcome wrong = run("stability --rows one_bim");
   EXPECT_EQ(wrong.exit_code, 2);
   EXPECT_THAT(wrong.err, HasSubstr("did you mean one_bin"));
