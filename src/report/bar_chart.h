@@ -23,7 +23,8 @@ struct BarGroup {
   std::vector<Bar> bars;
 };
 
-/// One <svg> element: bars from 0 to 1, lines for their intervals. The legend is the first group's.
+/// One <svg> element: bars from 0 to 1, lines with caps for their intervals. Bars of one name have
+/// one entry in the legend, whichever groups hold them.
 std::string bars_svg(const std::string& title, const std::string& x_label,
                      const std::vector<BarGroup>& groups);
 

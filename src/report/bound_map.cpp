@@ -15,7 +15,7 @@ namespace {
 
 using Eigen::Vector2d;
 
-constexpr double kWidth = 540, kHeight = 420;  // pixels, at most
+constexpr double kWidth = 566, kHeight = 640;  // pixels, at most: two fill the page's width
 constexpr double kBorder = 34;                 // pixels, for numbers along the edges
 constexpr double kDecibelRoom = 1.25;          // room of the scale at both ends
 

@@ -77,8 +77,8 @@ Json map_json(const BoundMap& map) {
 
 std::string table_html(const std::vector<BoundMap>& maps) {
   std::string html =
-      "<table><tr><th>sensor pose<th>noticed at<th>error, median<th>error, 90 % of places below"
-      "<th>other places look the same<th>photons, median</tr>\n";
+      "<table><tr><th>sensor pose<th>noticed at<th>median error<th>90 % below"
+      "<th>mistakable<th>median photons</tr>\n";
   for (const BoundMap& map : maps) {
     const BoundSummary s = summarise(map);
     html += "<tr><td>" + html_safe(map.name) + "<td>" + percent(s.noticed_share) +
@@ -111,7 +111,8 @@ const char* const kExplanation =
     "the scene says about the pose beforehand. The second one (Weiss and Weinstein's, s = 1/2) "
     "looks "
     "at poses elsewhere in the hidden area whose light can be mistaken for this one's; where it is "
-    "the larger one, a dot says so. Hatching marks places where a fit would report "
+    "the larger one, the place is mistakable and a dot says so. Hatching marks places where a fit "
+    "would report "
     "<i>nothing_detected</i> in most captures: its threshold lets 5 % of empty captures pass. "
     "Pile-up and errors of the model are not counted. Point at a place of the right picture for "
     "its "
@@ -197,8 +198,10 @@ std::string bound_page(const std::vector<BoundMap>& maps) {
   int number = 0;
   for (const BoundMap& map : maps) {
     ++number;
-    body += "<h2 style=\"font-size:17px\">" + html_safe(map.name) + "</h2>\n";
-    if (maps.size() > 1) body += "<p>" + html_safe(bound_headline(map)) + "</p>\n";
+    if (maps.size() > 1) {
+      body +=
+          "<h2>" + html_safe(map.name) + "</h2>\n<p>" + html_safe(bound_headline(map)) + "</p>\n";
+    }
     for (const std::string& hint : map.hints) body += "<p>" + html_safe(hint) + "</p>\n";
     body += "<div class=\"charts\">" + overview_svg(map, scale, number) +
             area_svg(map, scale, number) + "</div>\n";

@@ -186,6 +186,12 @@
     tip.style("left", x + "px").style("top", y + "px");
   }
   function hideTip() { tip.style("display", "none"); }
+  // The keys of both; `b` has the last word.
+  function merged(a, b) {
+    var all = {};
+    [a, b].forEach(function (part) { Object.keys(part).forEach(function (key) { all[key] = part[key]; }); });
+    return all;
+  }
   function button(parent, text, on, action) {
     return element(parent, "button", on ? "on" : "", text).attr("type", "button").on("click", action);
   }
@@ -330,10 +336,22 @@
     return Math.round(Math.min(most, Math.max(least, (width - 68) * ratio + 44)));
   }
 
+  // Seen from above an upright plane is a line; all else is an area.
+  function isThin(surface) { return surface.outline.length < 3; }
+  // How a known surface looks, in the picture and in its legend.
+  function surfaceStyle(surface) {
+    var thin = isThin(surface);
+    return {
+      fill: thin ? "none" : COLOUR.body,
+      "fill-opacity": surface.occluder ? 0.9 : 0.25,
+      stroke: surface.relay || surface.occluder ? COLOUR.relay : COLOUR.line,
+      "stroke-width": thin ? (surface.relay ? 4 : 3) : 1,
+      "stroke-dasharray": thin && surface.occluder && !surface.relay ? "8,2" : null
+    };
+  }
   function drawSurroundings(group, x, y, perMetre, viewNumbers) {
     eachObject(function (o) {
-      group.append("path").attr({ d: polygon(searchRegion(o), x, y), fill: COLOUR.search, "fill-opacity": 0.07,
-                                  stroke: COLOUR.search, "stroke-dasharray": "5,4", "stroke-width": 1.2 });
+      group.append("path").attr("d", polygon(searchRegion(o), x, y)).attr(SEARCH);
     });
     viewNumbers.forEach(function (v) {
       var view = data.views[v];
@@ -341,15 +359,8 @@
                                   "fill-opacity": 0.22, stroke: COLOUR.fieldEdge, "stroke-opacity": 0.7 });
     });
     scene.surfaces.forEach(function (surface) {
-      var thin = surface.outline.length < 3;
-      group.append("path").attr({
-        d: polygon(surface.outline, x, y),
-        fill: thin ? "none" : COLOUR.body,
-        "fill-opacity": surface.occluder ? 0.9 : 0.25,
-        stroke: surface.relay || surface.occluder ? COLOUR.relay : COLOUR.line,
-        "stroke-width": thin ? (surface.relay ? 4 : 3) : 1,
-        "stroke-dasharray": thin && surface.occluder && !surface.relay ? "8,2" : null
-      }).append("title").text(surface.name + (surface.relay ? ", relay" : "") +
+      group.append("path").attr("d", polygon(surface.outline, x, y)).attr(surfaceStyle(surface))
+        .append("title").text(surface.name + (surface.relay ? ", relay" : "") +
                               (surface.occluder ? ", occluder" : ""));
     });
     viewNumbers.forEach(function (v) {
@@ -391,12 +402,17 @@
       transform: "translate(" + x(p[0]) + "," + y(p[1]) + ")rotate(" + -e.angle * 180 / Math.PI + ")"
     }).attr(style);
   }
+  function arrowLength(perMetre) { return Math.max(34, Math.min(120, 0.35 * perMetre)); }  // pixels
+  function facing(mode, o) {
+    var i = place("yaw_rad", o);
+    return i >= 0 && mode.undetermined.indexOf(unknowns[i]) < 0 && objects[o].yaw_period > 0;
+  }
   // Where the object faces: an arrow, with a fan of 95 % where yaw is an unknown.
   function drawYaw(group, x, y, perMetre, mode, colour, opacity, o) {
+    if (!facing(mode, o)) return;
     var i = place("yaw_rad", o);
-    if (i < 0 || mode.undetermined.indexOf(unknowns[i]) >= 0 || !(objects[o].yaw_period > 0)) return;
     var p = point(mode.pose, o), yaw = mode.pose[i], spread = 1.96 * Math.sqrt(mode.covariance[i][i]);
-    var r = Math.max(34, Math.min(120, 0.35 * perMetre));
+    var r = arrowLength(perMetre);
     if (spread < Math.PI / 2) {
       group.append("path").attr({ fill: colour, opacity: 0.16 * opacity, d: d3.svg.arc().innerRadius(0)
         .outerRadius(r).startAngle(Math.PI / 2 - yaw - spread).endAngle(Math.PI / 2 - yaw + spread)(),
@@ -434,69 +450,122 @@
     });
     labelModes(group, x, y, perMetre, capture);
   }
+  // Boxes [left, top, right, bottom] in pixels.
+  function boxAround(points) {
+    var xs = d3.extent(points, function (p) { return p[0]; }), ys = d3.extent(points, function (p) { return p[1]; });
+    return [xs[0], ys[0], xs[1], ys[1]];
+  }
+  function overlap(a, b) {
+    return Math.max(0, Math.min(a[2], b[2]) - Math.max(a[0], b[0])) * Math.max(0, Math.min(a[3], b[3]) - Math.max(a[1], b[1]));
+  }
+  function ellipseBox(x, y, perMetre, mode, o) {
+    var e = ellipse(mode, o), p = point(mode.pose, o), c = Math.cos(e.angle), s = Math.sin(e.angle);
+    var w = Math.max(3, perMetre * Math.sqrt(e.long * e.long * c * c + e.short * e.short * s * s));
+    var h = Math.max(3, perMetre * Math.sqrt(e.long * e.long * s * s + e.short * e.short * c * c));
+    return [x(p[0]) - w, y(p[1]) - h, x(p[0]) + w, y(p[1]) + h];
+  }
+  function outlineBox(x, y, vector, o) {
+    return boxAround(placedObject(vector, o).map(function (p) { return [x(p[0]), y(p[1])]; }));
+  }
+  // What labels should not cover: ellipses and outlines of the modes, arrows, and the truth.
+  function drawnBoxes(x, y, perMetre, capture) {
+    var boxes = [];
+    eachObject(function (o) {
+      capture.modes.forEach(function (mode) {
+        if (!holds(mode.pose, o)) return;
+        boxes.push(ellipseBox(x, y, perMetre, mode, o), outlineBox(x, y, mode.pose, o));
+        if (!facing(mode, o)) return;
+        var p = point(mode.pose, o), yaw = mode.pose[place("yaw_rad", o)], r = arrowLength(perMetre);
+        boxes.push(boxAround([0.4, 0.7, 1].map(function (f) {
+          return [x(p[0]) + f * r * Math.cos(yaw), y(p[1]) - f * r * Math.sin(yaw)];
+        })));
+      });
+      if (capture.truth && holds(capture.truth, o)) boxes.push(outlineBox(x, y, capture.truth, o));
+    });
+    return boxes;
+  }
+  // Beside what is labelled: the place in the picture that covers least of all that is drawn.
+  function labelPlace(own, size, taken, x, y) {
+    var w = size[0], h = size[1], gap = 4, cx = (own[0] + own[2]) / 2, cy = (own[1] + own[3]) / 2;
+    var corners = [[cx - w / 2, own[1] - gap - h], [own[0] - gap - w, cy - h / 2], [own[2] + gap, cy - h / 2],
+                   [cx - w / 2, own[3] + gap], [own[2], own[1] - h], [own[0] - w, own[1] - h]];
+    var boxes = corners.map(function (at) { return [at[0], at[1], at[0] + w, at[1] + h]; }).filter(function (box) {
+      return box[0] >= 0 && box[1] >= 0 && box[2] <= x.range()[1] && box[3] <= y.range()[0];
+    });
+    // Enlarged beyond the picture, the mode has its label at its centre.
+    if (!boxes.length) return [cx - w / 2, cy - h / 2, cx + w / 2, cy + h / 2];
+    function covered(box) { return d3.sum(taken, function (other) { return overlap(box, other); }); }
+    return boxes.reduce(function (best, box) { return covered(box) < covered(best) ? box : best; });
+  }
   function labelModes(group, x, y, perMetre, capture) {
-    var placed = [];
-    var right = x.range()[1];
+    var labels = [], drawn = drawnBoxes(x, y, perMetre, capture);
     capture.modes.slice(0, 12).forEach(function (mode, i) {
       eachObject(function (o) {
         if (!holds(mode.pose, o) || (i > 0 && o > 0)) return;
-        var p = point(mode.pose, o), e = ellipse(mode, o);
         var share = mode.weight < 0.01 ? "< 1" : (100 * mode.weight).toFixed(mode.weight > 0.995 ? 1 : 0);
         var text = (i + 1) + ": " + share + " %";
         if (objects.length > 1) text = objects[o].name + (o === 0 ? ", " + text : "");
-        var leftwards = (place("yaw_rad", o) >= 0 && Math.cos(component(mode.pose, "yaw_rad", o)) > 0) ||
-          x(p[0]) + 12 + 7 * text.length > right;
-        leftwards = leftwards && x(p[0]) > 12 + 7 * text.length;
-        var at = [x(p[0]) + (leftwards ? -9 : 9), y(p[1]) - 9 - Math.min(60, e.short * perMetre)];
-        if (at[1] < 12) at[1] = y(p[1]) + 18;
-        var clash = placed.some(function (q) {
-          return Math.abs(q[0] - at[0]) < 54 && Math.abs(q[1] - at[1]) < 13;
-        });
-        if (clash) return;
-        placed.push(at);
-        group.append("text").attr({ x: at[0], y: at[1], "text-anchor": leftwards ? "end" : "start",
+        var size = [6.6 * text.length, 13];
+        var own = ellipseBox(x, y, perMetre, mode, o), outline = outlineBox(x, y, mode.pose, o);
+        own = boxAround([own.slice(0, 2), own.slice(2), outline.slice(0, 2), outline.slice(2)]);
+        var box = labelPlace(own, size, drawn.concat(labels), x, y);
+        if (labels.some(function (other) { return overlap(box, other) > 0; })) return;
+        labels.push(box);
+        group.append("text").attr({ x: (box[0] + box[2]) / 2, y: box[3] - 3, "text-anchor": "middle", "class": "mode-label",
           "font-weight": i ? 400 : 700, stroke: COLOUR.paper, "stroke-width": 3, "paint-order": "stroke" })
           .style("fill", i ? COLOUR.rival : COLOUR.heaviest).text(text);
       });
     });
   }
 
+  // Entries are lists of an element's name, its attributes and what it means.
   function legend(parent, entries) {
     var box = element(parent, "div", "legend");
     entries.forEach(function (entry) {
       var span = box.append("span");
-      var svg = span.append("svg").attr({ width: 26, height: 14 });
-      svg.append(entry[0]).attr(entry[1]);
+      span.append("svg").attr({ width: 26, height: 14 }).append(entry[0]).attr(entry[1]);
       span.append("span").text(entry[2]);
     });
   }
+  var AREA = { x: 2, y: 2, width: 22, height: 10 };
+  // Known surfaces of each kind, with the symbol that the picture has for it.
+  function surfaceEntries() {
+    var seen = {}, entries = [];
+    scene.surfaces.forEach(function (surface) {
+      var roles = [surface.relay ? "relay surface" : "", surface.occluder ? "occluder" : ""].filter(String);
+      var name = roles.join(" and ") || "other surface", key = name + isThin(surface);
+      if (seen[key]) return;
+      seen[key] = true;
+      var shape = isThin(surface) ? ["path", { d: "M2,7H24" }] : ["rect", AREA];
+      entries.push([shape[0], merged(shape[1], surfaceStyle(surface)), name + (isThin(surface) ? ", edge on" : "")]);
+    });
+    return entries;
+  }
+  var SEARCH = { fill: COLOUR.search, "fill-opacity": 0.07, stroke: COLOUR.search, "stroke-dasharray": "5,4",
+                 "stroke-width": 1.2 };
   var SWATCH = {
     sensor: ["path", { d: "M21,7L7,12L10,7L7,2Z", fill: COLOUR.sensor }, "sensor"],
-    field: ["rect", { x: 2, y: 2, width: 22, height: 10, fill: COLOUR.field, "fill-opacity": 0.3, stroke: COLOUR.fieldEdge },
+    field: ["rect", merged(AREA, { fill: COLOUR.field, "fill-opacity": 0.22, stroke: COLOUR.fieldEdge }),
             "field of view, zones on the surfaces"],
-    surface: ["path", { d: "M2,7H24", stroke: COLOUR.relay, "stroke-width": 4 }, "relay surface"],
-    occluder: ["path", { d: "M2,7H24", stroke: COLOUR.occluder, "stroke-width": 3, "stroke-dasharray": "8,2" },
-               "occluder"],
-    search: ["rect", { x: 2, y: 2, width: 22, height: 10, fill: COLOUR.shade, stroke: COLOUR.search,
-                       "stroke-dasharray": "4,3" }, "search region"],
+    search: ["rect", merged(AREA, SEARCH), "search region"],
     heaviest: ["ellipse", { cx: 13, cy: 7, rx: 10, ry: 5, fill: COLOUR.heaviest, "fill-opacity": 0.28,
                             stroke: COLOUR.heaviest, "stroke-width": 2 }, ""],
     rival: ["ellipse", { cx: 13, cy: 7, rx: 10, ry: 5, fill: COLOUR.rival, "fill-opacity": 0.2,
                          stroke: COLOUR.rival }, "other places that explain the light, fainter with less weight"],
+    yaw: ["path", { d: "M2,7H23m-6,-4l6,4l-6,4", stroke: COLOUR.heaviest, "stroke-width": 1.6, fill: "none" },
+          "which way it faces; fan: 95 %"],
     truth: ["path", { d: "M5,7H21M13,0V14", stroke: COLOUR.truth, "stroke-width": 2.4 }, "truth"]
   };
   function region(o) { return "95 % " + (freeInPlane(o || 0) === 1 ? "interval" : "ellipse"); }
   function mapLegend(parent, capture, first) {
-    var some = function (key) { return scene.surfaces.some(function (s) { return s[key]; }); };
     var entries = first || [];
     if (found(capture)) entries.push(SWATCH.heaviest.slice(0, 2).concat("found: " + region() + " and outline"));
     if (found(capture) && capture.modes.length > 1) entries.push(SWATCH.rival);
     if (capture.truth) entries.push(SWATCH.truth);
-    entries.push(SWATCH.sensor, SWATCH.field);
-    if (some("relay")) entries.push(SWATCH.surface);
-    if (some("occluder")) entries.push(SWATCH.occluder);
-    entries.push(SWATCH.search);
-    legend(parent, entries);
+    if (found(capture) && objects.some(function (unused, o) { return facing(capture.modes[0], o); })) {
+      entries.push(SWATCH.yaw);
+    }
+    legend(parent, entries.concat([SWATCH.sensor, SWATCH.field], surfaceEntries(), [SWATCH.search]));
   }
 
   // ---------------------------------------------------------------- the answer for one capture
@@ -562,7 +631,7 @@
     element(parent, "h2", "", "Modes").append("small").text((found(capture) ? ""
       : "nothing was found: these are only what the search region and the light leave open; ") +
       "mean ± standard deviation; “open”: the data left this unknown to its prior");
-    var table = element(parent, "div", "wide").append("table"), head = table.append("thead").append("tr");
+    var table = element(parent, "div", "wide").append("table").attr("class", "stacked"), head = table.append("thead").append("tr");
     var titles = ["mode", "weight"].concat(unknowns.map(titleOf), "log likelihood");
     if (capture.truth) eachObject(function (o) {
       titles.push(objects.length > 1 ? objects[o].name + " to truth" : "distance to truth");
@@ -597,6 +666,10 @@
       row.append("td");
       eachObject(function () { row.append("td"); });
     }
+    // A narrow screen has the rows below each other, each value beside its title (page.css).
+    body.selectAll("tr").each(function () {
+      d3.select(this).selectAll("td").attr("data-title", function (unused, k) { return titles[k]; });
+    });
   }
   function signed(value, sigma) {
     return (value < 0 ? "−" : "+") + Math.abs(value).toFixed(digits(sigma));
@@ -620,6 +693,19 @@
     var other = look.background ? zone.model[k] - zone.object[k] : 0;
     return zone[key][k] - other;
   }
+  // Standard deviation of the light that is subtracted (direct return and ambient).
+  function otherNoise(zone, k) { return Math.sqrt(variance(zone, zone.model[k] - zone.object[k])); }
+  function usualNoise(zone) {
+    if (zone.usual_noise === undefined) {
+      zone.usual_noise = d3.median(d3.range(zone.first_bin, zone.end_bin), function (k) { return otherNoise(zone, k); }) || 0;
+    }
+    return zone.usual_noise;
+  }
+  // Whether it is large against an axis, and against that of most bins: an empty zone is noise all over.
+  function drowned(zone, k, height) {
+    if (!look.background || !zone.used) return false;
+    return otherNoise(zone, k) > Math.max(height / 8, 3 * usualNoise(zone));
+  }
   function yRange(h, zones, range) {
     var low = Infinity, high = -Infinity, positive = Infinity;
     // The scale is that of the bins that entered the fit: others may hold the direct return's peak.
@@ -641,8 +727,9 @@
     if (!(high > low)) { high = (finite(high) ? high : 0) + 1; low = Math.min(low, 0); }
     if (look.log) return [Math.max(positive === Infinity ? 0.1 : positive * 0.8, high * 1e-6), high * 1.3];
     if (look.background) {
-      // Where the subtracted light was strong its noise would dwarf the signal: cut at quantiles.
-      var values = [], top = 0;
+      // Where the subtracted light was strong its noise would dwarf the signal: the scale is that of
+      // the object's light and of the bins that are quiet against it.
+      var values = [], quiet = [], top = 0, noise = 4 * d3.max(zones, usualNoise);
       zones.forEach(function (zone) {
         for (var k = bins(zone)[0]; k < bins(zone)[1]; ++k) {
           values.push(shownValues(zone, "measured", k));
@@ -650,17 +737,27 @@
         }
       });
       values = values.filter(finite).sort(d3.ascending);
-      high = Math.min(high, Math.max(1.6 * top, 1.3 * quantile(values, 0.95)));
-      low = Math.max(low, Math.min(-0.5 * high, 1.3 * quantile(values, 0.05)));
-      return [Math.min(0, low), high > 0 ? high * 1.05 : 1];
+      var most = Math.min(high, Math.max(1.6 * top, 1.3 * quantile(values, 0.95), noise));
+      zones.forEach(function (zone) {
+        for (var k = bins(zone)[0]; k < bins(zone)[1]; ++k) {
+          if (!drowned(zone, k, most)) quiet.push(shownValues(zone, "measured", k));
+        }
+      });
+      quiet = quiet.filter(finite);
+      high = Math.min(most, Math.max(1.05 * top, quiet.length ? d3.max(quiet) : most));
+      low = Math.max(-Math.max(0.5 * high, noise), quiet.length ? d3.min(quiet) : low);
+      return [1.1 * Math.min(0, low), high > 0 ? high * 1.06 : 1];
     }
     return [Math.min(0, low), high * 1.06];
   }
-  function steps(values, range, x, y) {
-    var path = "";
+  // A stepped line through the bins that are `wanted`, all without it; one line a run of bins.
+  function steps(values, range, x, y, wanted) {
+    var path = "", going = false;
     for (var k = range[0]; k < range[1]; ++k) {
+      if (wanted && !wanted(k)) { going = false; continue; }
       var top = y(values(k));
-      path += (path ? "L" : "M") + x(k) + "," + top + "L" + x(k + 1) + "," + top;
+      path += (going ? "L" : "M") + x(k) + "," + top + "L" + x(k + 1) + "," + top;
+      going = true;
     }
     return path;
   }
@@ -696,8 +793,19 @@
     });
     g.append("path").attr({ d: band(function (k) { return shownValues(zone, "model", k) - zone.object[k]; },
       at("model"), range, x, value), fill: COLOUR.object, "fill-opacity": 0.55 });
-    g.append("path").attr({ d: steps(at("measured"), range, x, value), fill: "none", stroke: COLOUR.measured,
-                            "stroke-width": 1 });
+    // What is beyond the box is cut off there, not drawn along its edge.
+    var clipId = "bins" + drawZone.count++;
+    g.append("clipPath").attr("id", clipId).append("rect").attr({ width: w, height: top });
+    var clipped = g.append("g").attr("clip-path", "url(#" + clipId + ")");
+    var free = y.copy().clamp(false), height = limits[1] - limits[0];
+    function line(v) { return look.log ? value(v) : Math.max(-top, Math.min(2 * top, free(v))); }
+    function noisy(k) { return drowned(zone, k, height); }
+    clipped.append("path").attr({ d: steps(at("measured"), range, x, line, noisy), fill: "none",
+                                  "class": "drowned", stroke: COLOUR.edge, "stroke-width": 1 });
+    clipped.append("path").attr({ d: steps(at("measured"), range, x, line, function (k) { return !noisy(k); }),
+                                  fill: "none", stroke: COLOUR.measured, "stroke-width": 1 });
+    g.append("path").attr({ d: "M0,0H" + w + "V" + top + "H0", fill: "none", stroke: COLOUR.grid,
+                            "shape-rendering": "crispEdges" });
     g.append("path").attr({ d: steps(at("model"), range, x, value), fill: "none", stroke: COLOUR.model,
                             "stroke-width": 1.5 });
     var yTicks = look.log ? logTicks(limits) : y.ticks(3);
@@ -726,6 +834,8 @@
                ", of this object " + compact(zone.object[k]), "residual " + pearson(zone, k).toFixed(2) + " σ"]);
     }).on("mouseleave", hideTip);
   }
+  drawZone.count = 0;
+
   // A place on the time axis, in bins from the start, as time (ns) or as the light's path (m).
   function axisValue(zone, bins, axis) {
     var ns = bins * scene.sensor.bin_width_ps / 1000;
@@ -840,6 +950,8 @@
     element(parent, "p", "soft", "Horizontal: " + axisName() + ". Vertical: counts" + (look.background
       ? " less the fitted direct return and ambient light" : "") +
       ", to the scale of the bins that entered the fit." +
+      (look.background ? " Where photon noise of the subtracted light is large against that scale, " +
+        "the measured line is pale and cut off at the box: it says little about the object." : "") +
       " Bins on grey did not enter the fit. Below each: (measured − model) / σ of the bins that entered the fit, with a band of ±2 σ; " +
       "beyond ±3 σ in orange. χ²/bin is the mean of its square.");
   }
@@ -1126,8 +1238,8 @@
     button(tools, "whole scene", false, function () { map.show(sceneExtent([0], true)); });
     tools.append("span").attr("class", "soft").text("drag to move, double-click to enlarge");
     map.show(extent);
-    mapLegend(left, { modes: [], flags: [] }, [["rect", { x: 2, y: 2, width: 22, height: 10, fill: COLOUR.object,
-      "fill-opacity": 0.3, stroke: COLOUR.object }, "the object as the scene file puts it; what is unknown, in mid-range"]]);
+    mapLegend(left, { modes: [], flags: [] }, [["rect", merged(AREA, { fill: COLOUR.object,
+      "fill-opacity": 0.3, stroke: COLOUR.object }), "the object as the scene file puts it; what is unknown, in mid-range"]]);
     drawRanges(right);
   }
 

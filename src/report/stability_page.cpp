@@ -2,6 +2,8 @@
 #include "report/stability_page.h"
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "report/formatted.h"
@@ -16,6 +18,17 @@ const char* const kStyle =
     "th{text-align:left;vertical-align:top;white-space:normal}"
     ".wide td.number{text-align:right;white-space:nowrap}.wide td:first-child{white-space:nowrap}"
     ".wide td:nth-child(2),.wide td:nth-child(5){min-width:220px}"
+    ".margin{display:grid;grid-template-columns:fit-content(340px) 90px minmax(90px,1fr);"
+    "gap:2px 12px;align-items:center;font-size:13px;max-width:1000px;margin-bottom:1.5em}"
+    ".margin>div:nth-child(3n+2){text-align:right;font-variant-numeric:tabular-nums}"
+    ".track{position:relative;height:12px;border-radius:3px;background:linear-gradient(90deg,"
+    "var(--shade) 80%,var(--alarm) 80%)}"
+    ".track::after{content:'';position:absolute;left:80%;top:-2px;bottom:-2px;width:2px;"
+    "background:var(--line)}"
+    ".mark{position:absolute;top:1px;width:10px;height:10px;margin-left:-5px;border-radius:5px;"
+    "background:var(--good)}.mark.over{background:var(--bad)}"
+    "@media(max-width:640px){.margin{grid-template-columns:minmax(0,1fr) 90px}"
+    ".track{grid-column:1/-1}}"
     ".fails{background:var(--alarm);font-weight:600}.why{color:var(--soft);font-size:13px}</"
     "style>\n";
 
@@ -24,6 +37,47 @@ std::string number(double value) { return formatted("%.3g", value + 0.0); }
 
 std::string with_unit(double value, const std::string& unit) {
   return number(value) + (unit == "1" ? "" : " " + html_safe(unit));
+}
+
+/// The scale of the picture in shares of the limit: logarithmic, the limit at four fifths.
+constexpr double kLeast = 1e-4, kMost = 10, kLimitAt = 80;  // the last in per cent of the width
+
+/// Per cent of the width; what is 0 or less stands at the left end, what is not finite at the
+/// right.
+double place_of(double share) {
+  if (!std::isfinite(share) || share >= kMost) return 99;
+  if (share <= kLeast) return 1;
+  return share > 1 ? kLimitAt + (99 - kLimitAt) * std::log(share) / std::log(kMost)
+                   : 1 + (kLimitAt - 1) * std::log(share / kLeast) / std::log(1 / kLeast);
+}
+
+/// What was measured as a share of its limit; a limit of 0 has no shares.
+double share_of(const StabilityResult& result) {
+  const double measured = result.measured.value, limit = result.row->limit;
+  if (limit > 0) return measured / limit;
+  return result.holds ? 0 : std::numeric_limits<double>::infinity();
+}
+
+std::string share_text(const StabilityResult& result) {
+  const double share = share_of(result);
+  if (!(result.row->limit > 0)) return result.holds ? "at limit 0" : "over limit 0";
+  if (!std::isfinite(share)) return "no value";
+  if (share > 0 && share < 1e-4) return "< 0.01 %";
+  return formatted("%.3g %%", 100 * share + 0.0);
+}
+
+/// A line for each case: how near to its limit it comes.
+std::string margins_html(const std::vector<StabilityResult>& results) {
+  std::string html =
+      "<p>How much of its limit each case uses, in per cent, on a logarithmic scale from 0.01 % "
+      "on: the line is the limit, what lies beyond it fails.</p>\n<div class=\"margin\">\n";
+  for (const StabilityResult& result : results) {
+    html += "<div>" + html_safe(result.row->name) + "</div><div>" + html_safe(share_text(result)) +
+            "</div><div class=\"track\" title=\"" + html_safe(result.row->action) + "\">" +
+            formatted("<div class=\"mark%s\" style=\"left:%.1f%%\"></div></div>\n",
+                      result.holds ? "" : " over", place_of(share_of(result)));
+  }
+  return html + "</div>\n";
 }
 
 std::string row_html(const StabilityResult& result) {
@@ -68,7 +122,7 @@ std::string stability_json(const std::vector<StabilityResult>& results) {
 std::string stability_page(const std::vector<StabilityResult>& results) {
   const auto holding = std::ranges::count_if(results, &StabilityResult::holds);
   std::string body =
-      kStyle +
+      kStyle + margins_html(results) +
       formatted(
           "<p>A case holds where what was measured is "
           "at most the limit. Limits from physics are laws that light or motion obeys; limits "

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <map>
 #include <optional>
+#include <set>
 
 #include "blindcorner/simulation/credible_level.h"
 #include "blindcorner/simulation/paired_difference.h"
@@ -24,6 +25,8 @@ using Results = std::vector<TrialResult>;
 constexpr double kPublishedLowest = 6;
 constexpr std::array kPublishedNlos{1.0, 1.0, 0.81, 0.31, 0.09, 0.0};
 constexpr std::array kPublishedLos{1.0, 1.0, 0.80, 0.17, 0.0, 0.0};
+constexpr const char* kPublishedNlosName = "published, sight and NLOS";
+constexpr const char* kPublishedLosName = "published, sight only";
 /// Published success by localisation error in metres, from 1-2 to 6-7.
 constexpr std::array kPublishedErrors{0.89, 0.71, 0.42, 0.29, 0.24, 0.13};
 
@@ -71,8 +74,8 @@ std::vector<std::pair<const char*, const char*>> pairs_of(const Results& results
 }
 
 std::string colour_of(const std::string& name) {
-  if (name == "published los" || name == "published") return "var(--edge,#b9c0c7)";
-  if (name == "published nlos") return colour::kLine;
+  if (name == kPublishedLosName || name == "published") return "var(--edge,#b9c0c7)";
+  if (name == kPublishedNlosName) return colour::kLine;
   return colour::of_method(name);
 }
 
@@ -83,7 +86,12 @@ Bar bar_of(const std::string& name, double share, std::optional<ShareInterval> i
 Bar bar_of(const std::string& name, const Results& results) {
   const int all = static_cast<int>(results.size());
   const int good = reached(results);
-  return bar_of(name, all > 0 ? static_cast<double>(good) / all : 0.0, wilson_interval(good, all));
+  return bar_of(name, static_cast<double>(good) / all, wilson_interval(good, all));
+}
+
+/// Adds a bar where there were trials: no bar is not a share of 0.
+void add_bar(BarGroup& group, const std::string& name, const Results& results) {
+  if (!results.empty()) group.bars.push_back(bar_of(name, results));
 }
 
 /// Published success in a speed zone that is one of the published ones.
@@ -96,7 +104,8 @@ std::optional<double> published(const DriveTrials& trials, int zone, const auto&
 }
 
 std::string zone_name(const DriveTrials& trials, int zone) {
-  return formatted("%g-%g", zone_lower(trials, zone), zone_lower(trials, zone + 1));
+  const double lower = zone_lower(trials, zone), upper = zone_lower(trials, zone + 1);
+  return upper > lower ? formatted("%g to %g m/s", lower, upper) : formatted("%g m/s", lower);
 }
 
 Results in_zone(const Results& results, int zone) {
@@ -119,27 +128,35 @@ std::string trials_headline(const Results& results) {
 std::string success_section(const Drive& drive, const Results& results) {
   const std::vector<std::string> names = perceptions_of(results);
   std::vector<BarGroup> groups;
-  std::string rows = "<table><tr><th>speed, m/s";
+  std::string rows = "<table><tr><th>speed zone";
   for (const std::string& name : names) rows += "<th>" + html_safe(name);
-  rows += "<th>published with NLOS<th>published LOS</tr>\n";
+  // The published zones are those of cars: a robot's study has none of them.
+  bool compared = false;
+  for (int zone = 0; zone < drive.trials.zones; ++zone) {
+    compared = compared || published(drive.trials, zone, kPublishedNlos).has_value();
+  }
+  if (compared) rows += formatted("<th>%s<th>%s", kPublishedNlosName, kPublishedLosName);
+  rows += "</tr>\n";
   for (int zone = 0; zone < drive.trials.zones; ++zone) {
     BarGroup group{zone_name(drive.trials, zone), {}};
     rows += "<tr><td>" + group.label;
     for (const std::string& name : names) {
       const Results here = in_zone(of(results, name), zone);
-      group.bars.push_back(bar_of(name, here));
+      add_bar(group, name, here);
       rows += "<td>" + share_text(here);
     }
     const auto nlos = published(drive.trials, zone, kPublishedNlos);
     const auto los = published(drive.trials, zone, kPublishedLos);
-    if (nlos) group.bars.push_back(bar_of("published nlos", *nlos));
-    if (los) group.bars.push_back(bar_of("published los", *los));
-    rows += nlos ? formatted("<td>%.2f<td>%.2f</tr>\n", *nlos, *los) : "<td>-<td>-</tr>\n";
+    if (nlos) group.bars.push_back(bar_of(kPublishedNlosName, *nlos));
+    if (los) group.bars.push_back(bar_of(kPublishedLosName, *los));
+    if (compared) rows += nlos ? formatted("<td>%.2f<td>%.2f", *nlos, *los) : "<td>-<td>-";
+    rows += "</tr>\n";
     groups.push_back(std::move(group));
   }
   return "<h2>Success by speed</h2>\n" +
-         bars_svg("Share of trials that reach the goal", "wanted speed, m/s", groups) + rows +
-         "</table>\n";
+         bars_svg("Share of trials that reach the goal, with 95 % intervals", "wanted speed",
+                  groups) +
+         rows + "</table>\n";
 }
 
 /// Outcomes of the trials that two perceptions have in common.
@@ -169,7 +186,7 @@ std::string difference_section(const Drive& drive, const Results& results) {
   std::string html =
       "<h2>Differences, paired by seed</h2>\n<p>Success of the first minus that of the second on "
       "the same trials, with 95 % intervals (Newcombe's tenth method); then trials that only the "
-      "first, and only the second, drove well.</p>\n<table><tr><th>speed, m/s";
+      "first, and only the second, drove well.</p>\n<table><tr><th>speed zone";
   for (const auto& [first, second] : pairs) html += formatted("<th>%s - %s", first, second);
   for (int zone = -1; zone < drive.trials.zones; ++zone) {
     html += "</tr>\n<tr><td>" + (zone < 0 ? "all" : zone_name(drive.trials, zone));
@@ -257,18 +274,19 @@ std::string error_section(const Results& results) {
   if (results.empty()) return "";
   std::vector<BarGroup> groups;
   std::string rows =
-      "<table><tr><th>injected error, m<th>disc of 1 m<th>with the covariance<th>published</tr>\n";
+      "<table><tr><th>injected error<th>disc of 1 m<th>with the covariance<th>published</tr>\n";
   for (int bin = 0; bin < kErrorBins; ++bin) {
     const Results here = chosen(results, [&](const TrialResult& r) {
       return std::min(static_cast<int>(r.trial.error), kErrorBins - 1) == bin;
     });
     const Results disc = of(here, "oracle_disc"), wide = of(here, "oracle_covariance");
-    BarGroup group{formatted("%d-%d", bin, bin + 1),
-                   {bar_of("oracle_disc", disc), bar_of("oracle_covariance", wide)}};
+    BarGroup group{formatted("%d to %d m", bin, bin + 1), {}};
+    add_bar(group, "oracle_disc", disc);
+    add_bar(group, "oracle_covariance", wide);
     rows += "<tr><td>" + group.label + "<td>" + share_text(disc) + "<td>" + share_text(wide);
     const bool known = bin > 0;
     const double share = known ? kPublishedErrors[static_cast<std::size_t>(bin) - 1] : 0;
-    group.bars.push_back(bar_of("published", share));
+    if (known) group.bars.push_back(bar_of("published", share));
     rows += known ? formatted("<td>%.2f</tr>\n", share) : "<td>-</tr>\n";
     groups.push_back(std::move(group));
   }
@@ -277,8 +295,9 @@ std::string error_section(const Results& results) {
          "there (as published), or stated with a covariance whose root mean square distance is the "
          "injected one. Speeds over all zones alike; those of the published bars are not known.</p>"
          "\n" +
-         bars_svg("Share of trials that reach the goal", "injected error, m", groups) + rows +
-         "</table>\n";
+         bars_svg("Share of trials that reach the goal, with 95 % intervals", "injected error",
+                  groups) +
+         rows + "</table>\n";
 }
 
 /// Share of trials with at most a value.
@@ -298,28 +317,50 @@ double mean(const std::vector<double>& values) {
   return values.empty() ? 0 : sum / static_cast<double>(values.size());
 }
 
+/// Outcomes other than the goal that at least one trial had.
+std::vector<std::string> failures_of(const Results& results) {
+  std::set<std::string> names;
+  for (const TrialResult& result : results) {
+    if (!result.reached()) names.insert(result.outcome);
+  }
+  return {names.begin(), names.end()};
+}
+
+std::string outcome_titles(const Results& results) {
+  std::string titles;
+  for (const std::string& name : failures_of(results)) titles += "<th>" + html_safe(name);
+  return titles;
+}
+
+/// How many of `here` ended as each of the outcomes of all.
+std::string outcome_cells(const Results& all, const Results& here) {
+  std::string cells;
+  for (const std::string& name : failures_of(all)) {
+    cells += formatted("<td>%td", std::ranges::count(here, name, &TrialResult::outcome));
+  }
+  return cells;
+}
+
 std::string clearance_section(const Results& results) {
   Chart clearance{"clearance", "least distance to anything, m", "share of trials with at most it"};
   Chart time{"time of trials that reach the goal", "s", "share of trials with at most it"};
   std::string rows =
-      "<table><tr><th>perception<th>collision<th>stopped<th>timeout<th>median clearance, m"
+      "<table><tr><th>perception" + outcome_titles(results) +
+      "<th>median clearance, m"
       "<th>mean way to the goal, m<th>mean time to the goal, s<th>run time a trial, s</tr>\n";
   for (const std::string& name : perceptions_of(results)) {
     std::vector<double> distances, lengths, times, run_times;
-    std::map<std::string, int> outcomes;
     for (const TrialResult& result : of(results, name)) {
       distances.push_back(result.clearance);
       run_times.push_back(result.run_time);
       if (result.reached()) times.push_back(result.time), lengths.push_back(result.length);
-      ++outcomes[result.outcome];
     }
     clearance.series.push_back(distribution(name, distances));
     time.series.push_back(distribution(name, times));
     std::ranges::sort(distances);
-    rows += "<tr><td>" + html_safe(name) +
-            formatted("<td>%d<td>%d<td>%d<td>%.2f<td>%.3f<td>%.2f<td>%.1f</tr>\n",
-                      outcomes["collision"], outcomes["stopped"], outcomes["timeout"],
-                      distances[distances.size() / 2], mean(lengths), mean(times), mean(run_times));
+    rows += "<tr><td>" + html_safe(name) + outcome_cells(results, of(results, name)) +
+            formatted("<td>%.2f<td>%.3f<td>%.2f<td>%.1f</tr>\n", distances[distances.size() / 2],
+                      mean(lengths), mean(times), mean(run_times));
   }
   for (Chart* chart : {&clearance, &time}) chart->width = 460, chart->height = 300;
   return "<h2>Clearance and time</h2>\n" + rows + "</table>\n" + charts_html({clearance, time});
@@ -398,18 +439,22 @@ std::string failures_section(const Drive& drive, const Results& results,
                              const std::function<bool(const Trial&)>& replayed) {
   std::string html = "<h2>Failed trials</h2>\n";
   if (std::ranges::all_of(results, &TrialResult::reached)) return html + "<p>None.</p>\n";
-  html +=
-      "<table><tr><th>perception<th>speed, m/s<th>seed<th>outcome<th>time, s<th>page"
-      "<th>drive it again</tr>\n";
+  const bool any_page = std::ranges::any_of(results, [&replayed](const TrialResult& result) {
+    return !result.reached() && replayed(result.trial);
+  });
+  html += std::string("<table><tr><th>perception<th>speed, m/s<th>seed<th>outcome<th>time, s") +
+          (any_page ? "<th>page" : "") + "<th class=\"text\">drive it again</tr>\n";
   for (const TrialResult& result : results) {
     if (result.reached()) continue;
     const Trial& trial = result.trial;
     html += "<tr><td>" + html_safe(trial.perception) +
             formatted("<td>%.3f<td>%llu<td>", trial.speed,
                       static_cast<unsigned long long>(trial.seed)) +
-            html_safe(result.outcome) + formatted("<td>%.2f<td>", result.time);
-    html += replayed(trial) ? "<a href=\"" + replay_page(trial).generic_string() + "\">replay</a>"
-                            : std::string("-");
+            html_safe(result.outcome) + formatted("<td>%.2f", result.time);
+    if (any_page) html += "<td>";
+    if (replayed(trial)) {
+      html += "<a href=\"" + replay_page(trial).generic_string() + "\">replay</a>";
+    }
     html += "<td style=\"text-align:left\"><code>" + html_safe(replay_command(drive, trial)) +
             "</code></tr>\n";
   }

@@ -17,6 +17,8 @@
 #include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
+#include <regex>
 #include <sstream>
 #include <string>
 #include <utility>
@@ -81,6 +83,17 @@ class Cli : public ::testing::Test {
     if (WIFEXITED(status)) result.exit_code = WEXITSTATUS(status);
     result.err = text_of(path("stderr"));
     return result;
+  }
+
+  /// The page after its script has drawn it; nothing where there is no Chromium.
+  std::optional<std::string> as_drawn(const std::string& page) const {
+    if (std::system("command -v chromium >/dev/null") != 0) return {};
+    const std::string command =
+        "chromium --headless --no-sandbox --disable-gpu --virtual-time-budget=4000 --dump-dom "
+        "--user-data-dir='" +
+        path("browser") + "' 'file://" + page + "' >'" + path("drawn.html") + "' 2>/dev/null";
+    if (std::system(command.c_str()) != 0) return {};
+    return text_of(path("drawn.html"));
   }
 
   /// Captures that suit the scene: a flat level of light, so nothing to find.
@@ -346,6 +359,39 @@ TEST_F(Cli, OneCaptureGivesResultAndPage) {
   EXPECT_THAT(page, HasSubstr("</html>"));
   EXPECT_EQ(page.find("<script src"), std::string::npos);
   EXPECT_EQ(page.find("<link"), std::string::npos);
+}
+
+// What a reader sees is what the page's script draws.
+TEST_F(Cli, PageAsDrawnByABrowser) {
+  const std::string sample = SOURCE_DIR "/scenes/captures/tmf8828_wall.exr";
+  ASSERT_EQ(run(fit(kScene, sample)).exit_code, 0);
+  const std::optional<std::string> page = as_drawn(path("out/index.html"));
+  if (!page) GTEST_SKIP() << "needs chromium";
+  const auto found = [&page](const char* pattern) {
+    std::smatch match;
+    std::regex_search(*page, match, std::regex(pattern));
+    return match;
+  };
+  // Noise of the direct return does not look like a fault of the fit: the line there is not empty.
+  const std::size_t drowned = page->find("\" fill=\"none\" class=\"drowned\"");
+  ASSERT_NE(drowned, std::string::npos);
+  EXPECT_NE(page->at(drowned - 1), '"');
+  EXPECT_THAT(*page, HasSubstr("photon noise of the subtracted light is large"));
+  // The partition is a box in the picture, so it is one in the legend.
+  EXPECT_FALSE(
+      found("<rect[^>]*fill=\"var\\(--occluder\\)\"[^>]*></rect></svg><span>occluder<").empty());
+  // The label stands on the left of its ellipse, because the arrow is on its right.
+  const std::smatch label = found("<text x=\"([0-9.]+)\"[^>]*mode-label[^>]*>([^<]*)");
+  const std::smatch ellipse =
+      found("<ellipse rx=\"([0-9.]+)\"[^>]*translate\\(([0-9.]+),[0-9.]+\\)rotate\\((-?[0-9.]+)");
+  ASSERT_FALSE(label.empty() || ellipse.empty());
+  const double left_end =
+      std::stod(ellipse[2]) -
+      std::stod(ellipse[1]) * std::abs(std::cos(std::stod(ellipse[3]) * M_PI / 180));
+  const double half_label = 3 * static_cast<double>(label[2].length());  // pixels, at 11 px
+  EXPECT_LT(std::stod(label[1]) + half_label, left_end);
+  // What stands below each other on a narrow screen says what it is.
+  EXPECT_THAT(*page, HasSubstr("<td data-title=\"distance to truth\""));
 }
 
 TEST_F(Cli, PageCanBeLeftOut) {
@@ -759,7 +805,12 @@ TEST_F(Cli, StabilityPrintsWritesAndNamesRows) {
   EXPECT_EQ(written.at("format"), "blindcorner.stability/1");
   EXPECT_EQ(written.at("rows").size(), 2U);
   EXPECT_EQ(written.at("rows")[0].at("verdict"), "holds");
-  EXPECT_THAT(text_of(path("s") + "/index.html"), HasSubstr("pulse_of_0.01"));
+  const std::string page = text_of(path("s") + "/index.html");
+  EXPECT_THAT(page, HasSubstr("pulse_of_0.01"));
+  // A mark for each case against its limit, before the tables.
+  EXPECT_LT(page.find("class=\"mark"), page.find("<table"));
+  EXPECT_THAT(page, AllOf(HasSubstr("<div class=\"mark\" style=\"left:"),
+                          HasSubstr("the line is the limit")));
   const Outcome wrong = run("stability --rows one_bim");
   EXPECT_EQ(wrong.exit_code, 2);
   EXPECT_THAT(wrong.err, HasSubstr("did you mean one_bin"));
@@ -1516,7 +1567,12 @@ TEST_F(Cli, TrialsWriteTableAndPage) {
       table,
       StartsWith("perception,zone,seed,speed_m_per_s,outcome,clearance_m,time_s,length_m\n"));
   EXPECT_EQ(std::ranges::count(table, '\n'), 5);
-  EXPECT_THAT(text_of(path("study/index.html")), HasSubstr("Success by speed"));
+  // Zones have names with a unit, bars have intervals, and no column is empty: the published study
+  // has no robot's speeds, and all drives reach the goal.
+  EXPECT_THAT(text_of(path("study/index.html")),
+              AllOf(HasSubstr("Success by speed"), HasSubstr("<td>0.6 m/s<td>"),
+                    HasSubstr("class=\"interval\""), Not(HasSubstr("published")),
+                    Not(HasSubstr("<td>-")), Not(HasSubstr("<th>collision"))));
 }
 
 // Pairs of perceptions that were not driven have no row.
@@ -1622,7 +1678,20 @@ TEST_F(Cli, BoundsTheErrorToExpect) {
   for (const json& place : map.at("places")) {
     EXPECT_LE(place.at("position_error_m"), 1.001 * map.at("prior_error_m").get<double>());
   }
-  EXPECT_THAT(text_of(path("out/index.html")), AllOf(HasSubstr("<svg"), Not(HasSubstr("nan"))));
+  const std::string page = text_of(path("out/index.html"));
+  EXPECT_THAT(page, AllOf(HasSubstr("<svg"), Not(HasSubstr("nan"))));
+  // Both pictures are as large as the page lets them be, and no title of a column is long.
+  std::size_t large = 0;
+  for (const char* size : {" width=\"566\"", " height=\"640\""}) {
+    for (std::size_t at = page.find(size); at != std::string::npos; at = page.find(size, at + 1)) {
+      ++large;
+    }
+  }
+  EXPECT_GE(large, 2U);
+  for (std::size_t at = page.find("<th>"); at != std::string::npos;
+       at = page.find("<th>", at + 1)) {
+    EXPECT_LE(page.find('<', at + 4) - at - 4, 14U) << page.substr(at, 40);
+  }
   EXPECT_EQ(run(command + "--pose x=3 -o " + path("none")).exit_code, 2);
   EXPECT_FALSE(fs::exists(path("none")));
 }
