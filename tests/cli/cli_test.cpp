@@ -1572,7 +1572,7 @@ TEST_F(Cli, TrialsWriteTableAndPage) {
   EXPECT_THAT(text_of(path("study/index.html")),
               AllOf(HasSubstr("Success by speed"), HasSubstr("<td>0.6 m/s<td>"),
                     HasSubstr("class=\"interval\""), Not(HasSubstr("published")),
-                    Not(HasSubstr("<td>-")), Not(HasSubstr("<th>collision"))));
+                    Not(HasSubstr("<td>-<")), Not(HasSubstr("<th>collision"))));
 }
 
 // Pairs of perceptions that were not driven have no row.
