@@ -365,19 +365,13 @@ const std::vector<std::pair<FitRule, std::string>>& fit_rules() {
   return rules;
 }
 
-namespace {
-
-/// As `FastModelOptions::tolerance`.
-constexpr double kLeastModelTolerance = 1e-5;
-
-}  // namespace
-
 void FitOptions::validate() const {
   const auto require = [](bool condition, const char* field, const char* accepted) {
     if (!condition)
       throw Error(std::string("FitOptions.") + field, std::string("accepted: ") + accepted);
   };
-  require(!model_tolerance || (*model_tolerance >= kLeastModelTolerance && *model_tolerance < 1),
+  require(!model_tolerance ||
+              (*model_tolerance >= FastModelOptions::kLeastTolerance && *model_tolerance < 1),
           "model_tolerance", "1e-5 to less than 1");
   require(max_scored_poses >= 1, "max_scored_poses", "at least 1");
   require(max_closed_form_poses >= 1, "max_closed_form_poses", "at least 1");
@@ -529,7 +523,7 @@ Fitter::Impl::Search Fitter::Impl::search(const PoseObjective& objective,
   found.optima = with_basins(objective, basins, found.negligible, {});
   if (found.optima.empty()) return {};
   found.optima = look_elsewhere(objective, options, found.negligible, std::move(found.optima));
-  if (!compiled.coarse.empty()) found.optima = without_slopes(objective, std::move(found.optima));
+  found.optima = without_slopes(objective, std::move(found.optima));
   return found;
 }
 

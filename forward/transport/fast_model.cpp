@@ -516,8 +516,7 @@ class FastObjects final : public ForwardModel {
 }  // namespace
 
 void FastModelOptions::validate() const {
-  // Sums of float weights end near 1e-6: below this, no number of cells would do.
-  if (!(tolerance >= 1e-5 && tolerance < 1)) {
+  if (!(tolerance >= kLeastTolerance && tolerance < 1)) {
     throw Error("FastModelOptions.tolerance", "accepted: 1e-5 to less than 1");
   }
   if (!(extra_pulse_sigma >= 0)) {

@@ -66,15 +66,15 @@ const std::vector<double>& PoseObjective::background_step() const { return backg
 std::vector<double> PoseObjective::shadow_at(const PoseVector& pose, bool coarsely) const {
   if (background_.light.empty()) return {};
   std::vector<double> shadow;
-  HistogramCube lit, shaded;
+  HistogramCube shaded;
   int current = -1;
   for (const ObservedZone& zone : solver_.observation().zones) {
     if (zone.capture != current) {
       current = zone.capture;
       const ForwardModel& model = *compiled_.models()[static_cast<std::size_t>(current)];
-      lit = static_background(compiled_.scene, model.static_background());
       shaded = static_background(compiled_.scene, model.shadowed_background(pose, coarsely));
     }
+    const HistogramCube& lit = compiled_.static_background[static_cast<std::size_t>(current)];
     for (int k = zone.first; k < zone.first + zone.bins(); ++k) {
       shadow.push_back(lit.zone(zone.zone)[k] - shaded.zone(zone.zone)[k]);
     }

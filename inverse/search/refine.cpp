@@ -388,7 +388,7 @@ void settle(const PoseObjective& objective, Refined& optimum, const ShapeBuffer*
 }
 
 std::vector<Refined> without_slopes(const PoseObjective& objective, std::vector<Refined> optima) {
-  if (optima.size() < 2) return optima;
+  if (objective.compiled().coarse.empty() || optima.size() < 2) return optima;
   const Scene& scene = objective.compiled().scene;
   const Refined best = optima.front();
   const Eigen::MatrixXd precision = pose_information(objective, best).pose + prior_precision(scene);
@@ -411,8 +411,7 @@ std::vector<Refined> polish_all(const PoseObjective& objective,
                       [&](std::size_t i) { optima[known + i] = polish(objective, starts[i]); });
   });
   optima = merge(objective.compiled(), std::move(optima), negligible);
-  return objective.compiled().coarse.empty() ? optima
-                                             : without_slopes(objective, std::move(optima));
+  return without_slopes(objective, std::move(optima));
 }
 
 std::vector<Refined> settle_all(const PoseObjective& objective, std::vector<Refined> optima,

@@ -44,7 +44,8 @@ std::vector<Refined> approach_all(const PoseObjective& objective, const std::vec
 /// the models the residuals; without one, both are the models'.
 Refined polish(const PoseObjective& objective, const PoseVector& start);
 
-/// Leaves out what is on the slopes of the best one's peak; `optima` best first.
+/// Leaves out what is on the slopes of the best one's peak; `optima` best first. Where descents go
+/// to their ends at once, on splines and for measured laws, all stay.
 std::vector<Refined> without_slopes(const PoseObjective& objective, std::vector<Refined> optima);
 
 /// Optima from starts in the right basins, and `optima` that are known already: polished and

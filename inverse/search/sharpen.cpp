@@ -11,6 +11,7 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <utility>
 
 #include "inverse/likelihood/light_slope.h"
 #include "inverse/posterior/fisher_information.h"
@@ -235,11 +236,6 @@ Eigen::MatrixXd cast_shadow(PoseObjective& objective, std::vector<Refined>& opti
                             double negligible) {
   const auto n = static_cast<Eigen::Index>(objective.compiled().unknown_count());
   Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(n, n);
-  const auto in_own_shadow = [&](Refined& optimum) {
-    objective.cast(objective.shadow_at(optimum.pose, false));
-    optimum.value =
-        objective.evaluate(light_near(objective, optimum), optimum.pose, optimum.linear, true);
-  };
   for (int round = 0; round < kMaxShadows; ++round) {
     const Refined top = optima.front();
     const std::vector<double> before = objective.shadow();
@@ -251,10 +247,19 @@ Eigen::MatrixXd cast_shadow(PoseObjective& objective, std::vector<Refined>& opti
     const Move move(objective, top, as_object(objective, top, change));
     if (move.square < kSmallMove * kSmallMove) break;
     if (round == 0) covariance = kShadowError * kShadowError * move.by * move.by.transpose();
-    for (Refined& optimum : optima) in_own_shadow(optimum);
+    std::vector<double> shadow;  // of the best one
+    double best = -std::numeric_limits<double>::infinity();
+    for (Refined& optimum : optima) {
+      objective.cast(objective.shadow_at(optimum.pose, false));
+      optimum.value =
+          objective.evaluate(light_near(objective, optimum), optimum.pose, optimum.linear, true);
+      if (!(optimum.value.log_posterior > best)) continue;
+      best = optimum.value.log_posterior;
+      shadow = objective.shadow();
+    }
+    objective.cast(std::move(shadow));
     std::ranges::stable_sort(optima, std::greater{},
                              [](const Refined& o) { return o.value.log_posterior; });
-    in_own_shadow(optima.front());
     ShapeBuffer here;
     objective.shapes(objective.models(), optima.front().pose, here);
     sharpen_each(objective, optima, here);

@@ -6,8 +6,8 @@
 #include <array>
 #include <cmath>
 
-#include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
+#include "planner/grid/spread_points.h"
 
 namespace blindcorner {
 namespace {
@@ -20,37 +20,21 @@ constexpr int kSamples = 128;
 constexpr double kStep = 0.05;
 /// Decelerations that are tried, in shares of the friction limit.
 constexpr std::array kBraking{0.1, 0.2, 0.275, 0.35, 0.45, 0.55, 0.7, 0.85, 1.0};
+/// Of points in six dimensions: x^7 = x + 1.
+constexpr double kRatio = 1.1127756842787055;
+
 /// A place and a velocity of a mover, and the velocity that it will gain or lose.
 struct Sample {
   Vector2d position, velocity, gained;
 };
 
-/// Point i of the additive recurrence in six dimensions, each in (0, 1) (Roberts 2018).
-std::array<double, 6> spread_point(int i) {
-  constexpr double kRatio = 1.1127756842787055;  // x^7 = x + 1
-  std::array<double, 6> point{};
-  double step = 1;
-  for (double& value : point) {
-    step /= kRatio;
-    const double sum = 0.5 + step * (i + 1);
-    value = sum - std::floor(sum);
-  }
-  return point;
-}
-
-/// The standard normal distribution's point of two even ones (Box and Muller 1958).
-Vector2d normal_point(double a, double b) {
-  const double radius = std::sqrt(-2 * std::log(1 - a));
-  return radius * Vector2d(std::cos(2 * kPi * b), std::sin(2 * kPi * b));
-}
-
 std::vector<Sample> samples_of(const Mover& mover) {
-  const Eigen::Matrix4d root = Eigen::LDLT<Eigen::Matrix4d>(mover.covariance).matrixL();
-  const auto factor = Eigen::LDLT<Eigen::Matrix4d>(mover.covariance);
+  const Eigen::LDLT<Eigen::Matrix4d> factor(mover.covariance);
+  const Eigen::Matrix4d root = factor.matrixL();
   const Eigen::Vector4d scale = factor.vectorD().cwiseMax(0).cwiseSqrt();
   std::vector<Sample> samples;
   for (int i = 0; i < kSamples; ++i) {
-    const std::array<double, 6> u = spread_point(i);
+    const std::array<double, 6> u = spread_point<6>(i, kRatio);
     Eigen::Vector4d normal;
     normal << normal_point(u[0], u[1]), normal_point(u[2], u[3]);
     const Eigen::Vector4d off =
@@ -59,14 +43,6 @@ std::vector<Sample> samples_of(const Mover& mover) {
                        std::sqrt(mover.acceleration_density / 3) * normal_point(u[4], u[5])});
   }
   return samples;
-}
-
-/// Centres of a body's discs at a pose.
-std::vector<Vector2d> discs_at(const VehicleFootprint& body, const PlanarPose& pose) {
-  const Vector2d ahead(std::cos(pose.heading), std::sin(pose.heading));
-  std::vector<Vector2d> centers;
-  for (const double offset : body.disc_offsets()) centers.push_back(pose.position + offset * ahead);
-  return centers;
 }
 
 /// A vehicle's places and speeds at times 0, kStep, 2 kStep, ...
@@ -159,13 +135,8 @@ Course Traffic::course(double braking) const {
 
 Traffic::Outcome Traffic::meetings(const Course& course) const {
   Outcome outcome;
-  std::vector<std::vector<Vector2d>> vehicle;
-  for (const PlanarPose& pose : course.poses) vehicle.push_back(discs_at(body_, pose));
   for (std::size_t m = 0; m < movers_.size(); ++m) {
     const Mover& mover = movers_[m];
-    const double touch = body_.disc_radius() + mover.body.disc_radius() + options_.margin;
-    const double reach =
-        body_.circumscribed_radius() + mover.body.circumscribed_radius() + options_.margin;
     const double weight = mover.probability / kSamples;
     double probability = 0;
     for (const Sample& sample : samples_[m]) {
@@ -173,13 +144,9 @@ Traffic::Outcome Traffic::meetings(const Course& course) const {
         const double t = kStep * static_cast<double>(k);
         const Vector2d at =
             sample.position + t * sample.velocity + std::pow(t, 1.5) * sample.gained;
-        if ((at - course.poses[k].position).squaredNorm() > reach * reach) continue;
-        const std::vector<Vector2d> other = discs_at(mover.body, {at, mover.pose.heading});
-        const bool touches = std::ranges::any_of(vehicle[k], [&](const Vector2d& a) {
-          return std::ranges::any_of(
-              other, [&](const Vector2d& b) { return (a - b).squaredNorm() < touch * touch; });
-        });
-        if (!touches) continue;
+        if (!touch(body_, course.poses[k], mover.body, {at, mover.pose.heading}, options_.margin)) {
+          continue;
+        }
         probability += weight;
         outcome.time += weight * t;
         outcome.damage += weight * course.speeds[k] * course.speeds[k];

@@ -5,13 +5,12 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <array>
 #include <cmath>
 
-#include "blindcorner/forward/constants.h"
 #include "blindcorner/planner/grid/pose_spread.h"
 #include "planner/grid/footprint_kernel.h"
 #include "planner/grid/object_marginal.h"
+#include "planner/grid/spread_points.h"
 
 namespace blindcorner {
 namespace {
@@ -25,30 +24,14 @@ constexpr int kFewestPoses = 64;
 /// normal points more than half would lie outside.
 constexpr double kNarrowRegion = 2;
 
+/// Of points in four dimensions: x^5 = x + 1.
+constexpr double kRatio = 1.1673039782614187;
+
 /// A pose with its unnormalised weight.
 struct SampledPose {
   Vector2d position = Vector2d::Zero();  ///< m
   double yaw = 0, size = 1, weight = 0;
 };
-
-/// Point i of the additive recurrence in four dimensions, each in (0, 1).
-std::array<double, 4> spread_point(int i) {
-  constexpr double kRatio = 1.1673039782614187;  // x^5 = x + 1
-  std::array<double, 4> point{};
-  double step = 1;
-  for (double& value : point) {
-    step /= kRatio;
-    const double sum = 0.5 + step * (i + 1);
-    value = sum - std::floor(sum);
-  }
-  return point;
-}
-
-/// The standard normal distribution's point of two even ones (Box and Muller 1958).
-Vector2d normal_point(double a, double b) {
-  const double radius = std::sqrt(-2 * std::log(1 - a));
-  return radius * Vector2d(std::cos(2 * kPi * b), std::sin(2 * kPi * b));
-}
 
 double between(const ShapeRange& range, double share) {
   return range.lower < range.upper ? range.lower + share * (range.upper - range.lower)
@@ -65,7 +48,7 @@ std::vector<SampledPose> sample(const ObjectMarginal& marginal, int count) {
   std::vector<SampledPose> poses;
   double total = 0;
   for (int i = 0; i < count; ++i) {
-    const auto u = spread_point(i);
+    const auto u = spread_point<4>(i, kRatio);
     SampledPose pose;
     pose.yaw = between(marginal.yaw, u[2]);
     pose.size = between(marginal.size, u[3]);

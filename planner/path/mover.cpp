@@ -8,8 +8,6 @@
 namespace blindcorner {
 namespace {
 
-using Eigen::Vector2d;
-
 /// Movers of less probability are left to braking: as cells that are no obstacles.
 constexpr double kAvoided = 0.2;
 /// Seconds that are looked ahead: later, a mover has changed its mind or the vehicle its speed.
@@ -18,24 +16,6 @@ constexpr double kHorizon = 4;
 constexpr double kMargin = 0.3, kMostSigma = 1.0;
 /// A vehicle that is slower will not be where its path says, m/s.
 constexpr double kSlow = 1;
-
-Vector2d ahead(double heading) { return {std::cos(heading), std::sin(heading)}; }
-
-/// Whether two bodies come nearer to each other than a margin.
-bool touch(const VehicleFootprint& a, const PlanarPose& at, const VehicleFootprint& b,
-           const PlanarPose& bt, double margin) {
-  const double reach = a.circumscribed_radius() + b.circumscribed_radius() + margin;
-  if ((at.position - bt.position).squaredNorm() > reach * reach) return false;
-  const double near = a.disc_radius() + b.disc_radius() + margin;
-  for (const double i : a.disc_offsets()) {
-    const Vector2d center = at.position + i * ahead(at.heading);
-    for (const double j : b.disc_offsets()) {
-      const Vector2d other = bt.position + j * ahead(bt.heading);
-      if ((center - other).squaredNorm() < near * near) return true;
-    }
-  }
-  return false;
-}
 
 }  // namespace
 

@@ -52,4 +52,23 @@ VehicleFootprint VehicleFootprint::rectangle(double length, double width, double
   return footprint;
 }
 
+bool touch(const VehicleFootprint& a, const PlanarPose& at_a, const VehicleFootprint& b,
+           const PlanarPose& at_b, double margin) {
+  const double reach = a.circumscribed_radius() + b.circumscribed_radius() + margin;
+  if ((at_a.position - at_b.position).squaredNorm() > reach * reach) return false;
+  const double near = a.disc_radius() + b.disc_radius() + margin;
+  const auto ahead = [](double heading) {
+    return Eigen::Vector2d(std::cos(heading), std::sin(heading));
+  };
+  const Eigen::Vector2d along_a = ahead(at_a.heading), along_b = ahead(at_b.heading);
+  for (const double i : a.disc_offsets()) {
+    const Eigen::Vector2d center = at_a.position + i * along_a;
+    for (const double j : b.disc_offsets()) {
+      const Eigen::Vector2d other = at_b.position + j * along_b;
+      if ((center - other).squaredNorm() < near * near) return true;
+    }
+  }
+  return false;
+}
+
 }  // namespace blindcorner

@@ -9,7 +9,6 @@
 #include <utility>
 #include <vector>
 
-#include "blindcorner/forward/constants.h"
 #include "blindcorner/io/sensor_presets.h"
 
 namespace blindcorner {
@@ -19,8 +18,6 @@ using Json = nlohmann::ordered_json;
 
 /// Least and greatest light of the object, photons.
 constexpr double kFaintest = 10, kBrightest = 1e7;
-/// Paths that a long-range sensor records, m. Its scene is ten times as large.
-constexpr double kLongRange = 20;
 
 /// Numbers drawn by rules of our own: the standard library's distributions differ between
 /// implementations.
@@ -43,12 +40,6 @@ class Draw {
  private:
   std::mt19937_64 random_;
 };
-
-bool long_range(const std::string& preset) {
-  const Json sensor = Json::parse(sensor_preset_text(preset));
-  const double time = sensor.at("bins").get<double>() * sensor.at("bin_width_ps").get<double>();
-  return time * 1e-12 * kSpeedOfLight > kLongRange;
-}
 
 /// A wedge about its centroid's height, as an OBJ file.
 std::string wedge(Draw& draw, double scale) {
@@ -81,7 +72,7 @@ RandomScene random_scene(std::uint64_t seed) {
 
   const std::vector<std::string> presets = sensor_preset_names();
   const std::string preset = presets[draw.index(presets.size())];
-  const double scale = long_range(preset) ? 10 : 1;
+  const double scale = sensor_preset_scale(preset);
   const auto length = [&](double low, double high) { return scale * draw.between(low, high); };
 
   Json scene;
@@ -129,16 +120,14 @@ RandomScene random_scene(std::uint64_t seed) {
   const double across = length(0.08, 0.25);
   const double up = length(0.1, 0.3);
   if (shape == "box") hidden["size_m"] = {across, length(0.08, 0.25), up};
-  if (shape == "sphere") hidden["radius_m"] = across / 2;
-  if (shape == "cylinder") hidden["radius_m"] = across / 2;
+  if (shape == "sphere" || shape == "cylinder") hidden["radius_m"] = across / 2;
   if (shape == "cylinder" || shape == "rectangle") hidden["height_m"] = up;
   if (shape == "rectangle") hidden["width_m"] = across;
   if (shape == "mesh") {
     random.mesh = wedge(draw, scale);
     hidden["file"] = random.name + ".obj";
+    hidden["anchor"] = "base";
   }
-  const bool stands = shape == "box" || shape == "cylinder";
-  if (shape == "mesh") hidden["anchor"] = "base";
   hidden["material"] = material(draw);
   hidden["albedo"] = draw.between(0.3, 0.9);
 
@@ -147,7 +136,7 @@ RandomScene random_scene(std::uint64_t seed) {
       scale * 0.15;  // nearer, the object would stand in the wall or the partition
   unknowns["x_m"] = {-scale * draw.between(0, 0.1), std::max(wall - margin, margin)};
   unknowns["y_m"] = {partition + margin, partition + margin + length(0.3, 0.7)};
-  const bool floats = !stands && shape != "mesh";
+  const bool floats = shape == "sphere" || shape == "rectangle";
   if (floats && draw.chance(0.5)) {
     hidden["position_m"] = {nullptr, nullptr, nullptr};
     unknowns["z_m"] = {scale * 0.15, scale * draw.between(0.4, 0.7)};

@@ -2,8 +2,10 @@
 #include "blindcorner/io/sensor_presets.h"
 
 #include <algorithm>
+#include <nlohmann/json.hpp>
 #include <string_view>
 
+#include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
 
 namespace blindcorner {
@@ -30,6 +32,14 @@ std::string sensor_preset_text(const std::string& name) {
     known += (known.empty() ? "" : ", ") + other;
   }
   throw Error("preset", "found \"" + name + "\", accepted: " + known);
+}
+
+double sensor_preset_scale(const std::string& name) {
+  constexpr double kLongRange = 20;  // m
+  const auto sensor = nlohmann::json::parse(sensor_preset_text(name));
+  const double path = sensor.at("bins").get<double>() * sensor.at("bin_width_ps").get<double>() *
+                      1e-12 * kSpeedOfLight;
+  return path > kLongRange ? 10 : 1;
 }
 
 }  // namespace blindcorner

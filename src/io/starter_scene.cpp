@@ -3,10 +3,8 @@
 
 #include <cstdio>
 #include <cstdlib>
-#include <nlohmann/json.hpp>
 #include <string_view>
 
-#include "blindcorner/forward/constants.h"
 #include "blindcorner/io/sensor_presets.h"
 
 namespace blindcorner {
@@ -48,17 +46,10 @@ constexpr std::string_view kTemplate = R"({
 }
 )";
 
-/// Longest path, m, that a preset's sensor records.
-double longest_path(const std::string& preset) {
-  const auto sensor = nlohmann::json::parse(sensor_preset_text(preset));
-  return sensor.at("bins").get<double>() * sensor.at("bin_width_ps").get<double>() * 1e-12 *
-         kSpeedOfLight;
-}
-
 }  // namespace
 
 std::string starter_scene(const std::string& preset) {
-  const double scale = longest_path(preset) > 20 ? 10 : 1;
+  const double scale = sensor_preset_scale(preset);
   const std::string pattern(kTemplate);
   std::string text;
   for (std::size_t i = 0; i < pattern.size(); ++i) {

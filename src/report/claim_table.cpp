@@ -11,16 +11,18 @@ const char* const kJudgedTogether =
     "confidence (Bonferroni's) with which all rows of this page together hold in 95 of 100 such "
     "studies if all claims are true.";
 
+std::string verdict_row(bool holds) {
+  return holds ? "<tr>" : "<tr style=\"background:var(--alarm);font-weight:600\">";
+}
+
 std::string claim_table_html(std::span<const ClaimTest> claims) {
   std::string html =
       "<div style=\"overflow-x:auto\"><table><tr><th>claim<th>trials<th>claimed<th>found<th>allowed"
       "<th>verdict</tr>\n";
   for (const ClaimTest& c : claims) {
-    html +=
-        std::string(c.holds ? "<tr>" : "<tr style=\"background:var(--alarm);font-weight:600\">") +
-        "<td>" + html_safe(c.what) +
-        formatted("<td>%d<td>%.3f<td>%.4f<td>%.4f to %.4f<td>%s</tr>\n", c.trials, c.claimed,
-                  c.found, c.low, c.high, c.holds ? "holds" : "fails");
+    html += verdict_row(c.holds) + "<td>" + html_safe(c.what) +
+            formatted("<td>%d<td>%.3f<td>%.4f<td>%.4f to %.4f<td>%s</tr>\n", c.trials, c.claimed,
+                      c.found, c.low, c.high, c.holds ? "holds" : "fails");
   }
   return html + "</table></div>\n";
 }

@@ -10,6 +10,8 @@
 
 namespace blindcorner {
 
+/// The beginning of a table's row; one that fails is marked.
+std::string verdict_row(bool holds);
 /// A table with a verdict in each row; rows that fail are marked.
 std::string claim_table_html(std::span<const ClaimTest> claims);
 std::string claim_table_text(std::span<const ClaimTest> claims);

@@ -261,7 +261,8 @@ std::vector<SummaryRow> summary_rows(const CoverageReport& report) {
 std::string summary_html(const std::vector<SummaryRow>& rows) {
   std::string html =
       "<div style=\"overflow-x:auto\"><table><tr><th>scene<th>sensor<th>object<th>unknowns"
-      "<th>photons<th>in 50 %<th>in 95 %<th>squared error<th>of the truth<th>warned<th>verdict</tr>"
+      "<th>photons<th>in 50 %<th>in 95 %<th>squared error<th>truth's "
+      "sampling<th>warned<th>verdict</tr>"
       "\n";
   for (const SummaryRow& r : rows) {
     html +=

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <tuple>
+#include <utility>
 
 #include "blindcorner/forward/constants.h"
 #include "planner/grid/object_marginal.h"
@@ -37,11 +39,11 @@ double value_of(const PoseMode& mode, int unknown, double known) {
   return unknown >= 0 ? mode.pose[unknown] : known;
 }
 
-/// One object under a mode; a mover where it moves.
-class Motionless {
+/// The velocity of one object under a mode.
+class ObjectVelocity {
  public:
-  Motionless(const GroundObject& object, const PoseMode& mode, const PoseVelocity& velocity)
-      : object_(object), mode_(mode), velocity_(velocity) {}
+  ObjectVelocity(const GroundObject& object, const PoseVelocity& velocity)
+      : object_(object), velocity_(velocity) {}
 
   bool moves() const {
     const Vector2d v = mean();
@@ -70,7 +72,6 @@ class Motionless {
     return unknown >= 0 ? values[unknown] : 0.0;
   }
   const GroundObject& object_;
-  const PoseMode& mode_;
   const PoseVelocity& velocity_;
 };
 
@@ -88,7 +89,7 @@ StandingAndMoving split_by_motion(const Scene& scene, const Motion& motion,
     for (std::size_t i = 0; i < now.modes.size(); ++i) {
       const PoseMode& mode = now.modes[i];
       if (is_absent(mode, object)) continue;
-      const Motionless known(object, mode, velocities[i]);
+      const ObjectVelocity known(object, velocities[i]);
       if (!known.moves()) continue;
       Mover mover;
       mover.name = hidden_object(scene, o).name;

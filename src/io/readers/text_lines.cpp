@@ -16,6 +16,10 @@ std::string_view trimmed(std::string_view text, std::string_view what = " \t\r")
 
 }  // namespace
 
+std::string line_place(const std::string& path, long line) {
+  return path + ": line " + std::to_string(line);
+}
+
 std::vector<TextLine> lines_of(std::string_view text) {
   constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
   if (text.starts_with(kByteOrderMark)) text.remove_prefix(kByteOrderMark.size());

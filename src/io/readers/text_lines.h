@@ -16,6 +16,9 @@ struct TextLine {
   bool ended = true;  ///< false: the text ends within it, so that it may be cut
 };
 
+/// Where a line stands, for messages: "log.txt: line 3".
+std::string line_place(const std::string& path, long line);
+
 /// All lines of a text, which must outlive them.
 std::vector<TextLine> lines_of(std::string_view text);
 

@@ -142,14 +142,14 @@ class Table {
       if (captures.empty()) return;
       const auto missing = std::ranges::count(filled, 0);
       if (missing == 0) return;
-      notes_.push_back(path_ + ": line " + std::to_string(first_line) +
-                       ": the capture that begins here lacks " + std::to_string(missing) + " of " +
-                       std::to_string(filled.size()) + " bins; left out");
+      notes_.push_back(line_place(path_, first_line) + ": the capture that begins here lacks " +
+                       std::to_string(missing) + " of " + std::to_string(filled.size()) +
+                       " bins; left out");
       captures.pop_back();
     };
     for (const Entry& entry : entries) {
       if (pattern.counts && std::ssize(entry.counts) != bins) {
-        notes_.push_back(path_ + ": line " + std::to_string(entry.line) + ": has " +
+        notes_.push_back(line_place(path_, entry.line) + ": has " +
                          std::to_string(entry.counts.size()) + " bins, most lines have " +
                          std::to_string(bins) + "; the line is left out");
         continue;
@@ -263,7 +263,7 @@ CaptureFile read(const ImportSource& source, const ImportOptions& options, Impor
         table.entries.push_back(std::move(entry));
         break;
       case Match::damaged:
-        notes.push_back(path + ": line " + std::to_string(line.number) +
+        notes.push_back(line_place(path, line.number) +
                         ": does not have the columns of the pattern; the line is left out");
         break;
       case Match::other:

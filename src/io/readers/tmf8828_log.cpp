@@ -120,7 +120,7 @@ class Assembler {
 
  private:
   void warn(int line, const std::string& message) {
-    warnings_.push_back(path_ + ": line " + std::to_string(line) + ": " + message);
+    warnings_.push_back(line_place(path_, line) + ": " + message);
   }
 
   /// Lines are missing: forget the capture and wait for the beginning of another measurement.
@@ -229,7 +229,7 @@ CaptureFile read(const ImportSource& source, const ImportOptions& options, Impor
     if (const std::size_t begins = text.find('#'); begins != std::string_view::npos) {
       text.remove_prefix(begins);
     }
-    const std::string where = path + ": line " + std::to_string(line.number);
+    const std::string where = line_place(path, line.number);
     if (text.starts_with("#Raw")) {
       RawLine raw;
       try {

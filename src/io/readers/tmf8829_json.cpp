@@ -18,6 +18,7 @@
 
 #include "blindcorner/forward/error.h"
 #include "io/readers/capture_reader.h"
+#include "io/readers/text_lines.h"
 
 namespace blindcorner {
 namespace {
@@ -100,7 +101,7 @@ class Log {
                              std::min<std::ptrdiff_t>(static_cast<std::ptrdiff_t>(error.byte),
                                                       std::ssize(source.bytes())),
                          '\n');
-      notes_.push_back(path_ + ": line " + std::to_string(line) +
+      notes_.push_back(line_place(path_, line) +
                        (source.cut() || error.byte >= source.bytes().size()
                             ? ": the log ends within a frame; what is before is kept"
                             : ": is damaged; what is before is kept"));

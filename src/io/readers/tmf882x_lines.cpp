@@ -141,7 +141,7 @@ std::vector<Measurement> measurements_of(const std::vector<HistogramLine>& lines
                                          const std::string& path, ImportNotes& notes) {
   const std::size_t fields = usual_fields(lines);
   if (!std::has_single_bit(fields) && !std::has_single_bit(fields - 1)) {
-    throw Error(path + ": line " + std::to_string(lines.front().number),
+    throw Error(line_place(path, lines.front().number),
                 "most histograms have " + std::to_string(fields) +
                     " fields, accepted: the channel and 128 or 256 bins");
   }
@@ -149,7 +149,7 @@ std::vector<Measurement> measurements_of(const std::vector<HistogramLine>& lines
   int last = 0;
   for (const HistogramLine& line : lines) {
     try {
-      Histogram histogram = parse(line, fields, path + ": line " + std::to_string(line.number));
+      Histogram histogram = parse(line, fields, line_place(path, line.number));
       if (measurements.empty() || histogram.channel <= last) {
         measurements.push_back({line.number, line.counter, {}});
       }
@@ -185,7 +185,7 @@ std::vector<Measurement> whole_ones(std::vector<Measurement> measurements, const
   std::erase_if(measurements, [&](const Measurement& measurement) {
     const std::set<int> found = channels_of(measurement);
     if (found == usual->first) return false;
-    notes.push_back(path + ": line " + std::to_string(measurement.first_line) +
+    notes.push_back(line_place(path, measurement.first_line) +
                     ": the measurement that begins here has channels " + list(found) +
                     ", most have " + list(usual->first) + "; left out");
     return true;
@@ -287,7 +287,7 @@ CaptureFile read(const ImportSource& source, const ImportOptions& options, Impor
               (measurements[i].counter == 0 ? 0 : measurements[i].counter + static_cast<int>(k));
     }
     if (!whole) {
-      notes.push_back(path + ": line " + std::to_string(measurements[i].first_line) +
+      notes.push_back(line_place(path, measurements[i].first_line) +
                       ": the measurement that begins here has no others to make a capture; left "
                       "out");
       ++i;

@@ -115,9 +115,7 @@ CaptureFile read(const ImportSource& source, const ImportOptions& options, Impor
   if (first == lines.end()) {
     throw Error(path, "has no columns " + std::string(kPrefix) + "<bin>_a<zone>");
   }
-  const auto where = [&](const TextLine& line) {
-    return path + ": line " + std::to_string(line.number);
-  };
+  const auto where = [&](const TextLine& line) { return line_place(path, line.number); };
   Heading heading = read_heading(*first, where(*first));
   const auto [rows, columns] =
       zone_layout(static_cast<std::size_t>(heading.zones), options, path, notes);

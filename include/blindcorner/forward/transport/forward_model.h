@@ -123,6 +123,9 @@ std::unique_ptr<ForwardModel> make_reference_renderer(const Scene& scene,
 enum class KnownLightSampling { usual, fine, below_fine };
 
 struct FastModelOptions {
+  /// Sums of float weights end near 1e-6: below this, no number of cells would do.
+  static constexpr double kLeastTolerance = 1e-5;
+
   /// Error of a bin relative to the pose's peak. The model takes the coarsest sampling whose error,
   /// estimated by going on to at least twice as many cells at eight poses of the search region, is
   /// below this: an estimate, not a bound for every pose. Of matt objects it is twice the relative

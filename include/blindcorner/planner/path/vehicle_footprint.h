@@ -39,4 +39,8 @@ class VehicleFootprint {
   double circumscribed_radius_ = 0;
 };
 
+/// Whether two bodies, each at its pose, come nearer to each other than a margin, m.
+bool touch(const VehicleFootprint& a, const PlanarPose& at_a, const VehicleFootprint& b,
+           const PlanarPose& at_b, double margin);
+
 }  // namespace blindcorner

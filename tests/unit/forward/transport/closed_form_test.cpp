@@ -262,7 +262,7 @@ TEST(StaticReturn, HiddenObjectBlocksAsABlackSurfaceDoes) {
     off += std::pow(lit.values[i] - shaded.values[i] - right, 2);
     all += right * right;
   }
-  EXPECT_LT(off, 0.15 * 0.15 * all);
+  EXPECT_LT(off, 0.1 * 0.1 * all);
 }
 
 // Source, wall, floor, detector: the light falls on a spot of the wall, the second zone looks at a
