@@ -35,6 +35,7 @@ struct EvaluateArguments {
   std::string truth;
   std::string page;
   std::string estimator = "mean";
+  bool json = false;
   EvaluationOptions options;
 };
 
@@ -245,7 +246,7 @@ int run_evaluate(const EvaluateArguments& arguments) {
   write_atomically(page.string(), evaluation_page("Errors", {row}, names));
   write_atomically(std::filesystem::path(page).replace_extension(".json").string(),
                    evaluation_json({row}));
-  std::fputs(evaluation_text({row}).c_str(), stdout);
+  std::fputs((arguments.json ? evaluation_json({row}) : evaluation_text({row})).c_str(), stdout);
   if (without > 0) {
     std::fprintf(stderr, "blindcorner: %d captures without an estimate or a truth\n", without);
   }
@@ -274,6 +275,7 @@ void add_evaluate_command(CLI::App& app, int& exit_code) {
                   "heaviest mode")
       ->check(CLI::IsMember({"mean", "mode"}))
       ->capture_default_str();
+  command.add_flag("--json", arguments->json, "print the figures as JSON, not as a table");
   command.add_option("--resamples", arguments->options.resamples, "of the bootstrap")
       ->capture_default_str();
   command.add_option("--seed", arguments->options.seed, "seed of the bootstrap")

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <cstdio>
 #include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
 #include <random>
 
 #include "blindcorner/forward/constants.h"
@@ -26,6 +28,8 @@
 namespace blindcorner {
 namespace {
 
+using Json = nlohmann::ordered_json;
+
 /// Processor time that the measurement of one term may take, s; one pose is always measured.
 constexpr double kTermSeconds = 2.0;
 /// Poses whose peak is below this share of the brightest one's do not count: they are dark.
@@ -39,6 +43,7 @@ struct ExplainArguments {
   std::string pose;
   double tolerance = kFirstTolerance;  ///< that of a fit's first models
   int poses = 12;
+  bool json = false;
   std::uint64_t seed = 1;
 };
 
@@ -99,6 +104,48 @@ std::string share_text(double share) {
   return text;
 }
 
+/// What switching a term against the plan does.
+struct TermCost {
+  std::optional<double> change;  ///< largest of a bin, as a share of the pose's peak
+  double microseconds = 0;       ///< an evaluation with the term switched
+};
+
+TermCost cost_of(const PlanDecision& decision, const TransportPlan& plan, const Measured& plain,
+                 const Scene& scene, const SensorPlacement& sensor, const FastModelOptions& options,
+                 const std::vector<PoseVector>& poses) {
+  if (!can_be_switched(decision)) return {};
+  FastModelOptions switched = options;
+  // A lobe's pairs have a sampling of their own.
+  const bool lobe = plan.kernel != Kernel::lambertian;
+  if (decision.term == Term::patch_pairs && lobe) switched.sampling_step.reset();
+  (decision.used ? switched.overrides.off : switched.overrides.on) = {decision.term};
+  const Measured other = measure(*make_fast_model(scene, sensor, switched), poses);
+  return {largest_change(plain, other), other.microseconds};
+}
+
+/// A number that JSON can hold.
+Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+
+Json plan_figures(const ExplainArguments& arguments, const Scene& scene,
+                  const SensorPlacement& sensor, const TransportPlan& plan,
+                  const FastModelOptions& options, const std::vector<PoseVector>& poses) {
+  const Measured plain = measure(*make_fast_model(scene, sensor, options), poses);
+  Json json{{"tolerance", arguments.tolerance},
+            {"evaluation_us", plain.microseconds},
+            {"terms", Json::array()}};
+  for (const PlanDecision& decision : plan.decisions) {
+    const TermCost cost = cost_of(decision, plan, plain, scene, sensor, options, poses);
+    json["terms"].push_back(
+        {{"name", decision.name},
+         {"used", decision.used},
+         {"reason", decision.reason},
+         {"bound", decision.used ? Json(nullptr) : number(decision.bound)},
+         {"measured", cost.change ? number(*cost.change) : Json(nullptr)},
+         {"switched_us", cost.change ? Json(cost.microseconds) : Json(nullptr)}});
+  }
+  return json;
+}
+
 void print_plan(const ExplainArguments& arguments, const Scene& scene,
                 const SensorPlacement& sensor, const TransportPlan& plan,
                 const FastModelOptions& options, const std::vector<PoseVector>& poses) {
@@ -118,14 +165,9 @@ void print_plan(const ExplainArguments& arguments, const Scene& scene,
   for (const PlanDecision& decision : plan.decisions) {
     std::string change = "-";
     char time[48] = "-";
-    if (can_be_switched(decision)) {
-      FastModelOptions switched = options;
-      // A lobe's pairs have a sampling of their own.
-      const bool lobe = plan.kernel != Kernel::lambertian;
-      if (decision.term == Term::patch_pairs && lobe) switched.sampling_step.reset();
-      (decision.used ? switched.overrides.off : switched.overrides.on) = {decision.term};
-      const Measured other = measure(*make_fast_model(scene, sensor, switched), poses);
-      change = share_text(largest_change(plain, other));
+    const TermCost other = cost_of(decision, plan, plain, scene, sensor, options, poses);
+    if (other.change) {
+      change = share_text(*other.change);
       const double difference = std::abs(other.microseconds - plain.microseconds);
       const bool dearer = (other.microseconds > plain.microseconds) != decision.used;
       std::snprintf(time, sizeof time, "%s %.3g us",
@@ -165,6 +207,22 @@ void print_zones(const Scene& scene, const std::vector<ZoneBudget>& zones) {
   }
   std::printf("  %4s %12.4g %12.4g %48s %8.2g\n", "all", all.direct, all.three_bounce, "",
               std::sqrt(noise));
+}
+
+Json zone_figures(const Scene& scene, const std::vector<ZoneBudget>& zones) {
+  Json list = Json::array();
+  for (std::size_t z = 0; z < zones.size(); ++z) {
+    if (scene.sensor.zones[z].dead) continue;
+    const ZoneBudget& b = zones[z];
+    list.push_back({{"zone", z},
+                    {"direct", b.direct},
+                    {"three_bounce", b.three_bounce},
+                    {"brightest_bin", b.peak},
+                    {"gate_bins", b.gate_bins},
+                    {"background_per_bin", b.background},
+                    {"signal_to_noise", b.signal_to_noise}});
+  }
+  return list;
 }
 
 void print_link(const Scene& scene) {
@@ -235,6 +293,17 @@ int run_explain(const ExplainArguments& arguments) {
              std::to_string(arguments.poses) + " poses");
   const auto model = make_fast_model(scene, sensor, options);
   options.sampling_step = model->sampling_step();  // the same sampling with and without each term
+  const std::vector<ZoneBudget> zones = link_budget(scene, *model, pose);
+  TransportPlan plan = model->plan();
+  decide_pile_up(plan, scene, zones);
+  if (arguments.json) {
+    Json json{{"scene", scene.name},
+              {"plan", plan_figures(arguments, scene, sensor, plan, options, poses)},
+              {"zones", zone_figures(scene, zones)},
+              {"hints", scene_hints(scene, sensor)}};
+    std::printf("%s\n", json.dump(2).c_str());
+    return kAllWell;
+  }
   std::printf("scene %s:", scene.name.c_str());
   for (int i = 0; i < object_count(scene); ++i) {
     std::printf("%s %s", i == 0 ? "" : ",", object_kind(hidden_object(scene, i).material));
@@ -245,9 +314,6 @@ int run_explain(const ExplainArguments& arguments) {
                 size->seen_points, size->object_points);
   }
 
-  const std::vector<ZoneBudget> zones = link_budget(scene, *model, pose);
-  TransportPlan plan = model->plan();
-  decide_pile_up(plan, scene, zones);
   print_plan(arguments, scene, sensor, plan, options, poses);
 
   for (const std::string& hint : scene_hints(scene, sensor)) std::printf("\n%s\n", hint.c_str());
@@ -294,6 +360,8 @@ void add_explain_command(CLI::App& app, int& exit_code) {
   command.add_option("--poses", arguments->poses, "poses at which terms are switched and timed")
       ->check(CLI::Range(1, 10'000))
       ->capture_default_str();
+  command.add_flag("--json", arguments->json,
+                   "print plan, expected counts of the zones and hints as JSON");
   command.add_option("--seed", arguments->seed, "of these poses")->capture_default_str();
   command.callback([arguments, &exit_code] { exit_code = run_explain(*arguments); });
 }

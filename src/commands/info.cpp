@@ -1,15 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 /// `blindcorner info FILE... [-o DIR]`: what is in scene and capture files; scenes as pictures.
 #include <CLI/CLI.hpp>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <set>
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
 #include "blindcorner/io/atomic_file.h"
 #include "blindcorner/io/capture_file.h"
+#include "blindcorner/io/capture_metadata.h"
 #include "blindcorner/io/capture_text.h"
 #include "blindcorner/io/import_file.h"
 #include "blindcorner/io/scene_file.h"
@@ -25,6 +28,7 @@ namespace {
 struct InfoArguments {
   std::vector<std::string> files;
   std::string output;
+  bool json = false;
   DescribeOptions options;
 };
 
@@ -94,11 +98,75 @@ bool is_scene(const std::string& path) {
   return std::filesystem::path(path).extension() == ".json";
 }
 
+CaptureFile captures_of(const std::string& path) {
+  const bool capture = std::filesystem::path(path).extension() == ".exr";
+  return capture ? read_captures(path) : import_captures({path});
+}
+
+using Json = nlohmann::ordered_json;
+
+Json scene_figures(const Scene& scene) {
+  const Sensor& sensor = scene.sensor;
+  Json json{{"name", scene.name},
+            {"sensor",
+             {{"name", sensor.name},
+              {"rows", sensor.rows},
+              {"columns", sensor.columns},
+              {"bins", sensor.bins},
+              {"bin_width_ps", sensor.bin_width * 1e12}}},
+            {"surfaces", Json::array()},
+            {"hidden", Json::array()},
+            {"unknowns", Json::array()}};
+  for (const Surface& surface : scene.surfaces) {
+    json["surfaces"].push_back({{"name", surface.name},
+                                {"shape", shape_name(surface.shape)},
+                                {"albedo", surface.albedo},
+                                {"relay", surface.relay},
+                                {"occluder", surface.occluder}});
+  }
+  for (int i = 0; i < object_count(scene); ++i) {
+    const HiddenObject& hidden = hidden_object(scene, i);
+    json["hidden"].push_back({{"name", hidden.name},
+                              {"shape", shape_name(hidden.shape)},
+                              {"material", material_name(hidden.material)},
+                              {"albedo", hidden.albedo}});
+  }
+  const std::vector<std::string> names = unknown_names(scene);
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    json["unknowns"].push_back({{"name", names[i]},
+                                {"lower", scene.unknowns[i].lower},
+                                {"upper", scene.unknowns[i].upper}});
+  }
+  return json;
+}
+
+/// The metadata, and the sum of the finite counts of each capture.
+Json capture_figures(const CaptureFile& file, const std::string& path) {
+  check_captures(file, path);
+  Json json = Json::parse(metadata_text(file));
+  for (std::size_t i = 0; i < file.captures.size(); ++i) {
+    double total = 0;
+    for (const double count : file.captures[i].counts.values) {
+      if (std::isfinite(count)) total += count;
+    }
+    json["captures"][i]["total"] = total;
+  }
+  return json;
+}
+
+Json file_figures(const std::string& path) {
+  Json json{{"file", path}};
+  if (is_scene(path)) {
+    json["scene"] = scene_figures(read_scene(path));
+  } else {
+    json["captures"] = capture_figures(captures_of(path), path);
+  }
+  return json;
+}
+
 std::string describe_file(const std::string& path, const DescribeOptions& options) {
   if (is_scene(path)) return describe_scene(read_scene(path));
-  const bool capture = std::filesystem::path(path).extension() == ".exr";
-  if (capture) return describe(read_captures(path), options);
-  return describe(import_captures({path}), options);
+  return describe(captures_of(path), options);
 }
 
 /// A page for each scene, named after its file.
@@ -119,12 +187,19 @@ void draw_scenes(const InfoArguments& arguments) {
   make_directory(arguments.output);
   for (const auto& [path, page] : pages) {
     write_atomically(path, page);
-    std::printf("\n%s: the scene as a picture\n", path.c_str());
+    if (!arguments.json) std::printf("\n%s: the scene as a picture\n", path.c_str());
   }
 }
 
 int run_info(const InfoArguments& arguments) {
   arguments.options.validate();
+  if (arguments.json) {
+    Json files = Json::array();
+    for (const std::string& path : arguments.files) files.push_back(file_figures(path));
+    std::printf("%s\n", files.dump(2).c_str());
+    if (!arguments.output.empty()) draw_scenes(arguments);
+    return kAllWell;
+  }
   for (const std::string& path : arguments.files) {
     const std::string text = describe_file(path, arguments.options);
     std::printf("%s%s\n%s", &path == &arguments.files.front() ? "" : "\n", path.c_str(),
@@ -150,6 +225,7 @@ void add_info_command(CLI::App& app, int& exit_code) {
       ->capture_default_str();
   command.add_option("--width", arguments->options.width, "characters per histogram")
       ->capture_default_str();
+  command.add_flag("--json", arguments->json, "print a list of JSON objects, one for each file");
   command.add_flag("--log", arguments->options.logarithmic, "draw the logarithm of the counts");
   command.callback([arguments, &exit_code] { exit_code = run_info(*arguments); });
 }

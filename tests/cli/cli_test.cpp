@@ -2108,5 +2108,74 @@ TEST_F(Cli, CtrlCKeepsTheTrialsThatAreDone) {
   EXPECT_THAT(text_of(path("out/index.html")), HasSubstr("The vehicle reaches its goal"));
 }
 
+// Where a command prints a table, other programs read JSON.
+TEST_F(Cli, TablesAreJsonForOtherPrograms) {
+  const std::string capture = path("c.exr");
+  ASSERT_EQ(
+      run("render '" + kScene + "' --model fast --photons 20000 -o '" + capture + "'").exit_code,
+      0);
+  const Outcome fitted = run(fit(kScene, capture) + " --json");
+  ASSERT_EQ(fitted.exit_code, 0) << fitted.err;
+  EXPECT_EQ(json::parse(fitted.out), json::parse(text_of(path("out/result.json"))));
+  const json info = json::parse(run("info '" + kScene + "' '" + capture + "' --json").out);
+  EXPECT_EQ(info[0]["scene"]["unknowns"][0]["name"], "x_m");
+  EXPECT_EQ(info[0]["scene"]["unknowns"][0]["upper"], 0.38);
+  EXPECT_EQ(info[1]["captures"]["rows"], 3);
+  const CaptureFile file = read_captures(capture);
+  double total = 0;
+  for (const double count : file.captures[0].counts.values) total += count;
+  EXPECT_NEAR(info[1]["captures"]["captures"][0]["total"].get<double>(), total, 1e-9 * total);
+  const json errors =
+      json::parse(run("evaluate '" + path("out/result.json") + "' --json --resamples 20").out);
+  EXPECT_EQ(errors, json::parse(text_of(path("out/evaluation.json"))));
+  const json plan = json::parse(run("explain '" + kScene + "' --poses 2 --json").out);
+  EXPECT_EQ(plan["zones"].size(), 9u);
+  EXPECT_GT(plan["zones"][0]["direct"].get<double>(), 0);
+  const bool reasons = std::ranges::all_of(plan["plan"]["terms"], [](const json& term) {
+    return term["reason"].is_string() && term["used"].is_boolean();
+  });
+  EXPECT_TRUE(reasons && plan["plan"]["terms"].size() > 5);
+}
+
+// What a shell completes comes from the commands as they declare themselves.
+TEST_F(Cli, ShellsCompleteCommandsAndOptions) {
+  for (const std::string shell : {"bash", "zsh", "fish"}) {
+    const Outcome script = run("completion " + shell);
+    EXPECT_EQ(script.exit_code, 0) << script.err;
+    std::ofstream(path(shell)) << script.out;
+    for (const char* word : {"crossvalidate", "sweep", "pattern", "published-filter"}) {
+      EXPECT_THAT(text_of(path(shell)), HasSubstr(word)) << shell;
+    }
+  }
+  EXPECT_EQ(run("completion tcsh").exit_code, 2);
+  // Bash itself, with what stands before the cursor.
+  std::ofstream(path("try.sh")) << "source '" << path("bash") << "'\n"
+                                << "try() { COMP_WORDS=(\"$@\"); COMP_CWORD=$(($# - 1)); "
+                                   "_blindcorner; echo \"${COMPREPLY[*]}\"; }\n"
+                                << "try blindcorner cross\ntry blindcorner fit --joi\n"
+                                   "try blindcorner benchmark sol\n"
+                                   "try blindcorner benchmark solver --swe\n"
+                                   "try blindcorner fit file.json cap\n";
+  ASSERT_EQ(std::system(("bash '" + path("try.sh") + "' > '" + path("words") + "'").c_str()), 0);
+  EXPECT_EQ(text_of(path("words")), "crossvalidate\n--joint\nsolver\n--sweep\n\n");
+}
+
+TEST_F(Cli, ManualNamesAllCommands) {
+  const Outcome manual = run("man");
+  EXPECT_EQ(manual.exit_code, 0);
+  EXPECT_THAT(manual.out, StartsWith(".TH BLINDCORNER 1"));
+  const std::string help = run("--help").out;
+  for (const char* command : {"fit", "render", "import", "benchmark solver", "cnn train"}) {
+    EXPECT_THAT(manual.out, HasSubstr(".SS \"blindcorner " + std::string(command) + "\""));
+  }
+  EXPECT_THAT(manual.out, AllOf(HasSubstr("\\-\\-cache\\-bytes"), HasSubstr("tmf882x: ")));
+  // No line of text begins with what roff takes for a request.
+  std::istringstream lines(manual.out);
+  for (std::string line; std::getline(lines, line);) {
+    if (!line.starts_with('.')) continue;
+    EXPECT_THAT(line, ::testing::MatchesRegex("\\.(TH|SH|SS|TP|PP|br|B|I)( .*)?")) << line;
+  }
+}
+
 }  // namespace
 }  // namespace blindcorner
