@@ -47,6 +47,7 @@ void add_study_options(CLI::App& command, StudyArguments& arguments, int most_po
       ->check(CLI::Range(1, most_poses))
       ->capture_default_str();
   command.add_option("--seed", arguments.seed, "of the poses")->capture_default_str();
+  arguments.out.add_option(command, "the rows of the table (.csv)");
 }
 
 FastModelOptions at_tolerance(double tolerance) {
@@ -63,7 +64,7 @@ void for_each_scene(const StudyArguments& arguments,
     if (std::ranges::all_of(sensor.relay_points, [](const auto& p) { return p.allFinite(); })) {
       study(scene, sensor);
     } else {
-      std::printf("%-18s left out: its zones come with each capture\n", scene.name.c_str());
+      arguments.out.text("%-18s left out: its zones come with each capture\n", scene.name.c_str());
     }
   }
 }
@@ -78,8 +79,9 @@ void write_study(const StudyArguments& arguments, const StudyFiles& files, const
 }
 
 void print_study_files(const StudyArguments& arguments, const StudyFiles& files) {
-  std::printf("%s and %s\n", study_path(arguments, files, ".csv").c_str(),
-              study_path(arguments, files, ".html").c_str());
+  arguments.out.file(study_path(arguments, files, ".csv"));
+  arguments.out.text("%s and %s\n", study_path(arguments, files, ".csv").c_str(),
+                     study_path(arguments, files, ".html").c_str());
 }
 
 void add_benchmark_command(CLI::App& app, int& exit_code) {

@@ -9,6 +9,7 @@
 
 #include "blindcorner/forward/transport/forward_model.h"
 #include "commands/commands.h"
+#include "commands/printout.h"
 #include "report/chart.h"
 
 namespace blindcorner {
@@ -30,6 +31,7 @@ struct StudyArguments {
   std::string output = "out/benchmark";
   int poses = 2;  ///< per scene
   std::uint64_t seed = 1;
+  Printout out;
 };
 void add_study_options(CLI::App& command, StudyArguments& arguments, int most_poses);
 
@@ -53,7 +55,7 @@ struct StudyFiles {
 /// Writes the table and the page, each completely or not at all.
 void write_study(const StudyArguments& arguments, const StudyFiles& files, const std::string& csv,
                  const std::vector<Chart>& charts);
-/// Says on standard output where they are.
+/// Says on standard output where they are; with --json it prints the table.
 void print_study_files(const StudyArguments& arguments, const StudyFiles& files);
 
 }  // namespace blindcorner

@@ -64,14 +64,14 @@ std::vector<Study> study(const DerivativeArguments& arguments, const Scene& scen
   return studies;
 }
 
-void print(const Study& s) {
+void print(const Printout& out, const Study& s) {
   double at_default = 0, least = 0;
   for (const DerivativeErrors& pose : s.poses) {
     at_default = std::max(at_default, pose.at_default);
     least = std::max(least, *std::min_element(pose.errors.begin(), pose.errors.end()));
   }
-  std::printf("%-18s %-8s %12.3g mm %10.2g %% %10.2g %%\n", s.scene.c_str(), s.unknown.c_str(),
-              1e3 * s.step * s.lever, 100 * at_default, 100 * least);
+  out.text("%-18s %-8s %12.3g mm %10.2g %% %10.2g %%\n", s.scene.c_str(), s.unknown.c_str(),
+           1e3 * s.step * s.lever, 100 * at_default, 100 * least);
 }
 
 std::string csv(const std::vector<Study>& studies) {
@@ -116,12 +116,12 @@ const StudyFiles kFiles{
     "the object's farthest point."};
 
 int run_derivatives(const DerivativeArguments& arguments) {
-  std::printf("%-18s %-8s %15s %12s %12s\n", "scene", "unknown", "default step", "error there",
-              "least error");
+  arguments.out.text("%-18s %-8s %15s %12s %12s\n", "scene", "unknown", "default step",
+                     "error there", "least error");
   std::vector<Study> all;
   for_each_scene(arguments, [&](const Scene& scene, const SensorPlacement& sensor) {
     for (Study& s : study(arguments, scene, sensor)) {
-      print(s);
+      print(arguments.out, s);
       all.push_back(std::move(s));
     }
     write_study(arguments, kFiles, csv(all), charts(all));

@@ -15,6 +15,7 @@
 #include "commands/commands.h"
 #include "commands/number_check.h"
 #include "commands/output_directory.h"
+#include "commands/printout.h"
 #include "forward/support/quantile.h"
 #include "report/formatted.h"
 
@@ -29,6 +30,7 @@ struct DrivesArguments {
   std::string output = "out/drives";
   int seeds = 10;
   std::uint64_t seed = 1;
+  Printout out;
 };
 
 /// One drive.
@@ -75,8 +77,8 @@ DriveClaims sum_of(const DrivesRow& row) {
   return sum;
 }
 
-void print_head() {
-  std::printf(
+void print_head(const Printout& out) {
+  out.text(
       "found: drives with a sure answer (presence > 0.9) that covers the truth before an object is "
       "in sight;\nlead, distance: medians of the first one, before sight and to the nearest "
       "object; "
@@ -84,33 +86,31 @@ void print_head() {
       "gets "
       "it (honest: 1);\nwrong: sure answers whose 99.9 %% region misses the truth (of them "
       "flagged)\n");
-  std::printf("%-22s %6s %-8s %8s %7s %13s %9s %7s %13s %14s %9s %6s\n", "drive", "light", "by",
-              "reached", "found", "lead s, m", "distance", "error m", "error/sigma^2",
-              "95 % covers", "wrong", "lost");
+  out.text("%-22s %6s %-8s %8s %7s %13s %9s %7s %13s %14s %9s %6s\n", "drive", "light", "by",
+           "reached", "found", "lead s, m", "distance", "error m", "error/sigma^2", "95 % covers",
+           "wrong", "lost");
 }
 
-void print_row(const DrivesRow& row) {
+void print_row(const Printout& out, const DrivesRow& row) {
   const DriveClaims sum = sum_of(row);
   const auto n = static_cast<int>(row.runs.size());
   const auto reached = std::ranges::count(row.runs, DriveOutcome::reached, &Run::outcome);
   const auto found =
       std::ranges::count_if(row.runs, [](const Run& run) { return run.claims.first.has_value(); });
   using First = DriveClaims::First;
-  std::printf("%-22s %6g %-8s %8s %7s %13s %9s %7s %13s %14s %9s %6s\n", row.drive.c_str(),
-              row.light, row.perception.c_str(),
-              formatted("%d/%d", static_cast<int>(reached), n).c_str(),
-              formatted("%d/%d", static_cast<int>(found), n).c_str(),
-              (or_dash(median_first(row, &First::lead_time), "%.1f") + ", " +
-               or_dash(median_first(row, &First::lead), "%.1f"))
-                  .c_str(),
-              or_dash(median_first(row, &First::distance), "%.1f").c_str(),
-              or_dash(sum.at_capture.rms(), "%.2f").c_str(),
-              (or_dash(sum.at_capture.ratio(), "%.2f") + ", " + or_dash(sum.in_map.ratio(), "%.2f"))
-                  .c_str(),
-              formatted("%d, %d of %d", sum.covered, sum.covered_in_map, sum.sure).c_str(),
-              formatted("%d (%d)", sum.wrong, sum.wrong_flagged).c_str(),
-              formatted("%d", sum.lost).c_str());
-  std::fflush(stdout);
+  out.text("%-22s %6g %-8s %8s %7s %13s %9s %7s %13s %14s %9s %6s\n", row.drive.c_str(), row.light,
+           row.perception.c_str(), formatted("%d/%d", static_cast<int>(reached), n).c_str(),
+           formatted("%d/%d", static_cast<int>(found), n).c_str(),
+           (or_dash(median_first(row, &First::lead_time), "%.1f") + ", " +
+            or_dash(median_first(row, &First::lead), "%.1f"))
+               .c_str(),
+           or_dash(median_first(row, &First::distance), "%.1f").c_str(),
+           or_dash(sum.at_capture.rms(), "%.2f").c_str(),
+           (or_dash(sum.at_capture.ratio(), "%.2f") + ", " + or_dash(sum.in_map.ratio(), "%.2f"))
+               .c_str(),
+           formatted("%d, %d of %d", sum.covered, sum.covered_in_map, sum.sure).c_str(),
+           formatted("%d (%d)", sum.wrong, sum.wrong_flagged).c_str(),
+           formatted("%d", sum.lost).c_str());
 }
 
 std::string csv(const std::vector<DrivesRow>& rows) {
@@ -143,7 +143,7 @@ int run_drives(const DrivesArguments& arguments) {
   make_directory(arguments.output);
   const std::string path = (std::filesystem::path(arguments.output) / "drives.csv").string();
   std::vector<DrivesRow> rows;
-  print_head();
+  print_head(arguments.out);
   for (const std::string& file : arguments.drives) {
     for (const double light : arguments.light) {
       const Drive drive = read_lit_drive(file, light);
@@ -163,11 +163,12 @@ int run_drives(const DrivesArguments& arguments) {
               {options.seed, result.outcome, result.clearance, drive_claims(drive, result)});
           write_atomically(path, csv(rows));
         }
-        print_row(rows.back());
+        print_row(arguments.out, rows.back());
       }
     }
   }
-  std::printf("%s\n", path.c_str());
+  arguments.out.file(path);
+  arguments.out.text("%s\n", path.c_str());
   return kAllWell;
 }
 
@@ -197,6 +198,7 @@ void add_drives_benchmark(CLI::App& benchmark, int& exit_code) {
                   "factors on the laser's light, a list with commas; default: the drive file's")
       ->delimiter(',')
       ->check(positive_number());
+  arguments->out.add_option(command, "the rows of drives.csv");
   command.callback([arguments, &exit_code] { exit_code = run_drives(*arguments); });
 }
 

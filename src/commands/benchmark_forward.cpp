@@ -247,7 +247,8 @@ const Setting* cheapest(const std::vector<Setting>& settings, bool fast, double 
   return best;
 }
 
-void print_row(const std::string& scene, const Truth& truth, const std::vector<Setting>& settings) {
+void print_row(const Printout& out, const std::string& scene, const Truth& truth,
+               const std::vector<Setting>& settings) {
   const Setting* fast = cheapest(settings, true, 0.01);
   const Setting* reference = cheapest(settings, false, 0.01);
   const auto asked = std::ranges::find(settings, "tolerance 0.01", &Setting::name);
@@ -260,10 +261,9 @@ void print_row(const std::string& scene, const Truth& truth, const std::vector<S
   if (fast != nullptr && reference != nullptr) {
     ratio = formatted("%.0f", reference->microseconds / fast->microseconds);
   }
-  std::printf("%-18s %12s %10s %14s %14s %9s %9.2g %%\n", scene.c_str(), text(chosen).c_str(),
-              error.c_str(), text(fast).c_str(), text(reference).c_str(), ratio.c_str(),
-              100 * truth.noise_l2);
-  std::fflush(stdout);
+  out.text("%-18s %12s %10s %14s %14s %9s %9.2g %%\n", scene.c_str(), text(chosen).c_str(),
+           error.c_str(), text(fast).c_str(), text(reference).c_str(), ratio.c_str(),
+           100 * truth.noise_l2);
 }
 
 const StudyFiles kFiles{
@@ -274,13 +274,13 @@ const StudyFiles kFiles{
     "Relay points with a measured law are one formula, without an error and a picture."};
 
 int run_forward(const ForwardArguments& arguments) {
-  std::printf("%-18s %12s %10s %14s %14s %9s %11s\n", "scene", "at 1 %, us", "rel. L2",
-              "fast 1 %, us", "reference, us", "ratio", "noise");
+  arguments.out.text("%-18s %12s %10s %14s %14s %9s %11s\n", "scene", "at 1 %, us", "rel. L2",
+                     "fast 1 %, us", "reference, us", "ratio", "noise");
   std::vector<std::pair<Truth, std::vector<Setting>>> studies;
   for_each_scene(arguments, [&](const Scene& scene, const SensorPlacement& sensor) {
     Truth truth = make_truth(arguments, scene, sensor);
     std::vector<Setting> settings = study(arguments, scene, sensor, truth);
-    print_row(scene.name, truth, settings);
+    print_row(arguments.out, scene.name, truth, settings);
     studies.emplace_back(std::move(truth), std::move(settings));
     write_study(arguments, kFiles, csv(studies), charts(studies));
   });

@@ -358,17 +358,17 @@ const StudyFiles kFiles{
     "standard errors cause, which no number of photons averages out. The 95 % region is that of "
     "highest density of the whole posterior, its interval Wilson's."};
 
-void print_head() {
-  std::printf(
+void print_head(const Printout& out) {
+  out.text(
       "%-28s %8s %5s %4s %9s %9s %9s %6s %6s %6s %6s %6s %6s %10s %9s %9s %9s %8s %8s %8s %6s\n",
       "scene", "photons", "fits", "fail", "median mm", "RMS mm", "claimed", "ratio", "(file)",
       "in 95%", "mode", "flag", "misfit", "wrong flag", "bound mm", "file mm", "first ms", "median",
       "90 %", "longest", "exact");
 }
 
-void print_row(const Row& r) {
+void print_row(const Printout& out, const Row& r) {
   const std::string name = r.without.empty() ? r.scene : "  without " + r.without;
-  std::printf(
+  out.text(
       "%-28s %8g %5d %4d %9.1f %9.1f %9.1f %6.2f %6.2f %6.3f %6.3f %6.3f %6.3f %5d %4d %9.2f "
       "%9.2f %9.0f %8.1f %8.1f %8.0f %6.0f\n",
       name.c_str(), r.photons, r.captures(), r.failed(), 1e3 * r.median_error(),
@@ -379,7 +379,6 @@ void print_row(const Row& r) {
       r.count([](const Trial& t) { return t.wrong() && t.flagged; }), 1e3 * r.bound,
       1e3 * r.file_limit, r.first_ms, r.following_ms(0.5), r.following_ms(0.9), r.following_ms(1),
       r.median_evaluations());
-  std::fflush(stdout);
 }
 
 TracedCaptures traced_captures(const LightArguments& arguments, const Scene& scene,
@@ -469,7 +468,7 @@ int run_light(const LightArguments& arguments) {
   if (!arguments.captures_directory.empty()) make_directory(arguments.captures_directory);
   std::vector<Row> rows;
   int failed = 0;
-  print_head();
+  print_head(arguments.out);
   const Interruptible interruptible;
   for (const std::string& path : light_scenes(arguments)) {
     Scene scene = read_scene(path);
@@ -494,7 +493,7 @@ int run_light(const LightArguments& arguments) {
         row.bound = bounds.photon;
         row.file_limit = bounds.file;
         row.expected_ratio = std::sqrt(1 + bounds.against);
-        print_row(row);
+        print_row(arguments.out, row);
         failed += row.failed();
         for (const Trial& t : row.trials) {
           if (!t.error.empty()) std::fprintf(stderr, "blindcorner: %s\n", t.error.c_str());

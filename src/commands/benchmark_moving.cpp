@@ -308,13 +308,13 @@ std::vector<double> values_of(const Run& run, double Frame::*member, bool follow
   return values;
 }
 
-void print_head() {
-  std::printf("%-18s %6s %4s %8s | %8s %8s %8s | %8s %8s %8s | %9s | %8s %8s %8s | %7s %7s\n",
-              "scene", "frames", "fail", "first ms", "fit ms", "90 %", "longest", "track ms",
-              "90 %", "longest", "optimum", "fit m", "(bound)", "track m", "MB", "peak");
+void print_head(const Printout& out) {
+  out.text("%-18s %6s %4s %8s | %8s %8s %8s | %8s %8s %8s | %9s | %8s %8s %8s | %7s %7s\n", "scene",
+           "frames", "fail", "first ms", "fit ms", "90 %", "longest", "track ms", "90 %", "longest",
+           "optimum", "fit m", "(bound)", "track m", "MB", "peak");
 }
 
-void print_row(const Run& run) {
+void print_row(const Printout& out, const Run& run) {
   const auto quantiles = [](const std::vector<double>& values) {
     return values.empty() ? formatted("%8s %8s %8s", "-", "-", "-")
                           : formatted("%8.1f %8.1f %8.1f", quantile(values, 0.5),
@@ -331,19 +331,17 @@ void print_row(const Run& run) {
   }
   const auto failed =
       std::ranges::count_if(run.frames, [](const Frame& f) { return !f.error.empty(); });
-  std::printf("%-18s %6zu %4td %8.1f | %s | %s | %4td/%-4zu | %8.3f %8.3f %8.3f | %7.0f %7.0f\n",
-              run.scene.c_str(), run.frames.size(), failed, median(run.first_ms),
-              quantiles(values_of(run, &Frame::fit_ms)).c_str(),
-              quantiles(values_of(run, &Frame::tracked_ms, true)).c_str(), reached, missed.size(),
-              median(fit_errors), median(values_of(run, &Frame::exhaustive_error)),
-              median(values_of(run, &Frame::tracked_error, true)), run.memory_before,
-              run.memory_peak);
+  out.text("%-18s %6zu %4td %8.1f | %s | %s | %4td/%-4zu | %8.3f %8.3f %8.3f | %7.0f %7.0f\n",
+           run.scene.c_str(), run.frames.size(), failed, median(run.first_ms),
+           quantiles(values_of(run, &Frame::fit_ms)).c_str(),
+           quantiles(values_of(run, &Frame::tracked_ms, true)).c_str(), reached, missed.size(),
+           median(fit_errors), median(values_of(run, &Frame::exhaustive_error)),
+           median(values_of(run, &Frame::tracked_error, true)), run.memory_before, run.memory_peak);
   for (const Endurance& e : run.endurance) {
     if (std::isnan(e.tracked_ms)) continue;
-    std::printf("  %7d poses: %6.0f MB, peak %6.0f MB, tracked %7.1f ms, fit %7.1f ms\n", e.frames,
-                e.resident, e.peak, e.tracked_ms, e.fit_ms);
+    out.text("  %7d poses: %6.0f MB, peak %6.0f MB, tracked %7.1f ms, fit %7.1f ms\n", e.frames,
+             e.resident, e.peak, e.tracked_ms, e.fit_ms);
   }
-  std::fflush(stdout);
 }
 
 std::string csv(const std::vector<Run>& runs) {
@@ -415,10 +413,10 @@ int run_moving(const MovingArguments& arguments) {
   const ThreadLimit threads(arguments.threads);
   std::vector<Run> runs;
   int failed = 0;
-  print_head();
+  print_head(arguments.out);
   for (const std::string& path : arguments.scenes) {
     runs.push_back(measure(arguments, path));
-    print_row(runs.back());
+    print_row(arguments.out, runs.back());
     for (std::size_t i = 0; i < runs.back().frames.size(); ++i) {
       const std::string& error = runs.back().frames[i].error;
       if (error.empty()) continue;

@@ -213,18 +213,18 @@ double expansions_of(const MovingAiProblem& /*problem*/, const Solution& solutio
   return static_cast<double>(solution.expansions);
 }
 
-void print_table(const Study& study) {
-  std::printf("%-16s %8s | longest %zu: %9s %9s %9s | %9s %9s %12s\n", "", "unsolved",
-              study.longest.size(), "length", "90 %", "longest", "ms", "90 %", "expansions");
+void print_table(const Printout& out, const Study& study) {
+  out.text("%-16s %8s | longest %zu: %9s %9s %9s | %9s %9s %12s\n", "", "unsolved",
+           study.longest.size(), "length", "90 %", "longest", "ms", "90 %", "expansions");
   for (const Variant& variant : study.variants) {
     const auto unsolved = std::ranges::count_if(
         variant.solutions, [](const Solution& s) { return std::isnan(s.length); });
     const auto ratios = of_longest(study, variant, ratio_of);
     const auto times = of_longest(study, variant, time_of);
-    std::printf("%-16s %8td | %12s %9.4f %9.4f %9.4f | %9.2f %9.2f %12.0f\n", variant.name.c_str(),
-                unsolved, "", quantile(ratios, 0.5), quantile(ratios, 0.9), quantile(ratios, 1),
-                quantile(times, 0.5), quantile(times, 0.9),
-                quantile(of_longest(study, variant, expansions_of), 0.5));
+    out.text("%-16s %8td | %12s %9.4f %9.4f %9.4f | %9.2f %9.2f %12.0f\n", variant.name.c_str(),
+             unsolved, "", quantile(ratios, 0.5), quantile(ratios, 0.9), quantile(ratios, 1),
+             quantile(times, 0.5), quantile(times, 0.9),
+             quantile(of_longest(study, variant, expansions_of), 0.5));
   }
 }
 
@@ -292,7 +292,7 @@ int run_planner(const PlannerArguments& arguments) {
   search_all(arguments, study, grids);
   search_coarser(map, study);
   smooth_all(study, grids);
-  print_table(study);
+  print_table(arguments.out, study);
   write_study(arguments, kFiles, csv(study), charts(study));
   print_study_files(arguments, kFiles);
   const std::vector<Solution>& optimal = study.variants.front().solutions;
@@ -309,7 +309,7 @@ int run_planner(const PlannerArguments& arguments) {
     std::fprintf(stderr, "blindcorner: problem %zu: found %.8f cells, published: %.8f\n", i,
                  optimal[i].length, study.problems[i].length);
   }
-  std::printf(
+  arguments.out.text(
       "%zu of %zu problems met their optimum: %zu within %g cells, %zu only within the rounding of "
       "the file's lengths; largest difference: %.4f cells\n",
       count, study.problems.size(), count - rounded, kTolerance, rounded, greatest);

@@ -24,6 +24,7 @@
 #include "commands/interrupt.h"
 #include "commands/number_check.h"
 #include "commands/output_directory.h"
+#include "commands/printout.h"
 #include "commands/progress.h"
 #include "commands/synthetic_trials.h"
 #include "forward/support/quantile.h"
@@ -44,6 +45,7 @@ struct SolverArguments {
   double amplitude_spread = 0.3;
   double truth = 1;  ///< sampling of the captures' renderer, in units of its default
   std::uint64_t seed = 1;
+  Printout out;
   FitOptions fit;
   ExhaustiveOptions exhaustive;
   SweepArguments sweep;
@@ -262,9 +264,9 @@ Study run_study(const SolverArguments& arguments, const std::string& path) {
 
 int run_solver(const SolverArguments& arguments) {
   if (!arguments.output.empty()) make_directory(arguments.output);
-  std::printf("%-18s %8s %8s %9s %8s %8s %9s %9s %9s %9s %9s\n", "scene", "captures", "failed",
-              "optimum", "right", "(bound)", "median m", "90 % m", "first ms", "median ms",
-              "most ms");
+  arguments.out.text("%-18s %8s %8s %9s %8s %8s %9s %9s %9s %9s %9s\n", "scene", "captures",
+                     "failed", "optimum", "right", "(bound)", "median m", "90 % m", "first ms",
+                     "median ms", "most ms");
   nlohmann::json all = nlohmann::json::array();
   const Interruptible interruptible;
   for (const std::string& path : arguments.scenes) {
@@ -275,11 +277,10 @@ int run_solver(const SolverArguments& arguments) {
     }
     const std::string name = std::filesystem::path(path).stem().string();
     const Row row = summarise(name, study);
-    std::printf("%-18s %8d %8d %8.1f%% %7.1f%% %7.1f%% %9.3f %9.3f %9.1f %9.1f %9.1f\n",
-                row.scene.c_str(), row.captures, row.failures, 100 * row.reached, 100 * row.right,
-                100 * row.exhaustive_right, row.median_error, row.p90_error, row.first_ms,
-                row.median_ms, row.most_ms);
-    std::fflush(stdout);
+    arguments.out.text("%-18s %8d %8d %8.1f%% %7.1f%% %7.1f%% %9.3f %9.3f %9.1f %9.1f %9.1f\n",
+                       row.scene.c_str(), row.captures, row.failures, 100 * row.reached,
+                       100 * row.right, 100 * row.exhaustive_right, row.median_error, row.p90_error,
+                       row.first_ms, row.median_ms, row.most_ms);
     all.push_back(to_json(name, study));
     if (!arguments.output.empty()) {
       write_atomically((std::filesystem::path(arguments.output) / "solver.json").string(),
@@ -288,9 +289,11 @@ int run_solver(const SolverArguments& arguments) {
     if (Interruptible::asked()) {
       tell_interrupted(study.trials.size(), study.planned, "captures of " + path,
                        "the table holds these");
+      arguments.out.document(all.dump(1));
       return kSomeFailed;
     }
   }
+  arguments.out.document(all.dump(1));
   return kAllWell;
 }
 
@@ -337,6 +340,7 @@ void add_solver_benchmark(CLI::App& benchmark, int& exit_code) {
       ->capture_default_str();
   command.add_option("--seed", arguments->seed, "of poses and photons")->capture_default_str();
   command.add_option("-o,--output", arguments->output, "directory for solver.json, all trials");
+  arguments->out.add_option(command, "solver.json, or sweep.json with --sweep,");
   add_capture_directories(command, arguments->directories);
   add_sweep_options(command, arguments->sweep);
   for (const char* own :
@@ -351,8 +355,8 @@ void add_solver_benchmark(CLI::App& benchmark, int& exit_code) {
       options.seed = arguments->seed;
       options.sampling = arguments->truth;
       const std::string& output = arguments->output;
-      exit_code =
-          run_sweep(arguments->sweep, arguments->scenes, output.empty() ? "out/benchmark" : output);
+      exit_code = run_sweep(arguments->sweep, arguments->scenes,
+                            output.empty() ? "out/benchmark" : output, arguments->out);
       return;
     }
     if (arguments->scenes.empty()) throw Error("SCENE", "found none, accepted: scene files");

@@ -132,7 +132,7 @@ void add_sweep_options(CLI::App& command, SweepArguments& arguments) {
 }
 
 int run_sweep(const SweepArguments& arguments, std::vector<std::string> scenes,
-              const std::string& output) {
+              const std::string& output, const Printout& out) {
   SweepReport report;
   report.options = arguments.options;
   report.options.light = arguments.light == "sensor" ? TrueLight::sensor : TrueLight::reference;
@@ -163,8 +163,7 @@ int run_sweep(const SweepArguments& arguments, std::vector<std::string> scenes,
     levels += swept.levels.size();
     if (swept.levels.empty()) break;
     report.scenes.push_back(std::move(swept));
-    std::printf("%s\n", sweep_text(report.scenes.back()).c_str());
-    std::fflush(stdout);
+    out.text("%s\n", sweep_text(report.scenes.back()).c_str());
     failures += print_sweep_failures(report.scenes.back());
     report.verdict = verdict_of(report.scenes);
     write_sweep(report, output);
@@ -175,9 +174,10 @@ int run_sweep(const SweepArguments& arguments, std::vector<std::string> scenes,
                      levels > 0 ? "tables and page hold these" : "");
     return kSomeFailed;
   }
-  for (const std::string& remark : report.verdict.remarks()) std::printf("%s\n", remark.c_str());
-  std::printf("%s\n%s\n", (std::filesystem::path(output) / "sweep.html").string().c_str(),
-              report.verdict.headline().c_str());
+  for (const std::string& remark : report.verdict.remarks()) out.text("%s\n", remark.c_str());
+  out.file((std::filesystem::path(output) / "sweep.json").string());
+  out.text("%s\n%s\n", (std::filesystem::path(output) / "sweep.html").string().c_str(),
+           report.verdict.headline().c_str());
   return failures > 0 || !report.verdict.better.empty() ? kSomeFailed : kAllWell;
 }
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "blindcorner/simulation/solver_sweep.h"
+#include "commands/printout.h"
 
 namespace CLI {
 class App;
@@ -27,6 +28,6 @@ void add_sweep_options(CLI::App& command, SweepArguments& arguments);
 /// Runs the sweep over scene files and writes it to the directory. Returns the exit code; throws
 /// Error.
 int run_sweep(const SweepArguments& arguments, std::vector<std::string> scenes,
-              const std::string& output);
+              const std::string& output, const Printout& out);
 
 }  // namespace blindcorner

@@ -138,14 +138,14 @@ Measurement summary(const std::vector<Measurement>& measured, const std::string&
   return result;
 }
 
-void print(const std::vector<Measurement>& measured) {
-  std::printf("%-12s %9s %14s %18s\n", "method", "step ms", "worst error mm", "us per s driven");
+void print(const Printout& out, const std::vector<Measurement>& measured) {
+  out.text("%-12s %9s %14s %18s\n", "method", "step ms", "worst error mm", "us per s driven");
   for (const Method& method : all_methods()) {
     for (const double step : method.steps) {
       const Measurement m = summary(measured, method.name, step);
       const std::string error =
           std::isfinite(m.error) ? formatted("%14.3g", 1e3 * m.error) : "      unstable";
-      std::printf("%-12s %9.3g %s %18.0f\n", m.method.c_str(), 1e3 * step, error.c_str(), m.cost);
+      out.text("%-12s %9.3g %s %18.0f\n", m.method.c_str(), 1e3 * step, error.c_str(), m.cost);
     }
   }
 }
@@ -250,7 +250,7 @@ void follow_inputs(const VehicleArguments& arguments) {
 void run(const VehicleArguments& arguments) {
   if (!arguments.inputs.empty()) return follow_inputs(arguments);
   const std::vector<Measurement> measured = measure_all(arguments);
-  print(measured);
+  print(arguments.out, measured);
   write_study(arguments, kFiles, csv(measured), charts(measured));
   print_study_files(arguments, kFiles);
 }

@@ -23,6 +23,7 @@
 #include "commands/number_check.h"
 #include "commands/output_directory.h"
 #include "commands/pose_text.h"
+#include "commands/printout.h"
 #include "commands/progress.h"
 #include "report/bound_page.h"
 
@@ -35,6 +36,7 @@ struct BoundArguments {
   std::optional<double> yaw_deg;
   int grid = 24;
   double photons = 0;
+  Printout out;
   BoundOptions options;
 };
 
@@ -162,18 +164,19 @@ std::vector<BoundMap> maps_of(const BoundArguments& arguments) {
 int run_bound(const BoundArguments& arguments) {
   const std::vector<BoundMap> maps = maps_of(arguments);
   for (const BoundMap& map : maps) {
-    std::printf("%s\n  %s\n", map.name.c_str(), bound_headline(map).c_str());
+    arguments.out.text("%s\n  %s\n", map.name.c_str(), bound_headline(map).c_str());
     for (const std::string& hint : map.hints) {
       std::fprintf(stderr, "blindcorner: hint: %s\n", hint.c_str());
     }
   }
+  arguments.out.document(bound_json(maps));
   if (arguments.output.empty()) return kAllWell;
   make_directory(arguments.output);
   const std::filesystem::path directory(arguments.output);
   write_atomically((directory / "bound.json").string(), bound_json(maps));
   write_atomically((directory / "bound.csv").string(), bound_csv(maps));
   write_atomically((directory / "index.html").string(), bound_page(maps));
-  std::printf("%s\n", (directory / "index.html").string().c_str());
+  arguments.out.text("%s\n", (directory / "index.html").string().c_str());
   return kAllWell;
 }
 
@@ -213,6 +216,7 @@ void add_bound_command(CLI::App& app, int& exit_code) {
                    "leave what the scene says about the pose out of the Cramer-Rao bound");
   command.add_option("--tolerance", arguments->options.model_tolerance, "of the fast model")
       ->capture_default_str();
+  arguments->out.add_option(command, "bound.json");
   command.add_option("--seed", arguments->options.seed, "of simulated empty captures")
       ->capture_default_str();
   command.callback([arguments, &exit_code] {

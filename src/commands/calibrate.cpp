@@ -13,6 +13,7 @@
 #include "blindcorner/report/instrument_file.h"
 #include "commands/capture_inputs.h"
 #include "commands/commands.h"
+#include "commands/printout.h"
 #include "commands/progress.h"
 #include "report/calibration_page.h"
 
@@ -30,6 +31,7 @@ struct CalibrateArguments {
   bool no_wraps = false;
   bool no_background = false;
   bool no_scale = false;
+  Printout out;
   CalibrationOptions options;
 };
 
@@ -81,7 +83,8 @@ int run_calibrate(const CalibrateArguments& arguments) {
     write_atomically(page_path(arguments.output), calibration_page(scene, calibration));
   }
   write_atomically(arguments.output, instrument_json(scene, calibration).dump(1) + "\n");
-  std::fputs(calibration_text(calibration).c_str(), stdout);
+  arguments.out.file(arguments.output);
+  arguments.out.text("%s", calibration_text(calibration).c_str());
   return failed ? kSomeFailed : kAllWell;
 }
 
@@ -100,6 +103,7 @@ void add_calibrate_command(CLI::App& app, int& exit_code) {
       ->type_name("FILE");
   command.add_flag("--no-object", arguments->no_object,
                    "the captures show no object: direct return and background only");
+  arguments->out.add_option(command, "the instrument file");
   command.add_flag("--no-page", arguments->no_page, "do not write the page beside the file");
   command.add_flag("--no-assignments", arguments->no_assignments,
                    "do not try which relay spot belongs to which zone");

@@ -73,6 +73,7 @@ void add_claim_study_options(CLI::App& command, ClaimStudyArguments& arguments,
       ->capture_default_str();
   command.add_option("--seed", options.seed, "of poses, brightness and photons")
       ->capture_default_str();
+  arguments.out.add_option(command, "the study's .json file");
   command.add_option("--threads", arguments.threads, "0: one per processor")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();

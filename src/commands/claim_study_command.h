@@ -17,6 +17,7 @@
 #include "commands/commands.h"
 #include "commands/interrupt.h"
 #include "commands/output_directory.h"
+#include "commands/printout.h"
 #include "commands/progress.h"
 #include "commands/thread_limit.h"
 
@@ -27,6 +28,7 @@ struct ClaimStudyArguments {
   std::vector<std::string> scenes;
   std::string output = "out/benchmark", light = "reference";
   int threads = 0;
+  Printout out;
   int random = 0;  ///< scenes drawn at random, beside those that are named
 };
 
@@ -93,18 +95,19 @@ int run_claim_study(const ClaimStudy<Options, Level>& study, const ClaimStudyArg
   const bool all_hold = judge_study(report.scenes);
   int failures = 0;
   for (const StudyScene<Level>& scene : report.scenes) {
-    std::printf("%s\n", study.text(scene).c_str());
+    arguments.out.text("%s\n", study.text(scene).c_str());
     for (const Level& level : scene.levels) failures += level.failures;
   }
   if (report.scenes.size() > 1 && study.summary != nullptr) {
-    std::printf("%s\n", study.summary(report).c_str());
+    arguments.out.text("%s\n", study.summary(report).c_str());
   }
   const std::filesystem::path directory(arguments.output);
   for (const auto& [name, text] : study.files(report)) {
     write_atomically((directory / name).string(), text);
   }
-  std::printf("%s\n%s\n", (directory / (std::string(study.name) + ".html")).string().c_str(),
-              study.headline(report).c_str());
+  arguments.out.file((directory / (std::string(study.name) + ".json")).string());
+  arguments.out.text("%s\n%s\n", (directory / (std::string(study.name) + ".html")).string().c_str(),
+                     study.headline(report).c_str());
   return all_hold && failures == 0 && !Interruptible::asked() ? kAllWell : kSomeFailed;
 }
 

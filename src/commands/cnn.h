@@ -15,6 +15,7 @@
 #include "blindcorner/inverse/baseline/cnn.h"
 #include "blindcorner/inverse/baseline/cnn_training.h"
 #include "blindcorner/simulation/dataset.h"
+#include "commands/printout.h"
 #include "report/point_estimates.h"
 
 namespace CLI {
@@ -47,6 +48,7 @@ struct CnnTrainArguments {
   std::optional<int> epochs, batch, early_stopping;  ///< empty: the network's own defaults
   std::optional<double> learning_rate;
   CnnTrainingOptions options;
+  Printout out;
 
   std::string file(const char* name) const {
     return (std::filesystem::path(output) / name).string();
@@ -60,6 +62,7 @@ struct CnnEvaluateArguments {
   std::vector<std::string> captures;
   std::string output;
   bool held_back = false;
+  Printout out;
 };
 int run_cnn_evaluate(const CnnEvaluateArguments& arguments);
 

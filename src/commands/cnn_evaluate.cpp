@@ -70,7 +70,8 @@ int run_cnn_evaluate(const CnnEvaluateArguments& arguments) {
                    json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
   write_atomically((directory / "index.html").string(),
                    cnn_evaluation_page(scene, cnn.description(), estimates, capture_ms));
-  std::printf(
+  arguments.out.file((directory / "evaluation.json").string());
+  arguments.out.text(
       "%zu captures, %.3g ms each (median; 90 %% within %.3g); errors in m and rad\n%s%s\n%s\n",
       captures.size(), capture_ms, quantile(times, 0.9), point_errors_text(figures).c_str(),
       (directory / "estimates.csv").c_str(), (directory / "index.html").c_str());
@@ -93,6 +94,7 @@ void add_cnn_evaluate(CLI::App& cnn, int& exit_code) {
       ->type_name("DIR");
   command.add_flag("--held-back", arguments->held_back,
                    "CAPTURES are what the network was trained on: only those held back");
+  arguments->out.add_option(command, "evaluation.json");
   command.callback([arguments, &exit_code] { exit_code = run_cnn_evaluate(*arguments); });
 }
 

@@ -148,15 +148,17 @@ int run_cnn_train(CnnTrainArguments arguments) {
       summary_text(scene, arguments, result, captures.size(), manifest.run_time, held_back));
   write_atomically(arguments.file("index.html"),
                    training_page(scene, arguments.options, result, held_back));
-  std::printf("%zu captures, %zu epochs, %.1f s (%.1f s of processor time); weights of epoch %d\n",
-              captures.size(), result.history.size(), result.run_time.wall,
-              result.run_time.processor, result.epoch);
+  arguments.out.file(arguments.file("training.json"));
+  arguments.out.text(
+      "%zu captures, %zu epochs, %.1f s (%.1f s of processor time); weights of epoch %d\n",
+      captures.size(), result.history.size(), result.run_time.wall, result.run_time.processor,
+      result.epoch);
   if (!held_back.empty()) {
-    std::printf("errors on the %zu captures held back, m and rad:\n%s", held_back.size(),
-                point_errors_text(point_errors(scene, held_back)).c_str());
+    arguments.out.text("errors on the %zu captures held back, m and rad:\n%s", held_back.size(),
+                       point_errors_text(point_errors(scene, held_back)).c_str());
   }
-  std::printf("%s\n%s\n", arguments.file("weights.pt").c_str(),
-              arguments.file("index.html").c_str());
+  arguments.out.text("%s\n%s\n", arguments.file("weights.pt").c_str(),
+                     arguments.file("index.html").c_str());
   return kAllWell;
 }
 
@@ -220,6 +222,7 @@ void add_cnn_train(CLI::App& cnn, int& exit_code) {
       .add_option("--checkpoint-every", arguments->checkpoint_every, "epochs between checkpoints")
       ->check(CLI::Range(1, 1000000))
       ->capture_default_str();
+  arguments->out.add_option(command, "training.json");
   command.callback([arguments, &exit_code] { exit_code = run_cnn_train(*arguments); });
 }
 

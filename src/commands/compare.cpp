@@ -185,15 +185,16 @@ int failures_of(const SceneComparison& comparison) {
   return failures;
 }
 
-void write_comparison(const std::string& output, const ComparisonReport& report) {
-  make_directory(output);
-  const fs::path directory = output;
+void write_comparison(const CompareArguments& arguments, const ComparisonReport& report) {
+  make_directory(arguments.output);
+  const fs::path directory = arguments.output;
   write_atomically((directory / "comparison.csv").string(), comparison_csv(report.scenes));
   write_atomically(
       (directory / "comparison.json").string(),
       comparison_json(report).dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
   write_atomically((directory / "index.html").string(), comparison_page(report));
-  std::printf("%s\n", (directory / "index.html").c_str());
+  arguments.out.file((directory / "comparison.json").string());
+  arguments.out.text("%s\n", (directory / "index.html").c_str());
 }
 
 namespace {
@@ -222,11 +223,10 @@ int run_simulated(CompareArguments& arguments) {
     report.pictures.emplace_back();
     report.scenes.push_back(
         compare_scene(scenes[s], arguments.scenes[s], networks, arguments, report.pictures.back()));
-    std::printf("%s\n", comparison_text(report.scenes.back()).c_str());
-    std::fflush(stdout);
+    arguments.out.text("%s\n", comparison_text(report.scenes.back()).c_str());
     failures += failures_of(report.scenes.back());
   }
-  write_comparison(arguments.output, report);
+  write_comparison(arguments, report);
   return failures > 0 ? kSomeFailed : kAllWell;
 }
 
@@ -279,6 +279,7 @@ void add_compare_command(CLI::App& app, int& exit_code) {
       .add_option("--seed", arguments->options.seed,
                   "of places, sensor poses and photons of the comparison")
       ->capture_default_str();
+  arguments->out.add_option(command, "comparison.json");
   command.add_option("--threads", arguments->threads, "0: one per processor")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();

@@ -7,6 +7,7 @@
 
 #include "blindcorner/simulation/comparison_conditions.h"
 #include "blindcorner/simulation/measured_comparison.h"
+#include "commands/printout.h"
 #include "report/comparison_page.h"
 
 namespace CLI {
@@ -21,6 +22,7 @@ struct CompareArguments {
   bool hybrid = false;                ///< solver and network together
   std::string output;
   int threads = 0;
+  Printout out;
   ComparisonOptions options;
   std::vector<PublishedFigure> published;
 
@@ -35,7 +37,7 @@ struct CompareArguments {
 int failures_of(const SceneComparison& comparison);
 
 /// Page, table and JSON; says where the page is.
-void write_comparison(const std::string& output, const ComparisonReport& report);
+void write_comparison(const CompareArguments& arguments, const ComparisonReport& report);
 
 /// Options of `--measured`.
 void add_measured_options(CLI::App& command, CompareArguments& arguments);

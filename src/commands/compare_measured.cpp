@@ -116,9 +116,9 @@ int run_measured(const CompareArguments& arguments) {
     std::fprintf(stderr, "%s\n", stage.c_str());
   }));
   report.scenes.back().file = arguments.scenes.front();
-  std::printf("%s\n", comparison_text(report.scenes.back()).c_str());
+  arguments.out.text("%s\n", comparison_text(report.scenes.back()).c_str());
   const int failures = failures_of(report.scenes.back());
-  write_comparison(arguments.output, report);
+  write_comparison(arguments, report);
   return failures > 0 ? kSomeFailed : kAllWell;
 }
 

@@ -20,6 +20,7 @@
 #include "commands/capture_inputs.h"
 #include "commands/commands.h"
 #include "commands/output_directory.h"
+#include "commands/printout.h"
 #include "commands/progress.h"
 #include "report/evaluation_page.h"
 
@@ -37,6 +38,7 @@ struct CrossvalidateArguments {
   SplitOptions splits;
   CalibrationOptions calibration;
   FitOptions fit;
+  Printout out;
 };
 
 /// Fits the captures that the split evaluates and adds their errors.
@@ -92,8 +94,7 @@ int run_crossvalidate(const CrossvalidateArguments& arguments) {
     for (EvaluationRow* r : {&row, &sampled}) {
       if (r->errors.empty()) continue;
       r->evaluation = evaluate_errors(r->errors, names);
-      std::fputs(evaluation_text({*r}).c_str(), stdout);
-      std::fflush(stdout);
+      arguments.out.text("%s", evaluation_text({*r}).c_str());
       rows.push_back(std::move(*r));
     }
   }
@@ -102,6 +103,7 @@ int run_crossvalidate(const CrossvalidateArguments& arguments) {
   write_atomically((directory / "index.html").string(),
                    evaluation_page("Cross-validation of " + scene.name, rows, names));
   write_atomically((directory / "evaluation.json").string(), evaluation_json(rows));
+  arguments.out.document(evaluation_json(rows));
   return kAllWell;
 }
 
@@ -141,6 +143,7 @@ void add_crossvalidate_command(CLI::App& app, int& exit_code) {
       .add_option("--outlier-probability", arguments->calibration.outlier_probability,
                   "as `calibrate` takes it")
       ->capture_default_str();
+  arguments->out.add_option(command, "evaluation.json");
   command.callback([arguments, &exit_code] { exit_code = run_crossvalidate(*arguments); });
 }
 

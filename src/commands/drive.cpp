@@ -20,6 +20,7 @@
 #include "commands/commands.h"
 #include "commands/number_check.h"
 #include "commands/output_directory.h"
+#include "commands/printout.h"
 
 namespace blindcorner {
 namespace {
@@ -36,6 +37,7 @@ struct DriveArguments {
   bool no_page = false;
   bool animation = false;
   bool require_goal = false;
+  Printout out;
   DriveOptions options;
 };
 
@@ -81,13 +83,14 @@ FrameCounts counts_of(const Scene& scene, const SensedLight& light) {
 
 /// Simulated light against the reference renderer's on frames spread over the drive: relative L2,
 /// and against the photon noise.
-void check_sensor(const SimulatedSensor& sensor, const DriveResult& result, int count) {
+void check_sensor(const Printout& out, const SimulatedSensor& sensor, const DriveResult& result,
+                  int count) {
   std::vector<const DriveFrame*> sensed;
   for (const DriveFrame& frame : result.frames) {
     if (frame.counts) sensed.push_back(&frame);
   }
   const std::size_t frames = std::min(static_cast<std::size_t>(count), sensed.size());
-  std::printf(
+  out.text(
       "simulated sensor against the reference renderer: relative L2, and in standard deviations\n"
       "of all counts' photon noise the difference and, of the object, the light itself\n"
       "  %8s %12s %12s %12s %12s %12s\n",
@@ -98,19 +101,18 @@ void check_sensor(const SimulatedSensor& sensor, const DriveResult& result, int 
     const SensedLight reference = sensor.reference_light(frame.T_world_sensor, frame.truth);
     const FrameCounts counts = counts_of(sensor.scene(), light);
     const FrameCounts right = counts_of(sensor.scene(), reference);
-    std::printf("  %8.2f %12.5f %12.2f %12.2f %12.6f %12.2f\n", frame.time,
-                relative_difference(light.three_bounce, reference.three_bounce),
-                against_noise(difference(counts.object, right.object), right.all),
-                against_noise(right.object, right.all),
-                relative_difference(light.static_background, reference.static_background),
-                against_noise(difference(counts.rest, right.rest), right.all));
-    std::fflush(stdout);
+    out.text("  %8.2f %12.5f %12.2f %12.2f %12.6f %12.2f\n", frame.time,
+             relative_difference(light.three_bounce, reference.three_bounce),
+             against_noise(difference(counts.object, right.object), right.all),
+             against_noise(right.object, right.all),
+             relative_difference(light.static_background, reference.static_background),
+             against_noise(difference(counts.rest, right.rest), right.all));
   }
 }
 
 /// Of one stage over the frames in which it ran, ms.
-void print_stage(const char* name, const DriveResult& result, double DriveTimes::*stage,
-                 double interval) {
+void print_stage(const Printout& out, const char* name, const DriveResult& result,
+                 double DriveTimes::*stage, double interval) {
   std::vector<double> times;
   for (const DriveFrame& frame : result.frames) {
     if (frame.time_ms.*stage > 0) times.push_back(frame.time_ms.*stage);
@@ -119,20 +121,20 @@ void print_stage(const char* name, const DriveResult& result, double DriveTimes:
   std::ranges::sort(times);
   const double middle = times[times.size() / 2], longest = times.back();
   const auto late = std::ranges::count_if(times, [&](double t) { return t > interval; });
-  std::printf("  %-10s %8zu %10.1f %10.1f   %s\n", name, times.size(), middle, longest,
-              late == 0 ? "keeps the sensor's rate"
-                        : ("too slow in " + std::to_string(late) + " frames").c_str());
+  out.text("  %-10s %8zu %10.1f %10.1f   %s\n", name, times.size(), middle, longest,
+           late == 0 ? "keeps the sensor's rate"
+                     : ("too slow in " + std::to_string(late) + " frames").c_str());
 }
 
-void print_real_time(const Drive& drive, const DriveResult& result) {
+void print_real_time(const Printout& out, const Drive& drive, const DriveResult& result) {
   const double interval = 1000 / drive.sensor.rate;
-  std::printf("run times against the sensor's interval of %.0f ms\n", interval);
-  std::printf("  %-10s %8s %10s %10s\n", "stage", "frames", "median ms", "longest ms");
-  print_stage("perceive", result, &DriveTimes::perceive, interval);
-  print_stage("map", result, &DriveTimes::map, interval);
-  print_stage("plan", result, &DriveTimes::plan, interval);
-  print_stage("control", result, &DriveTimes::control, interval);
-  print_stage("(sense)", result, &DriveTimes::sense, interval);
+  out.text("run times against the sensor's interval of %.0f ms\n", interval);
+  out.text("  %-10s %8s %10s %10s\n", "stage", "frames", "median ms", "longest ms");
+  print_stage(out, "perceive", result, &DriveTimes::perceive, interval);
+  print_stage(out, "map", result, &DriveTimes::map, interval);
+  print_stage(out, "plan", result, &DriveTimes::plan, interval);
+  print_stage(out, "control", result, &DriveTimes::control, interval);
+  print_stage(out, "(sense)", result, &DriveTimes::sense, interval);
 }
 
 Drive drive_of(const DriveArguments& arguments) {
@@ -162,11 +164,14 @@ int run_drive(const DriveArguments& arguments) {
   }
   write_atomically((directory / "drive.json").string(),
                    dump_json(drive_json(drive, options, result), 1) + "\n");
-  std::printf("%s: %s with %s after %.1f s and %.1f m (mean %.2f m/s), clearance %.2f m\n",
-              drive.name.c_str(), outcome_word(result.outcome).c_str(), options.perception.c_str(),
-              result.time, result.length, result.mean_speed, result.clearance);
-  if (arguments.real_time) print_real_time(drive, result);
-  if (arguments.check_sensor > 0) check_sensor(sensor, result, arguments.check_sensor);
+  arguments.out.file((directory / "drive.json").string());
+  arguments.out.text("%s: %s with %s after %.1f s and %.1f m (mean %.2f m/s), clearance %.2f m\n",
+                     drive.name.c_str(), outcome_word(result.outcome).c_str(),
+                     options.perception.c_str(), result.time, result.length, result.mean_speed,
+                     result.clearance);
+  if (arguments.real_time) print_real_time(arguments.out, drive, result);
+  if (arguments.check_sensor > 0)
+    check_sensor(arguments.out, sensor, result, arguments.check_sensor);
   const bool missed = result.outcome != DriveOutcome::reached;
   return arguments.require_goal && missed ? kSomeFailed : kAllWell;
 }
@@ -213,6 +218,7 @@ void add_drive_command(CLI::App& app, int& exit_code) {
   command.add_flag("--require-goal", arguments->require_goal,
                    "exit with code 1 unless the vehicle reaches its goal");
   command.add_flag("--no-page", arguments->no_page, "do not write index.html");
+  arguments->out.add_option(command, "drive.json");
   command.callback([arguments, &exit_code] { exit_code = run_drive(*arguments); });
 }
 

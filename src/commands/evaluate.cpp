@@ -17,6 +17,7 @@
 #include "blindcorner/io/atomic_file.h"
 #include "blindcorner/io/capture_file.h"
 #include "commands/commands.h"
+#include "commands/printout.h"
 #include "commands/truth_table.h"
 #include "forward/support/comma_list.h"
 #include "io/file_bytes.h"
@@ -35,7 +36,7 @@ struct EvaluateArguments {
   std::string truth;
   std::string page;
   std::string estimator = "mean";
-  bool json = false;
+  Printout out;
   EvaluationOptions options;
 };
 
@@ -246,7 +247,8 @@ int run_evaluate(const EvaluateArguments& arguments) {
   write_atomically(page.string(), evaluation_page("Errors", {row}, names));
   write_atomically(std::filesystem::path(page).replace_extension(".json").string(),
                    evaluation_json({row}));
-  std::fputs((arguments.json ? evaluation_json({row}) : evaluation_text({row})).c_str(), stdout);
+  arguments.out.document(evaluation_json({row}));
+  arguments.out.text("%s", evaluation_text({row}).c_str());
   if (without > 0) {
     std::fprintf(stderr, "blindcorner: %d captures without an estimate or a truth\n", without);
   }
@@ -275,7 +277,7 @@ void add_evaluate_command(CLI::App& app, int& exit_code) {
                   "heaviest mode")
       ->check(CLI::IsMember({"mean", "mode"}))
       ->capture_default_str();
-  command.add_flag("--json", arguments->json, "print the figures as JSON, not as a table");
+  arguments->out.add_option(command, "the figures");
   command.add_option("--resamples", arguments->options.resamples, "of the bootstrap")
       ->capture_default_str();
   command.add_option("--seed", arguments->options.seed, "seed of the bootstrap")

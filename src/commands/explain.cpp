@@ -22,6 +22,7 @@
 #include "commands/cpu_clock.h"
 #include "commands/notice.h"
 #include "commands/pose_text.h"
+#include "commands/printout.h"
 #include "forward/support/quantile.h"
 #include "inverse/search/compiled_scene.h"
 
@@ -43,7 +44,7 @@ struct ExplainArguments {
   std::string pose;
   double tolerance = kFirstTolerance;  ///< that of a fit's first models
   int poses = 12;
-  bool json = false;
+  Printout out;
   std::uint64_t seed = 1;
 };
 
@@ -296,12 +297,12 @@ int run_explain(const ExplainArguments& arguments) {
   const std::vector<ZoneBudget> zones = link_budget(scene, *model, pose);
   TransportPlan plan = model->plan();
   decide_pile_up(plan, scene, zones);
-  if (arguments.json) {
+  if (arguments.out.json()) {
     Json json{{"scene", scene.name},
               {"plan", plan_figures(arguments, scene, sensor, plan, options, poses)},
               {"zones", zone_figures(scene, zones)},
               {"hints", scene_hints(scene, sensor)}};
-    std::printf("%s\n", json.dump(2).c_str());
+    arguments.out.document(json.dump(1));
     return kAllWell;
   }
   std::printf("scene %s:", scene.name.c_str());
@@ -360,8 +361,7 @@ void add_explain_command(CLI::App& app, int& exit_code) {
   command.add_option("--poses", arguments->poses, "poses at which terms are switched and timed")
       ->check(CLI::Range(1, 10'000))
       ->capture_default_str();
-  command.add_flag("--json", arguments->json,
-                   "print plan, expected counts of the zones and hints as JSON");
+  arguments->out.add_option(command, "plan, expected counts of the zones and hints");
   command.add_option("--seed", arguments->seed, "of these poses")->capture_default_str();
   command.callback([arguments, &exit_code] { exit_code = run_explain(*arguments); });
 }

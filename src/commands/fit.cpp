@@ -27,9 +27,9 @@
 #include "commands/fit_table.h"
 #include "commands/interrupt.h"
 #include "commands/output_directory.h"
+#include "commands/printout.h"
 #include "commands/progress.h"
 #include "commands/thread_limit.h"
-#include "io/file_bytes.h"
 
 namespace blindcorner {
 
@@ -46,7 +46,7 @@ struct FitArguments {
   bool joint = false;
   bool track = false;
   bool no_page = false;
-  bool json = false;
+  Printout out;
   int threads = 0;
   FitOptions options;
 };
@@ -250,14 +250,11 @@ int run_fit(const FitArguments& arguments) {
                                 : fit_each(fitter, inputs);
   }
   write_outputs(arguments, scene, results, inputs);
-  if (arguments.json) {
-    std::fputs(read_bytes((fs::path(arguments.output) / "result.json").string()).c_str(), stdout);
-  } else {
-    std::fputs(fit_table(scene, results).c_str(), stdout);
-    std::printf("%s\n", (results.size() == 1 ? fit_headline(scene, results.front())
-                                             : fits_headline(results))
-                            .c_str());
-  }
+  arguments.out.file((fs::path(arguments.output) / "result.json").string());
+  arguments.out.text(
+      "%s%s\n", fit_table(scene, results).c_str(),
+      (results.size() == 1 ? fit_headline(scene, results.front()) : fits_headline(results))
+          .c_str());
   tell_hints(results);
   const auto undone = static_cast<std::size_t>(
       std::ranges::count(results, std::string(kInterrupted), &FitResult::error));
@@ -326,7 +323,7 @@ void add_fit_command(CLI::App& app, int& exit_code) {
       .add_flag("--track", arguments->track,
                 "captures are frames in the order of time, of one object that moves")
       ->excludes(joint);
-  command.add_flag("--json", arguments->json, "print result.json, not a table");
+  arguments->out.add_option(command, "result.json");
   command.add_flag("--no-page", arguments->no_page, "do not write index.html");
   add_fit_options(command, *arguments);
   command.callback([arguments, &exit_code] { exit_code = run_fit(*arguments); });

@@ -19,6 +19,7 @@
 #include "blindcorner/report/page.h"
 #include "commands/commands.h"
 #include "commands/output_directory.h"
+#include "commands/printout.h"
 #include "report/reading_units.h"
 
 namespace blindcorner {
@@ -28,7 +29,7 @@ namespace {
 struct InfoArguments {
   std::vector<std::string> files;
   std::string output;
-  bool json = false;
+  Printout out;
   DescribeOptions options;
 };
 
@@ -187,24 +188,23 @@ void draw_scenes(const InfoArguments& arguments) {
   make_directory(arguments.output);
   for (const auto& [path, page] : pages) {
     write_atomically(path, page);
-    if (!arguments.json) std::printf("\n%s: the scene as a picture\n", path.c_str());
+    arguments.out.text("\n%s: the scene as a picture\n", path.c_str());
   }
 }
 
 int run_info(const InfoArguments& arguments) {
   arguments.options.validate();
-  if (arguments.json) {
-    Json files = Json::array();
-    for (const std::string& path : arguments.files) files.push_back(file_figures(path));
-    std::printf("%s\n", files.dump(2).c_str());
-    if (!arguments.output.empty()) draw_scenes(arguments);
-    return kAllWell;
-  }
+  Json figures = Json::array();
   for (const std::string& path : arguments.files) {
+    if (arguments.out.json()) {
+      figures.push_back(file_figures(path));
+      continue;
+    }
     const std::string text = describe_file(path, arguments.options);
-    std::printf("%s%s\n%s", &path == &arguments.files.front() ? "" : "\n", path.c_str(),
-                text.c_str());
+    arguments.out.text("%s%s\n%s", &path == &arguments.files.front() ? "" : "\n", path.c_str(),
+                       text.c_str());
   }
+  arguments.out.document(figures.dump(1));
   if (!arguments.output.empty()) draw_scenes(arguments);
   return kAllWell;
 }
@@ -225,7 +225,7 @@ void add_info_command(CLI::App& app, int& exit_code) {
       ->capture_default_str();
   command.add_option("--width", arguments->options.width, "characters per histogram")
       ->capture_default_str();
-  command.add_flag("--json", arguments->json, "print a list of JSON objects, one for each file");
+  arguments->out.add_option(command, "a list of objects, one for each file,");
   command.add_flag("--log", arguments->options.logarithmic, "draw the logarithm of the counts");
   command.callback([arguments, &exit_code] { exit_code = run_info(*arguments); });
 }

@@ -14,6 +14,7 @@
 #include "blindcorner/report/path_page.h"
 #include "commands/commands.h"
 #include "commands/output_directory.h"
+#include "commands/printout.h"
 
 namespace blindcorner {
 namespace {
@@ -26,6 +27,7 @@ struct PlanArguments {
   std::optional<double> start_heading, goal_heading;  ///< degrees
   std::optional<double> length, width, radius;        ///< of the vehicle, m
   PathPlannerOptions planner;
+  Printout out;
 };
 
 VehicleFootprint footprint_of(const PlanArguments& arguments) {
@@ -40,13 +42,14 @@ std::optional<double> radians(const std::optional<double>& degrees) {
   return degrees ? std::optional(*degrees * kDegree) : std::nullopt;
 }
 
-void print_path(const PlannedPath& planned, const std::string& output) {
+void print_path(const Printout& out, const PlannedPath& planned, const std::string& output) {
   const Path& path = planned.path;
   if (path.found()) {
-    std::printf("%.2f m, %zu expansions, %.1f ms\n", path.length, path.expansions, 1e3 * path.time);
+    out.text("%.2f m, %zu expansions, %.1f ms\n", path.length, path.expansions, 1e3 * path.time);
   }
-  std::printf("%s and %s\n", (fs::path(output) / "path.json").c_str(),
-              (fs::path(output) / "index.html").c_str());
+  out.file((fs::path(output) / "path.json").string());
+  out.text("%s and %s\n", (fs::path(output) / "path.json").c_str(),
+           (fs::path(output) / "index.html").c_str());
 }
 
 /// The middle of the cell nearest to a point that a path may lead through; nothing where there is
@@ -121,7 +124,7 @@ int run_plan(const PlanArguments& arguments) {
   write_atomically((fs::path(arguments.output) / "path.json").string(), path_json(planned));
   write_atomically((fs::path(arguments.output) / "index.html").string(),
                    path_page(planned, map.occupancy));
-  print_path(planned, arguments.output);
+  print_path(arguments.out, planned, arguments.output);
   if (path.found()) return kAllWell;
   std::fprintf(stderr, "blindcorner: %s: %s%s\n", arguments.map.c_str(),
                std::string(path_status_word(path.status)).c_str(), advice(planned).c_str());
@@ -179,6 +182,7 @@ void add_plan_command(CLI::App& app, int& exit_code) {
       .add_option("--heuristic-weight", arguments->planner.search.heuristic_weight,
                   "above 1: faster, and at most that much costlier than the cheapest path")
       ->capture_default_str();
+  arguments->out.add_option(command, "path.json");
   command.callback([arguments, &exit_code] { exit_code = run_plan(*arguments); });
 }
 

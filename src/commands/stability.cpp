@@ -13,6 +13,7 @@
 #include "commands/commands.h"
 #include "commands/notice.h"
 #include "commands/output_directory.h"
+#include "commands/printout.h"
 #include "commands/progress.h"
 #include "io/json_reader.h"
 #include "report/stability_page.h"
@@ -24,6 +25,7 @@ namespace {
 struct StabilityArguments {
   std::string output;
   std::vector<std::string> rows;
+  Printout out;
 };
 
 /// The rows asked for, in the table's order; without any all of them.
@@ -44,13 +46,11 @@ std::vector<const StabilityRow*> wanted_rows(const std::vector<std::string>& nam
   return wanted;
 }
 
-void print(const StabilityResult& result) {
+void print(const Printout& out, const StabilityResult& result) {
   const StabilityRow& row = *result.row;
-  std::printf("%-30s %12.4g %12.4g  %-10s %-5s %6.2f  %s\n", row.name.c_str(),
-              result.measured.value, row.limit, limit_origin_name(row.origin).c_str(),
-              result.holds ? "holds" : "FAILS", result.seconds,
-              result.holds ? "" : result.measured.detail.c_str());
-  std::fflush(stdout);
+  out.text("%-30s %12.4g %12.4g  %-10s %-5s %6.2f  %s\n", row.name.c_str(), result.measured.value,
+           row.limit, limit_origin_name(row.origin).c_str(), result.holds ? "holds" : "FAILS",
+           result.seconds, result.holds ? "" : result.measured.detail.c_str());
 }
 
 int run_stability(const StabilityArguments& arguments) {
@@ -58,24 +58,25 @@ int run_stability(const StabilityArguments& arguments) {
   if (!arguments.output.empty()) make_directory(arguments.output);
   tell_begun(std::to_string(rows.size()) + " case" + (rows.size() == 1 ? "" : "s") +
              ", one after the other; all of them take minutes");
-  std::printf("%-30s %12s %12s  %-10s %-5s %6s\n", "case", "measured", "limit", "limit from", "",
-              "cpu s");
-  std::fflush(stdout);
+  const Printout& out = arguments.out;
+  out.text("%-30s %12s %12s  %-10s %-5s %6s\n", "case", "measured", "limit", "limit from", "",
+           "cpu s");
   std::vector<StabilityResult> results;
   for (const StabilityRow* row : rows) {
     {
       const StageProgress stage(row->name);
       results.push_back(run_stability_row(*row));
     }
-    print(results.back());
+    print(out, results.back());
   }
   const auto holding = std::ranges::count_if(results, &StabilityResult::holds);
-  std::printf("%d of %d hold\n", static_cast<int>(holding), static_cast<int>(results.size()));
+  out.text("%d of %d hold\n", static_cast<int>(holding), static_cast<int>(results.size()));
+  out.document(stability_json(results));
   if (!arguments.output.empty()) {
     const std::filesystem::path directory(arguments.output);
     write_atomically((directory / "stability.json").string(), stability_json(results));
     write_atomically((directory / "index.html").string(), stability_page(results));
-    std::printf("%s\n", (directory / "index.html").string().c_str());
+    out.text("%s\n", (directory / "index.html").string().c_str());
   }
   return holding == static_cast<std::ptrdiff_t>(results.size()) ? kAllWell : kSomeFailed;
 }
@@ -91,6 +92,7 @@ void add_stability_command(CLI::App& app, int& exit_code) {
   command.add_option("--rows", arguments->rows, "only these cases, separated by commas")
       ->delimiter(',')
       ->type_name("NAME,...");
+  arguments->out.add_option(command, "stability.json");
   command.callback([arguments, &exit_code] { exit_code = run_stability(*arguments); });
 }
 

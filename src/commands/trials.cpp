@@ -7,12 +7,14 @@
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <nlohmann/json.hpp>
 
 #include "blindcorner/report/trial_study.h"
 #include "blindcorner/simulation/credible_level.h"
 #include "commands/commands.h"
 #include "commands/interrupt.h"
 #include "commands/number_check.h"
+#include "commands/printout.h"
 #include "commands/progress.h"
 
 namespace blindcorner {
@@ -26,10 +28,12 @@ struct TrialsArguments {
   double light = 0;
   int replays = 4;
   std::vector<std::string> weights;
+  Printout out;
   TrialsOptions options;
 };
 
-void print_summary(const Drive& drive, const std::vector<TrialResult>& results) {
+void print_summary(const Printout& out, const Drive& drive,
+                   const std::vector<TrialResult>& results) {
   std::map<std::pair<std::string, int>, std::pair<int, int>> shares;
   for (const TrialResult& result : results) {
     if (result.trial.error > 0) continue;
@@ -37,17 +41,27 @@ void print_summary(const Drive& drive, const std::vector<TrialResult>& results) 
     reached += result.reached() ? 1 : 0;
     ++trials;
   }
-  std::printf("%-8s %14s   %s\n", "", "speed, m/s", "goal reached (95 % interval)");
+  nlohmann::ordered_json rows = nlohmann::ordered_json::array();
+  out.text("%-8s %14s   %s\n", "", "speed, m/s", "goal reached (95 % interval)");
   for (const std::string& name : perceptions_of(results)) {
     for (int zone = 0; zone < drive.trials.zones; ++zone) {
       const auto [reached, trials] = shares[{name, zone}];
       if (trials == 0) continue;
       const ShareInterval interval = wilson_interval(reached, trials);
-      std::printf("%-8s %6.4g to %5.4g   %d/%d = %.3f (%.3f to %.3f)\n", name.c_str(),
-                  zone_lower(drive.trials, zone), zone_lower(drive.trials, zone + 1), reached,
-                  trials, static_cast<double>(reached) / trials, interval.low, interval.high);
+      const double lower = zone_lower(drive.trials, zone);
+      const double upper = zone_lower(drive.trials, zone + 1);
+      const double share = static_cast<double>(reached) / trials;
+      out.text("%-8s %6.4g to %5.4g   %d/%d = %.3f (%.3f to %.3f)\n", name.c_str(), lower, upper,
+               reached, trials, share, interval.low, interval.high);
+      rows.push_back({{"perception", name},
+                      {"speed_m_per_s", {lower, upper}},
+                      {"reached", reached},
+                      {"trials", trials},
+                      {"share", share},
+                      {"interval_95", {interval.low, interval.high}}});
     }
   }
+  out.document(rows.dump(1));
 }
 
 /// Thrown by a trial that is not begun.
@@ -94,9 +108,10 @@ int run(const TrialsArguments& arguments) {
     }
   }
   study.write_page();
-  print_summary(study.drive(), study.results());
+  print_summary(arguments.out, study.drive(), study.results());
   const fs::path directory = arguments.output;
-  std::printf("%s\n%s\n", (directory / "trials.csv").c_str(), (directory / "index.html").c_str());
+  arguments.out.text("%s\n%s\n", (directory / "trials.csv").c_str(),
+                     (directory / "index.html").c_str());
   return complete ? kAllWell : kSomeFailed;
 }
 
@@ -147,6 +162,7 @@ void add_trials_command(CLI::App& app, int& exit_code) {
       .add_option("--threads", arguments->options.threads, "trials at a time; 0: one per processor")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
+  arguments->out.add_option(command, "how often each perception reaches its goal, by speed,");
   command.callback([arguments, &exit_code] { exit_code = run(*arguments); });
 }
 

@@ -2137,6 +2137,36 @@ TEST_F(Cli, TablesAreJsonForOtherPrograms) {
   EXPECT_TRUE(reasons && plan["plan"]["terms"].size() > 5);
 }
 
+TEST_F(Cli, WrittenTablesAreJsonForOtherPrograms) {
+  const auto printed = [&](const std::string& arguments) {
+    const Outcome outcome = run(arguments + " --json");
+    EXPECT_EQ(outcome.exit_code, 0) << arguments << ": " << outcome.err;
+    return json::parse(outcome.out, nullptr, false);
+  };
+  const std::string out = " -o '" + path("out") + "'";
+  const auto written = [&](const char* file) {
+    return json::parse(text_of(path(std::string("out/") + file)));
+  };
+  const std::string drive = " '" SOURCE_DIR "/scenes/robot_drive.json'";
+  EXPECT_EQ(printed("bound '" + kScene + "' --grid 2 --test-poses 8" + out), written("bound.json"));
+  EXPECT_EQ(printed("drive" + drive + " --perception oracle --no-page" + out),
+            written("drive.json"));
+  const json shares = printed("trials" + drive + " -n 2 --perception oracle" + out);
+  EXPECT_EQ(shares[0]["perception"], "oracle");
+  EXPECT_LE(shares[0]["interval_95"][0], shares[0]["share"]);
+  // What is written as text with commas is printed as a list of rows.
+  const json rows = printed("benchmark derivatives '" + kScene + "' --poses 1" + out);
+  EXPECT_EQ(rows[0]["unknown"], "x_m");
+  EXPECT_NEAR(rows[5]["movement_m"].get<double>(), 1e-5, 1e-9);
+  for (const char* command :
+       {"stability", "compare", "calibrate", "crossvalidate", "plan", "cnn train", "cnn evaluate",
+        "benchmark solver", "benchmark forward", "benchmark light", "benchmark moving",
+        "benchmark planner", "benchmark vehicles", "benchmark drives", "benchmark coverage",
+        "benchmark detection"}) {
+    EXPECT_THAT(run(std::string(command) + " --help").out, HasSubstr("--json")) << command;
+  }
+}
+
 // What a shell completes comes from the commands as they declare themselves.
 TEST_F(Cli, ShellsCompleteCommandsAndOptions) {
   for (const std::string shell : {"bash", "zsh", "fish"}) {
