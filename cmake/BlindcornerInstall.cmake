@@ -1,6 +1,7 @@
 include(CMakePackageConfigHelpers)
 install(DIRECTORY include/blindcorner DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} COMPONENT development)
 install(DIRECTORY scenes/ DESTINATION ${CMAKE_INSTALL_DATADIR}/blindcorner/scenes COMPONENT program)
+install(DIRECTORY schema/ DESTINATION ${CMAKE_INSTALL_DATADIR}/blindcorner/schema COMPONENT program)
 install(TARGETS blindcorner_program RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT program)
 
 # The manual page and what completes commands in shells, as the program prints them.

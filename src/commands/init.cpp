@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <string_view>
 
 #include "blindcorner/forward/error.h"
 #include "blindcorner/io/atomic_file.h"
@@ -16,6 +17,13 @@
 #include "blindcorner/report/page.h"
 #include "commands/commands.h"
 #include "forward/support/comma_list.h"
+
+namespace blindcorner::embedded {
+
+/// Text of schema/NAME.schema.json.
+std::string_view json_schema(std::string_view name);
+
+}  // namespace blindcorner::embedded
 
 namespace blindcorner {
 namespace {
@@ -38,7 +46,7 @@ What stands in it, and what to put in. Lengths are metres, z points up.
                unknown is null. The box stands on the desk, so its z is known: 0.
   unknowns     what the fit has to find, and in which range.
   linear       brightness, ambient light and direct return are unknown too.
-All fields: docs/scene.md.
+All fields: docs/scene.md. Editors complete and check them by scene.schema.json beside the file.
 
 Then
   blindcorner info @ -o .        draw it again
@@ -65,6 +73,10 @@ int run_init(const InitArguments& arguments) {
   const Scene scene = parse_scene_text(text, path.string());
   write_atomically(path.string(), text);
   write_atomically(page, scene_page(scene));
+  const fs::path schema = path.parent_path() / "scene.schema.json";
+  if (!fs::exists(schema)) {
+    write_atomically(schema.string(), std::string(embedded::json_schema("scene")));
+  }
   std::printf("%s: a box on a desk, seen by %s. %s draws it.\n", path.c_str(),
               arguments.sensor.c_str(), page.c_str());
   std::string explanation = kExplanation;

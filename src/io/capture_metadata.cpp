@@ -60,6 +60,17 @@ Json capture_json(const Capture& capture) {
   return json;
 }
 
+/// As truth names them, of the only object and of one among several.
+std::vector<std::string> names_of_components() {
+  std::vector<std::string> names;
+  for (const char* prefix : {"", "NAME."}) {
+    for (const Component component : kComponents) {
+      names.push_back(prefix + std::string(component_name(component)));
+    }
+  }
+  return names;
+}
+
 Transform parse_pose(const JsonReader& reader) {
   reader.allow_only({"position_m", "quaternion_wxyz"});
   Transform pose = Transform::Identity();
@@ -104,6 +115,7 @@ Capture parse_capture(const JsonReader& reader, int rows, int columns, int bins)
     capture.relay_points = parse_points(reader.at("relay_points_m"), zones);
   }
   if (reader.has("truth")) {
+    reader.at("truth").looks_for(names_of_components());
     for (const auto& [name, value] : reader.at("truth").fields()) {
       if (!is_component(name)) {
         value.fail("an unknown field", "x_m, y_m, z_m, yaw_rad, size, also as NAME.x_m");
@@ -223,9 +235,7 @@ std::string metadata_text(const CaptureFile& file) {
 CaptureFile parse_metadata(const std::string& text, const std::string& where) {
   const Json json = JsonReader::parse(text, where);
   const JsonReader root(json, where);
-  if (root.at("format").text() != kFormat) {
-    root.at("format").fail(std::string("\"") + kFormat + "\"");
-  }
+  root.at("format").word({kFormat});
   root.allow_only(
       {"format", "rows", "columns", "bins", "bin_width_ps", "sensor", "description", "captures"});
   const int rows = root.at("rows").integer(1, kLargestExtent);

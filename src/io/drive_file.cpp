@@ -257,6 +257,7 @@ void check_on_map(const JsonReader& reader, const GridGeometry& map, const Vecto
 
 void read_route(const JsonReader& reader, Drive& drive) {
   const JsonReader line = reader.at("finish_line_m"), route = reader.at("route_m");
+  reader.decided_by("finish_line_m");
   if (!line.present() || route.present()) {
     for (const JsonReader& point : route.elements(1)) {
       drive.route.push_back(read_point(point));
@@ -281,15 +282,14 @@ void read_route(const JsonReader& reader, Drive& drive) {
 
 /// What only vehicles that choose their speed use is an error beside the wanted speed.
 void read_speed_mode(const JsonReader& reader, Drive& drive) {
-  if (reader.at("speed_mode").word_or("wanted", {"wanted", "safe"}) == "safe") {
+  if (reader.at("speed_mode").deciding_word_or("wanted", {"wanted", "safe"}) == "safe") {
     drive.speed_mode = SpeedMode::safe;
   }
   const auto number = [&](const char* name, double absent, const NumberRange& range) {
-    const JsonReader field = reader.at(name);
-    if (field.present() && drive.speed_mode == SpeedMode::wanted) {
-      field.fail("nothing, unless speed_mode is \"safe\"");
+    if (drive.speed_mode == SpeedMode::wanted) {
+      reader.exclude(name, "nothing, unless speed_mode is \"safe\"");
     }
-    return field.number_or(absent, range);
+    return reader.at(name).number_or(absent, range);
   };
   drive.risk = number("risk", drive.risk, kShare);
   drive.traffic_risk = reader.at("traffic_risk").number_or(drive.traffic_risk, kShare);
@@ -304,12 +304,13 @@ void read_trials(const JsonReader& reader, Drive& drive) {
   std::tie(drive.trials.speed_lower, drive.trials.speed_upper) =
       reader.at("speed_m_per_s").interval(kSpeed);
   drive.trials.zones = reader.at("zones").integer(1, 1000);
-  if (const JsonReader corner = reader.at("corner_m"); corner.present()) {
-    drive.trials.corner = read_point(corner);
+  if (reader.decided_by("corner_m")) {
+    drive.trials.corner = read_point(reader.at("corner_m"));
     drive.trials.corner_radius =
         reader.at("corner_radius_m").number(NumberRange::between(0.1, 1e3));
-  } else if (reader.at("corner_radius_m").present()) {
-    corner.fail("the corner's [x, y], of which corner_radius_m is the surroundings");
+  } else {
+    reader.exclude("corner_radius_m",
+                   "no radius without corner_m, of which it is the surroundings");
   }
 }
 
@@ -327,8 +328,10 @@ void read_named_scene(const JsonReader& reader, Drive& drive) {
 
 }  // namespace
 
-Drive read_drive(const std::string& path) {
-  const Json document = parse_file_kind(FileKind::drive, read_bytes(path), path);
+Drive read_drive(const std::string& path) { return parse_drive_text(read_bytes(path), path); }
+
+Drive parse_drive_text(const std::string& text, const std::string& path) {
+  const Json document = parse_file_kind(FileKind::drive, text, path);
   const JsonReader reader(document, path);
   if (!reader.is_object()) reader.fail("an object");
   reader.allow_only({"name",          "description",

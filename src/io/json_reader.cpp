@@ -58,7 +58,9 @@ std::vector<std::string> to_strings(const std::vector<std::string_view>& words) 
 }  // namespace
 
 JsonReader::JsonReader(const Json& document, std::string file)
-    : JsonReader(&document, std::move(file), "") {}
+    : JsonReader(&document, file, "", nullptr, JsonRecording::root_for(file)) {
+  if (record_ != nullptr) record_->type = document.type();
+}
 
 Json JsonReader::parse(const std::string& text, const std::string& file) {
   check_json_depth(text, file);
@@ -95,7 +97,7 @@ void JsonReader::fail(const std::string& found, const std::string& accepted) con
 }
 
 JsonReader JsonReader::noting(std::vector<std::string>& errors) const {
-  return {json_, file_, path_, &errors};
+  return {json_, file_, path_, &errors, record_};
 }
 
 void JsonReader::attempt(const std::function<void()>& part) const {
@@ -126,11 +128,14 @@ std::string JsonReader::found() const {
 }
 
 JsonReader JsonReader::field(const std::string& key, const Json* value) const {
-  return {value, file_, path_.empty() ? path_part(key) : path_ + "." + path_part(key), errors_};
+  return {value, file_, path_.empty() ? path_part(key) : path_ + "." + path_part(key), errors_,
+          record_ == nullptr ? nullptr : &record_->field(key, value)};
 }
 
 JsonReader JsonReader::element(std::size_t index) const {
-  return {&(*json_)[index], file_, path_ + "[" + std::to_string(index) + "]", errors_};
+  const Json* value = &(*json_)[index];
+  return {value, file_, path_ + "[" + std::to_string(index) + "]", errors_,
+          record_ == nullptr ? nullptr : &record_->element(index, value)};
 }
 
 JsonReader JsonReader::at(std::string_view key) const {
@@ -141,6 +146,7 @@ JsonReader JsonReader::at(std::string_view key) const {
 
 std::vector<std::pair<std::string, JsonReader>> JsonReader::fields() const {
   if (!is_object()) fail("an object");
+  if (record_ != nullptr) record_->object = true;
   std::vector<std::pair<std::string, JsonReader>> list;
   for (const auto& item : json_->items()) {
     list.emplace_back(item.key(), field(item.key(), &item.value()));
@@ -149,26 +155,54 @@ std::vector<std::pair<std::string, JsonReader>> JsonReader::fields() const {
 }
 
 void JsonReader::allow_only(const std::vector<std::string_view>& known) const {
+  const std::vector<std::string> names = to_strings(known);
+  looks_for(names);
   for (const auto& [key, value] : fields()) {
-    if (std::find(known.begin(), known.end(), key) != known.end()) continue;
-    const std::vector<std::string> names = to_strings(known);
+    if (std::ranges::find(names, key) != names.end() || (path_.empty() && key == "$schema")) {
+      continue;
+    }
     const std::string near = nearest_word(key, names);
     const std::string hint = near.empty() ? "" : " (did you mean \"" + near + "\"?)";
     value.note("an unknown field" + hint, list_words(names));
   }
 }
 
-std::string_view JsonReader::exactly_one_of(
+void JsonReader::looks_for(const std::vector<std::string>& names) const {
+  if (record_ != nullptr) record_->names = names;
+}
+
+bool JsonReader::decided_by(std::string_view key) const {
+  const JsonReader field = at(key);
+  if (field.record_ != nullptr) field.record_->decides = field.present() ? "there" : "absent";
+  return field.present();
+}
+
+void JsonReader::exclude(std::string_view key, const std::string& accepted) const {
+  const JsonReader field = at(key);
+  if (field.record_ != nullptr) field.record_->forbidden = true;
+  if (field.present()) field.fail(accepted);
+}
+
+std::string_view JsonReader::at_most_one_of(
     std::initializer_list<std::string_view> alternatives) const {
   std::string_view chosen;
   for (const std::string_view name : alternatives) {
-    if (!has(name)) continue;
+    const bool there = decided_by(name);
+    const JsonReader field = at(name);
+    if (field.record_ != nullptr) field.record_->deciders = list_words(to_strings(alternatives));
+    if (!there) continue;
     if (!chosen.empty()) {
-      at(name).fail("a field beside \"" + std::string(chosen) + "\"",
-                    "only one of " + list_words(to_strings(alternatives)));
+      field.fail("a field beside \"" + std::string(chosen) + "\"",
+                 "only one of " + list_words(to_strings(alternatives)));
     }
     chosen = name;
   }
+  return chosen;
+}
+
+std::string_view JsonReader::exactly_one_of(
+    std::initializer_list<std::string_view> alternatives) const {
+  const std::string_view chosen = at_most_one_of(alternatives);
   if (chosen.empty()) {
     fail("none of these fields", "one of " + list_words(to_strings(alternatives)));
   }
@@ -181,6 +215,7 @@ std::vector<JsonReader> JsonReader::elements(std::size_t smallest) const {
          : smallest == 1 ? "an array of at least 1 element"
                          : "an array of at least " + std::to_string(smallest) + " elements");
   }
+  if (record_ != nullptr) record_->array = true, record_->least = smallest;
   std::vector<JsonReader> list;
   for (std::size_t i = 0; i < json_->size(); ++i) list.push_back(element(i));
   return list;
@@ -191,10 +226,20 @@ std::vector<JsonReader> JsonReader::elements_exactly(std::size_t size,
   const std::string accepted = "an array of " + std::to_string(size) + " " + what;
   if (!is_array()) fail(accepted);
   if (json_->size() != size) fail("an array of " + std::to_string(json_->size()), accepted);
+  if (record_ != nullptr) record_->size = size;
   return elements();
 }
 
+void JsonReader::record_number(const NumberRange& range, bool whole) const {
+  if (record_ != nullptr) record_->number = range, record_->whole = whole;
+}
+
+void JsonReader::record_words(const std::vector<std::string_view>& words) const {
+  if (record_ != nullptr) record_->words = to_strings(words);
+}
+
 double JsonReader::number(const NumberRange& range) const {
+  record_number(range, false);
   if (!present() || !json_->is_number() || !range.contains(json_->get<double>())) {
     note(found(), range.text());
     return std::nan("");
@@ -204,6 +249,7 @@ double JsonReader::number(const NumberRange& range) const {
 
 int JsonReader::integer(int lower, int upper) const {
   const NumberRange range = NumberRange::between(lower, upper);
+  record_number(range, true);
   if (!present() || !json_->is_number() || !range.contains(json_->get<double>()) ||
       std::floor(json_->get<double>()) != json_->get<double>()) {
     fail(range.text("a whole number"));
@@ -212,6 +258,7 @@ int JsonReader::integer(int lower, int upper) const {
 }
 
 bool JsonReader::boolean() const {
+  if (record_ != nullptr) record_->boolean = true;
   if (!present() || !json_->is_boolean()) {
     note(found(), "true or false");
     return false;
@@ -220,16 +267,52 @@ bool JsonReader::boolean() const {
 }
 
 std::string JsonReader::text() const {
+  if (record_ != nullptr) record_->text = true;
   if (!is_string()) fail("a string");
   return json_->get<std::string>();
 }
 
 std::string JsonReader::word(const std::vector<std::string_view>& words) const {
+  record_words(words);
   if (!is_string() ||
       std::find(words.begin(), words.end(), json_->get<std::string>()) == words.end()) {
     fail(list_words(to_strings(words)));
   }
   return json_->get<std::string>();
+}
+
+std::string JsonReader::deciding_word(const std::vector<std::string_view>& words) const {
+  std::string chosen = word(words);
+  if (record_ != nullptr) record_->decides = chosen;
+  return chosen;
+}
+
+double JsonReader::number_or(double absent, const NumberRange& range) const {
+  record_number(range, false);
+  return present() ? number(range) : absent;
+}
+
+bool JsonReader::boolean_or(bool absent) const {
+  if (record_ != nullptr) record_->boolean = true;
+  return present() ? boolean() : absent;
+}
+
+std::string JsonReader::text_or(const std::string& absent) const {
+  if (record_ != nullptr) record_->text = true;
+  return present() ? text() : absent;
+}
+
+std::string JsonReader::word_or(const std::string& absent,
+                                const std::vector<std::string_view>& words) const {
+  record_words(words);
+  return present() ? word(words) : absent;
+}
+
+std::string JsonReader::deciding_word_or(const std::string& absent,
+                                         const std::vector<std::string_view>& words) const {
+  std::string chosen = word_or(absent, words);
+  if (record_ != nullptr) record_->decides = chosen;
+  return chosen;
 }
 
 Eigen::Vector3d JsonReader::vector(const NumberRange& range) const {

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "forward/support/number_range.h"
+#include "io/json_record.h"
 
 namespace blindcorner {
 
@@ -53,16 +54,27 @@ class JsonReader {
   const std::string& file() const { return file_; }
 
   /// The same place with another value, for values that were completed from elsewhere.
-  JsonReader with_value(const Json& value) const { return {&value, file_, path_, errors_}; }
+  JsonReader with_value(const Json& value) const {
+    return {&value, file_, path_, errors_, record_};
+  }
 
   /// Field of an object; absent when the object has no such field. This must be an object.
   JsonReader at(std::string_view key) const;
   bool has(std::string_view key) const { return at(key).present(); }
+  /// The same of a field on whose presence it depends which others may or must be there.
+  bool decided_by(std::string_view key) const;
+  /// Refuses a field that what stands beside it excludes; `accepted` says why.
+  void exclude(std::string_view key, const std::string& accepted) const;
   /// Fields of an object in the order of the file.
   std::vector<std::pair<std::string, JsonReader>> fields() const;
-  /// Refuses fields that are not in `known`, with the nearest known name as a suggestion.
+  /// Refuses fields that are not in `known`, with the nearest known name as a suggestion. The
+  /// document itself may also name its schema ("$schema").
   void allow_only(const std::vector<std::string_view>& known) const;
-  /// The one field of `alternatives` that is there. Refuses none and several.
+  /// Tells a record which fields may be there, where the reader itself refuses others.
+  void looks_for(const std::vector<std::string>& names) const;
+  /// The one field of `alternatives` that is there; empty: none. Refuses several.
+  std::string_view at_most_one_of(std::initializer_list<std::string_view> alternatives) const;
+  /// The same, and refuses none.
   std::string_view exactly_one_of(std::initializer_list<std::string_view> alternatives) const;
 
   /// Elements of an array with at least `smallest` elements.
@@ -77,6 +89,8 @@ class JsonReader {
   std::string text() const;
   /// One of the given words.
   std::string word(const std::vector<std::string_view>& words) const;
+  /// The same of a word on which it depends which fields may or must stand beside this one.
+  std::string deciding_word(const std::vector<std::string_view>& words) const;
   Eigen::Vector3d vector(const NumberRange& range = {}) const;
   /// [w, x, y, z] of length 1 but for rounding, normalised.
   Eigen::Quaterniond quaternion() const;
@@ -84,22 +98,26 @@ class JsonReader {
   std::pair<double, double> interval(const NumberRange& range = {}) const;
 
   /// The same with a default for a field that is absent.
-  double number_or(double absent, const NumberRange& range = {}) const {
-    return present() ? number(range) : absent;
-  }
-  bool boolean_or(bool absent) const { return present() ? boolean() : absent; }
-  std::string text_or(const std::string& absent) const { return present() ? text() : absent; }
-  std::string word_or(const std::string& absent, const std::vector<std::string_view>& words) const {
-    return present() ? word(words) : absent;
-  }
+  double number_or(double absent, const NumberRange& range = {}) const;
+  bool boolean_or(bool absent) const;
+  std::string text_or(const std::string& absent) const;
+  std::string word_or(const std::string& absent, const std::vector<std::string_view>& words) const;
+  std::string deciding_word_or(const std::string& absent,
+                               const std::vector<std::string_view>& words) const;
 
  private:
-  JsonReader(const Json* json, std::string file, std::string path,
-             std::vector<std::string>* errors = nullptr)
-      : json_(json), file_(std::move(file)), path_(std::move(path)), errors_(errors) {}
+  JsonReader(const Json* json, std::string file, std::string path, std::vector<std::string>* errors,
+             JsonRecord* record)
+      : json_(json),
+        file_(std::move(file)),
+        path_(std::move(path)),
+        errors_(errors),
+        record_(record) {}
 
   /// Refuses the value, or notes that down where errors are noted.
   void note(const std::string& found, const std::string& accepted) const;
+  void record_number(const NumberRange& range, bool whole) const;
+  void record_words(const std::vector<std::string_view>& words) const;
 
   JsonReader element(std::size_t index) const;
   JsonReader field(const std::string& key, const Json* value) const;
@@ -109,6 +127,7 @@ class JsonReader {
   std::string file_;
   std::string path_;
   std::vector<std::string>* errors_ = nullptr;
+  JsonRecord* record_ = nullptr;  ///< what is asked of this place; null: nobody wants to know
 };
 
 /// `"a", "b" or "c"`.

@@ -74,16 +74,13 @@ Eigen::Matrix3d yaw_rotation(double yaw) {
 }
 
 Eigen::Matrix3d read_rotation(const JsonReader& reader) {
-  const bool angles = reader.has("yaw_pitch_roll_deg");
-  const bool quaternion = reader.has("quaternion_wxyz");
-  if (!angles && !quaternion && !reader.has("look") && !reader.has("up")) {
-    return Eigen::Matrix3d::Identity();
-  }
   const std::string_view way =
-      reader.exactly_one_of({"look", "yaw_pitch_roll_deg", "quaternion_wxyz"});
+      reader.at_most_one_of({"look", "yaw_pitch_roll_deg", "quaternion_wxyz"});
   if (way == "look") return axes(read_direction(reader.at("look")), reader.at("up"));
-  if (reader.has("up")) reader.at("up").fail("no up beside \"" + std::string(way) + "\"");
-  if (angles) return rotation_of(reader.at("yaw_pitch_roll_deg").vector(kAnyAngle) * kDegree);
+  reader.exclude("up", "no up without \"look\"");
+  if (way.empty()) return Eigen::Matrix3d::Identity();
+  if (way == "yaw_pitch_roll_deg")
+    return rotation_of(reader.at("yaw_pitch_roll_deg").vector(kAnyAngle) * kDegree);
   return reader.at("quaternion_wxyz").quaternion().toRotationMatrix();
 }
 
@@ -222,7 +219,7 @@ const ShapeEntry& read_entry(const JsonReader& reader, bool surface) {
   for (const ShapeEntry& entry : kShapes) {
     if (!surface || entry.place != nullptr) names.push_back(entry.name);
   }
-  return *std::ranges::find(kShapes, reader.at("shape").word(names), &ShapeEntry::name);
+  return *std::ranges::find(kShapes, reader.at("shape").deciding_word(names), &ShapeEntry::name);
 }
 
 /// Adds fields that are not yet among them.
@@ -280,11 +277,9 @@ Shape read_hidden_shape(const JsonReader& reader) {
   const ShapeEntry& own = read_entry(reader, false);
   for (const ShapeEntry& other : kShapes) {
     for (const std::string_view key : other.dimensions) {
-      if (!reader.has(key) || std::ranges::find(own.dimensions, key) != own.dimensions.end()) {
-        continue;
-      }
-      reader.at(key).fail("a dimension that a " + std::string(own.name) + " does not have",
-                          list_words({own.dimensions.begin(), own.dimensions.end()}));
+      if (std::ranges::find(own.dimensions, key) != own.dimensions.end()) continue;
+      reader.exclude(key, "dimensions of a " + std::string(own.name) + ", " +
+                              list_words({own.dimensions.begin(), own.dimensions.end()}));
     }
   }
   return own.read(reader);
@@ -300,6 +295,7 @@ Material read_material(const JsonReader& reader) {
     reader.fail(
         R"("lambertian", "retroreflective", {"retroreflective": {...}} or {"measured_law": {...}})");
   }
+  reader.allow_only({"retroreflective", "measured_law"});
   if (reader.exactly_one_of({"retroreflective", "measured_law"}) == "measured_law") {
     const JsonReader law = reader.at("measured_law");
     law.allow_only({"cosine_exponent", "distance_exponent", "axis_across", "axis_up"});
@@ -308,7 +304,6 @@ Material read_material(const JsonReader& reader) {
                                .axis_across = law.at("axis_across").number_or(0, kTangent),
                                .axis_up = law.at("axis_up").number_or(0, kTangent)};
   }
-  reader.allow_only({"retroreflective"});
   const JsonReader lobe = reader.at("retroreflective");
   lobe.allow_only({"lobe_sigma_deg"});
   return RetroreflectiveMaterial{lobe.at("lobe_sigma_deg").number_or(1, kLobe) * kDegree};
@@ -359,6 +354,15 @@ std::pair<const UnknownName*, int> find_unknown_name(const std::string& key,
   return {nullptr, 0};
 }
 
+std::vector<std::string> names_of_unknowns(const std::vector<HiddenObject>& objects) {
+  std::vector<std::string> names;
+  for (const HiddenObject& object : objects) {
+    const std::string prefix = objects.size() > 1 ? object.name + "." : "";
+    for (const UnknownName& name : kUnknownNames) names.push_back(prefix + name.key);
+  }
+  return names;
+}
+
 Unknown read_named_unknown(const std::string& key, const JsonReader& field,
                            const std::vector<HiddenObject>& objects) {
   const auto [name, object] = find_unknown_name(key, objects);
@@ -381,6 +385,7 @@ Unknown read_named_unknown(const std::string& key, const JsonReader& field,
 std::vector<Unknown> read_unknowns(const JsonReader& reader,
                                    const std::vector<HiddenObject>& objects) {
   std::vector<Unknown> unknowns;
+  reader.looks_for(names_of_unknowns(objects));
   for (const auto& item : reader.fields()) {
     const auto& [key, field] = item;
     field.attempt([&] { unknowns.push_back(read_named_unknown(key, field, objects)); });
@@ -544,11 +549,13 @@ LinearMode linear_mode(const std::string& word) {
 void read_amplitude(const JsonReader& reader, LinearUnknowns& linear) {
   reader.allow_only({"mode", "value", "prior"});
   linear.amplitude =
-      linear_mode(reader.at("mode").word_or("shared", {"shared", "per_zone", "fixed"}));
+      linear_mode(reader.at("mode").deciding_word_or("shared", {"shared", "per_zone", "fixed"}));
   linear.fixed_amplitude = reader.at("value").number_or(1, kPositive);
   linear.amplitude_prior.median = linear.fixed_amplitude;
+  if (linear.amplitude == LinearMode::fixed) {
+    reader.exclude("prior", "no prior with mode \"fixed\"");
+  }
   if (const JsonReader prior = reader.at("prior"); prior.present()) {
-    if (linear.amplitude == LinearMode::fixed) prior.fail("no prior with mode \"fixed\"");
     prior.allow_only({"median", "sigma_log"});
     AmplitudePrior& p = linear.amplitude_prior;
     p.median = prior.at("median").number_or(p.median, kMedian);
@@ -558,18 +565,18 @@ void read_amplitude(const JsonReader& reader, LinearUnknowns& linear) {
 
 void read_direct(const JsonReader& reader, LinearUnknowns& linear) {
   reader.allow_only({"mode", "scale"});
-  const std::string mode = reader.at("mode").word_or("fixed", {"fixed", "per_zone", "absent"});
+  const std::string mode =
+      reader.at("mode").deciding_word_or("fixed", {"fixed", "per_zone", "absent"});
   linear.direct = linear_mode(mode);
   linear.fixed_direct = reader.at("scale").number_or(1, kNotNegative);
   if (mode != "absent") return;
-  if (reader.has("scale")) reader.at("scale").fail("no scale with mode \"absent\"");
+  reader.exclude("scale", "no scale with mode \"absent\"");
   linear.fixed_direct = 0;
 }
 
 /// {"mean": ..., "sigma": ...}, each one number or one per zone.
 void read_ambient_prior(const JsonReader& reader, std::size_t zones, LinearUnknowns& linear) {
   if (!reader.present()) return;
-  if (linear.ambient == LinearMode::fixed) reader.fail("no prior with mode \"fixed\"");
   reader.allow_only({"mean", "sigma"});
   const auto values = [&](const char* key, const NumberRange& range) {
     const JsonReader field = reader.at(key);
@@ -596,7 +603,11 @@ void read_linear(const JsonReader& reader, std::size_t zones, LinearUnknowns& li
   });
   if (const JsonReader ambient = reader.at("ambient"); ambient.present()) {
     ambient.allow_only({"mode", "counts_per_bin", "prior"});
-    linear.ambient = linear_mode(ambient.at("mode").word_or("per_zone", {"per_zone", "fixed"}));
+    linear.ambient =
+        linear_mode(ambient.at("mode").deciding_word_or("per_zone", {"per_zone", "fixed"}));
+    if (linear.ambient == LinearMode::fixed) {
+      ambient.exclude("prior", "no prior with mode \"fixed\"");
+    }
     linear.fixed_ambient = ambient.at("counts_per_bin").number_or(0, kNotNegative);
     if (zones > 0) read_ambient_prior(ambient.at("prior"), zones, linear);
   }

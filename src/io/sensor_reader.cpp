@@ -34,15 +34,9 @@ const std::initializer_list<std::string_view> kZoneFields = {"fov_deg", "zones",
 /// The preset with the fields of `given` put over it: whole fields, and `illumination` field by
 /// field.
 Json merge_preset(const JsonReader& given) {
-  const JsonReader name = given.at("preset");
-  const std::string_view text = embedded::sensor_preset(name.text());
-  if (text.empty()) {
-    std::vector<std::string> names;
-    for (const std::string_view known : embedded::sensor_preset_names()) names.emplace_back(known);
-    name.fail(list_words(names));
-  }
-  Json merged = JsonReader::parse(std::string(text), "preset " + name.text());
-  if (!merged.contains("name")) merged["name"] = name.text();
+  const std::string name = given.at("preset").word(embedded::sensor_preset_names());
+  Json merged = JsonReader::parse(std::string(embedded::sensor_preset(name)), "preset " + name);
+  if (!merged.contains("name")) merged["name"] = name;
   const auto replaces_zones = [&](std::string_view field) { return given.has(field); };
   if (std::any_of(kZoneFields.begin(), kZoneFields.end(), replaces_zones)) {
     for (const std::string_view field : kZoneFields) merged.erase(std::string(field));
@@ -273,7 +267,7 @@ ResponseShape read_table(const JsonReader& reader) {
 ResponseShape read_response(const JsonReader& reader) {
   if (!reader.is_object()) reader.fail("an object with \"type\"");
   const std::string type =
-      reader.at("type").word({"gaussian", "box_gaussian", "exponential_tail", "table"});
+      reader.at("type").deciding_word({"gaussian", "box_gaussian", "exponential_tail", "table"});
   const auto duration = [&](const char* key) {
     return reader.at(key).number(kDuration) * kPicosecond;
   };
@@ -296,7 +290,7 @@ ResponseShape read_response(const JsonReader& reader) {
 void read_noise(const JsonReader& reader, Sensor& sensor) {
   if (!reader.present()) return;
   if (!reader.is_object()) reader.fail("an object with \"law\"");
-  if (reader.at("law").word_or("poisson", {"poisson", "gaussian"}) == "poisson") {
+  if (reader.at("law").deciding_word_or("poisson", {"poisson", "gaussian"}) == "poisson") {
     reader.allow_only({"law", "dispersion"});
     sensor.noise = PoissonNoise{};
     sensor.dispersion = reader.at("dispersion").number_or(1, kPositive);
@@ -375,7 +369,7 @@ FieldOfIllumination read_field(const JsonReader& reader) {
     return read_rectangle(reader, "left_deg", "right_deg", "top_deg", "bottom_deg");
   }
   for (const char* edge : {"right_deg", "top_deg", "bottom_deg"}) {
-    if (reader.has(edge)) reader.at(edge).fail("no edge beside \"" + std::string(way) + "\"");
+    reader.exclude(edge, "no edge beside \"" + std::string(way) + "\"");
   }
   if (way == "fov_deg") return read_field_of_view(reader.at("fov_deg"));
   return AngularCone{reader.at("cone_half_angle_deg").number(kHalfAngle) * kDegree};
@@ -423,10 +417,10 @@ Link read_link(const JsonReader& reader) {
 
 /// The link replaces gain and radiant intensity, so neither may be given beside it.
 void read_link_of(const JsonReader& reader, Sensor& sensor) {
+  if (!reader.decided_by("link")) return;
   const JsonReader link = reader.at("link");
-  if (!link.present()) return;
   sensor.link = read_link(link);
-  if (reader.has("gain")) reader.at("gain").fail("no gain beside \"link\", which states it");
+  reader.exclude("gain", "no gain beside \"link\", which states it");
   const JsonReader intensity = reader.has("illumination")
                                    ? reader.at("illumination").at("radiant_intensity_w_per_sr")
                                    : reader.at("illumination");
@@ -518,7 +512,7 @@ Sensor read_explicit(const JsonReader& reader) {
 
 Sensor read_sensor(const JsonReader& reader) {
   if (!reader.is_object()) reader.fail("an object with \"preset\" or an explicit sensor");
-  if (!reader.has("preset")) return read_explicit(reader);
+  if (!reader.decided_by("preset")) return read_explicit(reader);
   const Json merged = merge_preset(reader);
   return read_explicit(reader.with_value(merged));
 }

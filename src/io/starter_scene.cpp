@@ -10,8 +10,9 @@
 namespace blindcorner {
 namespace {
 
-/// Lengths, m, begin with $: they grow with the sensor's range.
+/// Lengths, m, are numbers after $: they grow with the sensor's range.
 constexpr std::string_view kTemplate = R"({
+  "$schema": "scene.schema.json",
   "description": "A sensor on a desk looks at a wall; a partition hides a box that stands on the desk. Put in your own numbers.",
   "sensor": {"preset": "@"},
   "sensor_pose": {"position_m": [0, 0, $0.3], "look": [1, 0.1, 0]},
@@ -55,7 +56,7 @@ std::string starter_scene(const std::string& preset) {
   for (std::size_t i = 0; i < pattern.size(); ++i) {
     if (pattern[i] == '@') {
       text += preset;
-    } else if (pattern[i] == '$') {
+    } else if (pattern[i] == '$' && pattern[i + 1] != 's') {  // not "$schema"
       char* end = nullptr;
       char number[32];
       std::snprintf(number, sizeof number, "%.6g", scale * std::strtod(&pattern[i + 1], &end));

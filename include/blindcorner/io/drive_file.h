@@ -135,4 +135,8 @@ struct Drive {
 /// what was found, what is accepted. Unknown fields are errors.
 Drive read_drive(const std::string& path);
 
+/// The same from a drive file's text; `path` stands for it in messages, and the scene is looked for
+/// beside it.
+Drive parse_drive_text(const std::string& text, const std::string& path);
+
 }  // namespace blindcorner

@@ -122,6 +122,9 @@ TEST(DriveFile, WrongOnesGetOneLine) {
   const auto expect = [](const std::function<void(json&)>& change, const std::string& field,
                          const std::string& found) {
     const std::string message = refusal_of(change);
+    json drive = shipped();
+    change(drive);
+    test::keep_refused("drive", drive.dump(), message);
     EXPECT_THAT(message, HasSubstr("test.json: " + field));
     EXPECT_THAT(message, HasSubstr(found));
     EXPECT_THAT(message, HasSubstr("accepted"));

@@ -54,6 +54,18 @@ inline void write_text(const std::string& path, const std::string& bytes) {
   std::ofstream(path, std::ios::binary) << bytes;
 }
 
+/// Keeps what a reader refuses, and its message, in the folder that BLINDCORNER_REFUSED names, for
+/// the test of the JSON schemas (tests/schema/validate.py).
+inline void keep_refused(const std::string& kind, const std::string& document,
+                         const std::string& message) {
+  const char* folder = std::getenv("BLINDCORNER_REFUSED");
+  if (folder == nullptr || message.empty()) return;
+  static int count = 0;
+  const auto stem = std::filesystem::path(folder) / (kind + "_" + std::to_string(count++));
+  write_text(stem.string() + ".json", document);
+  write_text(stem.string() + ".txt", message);
+}
+
 /// The message of the Error that `action` throws; empty when it throws none.
 template <typename Action>
 std::string error_of(Action action) {

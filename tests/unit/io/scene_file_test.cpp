@@ -590,6 +590,7 @@ void expect_told(std::initializer_list<Mistake> mistakes) {
       scene[pointer] = json::parse(mistake.value);
     }
     const std::string message = message_of([&] { parse_scene(scene, "test.json"); });
+    test::keep_refused("scene", scene.dump(), message);
     EXPECT_THAT(message, StartsWith(std::string("test.json: ") + mistake.expected + ": found "));
     EXPECT_THAT(message, HasSubstr(", accepted: "));
     EXPECT_EQ(message.find('\n'), std::string::npos) << message;
@@ -677,7 +678,7 @@ TEST(SceneFile, PoseAndSurfaceMistakesAreToldWithTheirPath) {
   expect_told({{"/sensor_pose", "", "sensor_pose"},
                {"/sensor_pose/position_m", "[0, 0]", "sensor_pose.position_m"},
                {"/sensor_pose/position_m/1", R"("a")", "sensor_pose.position_m[1]"},
-               {"/sensor_pose/up", "[0, 0, 1]", "sensor_pose"},
+               {"/sensor_pose/up", "[0, 0, 1]", "sensor_pose.up"},
                {"/sensor_pose/look", "[0, 0, 0]", "sensor_pose.look"},
                {"/sensor_pose", R"({"position_m": [0, 0, 1], "look": [1, 0, 0], "up": [2, 0, 0]})",
                 "sensor_pose.up"},
