@@ -7,7 +7,7 @@
 set(prefix "${WORK_DIR}/prefix")
 set(venv "${WORK_DIR}/venv")
 set(packages "scikit-build-core>=0.10" "nanobind>=2.4" numpy pytest matplotlib nbclient ipykernel
-             "distributed>=2023.1")
+             "distributed>=2023.1" "rosbags>=0.10")
 
 function(run)
   execute_process(COMMAND ${ARGN} WORKING_DIRECTORY "${SOURCE_DIR}" RESULT_VARIABLE status

@@ -269,22 +269,34 @@ def import_captures(
     sensor_yaw_rad: float = 0.0,
     i2c_address: int = 0,
     repeats: int = 0,
+    topic: str = "",
 ) -> Captures:
     """Captures from other programs' files (docs/capture.md says what is read, and how).
 
     The options are those of ``blindcorner import``: ``axes`` the order of an array's axes,
     ``pattern`` the columns of any text table, ``bin_width_ps`` the width of a bin where the file does not say it, ps, ``truth`` what is known
-    of the object in each capture. What was left out or assumed comes as a warning, one line each.
+    of the object in each capture. A ROS 2 bag (sqlite3, MCAP) with messages of a TMF882x is read with
+    the package rosbags; ``topic`` names one of several. What was left out or assumed comes as a warning, one line each.
     Raises Error that names file, place, what was found and what is accepted.
     """
-    arrays, told = _core.import_captures(
-        [os.fspath(p) for p in paths], format, axes, array, pattern, rows, columns,
-        bin_width_ps * 1e-12, exposures, dispersion, sensor, description, sensor_positions, axes_world, sensor_yaw_rad,
-        i2c_address, repeats,
-    )
+    from ._bags import is_bag, load_bag
+
+    if len(paths) == 1 and (format == "ros" or format == "auto" and is_bag(paths[0])):
+        captures, told = load_bag(paths[0], topic=topic, i2c_address=i2c_address)
+        captures.metadata.update(bin_width_ps=float(bin_width_ps), description=description)
+        captures.metadata["sensor"] = sensor or captures.metadata["sensor"]
+        for entry in captures.metadata["captures"]:
+            entry.update({k: float(v) for k, v in (("exposures", exposures), ("dispersion", dispersion))
+                          if v is not None})
+    else:
+        arrays, told = _core.import_captures(
+            [os.fspath(p) for p in paths], format, axes, array, pattern, rows, columns,
+            bin_width_ps * 1e-12, exposures, dispersion, sensor, description, sensor_positions,
+            axes_world, sensor_yaw_rad, i2c_address, repeats,
+        )
+        captures = Captures._from_core(arrays)
     for line in told:
         warnings.warn(line, stacklevel=2)
-    captures = Captures._from_core(arrays)
     if truth is not None:
         for entry, known in zip(captures.metadata["captures"], _one_each(truth, len(captures), "truth")):
             entry["truth"] = {k: float(v) for k, v in known.items()}
