@@ -45,7 +45,7 @@ def load_bag(path: PathLike, *, topic: str = "", i2c_address: int = 0) -> tuple[
     ``i2c_address`` choose where several sensors speak. Raises Error.
     """
     try:
-        from rosbags.highlevel import AnyReader, AnyReaderError
+        from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
     except ImportError:
         raise Error(f"{os.fspath(path)}: ROS bags need the package rosbags (pip install rosbags)") from None
@@ -59,11 +59,26 @@ def load_bag(path: PathLike, *, topic: str = "", i2c_address: int = 0) -> tuple[
             found = [c for c in bag.connections if _has_histograms(bag.typestore, c.msgtype)]
             chosen = _chosen_topic(os.fspath(path), topic, sorted({c.topic for c in found}),
                                    sorted({c.msgtype for c in bag.connections}))
-            messages = [bag.deserialize(raw, connection.msgtype)
-                        for connection, _, raw in bag.messages([c for c in found if c.topic == chosen])]
-    except (AnyReaderError, OSError, KeyError, ValueError) as error:
+            messages, cut = _messages(bag, [c for c in found if c.topic == chosen])
+    except Error:
+        raise
+    except Exception as error:  # rosbags raises anything for a file that is damaged
         raise Error(f"{os.fspath(path)}: cannot be read as a bag ({error})") from None
-    return _captures(os.fspath(path), messages, i2c_address)
+    captures, told = _captures(os.fspath(path), messages, i2c_address)
+    return captures, [f"{os.fspath(path)}: {line}" for line in cut] + told
+
+
+def _messages(bag: Any, connections: list[Any]) -> tuple[list[Any], list[str]]:
+    """Messages up to the first that cannot be read, and what is wrong with that."""
+    messages: list[Any] = []
+    try:
+        for connection, _, raw in bag.messages(connections):
+            messages.append(bag.deserialize(raw, connection.msgtype))
+    except Exception as error:
+        if not messages:
+            raise
+        return messages, [f"ends with message {len(messages) - 1}: the next cannot be read ({error})"]
+    return messages, []
 
 
 def _has_histograms(store: Any, msgtype: str) -> bool:

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """ROS 2 bags, written by rosbags: with the driver's own message, and with an array of histograms."""
 
+import sqlite3
+
 import numpy as np
 import pytest
 
@@ -94,6 +96,14 @@ def test_what_is_odd_is_told_and_the_rest_kept(store, frames, tmp_path):
     text = "\n".join(str(w.message) for w in told)
     assert "1 of 4 messages hold no histograms" in text and "message 2: is left out" in text
     assert "1 messages of 4 zones" in text
+
+
+def test_a_bag_is_read_up_to_a_damaged_message(store, frames, tmp_path):
+    bag = write(store, tmp_path / "bag", [("/a", measure(store, f)) for f in frames])
+    with sqlite3.connect(next(bag.glob("*.db3"))) as database:
+        database.execute("UPDATE messages SET data = substr(data, 1, 100) WHERE timestamp = 2")
+    with pytest.warns(UserWarning, match="ends with message 1"):
+        np.testing.assert_array_equal(bc.import_captures(bag).counts, frames[:2])
 
 
 def test_several_sensors_are_told_apart(store, frames, tmp_path):
