@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <iterator>
 #include <utility>
 
@@ -24,10 +25,22 @@ const CaptureReader& named_reader(const std::string& name) {
   throw Error("format", "found '" + name + "', accepted " + names);
 }
 
+bool is_ros_bag(const ImportSource& source) {
+  for (const char* ending : {".bag", ".db3", ".mcap"}) {
+    if (source.ending() == ending) return true;
+  }
+  return source.is_folder() &&
+         std::filesystem::exists(std::filesystem::path(source.path()) / "metadata.yaml");
+}
+
 /// The reader that recognises a file. Throws Error that lists what each of them reads.
 const CaptureReader& recognising_reader(const ImportSource& source) {
   if (source.ending() == ".exr" || source.beginning().starts_with("\x76\x2f\x31\x01")) {
     throw Error(source.path(), "is a capture file already, nothing to import");
+  }
+  if (is_ros_bag(source)) {
+    throw Error(source.path(),
+                "is a ROS bag, accepted: in Python, blindcorner.import_captures (docs/python.md)");
   }
   std::string accepted;
   for (const CaptureReader& reader : capture_readers()) {

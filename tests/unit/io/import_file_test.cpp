@@ -571,6 +571,11 @@ TEST_F(ImportTest, PersonTrackingFolderIsReadInOrder) {
         {"pt_cloud", npy_bytes("<f8", "(4, 3)", points)}};
   };
   EXPECT_THAT(import_error(folder_.path()), HasSubstr("not recognised"));
+  write_text(folder_.file("metadata.yaml"), "rosbag2_bagfile_information:\n");
+  EXPECT_THAT(import_error(folder_.path()), HasSubstr("is a ROS bag, accepted: in Python"));
+  std::filesystem::remove(folder_.file("metadata.yaml"));
+  write_text(folder_.file("a.mcap"), "\x89MCAP0\r\n");
+  EXPECT_THAT(import_error(folder_.file("a.mcap")), HasSubstr("is a ROS bag"));
   write_npz(folder_.file("volume_000010.npz"), volume(100));
   write_npz(folder_.file("volume_000002.npz"), volume(0));
   write_text(folder_.file("notes.txt"), "not a volume");
