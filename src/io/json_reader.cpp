@@ -283,7 +283,7 @@ std::string JsonReader::word(const std::vector<std::string_view>& words) const {
 
 std::string JsonReader::deciding_word(const std::vector<std::string_view>& words) const {
   std::string chosen = word(words);
-  if (record_ != nullptr) record_->decides = chosen;
+  if (record_ != nullptr) record_->decides = Json(chosen).dump();
   return chosen;
 }
 
@@ -311,7 +311,7 @@ std::string JsonReader::word_or(const std::string& absent,
 std::string JsonReader::deciding_word_or(const std::string& absent,
                                          const std::vector<std::string_view>& words) const {
   std::string chosen = word_or(absent, words);
-  if (record_ != nullptr) record_->decides = chosen;
+  if (record_ != nullptr) record_->decides = Json(chosen).dump();
   return chosen;
 }
 

@@ -38,7 +38,8 @@ struct JsonRecord {
   std::list<std::pair<std::string, JsonRecord>> fields;
 
   /// Which others may or must stand beside a field depends on its word, or on whether it is there.
-  /// The word that holds (also where it is absent), or "there" or "absent"; empty: nothing depends.
+  /// The word that holds as JSON, in quotes (also where it is absent and a default holds), or there
+  /// or absent; empty: nothing depends.
   std::string decides;
   std::string deciders;    ///< which fields decide together; empty: this one alone
   bool forbidden = false;  ///< what stands beside it excludes it

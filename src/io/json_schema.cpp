@@ -256,7 +256,7 @@ Json SchemaSource::describe_variant(const Variant& variant, const std::vector<st
       return contains(p.example->document, p.record->pointer);
     });
     if (stated) add_names(needed, {name});
-    if (decided != "there") put_property(schema, name, {{"const", decided}});
+    if (decided != "there") put_property(schema, name, {{"const", Json::parse(decided)}});
   }
   std::vector<std::string> own;
   for (const Place& place : variant.places) add_names(own, names_of(*place.record));
