@@ -9,6 +9,8 @@ usage() {
   cat <<'USAGE'
 usage: ./bootstrap.sh fit     install what is missing, build, fit the bundled capture (out/fit/index.html)
        ./bootstrap.sh test    install what is missing, build, run the tests
+       ./bootstrap.sh python  install what is missing, build, test the Python package in a virtual
+                              environment of its own (from PyPI; skipped where that cannot be reached)
 
 Missing packages are installed with apt-get, as root or through sudo. All else stays in this folder.
 JOBS=N ./bootstrap.sh ...     compile and test with N processes (default: one per processor, at most
@@ -96,12 +98,12 @@ job_count() {
   echo $((jobs < memory_jobs ? jobs : memory_jobs))
 }
 
-# Configures and builds a target of the preset `release`. In an empty build folder sources are compiled
+# Configures and builds a target of the preset `release`: JOBS TARGET [OPTION...]. In an empty build folder sources are compiled
 # several at a time, which halves the time of a first build and lengthens those of later changes.
 build() {
-  local log=build/configure.log options=()
+  local log=build/configure.log options=("${@:3}")
   mkdir -p build
-  [[ -e build/release/CMakeCache.txt ]] || options=(-DCMAKE_UNITY_BUILD=ON)
+  [[ -e build/release/CMakeCache.txt ]] || options+=(-DCMAKE_UNITY_BUILD=ON)
   cmake --preset release "${options[@]}" >"$log" 2>&1 || {
     cat "$log" >&2
     die "CMake failed"
@@ -111,7 +113,7 @@ build() {
 
 main() {
   case "${1:-}" in
-    fit | test) (($# == 1)) || { usage >&2; exit 2; } ;;
+    fit | test | python) (($# == 1)) || { usage >&2; exit 2; } ;;
     '' | -h | --help) usage; exit 0 ;;
     *) usage >&2; exit 2 ;;
   esac
@@ -123,6 +125,10 @@ main() {
     build "$jobs" blindcorner_program
     build/release/blindcorner fit scenes/tmf8828_wall.json scenes/captures/tmf8828_wall.exr -o out/fit
     echo "Page with the picture: $PWD/out/fit/index.html"
+  elif [[ "$1" == python ]]; then
+    install_packages python3-dev python3-venv
+    build "$jobs" blindcorner_program -DBLINDCORNER_PYTHON_TEST=ON
+    ctest --preset release -R package.python
   else
     install_optional_packages "${optional_packages[@]}"
     build "$jobs" all
