@@ -51,13 +51,14 @@ def written(folder):
         subprocess.run([PROGRAM, *arguments], cwd=folder, check=True, stdout=subprocess.DEVNULL,
                        stderr=subprocess.DEVNULL)
 
+    wall = SOURCE / "scenes/tmf8828_wall.json"
     run("init", "--sensor", "vl53l8ch_4x4", "-o", "desk.json")
     run("render", "desk.json", "--model", "fast", "--random", "3", "--photons", "5000", "-o", "c.exr")
     run("fit", "desk.json", "c.exr", "-o", "each", "--no-page")
     run("fit", "desk.json", "c.exr", "-o", "joint", "--no-page", "--joint")
     run("fit", "desk.json", "c.exr", "-o", "track", "--no-page", "--track")
-    run("calibrate", "desk.json", "c.exr", "-o", "instrument.json", "--no-page")
-    run("export", "c.exr", "-o", "c.npz")
+    run("render", wall, "--model", "fast", "--empty", "--random", "4", "-o", "none.exr")
+    run("calibrate", wall, "none.exr", "--no-object", "-o", "instrument.json", "--no-page")
     yield "scene", folder / "desk.json"
     for kind in ("each", "joint", "track"):
         yield "result", folder / kind / "result.json"

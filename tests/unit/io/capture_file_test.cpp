@@ -80,7 +80,7 @@ class CaptureFileTest : public ::testing::Test {
     image.write(folder_.file("m.exr"));
     std::string message = read_error(folder_.file("m.exr"));
     EXPECT_THAT(message, StartsWith(folder_.file("m.exr")));
-    keep_refused("capture", metadata, message);
+    test::keep_refused("capture", metadata, message);
     return message;
   }
 
