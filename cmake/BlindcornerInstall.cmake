@@ -48,11 +48,14 @@ configure_file(cmake/blindcorner.pc.in ${CMAKE_CURRENT_BINARY_DIR}/blindcorner.p
 install(FILES ${CMAKE_CURRENT_BINARY_DIR}/blindcorner.pc
         DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig COMPONENT development)
 
-# `cpack` in the build folder: blindcorner_VERSION_ARCH.deb with the program, libblindcorner-dev with
-# libraries and headers. Shared libraries that the program needs are named by dpkg-shlibdeps.
+# `cpack` in the build folder: blindcorner_VERSION_ARCH.deb with the program, blindcorner-learning with
+# what needs libtorch (2 GB), where that was found, libblindcorner-dev with libraries and headers. Shared libraries that the program needs are named by dpkg-shlibdeps.
 set(CPACK_GENERATOR DEB)
 set(CPACK_DEB_COMPONENT_INSTALL ON)
 set(CPACK_COMPONENTS_ALL program development)
+if(TARGET blindcorner_cnn)
+  list(APPEND CPACK_COMPONENTS_ALL learning)
+endif()
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_PACKAGE_CONTACT "The blindcorner authors <blindcorner@example.org>")
 set(CPACK_STRIP_FILES ON)
@@ -60,12 +63,19 @@ set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_NAME blindcorner)
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_PROGRAM_PACKAGE_SUGGESTS blindcorner-learning)
 set(CPACK_COMPONENT_PROGRAM_DESCRIPTION
-    "sees around corners with single-photon LiDAR\n Fits a physical model of three-bounce light to measured histograms and\n returns the hidden object's pose, its uncertainty and all rivals.")
+    "Fits a physical model of three-bounce light to measured histograms and\n returns the hidden object's pose, its uncertainty and all rivals.")
+set(CPACK_DEBIAN_LEARNING_PACKAGE_NAME blindcorner-learning)
+set(CPACK_DEBIAN_LEARNING_PACKAGE_SECTION science)
+set(CPACK_DEBIAN_LEARNING_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_LEARNING_PACKAGE_DEPENDS "blindcorner (= ${PROJECT_VERSION})")
+set(CPACK_COMPONENT_LEARNING_DESCRIPTION
+    "The learned baselines (cnn train, cnn evaluate, networks as perception), on libtorch.")
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME libblindcorner-dev)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
 set(CPACK_COMPONENT_DEVELOPMENT_DESCRIPTION
-    "libraries and headers of blindcorner\n Static libraries for C++20 with CMake and pkg-config files.")
+    "Static libraries and headers for C++20 with CMake and pkg-config files.")
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS
     "libeigen3-dev, libceres-dev, libembree-dev, libtbb-dev, libopenexr-dev, nlohmann-json3-dev, libzip-dev, zlib1g-dev, libpng-dev, libyaml-cpp-dev, libtinyobjloader-dev, libmatio-dev, libhdf5-dev")
 include(CPack)
