@@ -222,6 +222,10 @@ Json SchemaSource::describe_object(const Places& places) const {
   schema["additionalProperties"] = false;
   const std::vector<std::string> always = required(places, names);
   if (!always.empty()) schema["required"] = always;
+  const bool may_be_empty = accepts_any(places, [](Json& document, const Place& place) {
+    document[Json::json_pointer(place.record->pointer)] = Json::object();
+  });
+  if (read_ != nullptr && always.empty() && !may_be_empty) schema["minProperties"] = 1;
   for (const std::vector<Variant>& variants : variants_of(places)) {
     Json alternatives = describe_variants(variants, names, always);
     if (!alternatives.empty()) schema["allOf"].push_back({{"anyOf", std::move(alternatives)}});
@@ -270,6 +274,10 @@ Json SchemaSource::describe_variant(const Variant& variant, const std::vector<st
   }
   std::erase_if(needed, [&](const std::string& n) { return std::ranges::count(always, n) > 0; });
   if (!needed.empty()) schema["required"] = needed;
+  for (const std::string& name : needed_choice(variant.places)) {
+    if (variant.decided.contains(name)) break;  // stated already
+    schema["anyOf"].push_back({{"required", {name}}});
+  }
   return schema;
 }
 
@@ -293,23 +301,52 @@ bool SchemaSource::can_be_left_out(const Places& places, const std::string& name
     const JsonRecord* field = place.record->find(name);
     if (field == nullptr || !contains(place.example->document, field->pointer)) return true;
   }
+  return accepts_any(places, [&](Json& document, const Place& place) {
+    document[Json::json_pointer(place.record->pointer)].erase(name);
+  });
+}
+
+bool SchemaSource::accepts_any(
+    const Places& places,
+    const std::function<void(Json& document, const Place& place)>& change) const {
   if (read_ == nullptr) return false;
   std::set<const Example*> tried;  // one place of each
   for (const Place& place : places) {
     if (!tried.insert(place.example).second) continue;
-    Json without = place.example->document;
-    without[Json::json_pointer(place.record->pointer)].erase(name);
+    Json changed = place.example->document;
+    change(changed, place);
     try {
-      read_(without, place.example->path);
+      read_(changed, place.example->path);
       return true;
-    } catch (const Error&) {  // it is needed here
+    } catch (const Error&) {  // not here
     }
   }
   return false;
 }
 
+std::vector<std::string> SchemaSource::needed_choice(const Places& places) const {
+  std::vector<std::string> names;
+  const auto chosen = [](const Place& place) -> const JsonRecord* {
+    for (const auto& [name, field] : place.record->fields) {
+      if (field.deciders.empty() || field.decides != "there") continue;
+      return contains(place.example->document, field.pointer) ? &field : nullptr;
+    }
+    return nullptr;
+  };
+  if (read_ == nullptr || !std::ranges::all_of(places, chosen)) return names;
+  const bool open = accepts_any(places, [&](Json& document, const Place& place) {
+    const Json::json_pointer pointer(chosen(place)->pointer);
+    document[pointer.parent_pointer()].erase(pointer.back());
+  });
+  if (open) return names;
+  for (const auto& [name, field] : places.front().record->fields) {
+    if (!field.deciders.empty()) names.push_back(name);
+  }
+  return names;
+}
+
 Json patch_schema(Json schema) {
-  for (const char* key : {"required", "allOf", "minItems", "maxItems"}) schema.erase(key);
+  for (const char* key : {"required", "allOf", "minProperties"}) schema.erase(key);
   for (const char* key : {"properties", "patternProperties"}) {
     if (!schema.contains(key)) continue;
     for (Json& value : schema[key]) {

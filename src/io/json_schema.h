@@ -60,6 +60,11 @@ class SchemaSource {
   /// Fields of that name, also below objects' names ("front.x_m" for "*.x_m").
   static Places fields_of(const Places& places, const std::string& name);
   bool can_be_left_out(const Places& places, const std::string& name) const;
+  /// Whether the reader takes any of these documents after a change of it at that place.
+  bool accepts_any(const Places& places,
+                   const std::function<void(Json& document, const Place& place)>& change) const;
+  /// Names of which one has to be there, though none in particular; empty: none has to be.
+  std::vector<std::string> needed_choice(const Places& places) const;
   std::vector<std::string> required(const Places& places,
                                     const std::vector<std::string>& names) const;
 

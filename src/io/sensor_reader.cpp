@@ -138,20 +138,18 @@ std::vector<ZoneFootprint> read_zone_list(const JsonReader& reader, std::size_t 
 }
 
 std::vector<ZoneFootprint> read_footprints(const JsonReader& reader, int rows, int columns) {
-  const JsonReader by_columns = reader.at("zone_columns_deg");
-  const JsonReader by_rows = reader.at("zone_rows_deg");
-  if (by_rows.present() && !by_columns.present()) by_columns.fail("what goes with zone_rows_deg");
   const std::string_view way = reader.exactly_one_of({"fov_deg", "zones", "zone_columns_deg"});
+  if (way == "zone_columns_deg") {
+    return grid(read_edges(reader.at(way), columns, "pairs [left, right], one per column"),
+                read_edges(reader.at("zone_rows_deg"), rows, "pairs [top, bottom], one per row"));
+  }
+  reader.exclude("zone_rows_deg", "no rows without zone_columns_deg");
   if (way == "fov_deg") {
     const AngularRectangle all = read_field_of_view(reader.at("fov_deg"));
     return grid(even_edges(all.left, all.right, columns), even_edges(all.top, all.bottom, rows));
   }
-  if (way == "zones") {
-    return read_zone_list(reader.at("zones"),
-                          static_cast<std::size_t>(rows) * static_cast<std::size_t>(columns));
-  }
-  return grid(read_edges(by_columns, columns, "pairs [left, right], one per column"),
-              read_edges(by_rows, rows, "pairs [top, bottom], one per row"));
+  return read_zone_list(reader.at("zones"),
+                        static_cast<std::size_t>(rows) * static_cast<std::size_t>(columns));
 }
 
 /// One number for all zones, or one for each.

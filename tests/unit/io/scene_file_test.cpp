@@ -613,7 +613,7 @@ TEST(SceneFile, SensorMistakesAreToldWithTheirPath) {
        {"/sensor/fov_deg", "[40]", "sensor.fov_deg"},
        {"/sensor/fov_deg", "", "sensor"},
        {"/sensor/zones", R"("from_capture")", "sensor.zones"},
-       {"/sensor/zone_rows_deg", "[[-1, 1]]", "sensor.zone_columns_deg"},
+       {"/sensor/zone_rows_deg", "[[-1, 1]]", "sensor.zone_rows_deg"},
        {"/sensor/time_zero_ps", "[1, 2, 3]", "sensor.time_zero_ps"},
        {"/sensor/gain", "[1, 0]", "sensor.gain[1]"},
        {"/sensor/wrap_bins", "65", "sensor.wrap_bins"},
