@@ -2148,9 +2148,10 @@ TEST_F(Cli, WrittenTablesAreJsonForOtherPrograms) {
     return json::parse(text_of(path(std::string("out/") + file)));
   };
   const std::string drive = " '" SOURCE_DIR "/scenes/robot_drive.json'";
-  EXPECT_EQ(printed("bound '" + kScene + "' --grid 2 --test-poses 8" + out), written("bound.json"));
-  EXPECT_EQ(printed("drive" + drive + " --perception oracle --no-page" + out),
-            written("drive.json"));
+  const json bound = printed("bound '" + kScene + "' --grid 2 --test-poses 8" + out);
+  EXPECT_EQ(bound, written("bound.json"));
+  const json driven = printed("drive" + drive + " --perception oracle --no-page" + out);
+  EXPECT_EQ(driven, written("drive.json"));
   const json shares = printed("trials" + drive + " -n 2 --perception oracle" + out);
   EXPECT_EQ(shares[0]["perception"], "oracle");
   EXPECT_LE(shares[0]["interval_95"][0], shares[0]["share"]);
