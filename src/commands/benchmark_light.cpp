@@ -566,6 +566,7 @@ void add_light_benchmark(CLI::App& benchmark, int& exit_code) {
       ->capture_default_str();
   command.add_option("--save-captures", arguments->captures_directory,
                      "directory for the captures, a file for each scene and number of photons");
+  arguments->out.add_option(command, "the rows of light.csv");
   command.callback([arguments, &exit_code] {
     for (const std::string& name : arguments->without) leave_out(name, arguments->fit);
     arguments->fit.validate();

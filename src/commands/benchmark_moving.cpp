@@ -495,6 +495,7 @@ void add_moving_benchmark(CLI::App& benchmark, int& exit_code) {
       ->capture_default_str();
   command.add_option("--seed", arguments->seed, "of poses and photons")->capture_default_str();
   add_capture_directories(command, arguments->directories);
+  arguments->out.add_option(command, "the rows of moving.csv");
   command.callback([arguments, &exit_code] {
     arguments->exhaustive.model_tolerance = arguments->fit.model_tolerance.value_or(kJudge);
     arguments->fit.validate();

@@ -328,6 +328,7 @@ void add_planner_benchmark(CLI::App& benchmark, int& exit_code) {
   command.add_option("--scenario", arguments->scenario, "its problems (.map.scen)")->required();
   command.add_option("-o,--output", arguments->output, "directory to write to")
       ->capture_default_str();
+  arguments->out.add_option(command, "the rows of planner.csv");
   command.callback([arguments, &exit_code] { exit_code = run_planner(*arguments); });
 }
 

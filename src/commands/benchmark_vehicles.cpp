@@ -281,6 +281,7 @@ void add_vehicles_benchmark(CLI::App& benchmark, int& exit_code) {
   command.add_option("--speed", arguments->speed, "at the start, with --inputs, m/s")
       ->needs(inputs)
       ->capture_default_str();
+  arguments->out.add_option(command, "the rows of vehicles.csv");
   command.callback([arguments, &exit_code] {
     run(*arguments);
     exit_code = kAllWell;
