@@ -204,17 +204,20 @@ Path turning_path(const PlanningGrid& grid, const PathRequest& request,
       break;
     }
     path.status = PathStatus::no_path;
-    const std::vector<Vector2d> corners = shortcut(wide, points_of(wide, request, way));
-    if (corners.front() == corners.back() && corners.size() == 2) {
-      path.points = {{request.start, request.start_heading.value_or(0), 0, 0}};
+    const std::vector<Vector2d> points = points_of(wide, request, way);
+    // Where a line that the cells take for free touches, the way over their centres is left.
+    for (const std::vector<Vector2d>& corners : {shortcut(wide, points), points}) {
+      if (corners.front() == corners.back() && corners.size() == 2) {
+        path.points = {{request.start, request.start_heading.value_or(0), 0, 0}};
+        path.status = PathStatus::found;
+        return path;
+      }
+      const Track track = drawn(grid, corners, request, options);
+      if (!track.free()) continue;
+      path.points = track.points();
       path.status = PathStatus::found;
-      break;
+      return path;
     }
-    const Track track = drawn(grid, corners, request, options);
-    if (!track.free()) continue;
-    path.points = track.points();
-    path.status = PathStatus::found;
-    break;
   }
   return path;
 }

@@ -256,6 +256,23 @@ TEST(TurningPath, IsFreeOnEveryMap) {
   EXPECT_GE(found, 10);
 }
 
+// Of cells as wide as the vehicle, a straight line that the cells take for free may touch a corner.
+TEST(TurningPath, GoesOverTheCellsWhereAStraightLineTouches) {
+  TestMap map{{.columns = 30, .rows = 20, .cell_size = 1}, {}};
+  map.occupancy.assign(map.geometry.cells(), 0);
+  for (int row = 5; row < 20; ++row) map.occupancy[map.geometry.index({15, row})] = 1;
+  for (const double radius : {0.0, 0.2, 0.4}) {
+    PathPlannerOptions options;
+    options.footprint = VehicleFootprint::disc(radius);
+    const PathPlanner planner(options);
+    const PlanningGrid grid = planner.grid(map.geometry, map.occupancy);
+    const Path path = planner.plan(grid, {{2, 10}, {}, {{28, 10}, {}, {}}, 0, 0});
+    ASSERT_TRUE(path.found()) << radius;
+    check_path(grid, options, path);
+    EXPECT_LT(path.length, 31) << radius;
+  }
+}
+
 TEST(Shortcut, StraightensWhatIsFree) {
   const TestMap map = map_of({"......", "......", "......"});
   const PlanningGrid grid(map.geometry, map.occupancy);
