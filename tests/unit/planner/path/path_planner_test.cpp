@@ -261,7 +261,7 @@ TEST(TurningPath, GoesOverTheCellsWhereAStraightLineTouches) {
   TestMap map{{.columns = 30, .rows = 20, .cell_size = 1}, {}};
   map.occupancy.assign(map.geometry.cells(), 0);
   for (int row = 5; row < 20; ++row) map.occupancy[map.geometry.index({15, row})] = 1;
-  for (const double radius : {0.0, 0.2, 0.4}) {
+  for (const double radius : {0.2, 0.4}) {
     PathPlannerOptions options;
     options.footprint = VehicleFootprint::disc(radius);
     const PathPlanner planner(options);
