@@ -124,8 +124,8 @@ class DriveRun:
         return self._core.page()
 
     def save(self, directory: PathLike) -> None:
-        """Writes ``drive.json`` and ``index.html``; the directory is made. Raises Error."""
-        _save(directory, {"index.html": self.page(), "drive.json": self._core.text})
+        """Writes ``drive.json`` and ``drive.html``; the directory is made. Raises Error."""
+        _save(directory, {"drive.html": self.page(), "drive.json": self._core.text})
 
     def __repr__(self) -> str:
         return (
@@ -194,8 +194,8 @@ class Plan:
         return self._document
 
     def save(self, directory: PathLike) -> None:
-        """Writes ``path.json`` and ``index.html``; the directory is made. Raises Error."""
-        _save(directory, {"path.json": self._core.text, "index.html": self._core.page()})
+        """Writes ``path.json`` and ``path.html``; the directory is made. Raises Error."""
+        _save(directory, {"path.json": self._core.text, "path.html": self._core.page()})
 
     def __repr__(self) -> str:
         length = "" if self.length_m is None else f", {self.length_m:.2f} m"
