@@ -90,7 +90,7 @@ std::string plain_page(const std::string& title, const std::string& headline,
 
 std::string script_page(const std::string& title, const std::string& headline,
                         const std::string& data, const PageAssets& assets) {
-  std::string page = head_of(title + " - blindcorner", headline);
+  std::string page = head_of(title, headline);
   page += embedded::report_asset(assets.style);
   page +=
       "</style>\n</head>\n<body>\n<main id=\"page\"></main>\n<noscript>This page draws its "

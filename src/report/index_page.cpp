@@ -84,18 +84,18 @@ std::string link_target(const fs::path& path) {
   return target;
 }
 
-/// One row of the list; `what` is HTML already.
-std::string row(const fs::path& path, const std::string& what) {
-  return "<tr><td><a href=\"" + link_target(path) + "\">" + html_safe(path.generic_string()) +
-         "</a><td class=\"text\">" + what + "</tr>\n";
+/// One line of a list; `what` is HTML already.
+std::string entry(const fs::path& path, const std::string& what) {
+  return "<p><a href=\"" + link_target(path) + "\">" + html_safe(path.generic_string()) + "</a> " +
+         what + "</p>\n";
 }
 
 /// Its title and headline, as they stand in its head.
-std::string page_row(const fs::path& directory, const fs::path& page) {
+std::string page_entry(const fs::path& directory, const fs::path& page) {
   const std::string head = beginning_of(directory / page);
-  const std::string title = between(head, "<title>", "</title>");
   const std::string headline = between(head, "<meta name=\"description\" content=\"", "\">");
-  return row(page, "<b>" + title + "</b>" + (headline.empty() ? "" : "<br>" + headline));
+  return entry(page, "<b>" + between(head, "<title>", "</title>") + "</b>" +
+                         (headline.empty() ? "" : "<br>" + headline));
 }
 
 struct Listing {
@@ -124,23 +124,19 @@ Listing listing_of(const fs::path& directory) {
   return listing;
 }
 
-/// Pages of a directory below: its own index alone where it has one.
-std::string rows_below(const fs::path& directory, const fs::path& below, int levels) {
-  if (is_own_page((directory / below / kName).string())) {
-    return page_row(directory, below / kName);
-  }
+std::string pages_below(const fs::path& directory, const fs::path& below, int levels) {
   const Listing listing = listing_of(directory / below);
-  std::string rows;
-  for (const fs::path& page : listing.pages) rows += page_row(directory, below / page);
-  if (levels == 0) return rows;
+  std::string entries;
+  for (const fs::path& page : listing.pages) entries += page_entry(directory, below / page);
+  if (levels == 1) return entries;
   for (const fs::path& deeper : listing.directories) {
-    rows += rows_below(directory, below / deeper, levels - 1);
+    entries += pages_below(directory, below / deeper, levels - 1);
   }
-  return rows;
+  return entries;
 }
 
-std::string table(const std::string& rows, const std::string& title) {
-  return rows.empty() ? "" : "<h2>" + title + "</h2>\n<table>\n" + rows + "</table>\n";
+std::string section(const std::string& title, const std::string& entries) {
+  return entries.empty() ? "" : "<h2>" + title + "</h2>\n" + entries;
 }
 
 }  // namespace
@@ -157,16 +153,15 @@ void write_index(const std::string& directory) {
   if (there && !is_own_page(index.string())) return;
   const Listing listing = listing_of(directory);
   std::string pages, files, below;
-  for (const fs::path& page : listing.pages) pages += page_row(directory, page);
-  for (const fs::path& file : listing.files) files += row(file, *meaning_of(file.string()));
-  for (const fs::path& path : listing.directories)
-    below += rows_below(directory, path, kLevels - 1);
+  for (const fs::path& page : listing.pages) pages += page_entry(directory, page);
+  for (const fs::path& file : listing.files) files += entry(file, *meaning_of(file.string()));
+  for (const fs::path& path : listing.directories) below += pages_below(directory, path, kLevels);
   if (pages.empty() && below.empty() && !there) return;
   const fs::path name = fs::absolute(fs::path(directory) / "", unimportant).lexically_normal();
   write_atomically(index.string(),
                    plain_page("Results in " + name.parent_path().filename().string(), "",
-                              table(pages, "Pages") + table(files, "Files") +
-                                  table(below, "In directories below")));
+                              section("Pages", pages) + section("Files", files) +
+                                  section("In directories below", below)));
 }
 
 void refresh_index(const std::string& directory) {
