@@ -26,6 +26,7 @@ def _save(directory: PathLike, files: dict[str, str]) -> None:
         raise Error(f"{folder}: cannot be made a directory: {error.strerror}") from None
     for name, text in files.items():
         _core.write_atomically(os.fspath(folder / name), text)
+    _core.write_index(os.fspath(folder))
 
 
 class Drive:

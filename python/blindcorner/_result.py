@@ -303,6 +303,7 @@ class Results(Sequence[Result]):
             else _core.result_text(
                 self._scene._core, [json.dumps(r._entry) for r in self._results]),
         )
+        _core.write_index(os.fspath(folder))
 
     def page(self) -> str:
         """The page of ``blindcorner fit`` as HTML. Raises Error for results that were read."""

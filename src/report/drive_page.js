@@ -198,7 +198,7 @@
     if (sure && hidden(sure)) list.push({ time: sure.time_s, words: "sure of the " + HIDDEN });
     if (sight) list.push({ time: sight.time_s, words: "direct sight" });
     if (brakes) list.push({ time: brakes.time_s, words: "brakes for " + brakes.braking_for });
-    if (nearest.clearance_m > 0) {
+    if (nearest.clearance_m !== null && drive.outcome !== "collision") {
       var metres = nearest.clearance_m.toFixed(2);
       list.push({ time: nearest.time_s, words: "nearest, " + metres + " m" });
     }
