@@ -89,7 +89,10 @@
       drawn(svg, "line", line);
     }
     if (shape === "outline") { box.fill = "none"; drawn(svg, "rect", box); }
-    if (shape === "fill") { box.fill = ink; box.stroke = "none"; drawn(svg, "rect", box); }
+    if (shape === "fill") {
+      box.fill = ink; box.stroke = "var(--edge)"; box["stroke-width"] = 0.7;
+      drawn(svg, "rect", box);
+    }
     if (shape === "tick") drawn(svg, "path", { d: "M11 2l4 8h-8z", fill: ink });
     if (shape === "mode") {
       drawn(svg, "rect", { x: 7, y: 3, width: 8, height: 6, fill: ink, "fill-opacity": 0.35,
@@ -443,20 +446,32 @@
 
   // ---------------------------------------------------------------- histograms
 
+  var DECADES = 3;  // of the object's light that are shown, below its largest counts
+
   // Bins in which something happens in any frame, and the most light from the object; null: no
   // frame has histograms.
   var bins = (function () {
     var from = Infinity, to = 0, object = 0, length = 0;
-    pictures.forEach(function (picture) {
-      picture.measured.forEach(function (counts, z) {
-        var least = Math.max(1, Math.min.apply(null, counts));
+    function widen(histograms, floorOf) {
+      histograms.forEach(function (counts) {
+        var floor = floorOf(counts);
         length = counts.length;
-        object = Math.max(object, Math.max.apply(null, picture.object[z]));
         counts.forEach(function (count, k) {
-          if (count <= 1.5 * least) return;
+          if (count <= floor) return;
           from = Math.min(from, k); to = Math.max(to, k + 1);
         });
       });
+    }
+    pictures.forEach(function (picture) {
+      picture.object.forEach(function (counts) {
+        object = Math.max(object, Math.max.apply(null, counts));
+      });
+    });
+    pictures.forEach(function (picture) {
+      widen(picture.measured, function (counts) {
+        return 1.5 * Math.max(1, Math.min.apply(null, counts));
+      });
+      widen(picture.object, function () { return object / Math.pow(10, DECADES); });
     });
     if (!length) return null;
     return from < to ? { from: Math.max(0, from - 3), to: Math.min(length, to + 3), object: object }
@@ -484,13 +499,13 @@
       });
     });
     floor = Math.min(Math.max(0.5, 0.9 * floor), top / 2);
-    var ns = world.bin_width_ns, decades = 3;
+    var ns = world.bin_width_ns;
     heading.textContent = "Histograms ";
     element(heading, "small", "", "of the zones with most light from the object; " +
       (bins.from * ns).toFixed(0) + " to " + (bins.to * ns).toFixed(0) + " ns (" +
       (bins.from * ns * LIGHT).toFixed(0) + " to " + (bins.to * ns * LIGHT).toFixed(0) +
       " m of path), counts from " + said(floor) + " to " + said(top) + ", logarithmic" +
-      (bins.object ? "; the object's from " + said(bins.object / Math.pow(10, decades)) + " to " +
+      (bins.object ? "; the object's from " + said(bins.object / Math.pow(10, DECADES)) + " to " +
                      said(bins.object) : ""));
     ctx.clearRect(0, 0, plots.width, plots.height);
     ctx.font = 10.5 * ratio + "px sans-serif"; ctx.textAlign = "left";
@@ -509,7 +524,7 @@
       ctx.strokeStyle = COLOUR.faint; ctx.lineWidth = ratio;
       ctx.strokeRect(x, bottom - tall, width, tall);
       curve(picture.object[z], function (v) {
-        return v > 0 ? 1 + Math.log(v / bins.object) / Math.LN10 / decades : 0;
+        return v > 0 ? 1 + Math.log(v / bins.object) / Math.LN10 / DECADES : 0;
       });
       ctx.lineTo(x + width, bottom); ctx.lineTo(x, bottom); fill(ctx, COLOUR.object, 0.6);
       curve(counts, function (v) {

@@ -208,6 +208,7 @@ std::string knowledge_sentence(const Drive& drive, const DriveResult& result) {
   });
   const std::string hidden =
       object_count(drive.scene) == 1 ? hidden_object(drive.scene, 0).name : "hidden objects";
+  const char* one = object_count(drive.scene) == 1 ? "it" : "one of them";
   if (sure == sight) {
     return seen ? formatted("It saw the %s from %.1f s on and was not sure before.", hidden.c_str(),
                             sight->time)
@@ -217,8 +218,9 @@ std::string knowledge_sentence(const Drive& drive, const DriveResult& result) {
   const std::string since =
       sure == told ? formatted("It took the %s to be there from the start", hidden.c_str())
                    : formatted("It was sure of the %s from %.1f s on", hidden.c_str(), sure->time);
-  return seen ? since + formatted(", %.1f s before it saw it directly.", sight->time - sure->time)
-              : since + " and never saw it directly.";
+  return seen ? since +
+                    formatted(", %.1f s before it saw %s directly.", sight->time - sure->time, one)
+              : since + " and never saw " + one + " directly.";
 }
 
 json world_json(const Drive& drive, const DriveResult& result) {
