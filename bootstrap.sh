@@ -7,7 +7,7 @@ unset CDPATH
 
 usage() {
   cat <<'USAGE'
-usage: ./bootstrap.sh fit     install what is missing, build, fit the bundled capture (out/fit/index.html)
+usage: ./bootstrap.sh fit     install what is missing, build, fit the bundled capture (out/fit/result.html)
        ./bootstrap.sh test    install what is missing, build, run the tests
 
 Missing packages are installed with apt-get, as root or through sudo. All else stays in this folder.
@@ -122,7 +122,7 @@ main() {
   if [[ "$1" == fit ]]; then
     build "$jobs" blindcorner_program
     build/release/blindcorner fit scenes/tmf8828_wall.json scenes/captures/tmf8828_wall.exr -o out/fit
-    echo "Page with the picture: $PWD/out/fit/index.html"
+    echo "Page with the picture: $PWD/out/fit/result.html"
   else
     install_optional_packages "${optional_packages[@]}"
     build "$jobs" all

@@ -16,6 +16,7 @@
 #include "blindcorner/inverse/posterior/evaluation.h"
 #include "blindcorner/io/atomic_file.h"
 #include "blindcorner/io/capture_file.h"
+#include "blindcorner/report/index_page.h"
 #include "commands/commands.h"
 #include "commands/truth_table.h"
 #include "forward/support/comma_list.h"
@@ -245,6 +246,7 @@ int run_evaluate(const EvaluateArguments& arguments) {
   write_atomically(page.string(), evaluation_page("Errors", {row}, names));
   write_atomically(std::filesystem::path(page).replace_extension(".json").string(),
                    evaluation_json({row}));
+  refresh_index(std::filesystem::absolute(page).parent_path().string());
   std::fputs(evaluation_text({row}).c_str(), stdout);
   if (without > 0) {
     std::fprintf(stderr, "blindcorner: %d captures without an estimate or a truth\n", without);

@@ -46,7 +46,7 @@ void print_path(const PlannedPath& planned, const std::string& output) {
     std::printf("%.2f m, %zu expansions, %.1f ms\n", path.length, path.expansions, 1e3 * path.time);
   }
   std::printf("%s and %s\n", (fs::path(output) / "path.json").c_str(),
-              (fs::path(output) / "index.html").c_str());
+              (fs::path(output) / "path.html").c_str());
 }
 
 /// The middle of the cell nearest to a point that a path may lead through; nothing where there is
@@ -119,7 +119,7 @@ int run_plan(const PlanArguments& arguments) {
   const PlannedPath planned{arguments.map, request, grid, path};
   make_directory(arguments.output);
   write_atomically((fs::path(arguments.output) / "path.json").string(), path_json(planned));
-  write_atomically((fs::path(arguments.output) / "index.html").string(),
+  write_atomically((fs::path(arguments.output) / "path.html").string(),
                    path_page(planned, map.occupancy));
   print_path(planned, arguments.output);
   if (path.found()) return kAllWell;
@@ -146,7 +146,7 @@ void add_vehicle_options(CLI::App& command, PlanArguments& arguments) {
 
 void add_plan_command(CLI::App& app, int& exit_code) {
   CLI::App& command = *app.add_subcommand("plan",
-                                          "a path on a map; writes path.json and index.html. Exit "
+                                          "a path on a map; writes path.json and path.html. Exit "
                                           "code 1: there is none");
   const auto arguments = std::make_shared<PlanArguments>();
   command
