@@ -67,7 +67,7 @@ constexpr std::array<StaticLightSampling, 3> kFinerSamplings = {{
     {.least_patch = 2, .outer_angle = 0.3, .middle_angle = 0.2},
     {.least_patch = 1.5, .outer_angle = 0.2, .middle_angle = 0.2, .least_middle = 0.005},
 }};
-constexpr std::size_t kCheapLegs = 350'000;
+constexpr std::size_t kCheapLegs = 400'000;
 
 StaticLightSampling sampling_for(const Scene& scene) {
   StaticLightSampling sampling;
