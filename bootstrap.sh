@@ -7,7 +7,7 @@ unset CDPATH
 
 usage() {
   cat <<'USAGE'
-usage: ./bootstrap.sh fit     install what is missing, build, fit the bundled capture (out/fit/index.html)
+usage: ./bootstrap.sh fit     install what is missing, build, fit the bundled capture (out/fit/result.html)
        ./bootstrap.sh test    install what is missing, build, run the tests
        ./bootstrap.sh python  install what is missing, build, test the Python package in a virtual
                               environment of its own (from PyPI; skipped where that cannot be reached)
@@ -124,7 +124,7 @@ main() {
   if [[ "$1" == fit ]]; then
     build "$jobs" blindcorner_program
     build/release/blindcorner fit scenes/tmf8828_wall.json scenes/captures/tmf8828_wall.exr -o out/fit
-    echo "Page with the picture: $PWD/out/fit/index.html"
+    echo "Page with the picture: $PWD/out/fit/result.html"
   elif [[ "$1" == python ]]; then
     install_packages python3-dev python3-venv
     build "$jobs" blindcorner_program -DBLINDCORNER_PYTHON_TEST=ON

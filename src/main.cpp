@@ -14,6 +14,7 @@
 #include "commands/commands.h"
 #include "commands/compare.h"
 #include "commands/init.h"
+#include "commands/output_directory.h"
 #include "commands/stability.h"
 #include "commands/unknown_command.h"
 
@@ -57,6 +58,7 @@ int main(int argc, char** argv) {
   blindcorner::add_command_tree_commands(app, BLINDCORNER_VERSION);
   try {
     app.parse(argc, argv);
+    blindcorner::index_output(app);
   } catch (const CLI::ParseError& error) {
     if (error.get_exit_code() != 0) {
       return fail(blindcorner::unknown_word(app, argc, argv).value_or(error.what()) +

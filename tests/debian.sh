@@ -20,7 +20,7 @@ chroot "$root" sh -ec '
   cd /root
   scenes=/usr/share/blindcorner/scenes
   blindcorner fit $scenes/tmf8828_wall.json $scenes/captures/tmf8828_wall.exr -o out
-  test -s out/result.json -a -s out/index.html -a -s /usr/share/blindcorner/schema/scene.schema.json
+  test -s out/result.json -a -s out/result.html -a -s /usr/share/blindcorner/schema/scene.schema.json
   test -s /usr/share/bash-completion/completions/blindcorner
 '
 echo "installed, fitted: $root/root/out"

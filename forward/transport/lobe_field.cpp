@@ -10,6 +10,7 @@
 #include "blindcorner/forward/scene/shape.h"
 #include "forward/relay/relay.h"
 #include "forward/scene/shapes/shape_geometry.h"
+#include "forward/support/clip.h"
 #include "forward/support/multiversion.h"
 #include "forward/transport/normal_density.h"
 
@@ -276,21 +277,6 @@ std::vector<Vector3d> corners_of(const AngularRectangle& field) {
   };
   return {corner(field.left, field.top), corner(field.right, field.top),
           corner(field.right, field.bottom), corner(field.left, field.bottom)};
-}
-
-/// The part of a polygon on the inner side of a plane through `apex`.
-std::vector<Vector3d> clip(const std::vector<Vector3d>& polygon, const Vector3d& apex,
-                           const Vector3d& inward) {
-  std::vector<Vector3d> kept;
-  for (std::size_t i = 0; i < polygon.size(); ++i) {
-    const Vector3d& p = polygon[i];
-    const Vector3d& q = polygon[(i + 1) % polygon.size()];
-    const double fp = inward.dot(p - apex);
-    const double fq = inward.dot(q - apex);
-    if (fp >= 0) kept.push_back(p);
-    if ((fp >= 0) != (fq >= 0)) kept.push_back(p + fp / (fp - fq) * (q - p));
-  }
-  return kept;
 }
 
 /// The part inside of a convex pyramid of rays from `apex`.

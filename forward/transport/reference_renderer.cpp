@@ -104,7 +104,7 @@ class ReferenceRenderer final : public ForwardModel {
 
   using ForwardModel::three_bounce;
   void three_bounce(const PoseVector& pose, HistogramCube& out) const override;
-  const HistogramCube& static_background() const override { return background().direct; }
+  const HistogramCube& static_background() const override { return background().light; }
   using ForwardModel::shadowed_background;
   HistogramCube shadowed_background(const PoseVector& pose, bool coarsely) const override;
   const TransportPlan& plan() const override { return plan_; }
@@ -113,11 +113,11 @@ class ReferenceRenderer final : public ForwardModel {
   /// Light of the known scene alone.
   struct StaticBackground {
     PulseTable pulses;
-    KnownBounces bounces;
-    HistogramCube first_bounce;
-    HistogramCube direct;  ///< all bounces
+    KnownBounces bounces;  ///< by the usual sampling, which a shadow has
+    HistogramCube usual;   ///< light of these
+    HistogramCube light;   ///< of all bounces, as densely sampled as the options say
 
-    StaticBackground(const Scene& scene, const RelaySetup& setup, int divisions);
+    StaticBackground(const Scene& scene, const RelaySetup& setup, const ReferenceOptions& options);
   };
   /// Summed when it is first asked for: it may take longer than many poses.
   const StaticBackground& background() const;
@@ -150,19 +150,26 @@ constexpr double kUsualDivisions = 4;
 constexpr double kDirectSpread = 1.2;
 
 ReferenceRenderer::StaticBackground::StaticBackground(const Scene& scene, const RelaySetup& setup,
-                                                      int divisions)
+                                                      const ReferenceOptions& options)
     : pulses(scene.sensor.response, scene.sensor.bin_width,
              std::pow(scene.sensor.response.core_sigma(), 2), kPulseTail),
-      bounces(scene, denser(kDenseBounces, divisions / kUsualDivisions)) {
-  first_bounce = setup.direct_return(
-      pulses, {.divisions = 4 * divisions, .spread = kDirectSpread / divisions});
-  direct = first_bounce;
-  bounces.add(setup, pulses, direct);
-  mix_zones(scene.sensor, direct);
+      bounces(scene, denser(kDenseBounces, options.zone_divisions / kUsualDivisions)),
+      usual(scene.sensor.rows, scene.sensor.columns, scene.sensor.bins) {
+  const double divisions = options.known_density * options.zone_divisions;
+  light = setup.direct_return(pulses, {.divisions = static_cast<int>(std::lround(4 * divisions)),
+                                       .spread = kDirectSpread / divisions});
+  bounces.add(setup, pulses, usual);
+  if (options.known_density == 1) {
+    std::ranges::transform(light.values, usual.values, light.values.begin(), std::plus<>());
+  } else {
+    KnownBounces(scene, denser(kDenseBounces, divisions / kUsualDivisions))
+        .add(setup, pulses, light);
+  }
+  mix_zones(scene.sensor, light);
 }
 
 const ReferenceRenderer::StaticBackground& ReferenceRenderer::background() const {
-  std::call_once(known_once_, [this] { known_.emplace(scene_, setup_, options_.zone_divisions); });
+  std::call_once(known_once_, [this] { known_.emplace(scene_, setup_, options_); });
   return *known_;
 }
 
@@ -314,10 +321,13 @@ void ReferenceRenderer::three_bounce(const PoseVector& pose, HistogramCube& out)
 HistogramCube ReferenceRenderer::shadowed_background(const PoseVector& pose,
                                                      bool /*coarsely*/) const {
   const StaticBackground& known = background();
-  if (!known.bounces.any()) return known.direct;
-  HistogramCube light = known.first_bounce;
-  known.bounces.add(setup_, known.pulses, light, hidden_faces(scene_, pose));
-  mix_zones(scene_.sensor, light);
+  if (!known.bounces.any()) return known.light;
+  HistogramCube taken(scene_.sensor.rows, scene_.sensor.columns, scene_.sensor.bins);
+  known.bounces.add(setup_, known.pulses, taken, hidden_faces(scene_, pose));
+  std::ranges::transform(known.usual.values, taken.values, taken.values.begin(), std::minus<>());
+  mix_zones(scene_.sensor, taken);
+  HistogramCube light = known.light;
+  std::ranges::transform(light.values, taken.values, light.values.begin(), std::minus<>());
   return light;
 }
 
@@ -329,6 +339,7 @@ void ReferenceOptions::validate() const {
   if (object_divisions < 1)
     throw Error("ReferenceOptions.object_divisions", "accepted: at least 1");
   if (!(object_edge > 0)) throw Error("ReferenceOptions.object_edge", "accepted: above 0 m");
+  if (!(known_density > 0)) throw Error("ReferenceOptions.known_density", "accepted: above 0");
 }
 
 ReferenceOptions reference_sampling(double scale) {

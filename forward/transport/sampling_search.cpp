@@ -36,6 +36,8 @@ constexpr double kRuleObject = 2;
 /// Most pairs of lit and seen patches that a lobe's model takes for an evaluation (about 0.2 s):
 /// the search for a sampling ends there, whatever the tolerance.
 constexpr double kMaxPairs = 4e7;
+/// Most legs between patches and the object's points that its single sum takes, for the same time.
+constexpr double kMaxLegs = 4e6;
 
 /// Relative change of a pose's light (L2), root mean square over poses; those that give next to no
 /// light, by judgement a thousandth of the brightest's peak, do not count.
@@ -98,21 +100,19 @@ class SamplingSearch {
     if (kernel_ == Kernel::retro_pairs) sampling_step.relay = 4;
     if (kernel_ == Kernel::lambertian) sampling_step.relay = kRuleRelay;
     // Half of the time is left for a finer relay.
-    while (too_many_pairs(*model(sampling_step), 0.5 * kMaxPairs) &&
-           sampling_step.relay < kCoarsest) {
+    while (too_long(*model(sampling_step), 0.5) && sampling_step.relay < kCoarsest) {
       sampling_step.relay *= kCoarsenessStep;
     }
     const bool rules = kernel_ == Kernel::lambertian;
     const Choice object = coarsest(
-        rules ? kRuleObject : kCoarsest, 0.5 * tolerance, 0.5 * kMaxPairs,
+        rules ? kRuleObject : kCoarsest, 0.5 * tolerance, 0.5,
         [&](double c) {
           return model({sampling_step.relay, c});
         },
         [](const FastModel& m) { return m.sampling().object_nodes; });
     sampling_step.object = object.coarseness;
     const Choice relay = coarsest(
-        rules ? kRuleRelay : kCoarsest, tolerance - std::min(object.change, 0.5 * tolerance),
-        kMaxPairs,
+        rules ? kRuleRelay : kCoarsest, tolerance - std::min(object.change, 0.5 * tolerance), 1,
         [&](double c) {
           return model({c, sampling_step.object});
         },
@@ -160,9 +160,12 @@ class SamplingSearch {
   static double pair_count(const FastModel& m) {
     return 1.0 * m.sampling().lit.size() * m.sampling().seen.size() * m.sampling().object_nodes;
   }
-  /// Whether pairs of patches, where they are needed, would take too long.
-  bool too_many_pairs(const FastModel& m, double most) const {
-    return kernel_ == Kernel::retro_pairs && near_share_ * pair_count(m) > most;
+  /// Whether an evaluation would take more than that share of the longest time.
+  bool too_long(const FastModel& m, double share) const {
+    if (kernel_ == Kernel::retro_pairs) return near_share_ * pair_count(m) > share * kMaxPairs;
+    const Sampling& sampling = m.sampling();
+    const double patches = sampling.lit.size() + sampling.seen.size();
+    return kernel_ == Kernel::retro_single && patches * sampling.object_nodes > share * kMaxLegs;
   }
   /// Whether pairs see an even relay as even. A row of normal distributions, each as wide as a
   /// patch of edge w and the lobe together, has ripples of 2 exp(-2 pi^2 (sigma^2 + w^2 / 12) /
@@ -178,7 +181,7 @@ class SamplingSearch {
 
   /// Of the models that `make` makes of a coarseness, from this one on; `count` their cells, -1
   /// where they are too coarse to be looked at.
-  Choice coarsest(double from, double tolerance, double most_pairs,
+  Choice coarsest(double from, double tolerance, double most_time,
                   const std::function<std::unique_ptr<FastModel>(double)>& make,
                   const std::function<int(const FastModel&)>& count) {
     // Borders of surfaces and shadows converge slowly: below this, finer cells that gain next to
@@ -200,7 +203,7 @@ class SamplingSearch {
       const auto tried = make(c);
       const int cells = count(*tried);
       const bool first = candidates.empty() && last_skipped == 0;
-      if (!first && too_many_pairs(*tried, most_pairs)) break;
+      if (!first && too_long(*tried, most_time)) break;
       if (cells < 0) {
         last_skipped = c;
         continue;

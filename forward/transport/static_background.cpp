@@ -5,14 +5,17 @@
 #include <tbb/parallel_invoke.h>
 #include <tbb/task_arena.h>
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <iterator>
 #include <limits>
 #include <numeric>
+#include <optional>
 
 #include "blindcorner/forward/constants.h"
+#include "forward/support/clip.h"
 #include "forward/support/multiversion.h"
 
 namespace blindcorner {
@@ -64,7 +67,7 @@ constexpr std::array<StaticLightSampling, 3> kFinerSamplings = {{
     {.least_patch = 2, .outer_angle = 0.3, .middle_angle = 0.2},
     {.least_patch = 1.5, .outer_angle = 0.2, .middle_angle = 0.2, .least_middle = 0.005},
 }};
-constexpr std::size_t kCheapLegs = 350'000;
+constexpr std::size_t kCheapLegs = 400'000;
 
 StaticLightSampling sampling_for(const Scene& scene) {
   StaticLightSampling sampling;
@@ -101,6 +104,9 @@ constexpr double kShadowDensity = 0.5;
 /// photons squared errors of poses are then 0.7 to 1.4 of what is claimed (street, corridor,
 /// reference floor); with 0.8 of a coarser sampling it was 0.3 to 0.7.
 constexpr double kOfCoarser = 0.3;
+
+/// Share of a cell below which a part of it is rounding.
+constexpr double kSliver = 1e-9;
 
 /// Light smoothed over the pulse's width.
 HistogramCube smoothed(const Sensor& sensor, const HistogramCube& light) {
@@ -190,6 +196,84 @@ std::array<SurfaceCell, 2> halves(const SurfaceCell& cell) {
     parts[i].area *= 0.5;
   }
   return parts;
+}
+
+/// Whether a face stands across a cell, on it or within `near` of it, so that it hides from one
+/// part of the cell what it does not hide from the other.
+bool stands_across(const OccluderFace& face, const SurfaceCell& cell, double near) {
+  const Vector3d normal = face_normal(face.corners);
+  const double middle = normal.dot(cell.center - face.corners[0]);
+  const double reach = std::abs(normal.dot(cell.half_u)) + std::abs(normal.dot(cell.half_v));
+  if (std::abs(middle) > (1 - 1e-6) * reach) return false;
+  std::vector<Vector3d> foot(face.corners.begin(), face.corners.end());
+  for (const double side : {-1.0, 1.0}) {
+    foot = clip(foot, cell.center + side * near * cell.normal, -side * cell.normal);
+    for (const Vector3d& half : {cell.half_u, cell.half_v}) {
+      foot = clip(foot, cell.center + side * half, -side * half);
+    }
+  }
+  return !foot.empty();
+}
+
+/// The parallelogram with the area, middle and second moments of a polygon on a cell.
+SurfaceCell like_polygon(const std::vector<Vector3d>& corners, SurfaceCell cell) {
+  const Vector3d u = cell.half_u.normalized(), v = cell.half_v.normalized();
+  const Vector3d origin = cell.center;
+  const auto flat = [&](std::size_t i) {
+    const Vector3d way = corners[i % corners.size()] - origin;
+    return Eigen::Vector2d(way.dot(u), way.dot(v));
+  };
+  double area = 0;
+  Eigen::Vector2d first = Eigen::Vector2d::Zero();
+  Eigen::Matrix2d second = Eigen::Matrix2d::Zero();
+  for (std::size_t i = 1; i + 1 < corners.size(); ++i) {  // triangles
+    const Eigen::Vector2d a = flat(0), b = flat(i), c = flat(i + 1), sum = a + b + c;
+    const double part = 0.5 * ((b - a).x() * (c - a).y() - (b - a).y() * (c - a).x());
+    area += part;
+    first += part / 3 * sum;
+    second += part / 12 *
+              (sum * sum.transpose() + a * a.transpose() + b * b.transpose() + c * c.transpose());
+  }
+  first /= area;
+  const Eigen::Matrix2d moments = second / area - first * first.transpose();
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes(moments);
+  const auto half = [&](Eigen::Index i) -> Vector3d {
+    const Eigen::Vector2d axis =
+        std::sqrt(3 * std::max(axes.eigenvalues()[i], 0.0)) * axes.eigenvectors().col(i);
+    return axis.x() * u + axis.y() * v;
+  };
+  cell.center = origin + first.x() * u + first.y() * v;
+  cell.half_u = half(1);
+  cell.half_v = half(0);
+  cell.area = std::abs(area);
+  return cell;
+}
+
+/// The parts of a cell between the faces that stand across it; none where no face does. A cell
+/// knows from its centre alone what is hidden from it.
+std::vector<SurfaceCell> parts_between(const std::vector<OccluderFace>& faces,
+                                       const SurfaceCell& cell, double near) {
+  const Vector3d &c = cell.center, &u = cell.half_u, &v = cell.half_v;
+  std::vector<std::vector<Vector3d>> polygons{{c - u - v, c + u - v, c + u + v, c - u + v}};
+  for (const OccluderFace& face : faces) {
+    if (!stands_across(face, cell, near)) continue;
+    const Vector3d normal = face_normal(face.corners);
+    std::vector<std::vector<Vector3d>> parts;
+    for (const auto& polygon : polygons) {
+      for (const double side : {-1.0, 1.0}) {
+        auto part = clip(polygon, face.corners[0], side * normal);
+        if (part.size() > 2) parts.push_back(std::move(part));
+      }
+    }
+    polygons = std::move(parts);
+  }
+  std::vector<SurfaceCell> cells;
+  if (polygons.size() == 1) return cells;
+  for (const auto& polygon : polygons) {
+    SurfaceCell part = like_polygon(polygon, cell);
+    if (part.area > kSliver * cell.area) cells.push_back(part);
+  }
+  return cells;
 }
 
 /// Whether some of either piece lies on the front side of the other.
@@ -416,9 +500,18 @@ KnownBounces::KnownBounces(const Scene& scene, const StaticLightSampling& sampli
 
 void KnownBounces::add_middle(const Piece& piece) {
   const SurfaceCell& cell = piece.cell;
-  middle_.push_back({piece, cell.area * scene_.surfaces[piece.surface].albedo / kPi,
-                     ShadowView(blockers_, cell.center),
-                     2 * std::max(cell.half_u.norm(), cell.half_v.norm())});
+  const auto element = [&](const SurfaceCell& part) {
+    return Element{part, part.area * scene_.surfaces[piece.surface].albedo / kPi,
+                   ShadowView(blockers_, part.center)};
+  };
+  Middle& middle = middle_.emplace_back();
+  middle.piece = piece;
+  middle.edge = 2 * std::max(cell.half_u.norm(), cell.half_v.norm());
+  for (const SurfaceCell& part :
+       parts_between(blockers_, cell, sampling_.least_middle * largest_)) {
+    middle.elements.push_back(element(part));
+  }
+  if (middle.elements.empty()) middle.elements.push_back(element(cell));
 }
 
 double KnownBounces::allowed_edge(double distance) const {
@@ -573,13 +666,13 @@ KnownBounces::Ends KnownBounces::ends(const RelaySetup& setup, int zone_division
   return ends;
 }
 
-std::vector<const KnownBounces::Middle*> KnownBounces::middle_for(const Ends& ends) const {
-  std::vector<const Middle*> chosen;
+std::vector<const KnownBounces::Element*> KnownBounces::middle_for(const Ends& ends) const {
+  std::vector<const Element*> chosen;
   const auto visit = [&](const auto& self, const Middle& cell) -> void {
     const double near = distance(cell.piece, ends.extents);
     if (near == std::numeric_limits<double>::infinity()) return;
     if (cell.parts == 0 || cell.edge <= allowed_edge(near)) {
-      chosen.push_back(&cell);
+      for (const Element& element : cell.elements) chosen.push_back(&element);
       return;
     }
     self(self, middle_[cell.parts]);
@@ -671,7 +764,7 @@ struct Gathered {
 }  // namespace
 
 /// Source, p, cell, r, detector.
-void KnownBounces::add_three(const Ends& ends, const std::vector<const Middle*>& all_middle,
+void KnownBounces::add_three(const Ends& ends, const std::vector<const Element*>& all_middle,
                              const std::vector<OccluderFace>& bodies, std::size_t part,
                              TimeRows& rows) const {
   std::vector<OccluderFace> blockers = blockers_;
@@ -683,8 +776,8 @@ void KnownBounces::add_three(const Ends& ends, const std::vector<const Middle*>&
   Legs in, out;
   Gathered light{std::vector<double>(rows.stride), 0, 0, Vector3d::Zero()};
   for (std::size_t m = part; m < all_middle.size(); m += kParts) {
-    const Middle& middle = *all_middle[m];
-    const SurfaceCell& cell = middle.piece.cell;
+    const Element& middle = *all_middle[m];
+    const SurfaceCell& cell = middle.cell;
     const ShadowView shadows = bodies.empty() ? middle.shadows : ShadowView(blockers, cell.center);
     find_legs(cell, shadows, seen, out);
     int gathered = -1;  // zone
@@ -767,7 +860,7 @@ void KnownBounces::add(const RelaySetup& setup, const PulseTable& pulses, Histog
   tbb::this_task_arena::isolate([&] {
     Ends near, far;
     tbb::parallel_invoke([&] { near = ends_of_two(setup); }, [&] { far = ends_of_three(setup); });
-    const std::vector<const Middle*> middle = middle_for(far);
+    const std::vector<const Element*> middle = middle_for(far);
     tbb::parallel_for(std::size_t{0}, kParts, [&](std::size_t part) {
       add_two(near, blockers, part, parts[part]);
       add_three(far, middle, bodies, part, parts[part]);

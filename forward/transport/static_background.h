@@ -71,12 +71,17 @@ class KnownBounces {
   };
 
  private:
-  struct Middle {
-    Piece piece;
+  /// What scatters as from its middle.
+  struct Element {
+    SurfaceCell cell;
     double scattered;  ///< area times albedo over pi
     ShadowView shadows;
-    double edge;            ///< m
-    std::size_t parts = 0;  ///< of the first of its halves, which are neighbours; 0: not halved
+  };
+  struct Middle {
+    Piece piece;
+    double edge = 0;                ///< m
+    std::vector<Element> elements;  ///< itself, or its parts between the faces that stand across it
+    std::size_t parts = 0;          ///< of the first of its halves, which are neighbours; 0: whole
   };
   /// Patches of the field, or of each zone's own (confocal), and of all zones.
   struct Ends;
@@ -87,14 +92,14 @@ class KnownBounces {
   /// Least edge of the patches of two bounces, m.
   double least_patch() const;
   /// The coarsest cells that what the ends light and see allows.
-  std::vector<const Middle*> middle_for(const Ends& ends) const;
+  std::vector<const Element*> middle_for(const Ends& ends) const;
   Ends ends_of_two(const RelaySetup& setup) const;
   Ends ends_of_three(const RelaySetup& setup) const;
   Ends ends(const RelaySetup& setup, int zone_divisions, double angle, double least) const;
   /// One part of the sums.
   void add_two(const Ends& ends, const std::vector<OccluderFace>& blockers, std::size_t part,
                TimeRows& rows) const;
-  void add_three(const Ends& ends, const std::vector<const Middle*>& middle,
+  void add_three(const Ends& ends, const std::vector<const Element*>& middle,
                  const std::vector<OccluderFace>& bodies, std::size_t part, TimeRows& rows) const;
   static void find_legs(const SurfaceCell& cell, const ShadowView& shadows, const Patches& patches,
                         Legs& legs);

@@ -26,6 +26,7 @@ def _save(directory: PathLike, files: dict[str, str]) -> None:
         raise Error(f"{folder}: cannot be made a directory: {error.strerror}") from None
     for name, text in files.items():
         _core.write_atomically(os.fspath(folder / name), text)
+    _core.write_index(os.fspath(folder))
 
 
 class Drive:
@@ -124,8 +125,8 @@ class DriveRun:
         return self._core.page()
 
     def save(self, directory: PathLike) -> None:
-        """Writes ``drive.json`` and ``index.html``; the directory is made. Raises Error."""
-        _save(directory, {"index.html": self.page(), "drive.json": self._core.text})
+        """Writes ``drive.json`` and ``drive.html``; the directory is made. Raises Error."""
+        _save(directory, {"drive.html": self.page(), "drive.json": self._core.text})
 
     def __repr__(self) -> str:
         return (
@@ -194,8 +195,8 @@ class Plan:
         return self._document
 
     def save(self, directory: PathLike) -> None:
-        """Writes ``path.json`` and ``index.html``; the directory is made. Raises Error."""
-        _save(directory, {"path.json": self._core.text, "index.html": self._core.page()})
+        """Writes ``path.json`` and ``path.html``; the directory is made. Raises Error."""
+        _save(directory, {"path.json": self._core.text, "path.html": self._core.page()})
 
     def __repr__(self) -> str:
         length = "" if self.length_m is None else f", {self.length_m:.2f} m"

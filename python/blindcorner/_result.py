@@ -203,7 +203,7 @@ class Result:
         return {**self._head, "captures": [self._entry]}
 
     def save(self, directory: PathLike) -> None:
-        """Writes ``result.json`` and, where the fit was made in this process, ``index.html``, as
+        """Writes ``result.json`` and, where the fit was made in this process, ``result.html``, as
         ``blindcorner fit -o DIR``; the directory is made. Raises Error."""
         Results([self], self._scene).save(directory)
 
@@ -284,7 +284,7 @@ class Results(Sequence[Result]):
         return {**self._results[0]._head, "captures": [r._entry for r in self._results]}
 
     def save(self, directory: PathLike) -> None:
-        """Writes ``result.json`` and, where the fits were made in this process, ``index.html``; the
+        """Writes ``result.json`` and, where the fits were made in this process, ``result.html``; the
         directory is made. Raises Error."""
         folder = Path(directory)
         document = self.to_dict()
@@ -292,10 +292,10 @@ class Results(Sequence[Result]):
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise Error(f"{folder}: cannot be made a directory: {error.strerror}") from None
-        for stale in ("index.html", "evaluation.html", "evaluation.json"):
+        for stale in ("result.html", "evaluation.html", "evaluation.json"):
             (folder / stale).unlink(missing_ok=True)
         if all(r._fit is not None for r in self._results):
-            _core.write_atomically(os.fspath(folder / "index.html"), self.page())
+            _core.write_atomically(os.fspath(folder / "result.html"), self.page())
         _core.write_atomically(
             os.fspath(folder / "result.json"),
             json.dumps(document, indent=1, sort_keys=True, ensure_ascii=False) + "\n"
@@ -303,6 +303,7 @@ class Results(Sequence[Result]):
             else _core.result_text(
                 self._scene._core, [json.dumps(r._entry) for r in self._results]),
         )
+        _core.write_index(os.fspath(folder))
 
     def page(self) -> str:
         """The page of ``blindcorner fit`` as HTML. Raises Error for results that were read."""

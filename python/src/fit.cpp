@@ -26,6 +26,7 @@
 #include "blindcorner/io/atomic_file.h"
 #include "blindcorner/io/scene_file.h"
 #include "blindcorner/report/headline.h"
+#include "blindcorner/report/index_page.h"
 #include "blindcorner/report/page.h"
 #include "blindcorner/report/result_file.h"
 #include "interrupt.h"
@@ -418,6 +419,8 @@ void add_fit(nb::module_& m) {
   m.attr("fit_defaults") = options;
   m.def("write_atomically", &write_atomically, nb::arg("path"), nb::arg("text"),
         "Writes a file completely or not at all.");
+  m.def("write_index", &write_index, nb::arg("directory"),
+        "Writes index.html, which links what the directory holds.");
   m.def("result_text", &result_text, nb::arg("scene"), nb::arg("captures"),
         "Text of result.json from the texts of its captures.");
   m.def("result_page", &page, nb::arg("fits"), "The page of results, HTML.");

@@ -22,7 +22,7 @@ def test_result_is_what_the_program_writes(scene, capture, result, program, tmp_
     here = (tmp_path / "python" / "result.json").read_text()
     assert without_times(json.loads(here)) == without_times(written)
     assert list(json.loads(here)) == list(written)
-    assert (tmp_path / "python" / "index.html").stat().st_size > 10_000
+    assert (tmp_path / "python" / "result.html").stat().st_size > 10_000
 
 
 def test_many_results_are_what_the_program_writes(scene, several, program, tmp_path):

@@ -46,7 +46,8 @@ def test_plan_is_what_the_program_plans(program, tmp_path):
     assert {k: v for k, v in here.items() if k != "time_ms"} == written
     assert planned.found and planned.points.shape[1] == 5
     planned.save(tmp_path / "python")
-    assert (tmp_path / "python" / "index.html").exists()
+    assert (tmp_path / "python" / "path.html").exists()
+    assert 'href="path.html"' in (tmp_path / "python" / "index.html").read_text()
 
 
 def test_plan_on_an_array():

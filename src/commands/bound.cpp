@@ -175,8 +175,8 @@ int run_bound(const BoundArguments& arguments) {
   const std::filesystem::path directory(arguments.output);
   write_atomically((directory / "bound.json").string(), bound_json(maps));
   write_atomically((directory / "bound.csv").string(), bound_csv(maps));
-  write_atomically((directory / "index.html").string(), bound_page(maps));
-  arguments.out.text("%s\n", (directory / "index.html").string().c_str());
+  write_atomically((directory / "bound.html").string(), bound_page(maps));
+  arguments.out.text("%s\n", (directory / "bound.html").string().c_str());
   return kAllWell;
 }
 

@@ -68,13 +68,13 @@ int run_cnn_evaluate(const CnnEvaluateArguments& arguments) {
   write_atomically((directory / "estimates.csv").string(), point_estimates_csv(scene, estimates));
   write_atomically((directory / "evaluation.json").string(),
                    json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
-  write_atomically((directory / "index.html").string(),
+  write_atomically((directory / "evaluation.html").string(),
                    cnn_evaluation_page(scene, cnn.description(), estimates, capture_ms));
   arguments.out.file((directory / "evaluation.json").string());
   arguments.out.text(
       "%zu captures, %.3g ms each (median; 90 %% within %.3g); errors in m and rad\n%s%s\n%s\n",
       captures.size(), capture_ms, quantile(times, 0.9), point_errors_text(figures).c_str(),
-      (directory / "estimates.csv").c_str(), (directory / "index.html").c_str());
+      (directory / "estimates.csv").c_str(), (directory / "evaluation.html").c_str());
   return kAllWell;
 }
 
@@ -82,7 +82,7 @@ void add_cnn_evaluate(CLI::App& cnn, int& exit_code) {
   CLI::App& command = *cnn.add_subcommand(
       "evaluate",
       "errors of a trained network on captures with their truth; writes DIR/estimates.csv, "
-      "evaluation.json and index.html");
+      "evaluation.json and evaluation.html");
   const auto arguments = std::make_shared<CnnEvaluateArguments>();
   command.add_option("SCENE", arguments->scene, "scene file")->required();
   command.add_option("WEIGHTS", arguments->weights, "weights.pt of cnn train")->required();

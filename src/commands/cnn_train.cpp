@@ -146,7 +146,7 @@ int run_cnn_train(CnnTrainArguments arguments) {
   write_atomically(
       arguments.file("training.json"),
       summary_text(scene, arguments, result, captures.size(), manifest.run_time, held_back));
-  write_atomically(arguments.file("index.html"),
+  write_atomically(arguments.file("training.html"),
                    training_page(scene, arguments.options, result, held_back));
   arguments.out.file(arguments.file("training.json"));
   arguments.out.text(
@@ -158,7 +158,7 @@ int run_cnn_train(CnnTrainArguments arguments) {
                        point_errors_text(point_errors(scene, held_back)).c_str());
   }
   arguments.out.text("%s\n%s\n", arguments.file("weights.pt").c_str(),
-                     arguments.file("index.html").c_str());
+                     arguments.file("training.html").c_str());
   return kAllWell;
 }
 
@@ -166,7 +166,7 @@ void add_cnn_train(CLI::App& cnn, int& exit_code) {
   CLI::App& command =
       *cnn.add_subcommand("train",
                           "train a network on captures with their truth; writes DIR/weights.pt, "
-                          "training.csv, training.json and index.html");
+                          "training.csv, training.json and training.html");
   const auto arguments = std::make_shared<CnnTrainArguments>();
   command.add_option("SCENE", arguments->scene, "scene file")->required();
   command

@@ -192,9 +192,9 @@ void write_comparison(const CompareArguments& arguments, const ComparisonReport&
   write_atomically(
       (directory / "comparison.json").string(),
       comparison_json(report).dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
-  write_atomically((directory / "index.html").string(), comparison_page(report));
+  write_atomically((directory / "comparison.html").string(), comparison_page(report));
   arguments.out.file((directory / "comparison.json").string());
-  arguments.out.text("%s\n", (directory / "index.html").c_str());
+  arguments.out.text("%s\n", (directory / "comparison.html").c_str());
 }
 
 namespace {
@@ -253,7 +253,7 @@ void add_compare_command(CLI::App& app, int& exit_code) {
   CLI::App& command = *app.add_subcommand(
       "compare",
       "solver, back-projection, multilateration and networks on the same captures, as trained and "
-      "changed; writes DIR/index.html, comparison.csv and comparison.json");
+      "changed; writes DIR/comparison.html, comparison.csv and comparison.json");
   const auto arguments = std::make_shared<CompareArguments>();
   command.add_option("SCENE", arguments->scenes, "scene files")->required();
   command

@@ -100,7 +100,7 @@ int run_crossvalidate(const CrossvalidateArguments& arguments) {
   }
   if (rows.empty()) throw Error(arguments.captures, "too few positions for any split");
   const fs::path directory = arguments.output;
-  write_atomically((directory / "index.html").string(),
+  write_atomically((directory / "evaluation.html").string(),
                    evaluation_page("Cross-validation of " + scene.name, rows, names));
   write_atomically((directory / "evaluation.json").string(), evaluation_json(rows));
   arguments.out.document(evaluation_json(rows));

@@ -157,7 +157,7 @@ int run_drive(const DriveArguments& arguments) {
   // The page first: whoever waits for drive.json then finds both.
   const std::filesystem::path directory = arguments.output;
   if (!arguments.no_page) {
-    write_atomically((directory / "index.html").string(), drive_page(drive, options, result));
+    write_atomically((directory / "drive.html").string(), drive_page(drive, options, result));
   }
   if (arguments.animation) {
     write_atomically((directory / "drive.svg").string(), drive_animation(drive, result));
@@ -180,7 +180,7 @@ int run_drive(const DriveArguments& arguments) {
 
 void add_drive_command(CLI::App& app, int& exit_code) {
   CLI::App& command = *app.add_subcommand(
-      "drive", "drive around a corner in simulation; writes DIR/drive.json and DIR/index.html");
+      "drive", "drive around a corner in simulation; writes DIR/drive.json and DIR/drive.html");
   const auto arguments = std::make_shared<DriveArguments>();
   command.add_option("DRIVE", arguments->drive, "drive file")->required();
   command
@@ -217,7 +217,7 @@ void add_drive_command(CLI::App& app, int& exit_code) {
                    "write DIR/drive.svg, which moves, as well");
   command.add_flag("--require-goal", arguments->require_goal,
                    "exit with code 1 unless the vehicle reaches its goal");
-  command.add_flag("--no-page", arguments->no_page, "do not write index.html");
+  command.add_flag("--no-page", arguments->no_page, "do not write pages");
   arguments->out.add_option(command, "drive.json");
   command.callback([arguments, &exit_code] { exit_code = run_drive(*arguments); });
 }

@@ -16,6 +16,7 @@
 #include "blindcorner/inverse/posterior/evaluation.h"
 #include "blindcorner/io/atomic_file.h"
 #include "blindcorner/io/capture_file.h"
+#include "blindcorner/report/index_page.h"
 #include "commands/commands.h"
 #include "commands/printout.h"
 #include "commands/truth_table.h"
@@ -247,6 +248,7 @@ int run_evaluate(const EvaluateArguments& arguments) {
   write_atomically(page.string(), evaluation_page("Errors", {row}, names));
   write_atomically(std::filesystem::path(page).replace_extension(".json").string(),
                    evaluation_json({row}));
+  refresh_index(std::filesystem::absolute(page).parent_path().string());
   arguments.out.document(evaluation_json({row}));
   arguments.out.text("%s", evaluation_text({row}).c_str());
   if (without > 0) {

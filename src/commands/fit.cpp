@@ -168,7 +168,7 @@ std::vector<std::vector<CaptureConditions>> conditions_of_all(
 /// What was made of an older result in the same directory: nothing of it may stand beside a new
 /// one.
 void remove_stale(const fs::path& directory) {
-  for (const char* name : {"index.html", "evaluation.html", "evaluation.json"}) {
+  for (const char* name : {"result.html", "evaluation.html", "evaluation.json"}) {
     std::error_code unimportant;  // most often there is none
     fs::remove(directory / name, unimportant);
   }
@@ -181,7 +181,7 @@ void write_outputs(const FitArguments& arguments, const Scene& scene,
   remove_stale(directory);
   if (!arguments.no_page) {
     const auto conditions = conditions_of_all(scene, inputs, arguments.joint);
-    write_atomically((directory / "index.html").string(), result_page(scene, results, conditions));
+    write_atomically((directory / "result.html").string(), result_page(scene, results, conditions));
   }
   write_result(directory.string(), scene, results);
 }
@@ -298,7 +298,7 @@ void add_fit_options(CLI::App& command, FitArguments& arguments) {
 
 void add_fit_command(CLI::App& app, int& exit_code) {
   CLI::App& command = *app.add_subcommand(
-      "fit", "find the hidden object; writes DIR/result.json and DIR/index.html");
+      "fit", "find the hidden object; writes DIR/result.json and DIR/result.html");
   const auto arguments = std::make_shared<FitArguments>();
   command.add_option("SCENE", arguments->scene, "scene file")->required();
   command
@@ -324,7 +324,7 @@ void add_fit_command(CLI::App& app, int& exit_code) {
                 "captures are frames in the order of time, of one object that moves")
       ->excludes(joint);
   arguments->out.add_option(command, "result.json");
-  command.add_flag("--no-page", arguments->no_page, "do not write index.html");
+  command.add_flag("--no-page", arguments->no_page, "do not write pages");
   add_fit_options(command, *arguments);
   command.callback([arguments, &exit_code] { exit_code = run_fit(*arguments); });
 }

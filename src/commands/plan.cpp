@@ -49,7 +49,7 @@ void print_path(const Printout& out, const PlannedPath& planned, const std::stri
   }
   out.file((fs::path(output) / "path.json").string());
   out.text("%s and %s\n", (fs::path(output) / "path.json").c_str(),
-           (fs::path(output) / "index.html").c_str());
+           (fs::path(output) / "path.html").c_str());
 }
 
 /// The middle of the cell nearest to a point that a path may lead through; nothing where there is
@@ -122,7 +122,7 @@ int run_plan(const PlanArguments& arguments) {
   const PlannedPath planned{arguments.map, request, grid, path};
   make_directory(arguments.output);
   write_atomically((fs::path(arguments.output) / "path.json").string(), path_json(planned));
-  write_atomically((fs::path(arguments.output) / "index.html").string(),
+  write_atomically((fs::path(arguments.output) / "path.html").string(),
                    path_page(planned, map.occupancy));
   print_path(arguments.out, planned, arguments.output);
   if (path.found()) return kAllWell;
@@ -149,7 +149,7 @@ void add_vehicle_options(CLI::App& command, PlanArguments& arguments) {
 
 void add_plan_command(CLI::App& app, int& exit_code) {
   CLI::App& command = *app.add_subcommand("plan",
-                                          "a path on a map; writes path.json and index.html. Exit "
+                                          "a path on a map; writes path.json and path.html. Exit "
                                           "code 1: there is none");
   const auto arguments = std::make_shared<PlanArguments>();
   command

@@ -75,8 +75,8 @@ int run_stability(const StabilityArguments& arguments) {
   if (!arguments.output.empty()) {
     const std::filesystem::path directory(arguments.output);
     write_atomically((directory / "stability.json").string(), stability_json(results));
-    write_atomically((directory / "index.html").string(), stability_page(results));
-    out.text("%s\n", (directory / "index.html").string().c_str());
+    write_atomically((directory / "stability.html").string(), stability_page(results));
+    out.text("%s\n", (directory / "stability.html").string().c_str());
   }
   return holding == static_cast<std::ptrdiff_t>(results.size()) ? kAllWell : kSomeFailed;
 }

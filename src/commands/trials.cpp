@@ -111,7 +111,7 @@ int run(const TrialsArguments& arguments) {
   print_summary(arguments.out, study.drive(), study.results());
   const fs::path directory = arguments.output;
   arguments.out.text("%s\n%s\n", (directory / "trials.csv").c_str(),
-                     (directory / "index.html").c_str());
+                     (directory / "trials.html").c_str());
   return complete ? kAllWell : kSomeFailed;
 }
 
@@ -120,7 +120,7 @@ int run(const TrialsArguments& arguments) {
 void add_trials_command(CLI::App& app, int& exit_code) {
   CLI::App& command = *app.add_subcommand(
       "trials",
-      "many drives at random speeds and hidden places; writes DIR/trials.csv and DIR/index.html; "
+      "many drives at random speeds and hidden places; writes DIR/trials.csv and DIR/trials.html; "
       "goes on where it was interrupted");
   const auto arguments = std::make_shared<TrialsArguments>();
   command.add_option("DRIVE", arguments->drive, "drive file")->required();

@@ -44,6 +44,8 @@ using Properties = Handle<H5Pclose>;
 void be_quiet() { H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr); }
 
 constexpr std::size_t kMostNumbers = std::size_t{1} << 31;
+/// Deflate packs to a 1032nd at most; what fits into a page may be anything.
+constexpr std::size_t kMostPacked = 1032, kPage = 65536;
 
 void require(bool good, const std::string& what) {
   if (!good) throw Error("hdf5", "cannot write " + what);
@@ -93,6 +95,10 @@ NpyArray Hdf5Reader::numbers(const std::string& name) const {
     if (extent > kMostNumbers || (count *= extent) > kMostNumbers) {
       throw Error(where, "holds more than 2^31 numbers");
     }
+  }
+  if (count * H5Tget_size(type) > kPage + kMostPacked * H5Dget_storage_size(dataset)) {
+    throw Error(where, "has shape " + array.shape_text() + ", of which the file holds " +
+                           std::to_string(H5Dget_storage_size(dataset)) + " bytes only");
   }
   array.values.resize(count);
   herr_t verdict = 0;

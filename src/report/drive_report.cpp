@@ -10,6 +10,7 @@
 #include "blindcorner/simulation/perception.h"
 #include "blindcorner/simulation/true_world.h"
 #include "report/birds_eye.h"
+#include "report/formatted.h"
 #include "report/html.h"
 #include "report/json_values.h"
 
@@ -106,6 +107,22 @@ std::string grid_text(const std::vector<double>& occupancy) {
   return text;
 }
 
+std::string vehicle_word(const Drive& drive) {
+  return drive.vehicle.kind == VehicleKind::car ? "car" : "robot";
+}
+
+/// Decimals of a speed in m/s: a robot's is a fraction of one.
+int speed_digits(const Drive& drive) { return drive.vehicle.kind == VehicleKind::car ? 1 : 2; }
+
+/// What it last braked for, or what the planner said.
+std::string standing_reason(const DriveResult& result) {
+  const auto braked = std::find_if(result.frames.rbegin(), result.frames.rend(),
+                                   [](const DriveFrame& f) { return !f.braking_for.empty(); });
+  if (braked == result.frames.rend()) return "no plan led on";
+  return braked->braking_for == "no plan" ? "no plan led on"
+                                          : "it braked for " + braked->braking_for;
+}
+
 /// The zones with most light from the object over the whole drive, in reading order.
 std::vector<int> shown_zones(const DriveResult& result) {
   std::vector<double> light;
@@ -152,6 +169,60 @@ json picture_json(const Drive& drive, const DriveFrame& frame, const std::vector
           {"object", object}};
 }
 
+/// How it ended, and what was in the way.
+std::string end_sentence(const Drive& drive, const DriveResult& result) {
+  const std::string vehicle = vehicle_word(drive);
+  const std::string driven = formatted(" after %.1f s and %.1f m", result.time, result.length);
+  switch (result.outcome) {
+    case DriveOutcome::reached:
+      return "The " + vehicle + " reached its goal" + driven +
+             formatted(", at %.*f m/s in the mean.", speed_digits(drive), result.mean_speed);
+    case DriveOutcome::collision:
+      return "The " + vehicle + " hit the " + (result.hit.empty() ? "wall" : result.hit) +
+             (drive.vehicle.kind == VehicleKind::car
+                  ? formatted(" at %.0f km/h", 3.6 * result.end_speed)
+                  : formatted(" at %.2f m/s", result.end_speed)) +
+             driven + ".";
+    case DriveOutcome::stopped:
+      return "The " + vehicle + " stood still" + driven +
+             " and gave up: " + standing_reason(result) + ".";
+    case DriveOutcome::timeout:
+      return formatted("Time was over after %.1f s: the ", result.time) + vehicle +
+             formatted(" had driven %.1f m and not reached its goal.", result.length);
+  }
+  return "";
+}
+
+/// Since when it knew of what is hidden: of this most depends.
+std::string knowledge_sentence(const Drive& drive, const DriveResult& result) {
+  constexpr double kSure = 0.95;
+  const auto truth = std::ranges::find_if(
+      result.frames, [](const DriveFrame& frame) { return frame.truth.has_value(); });
+  if (truth == result.frames.end()) return "Nothing was hidden.";
+  const auto sight = std::ranges::find(result.frames, FrameFate::in_sight, &DriveFrame::fate);
+  const bool seen = sight != result.frames.end();
+  const auto told = std::find_if(result.frames.begin(), sight,
+                                 [](const DriveFrame& frame) { return frame.mixture.has_value(); });
+  const auto sure = std::find_if(told, sight, [](const DriveFrame& frame) {
+    return frame.mixture && frame.mixture->presence_probability >= kSure;
+  });
+  const std::string hidden =
+      object_count(drive.scene) == 1 ? hidden_object(drive.scene, 0).name : "hidden objects";
+  const char* one = object_count(drive.scene) == 1 ? "it" : "one of them";
+  if (sure == sight) {
+    return seen ? formatted("It saw the %s from %.1f s on and was not sure before.", hidden.c_str(),
+                            sight->time)
+                : "It never was sure of the " + hidden + ".";
+  }
+  // Who is sure with the first answer has not found out: it was told, or takes it for granted.
+  const std::string since =
+      sure == told ? formatted("It took the %s to be there from the start", hidden.c_str())
+                   : formatted("It was sure of the %s from %.1f s on", hidden.c_str(), sure->time);
+  return seen ? since +
+                    formatted(", %.1f s before it saw %s directly.", sight->time - sure->time, one)
+              : since + " and never saw " + one + " directly.";
+}
+
 json world_json(const Drive& drive, const DriveResult& result) {
   json surfaces = json::array();
   for (const Surface& surface : drive.scene.surfaces) {
@@ -190,7 +261,7 @@ json world_json(const Drive& drive, const DriveResult& result) {
           {"trace", trace},
           {"trace_step_s", result.trace_step},
           {"vehicle",
-           {{"kind", drive.vehicle.kind == VehicleKind::car ? "car" : "robot"},
+           {{"kind", vehicle_word(drive)},
             {"length_m", drive.vehicle.length},
             {"width_m", drive.vehicle.width}}},
           {"route_m", points_json(drive.route)},
@@ -209,6 +280,13 @@ json world_json(const Drive& drive, const DriveResult& result) {
 
 }  // namespace
 
+std::string drive_headline(const Drive& drive, const DriveResult& result) {
+  return end_sentence(drive, result) + " " + knowledge_sentence(drive, result) +
+         (std::isfinite(result.clearance) && result.clearance > 0
+              ? formatted(" It was never nearer to anything than %.2f m.", result.clearance)
+              : "");
+}
+
 json drive_json(const Drive& drive, const DriveOptions& options, const DriveResult& result) {
   json frames = json::array();
   for (const DriveFrame& frame : result.frames) frames.push_back(frame_json(frame));
@@ -220,12 +298,15 @@ json drive_json(const Drive& drive, const DriveOptions& options, const DriveResu
           {"seed", options.seed},
           {"light", drive.sensor.light},
           {"outcome", outcome_word(result.outcome)},
+          {"headline", drive_headline(drive, result)},
+          {"hit", result.hit.empty() ? json(nullptr) : json(result.hit)},
           {"clearance_m", number_or_null(result.clearance)},
           {"length_m", result.length},
           {"time_s", result.time},
           {"wanted_speed_m_per_s", result.wanted_speed},
           {"mean_speed_m_per_s", result.mean_speed},
           {"top_speed_m_per_s", result.top_speed},
+          {"end_speed_m_per_s", result.end_speed},
           {"unknowns", unknown_names(drive.scene)},
           {"frames", frames}};
 }
@@ -240,7 +321,7 @@ std::string drive_page(const Drive& drive, const DriveOptions& options, const Dr
                      {"world", world_json(drive, result)},
                      {"zones", zones},
                      {"pictures", pictures}};
-  return script_page(drive.name, dump_json(data),
+  return script_page(drive.name, data["drive"]["headline"], dump_json(data),
                      {.style = "drive_page.css", .library = {}, .script = "drive_page.js"});
 }
 

@@ -27,6 +27,19 @@ std::string with_scrolling_tables(const std::string& body) {
   return wrapped.append(body, from);
 }
 
+/// Up to the page's own style: what a browser has to know, what a list of pages shows.
+std::string head_of(const std::string& title, const std::string& headline) {
+  std::string head =
+      "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
+      "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n";
+  head.append(kGenerator) += "\n<title>" + html_safe(title) + "</title>\n";
+  if (!headline.empty()) {
+    head += "<meta name=\"description\" content=\"" + html_safe(headline) + "\">\n";
+  }
+  head += "<style>\n";
+  return head.append(embedded::report_asset("theme.css"));
+}
+
 /// JSON that may stand inside a script element: no "<" can open or close anything.
 std::string script_safe(const std::string& text) {
   std::string safe;
@@ -68,23 +81,16 @@ std::string html_safe(const std::string& text) {
 
 std::string plain_page(const std::string& title, const std::string& headline,
                        const std::string& body) {
-  std::string page =
-      "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"
-      "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"><title>" +
-      html_safe(title) + "</title>\n<style>";
-  page += embedded::report_asset("theme.css");
+  std::string page = head_of(title, headline);
   page += embedded::report_asset("plain_page.css");
   page += "</style></head>\n<body><h1>" + html_safe(title) + "</h1>\n";
   if (!headline.empty()) page += "<p class=\"headline\">" + html_safe(headline) + "</p>\n";
   return page + with_scrolling_tables(body) + "</body></html>\n";
 }
 
-std::string script_page(const std::string& title, const std::string& data,
-                        const PageAssets& assets) {
-  std::string page = "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n";
-  page += "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n";
-  page += "<title>" + html_safe(title) + " - blindcorner</title>\n<style>\n";
-  page += embedded::report_asset("theme.css");
+std::string script_page(const std::string& title, const std::string& headline,
+                        const std::string& data, const PageAssets& assets) {
+  std::string page = head_of(title, headline);
   page += embedded::report_asset(assets.style);
   page +=
       "</style>\n</head>\n<body>\n<main id=\"page\"></main>\n<noscript>This page draws its "

@@ -7,6 +7,9 @@
 
 namespace blindcorner {
 
+/// Stands in the head of all pages and tells them from those of others.
+inline constexpr std::string_view kGenerator = "<meta name=\"generator\" content=\"blindcorner\">";
+
 /// Text for HTML and SVG, in elements or in quoted attributes.
 std::string html_safe(const std::string& text);
 
@@ -22,8 +25,9 @@ struct PageAssets {
   std::string_view script;   ///< draws the data into the element "page"
 };
 
-/// A self-contained page that a script draws; `data` is JSON.
-std::string script_page(const std::string& title, const std::string& data,
-                        const PageAssets& assets);
+/// A self-contained page that a script draws; `data` is JSON. The headline is for those who list
+/// pages; the script draws it from the data.
+std::string script_page(const std::string& title, const std::string& headline,
+                        const std::string& data, const PageAssets& assets);
 
 }  // namespace blindcorner

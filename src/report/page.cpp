@@ -270,7 +270,7 @@ void add_captures(const Scene& scene, const std::vector<FitResult>& results,
 }
 
 std::string page_of(const Scene& scene, const json& data) {
-  return script_page(scene.name.empty() ? "fit" : scene.name, dump_json(data),
+  return script_page(scene.name.empty() ? "fit" : scene.name, data["headline"], dump_json(data),
                      {.style = "page.css", .library = "d3.js", .script = "page.js"});
 }
 

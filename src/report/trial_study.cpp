@@ -154,7 +154,7 @@ void TrialStudy::write_page() const {
   const auto replayed = [&](const Trial& trial) {
     return fs::exists(directory / replay_page(trial));
   };
-  write_atomically((directory / "index.html").string(), trials_page(drive(), results(), replayed));
+  write_atomically((directory / "trials.html").string(), trials_page(drive(), results(), replayed));
 }
 
 }  // namespace blindcorner

@@ -465,7 +465,7 @@ std::string failures_section(const Drive& drive, const Results& results,
 
 std::filesystem::path replay_page(const Trial& trial) {
   return std::filesystem::path("replay") / (trial.perception + "_" + std::to_string(trial.seed)) /
-         "index.html";
+         "drive.html";
 }
 
 std::string trials_page(const Drive& drive, const std::vector<TrialResult>& results,

@@ -17,6 +17,9 @@ namespace {
 
 /// Seed of second objects' places, apart from that of the first ones'.
 constexpr std::uint64_t kSecondSeed = 7919;
+/// ReferenceOptions::known_density. The known scene may send a thousand times the object's light,
+/// so that a thousandth of it matters; it is summed once for all objects.
+constexpr double kKnownDensity = 2;
 
 /// Changes of what the scene says about its light. Ambient light is none of it: studies choose it.
 std::vector<SceneChange> wrong_changes(const Scene& scene) {
@@ -50,8 +53,9 @@ class LightOfTruth {
     if (light == TrueLight::sensor) {
       sensor_ = std::make_unique<SimulatedSensor>(truth);
     } else {
-      reference_ =
-          make_reference_renderer(truth, sensor_placement(truth), reference_sampling(sampling));
+      ReferenceOptions options = reference_sampling(sampling);
+      options.known_density = kKnownDensity;
+      reference_ = make_reference_renderer(truth, sensor_placement(truth), options);
     }
   }
   void light(const PoseVector& pose, DrawnObject& object) const {

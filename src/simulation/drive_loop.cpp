@@ -472,7 +472,9 @@ bool DriveLoop::finished() {
   clearance_ = std::min(clearance_, clearance);
   result_.clearance = std::min(result_.clearance, clearance);
   result_.time = time_;
+  result_.end_speed = at.speed;
   if (clearance <= 0) {
+    result_.hit = world_.touched(outline(), time_);
     result_.outcome = DriveOutcome::collision;
     return true;
   }

@@ -72,6 +72,7 @@ TrueWorld::TrueWorld(const Drive& drive, std::uint64_t seed, std::optional<doubl
   for (const Surface& surface : drive.scene.surfaces) {
     if (!in_the_way(surface, drive.vehicle.height)) continue;
     walls_.push_back(footprint(surface.shape, surface.T_world_surface));
+    wall_names_.push_back(surface.name);
   }
 }
 
@@ -160,6 +161,18 @@ double TrueWorld::clearance(const std::vector<Eigen::Vector2d>& outline, double 
   for (const auto& wall : walls_) least = std::min(least, convex_distance(outline, wall));
   for (const auto& body : bodies(time)) least = std::min(least, convex_distance(outline, body));
   return least;
+}
+
+std::string TrueWorld::touched(const std::vector<Eigen::Vector2d>& outline, double time) const {
+  const auto touches = [&outline](const std::vector<Eigen::Vector2d>& other) {
+    return convex_distance(outline, other) <= 0;
+  };
+  const auto there = bodies(time);
+  if (const auto body = std::ranges::find_if(there, touches); body != there.end()) {
+    return hidden_object(drive_.scene, static_cast<int>(body - there.begin())).name;
+  }
+  const auto wall = std::ranges::find_if(walls_, touches);
+  return wall == walls_.end() ? "" : wall_names_[static_cast<std::size_t>(wall - walls_.begin())];
 }
 
 }  // namespace blindcorner

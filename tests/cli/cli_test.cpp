@@ -86,12 +86,13 @@ class Cli : public ::testing::Test {
   }
 
   /// The page after its script has drawn it; nothing where there is no Chromium.
-  std::optional<std::string> as_drawn(const std::string& page) const {
+  std::optional<std::string> as_drawn(const std::string& page,
+                                      const std::string& options = "") const {
     if (std::system("command -v chromium >/dev/null") != 0) return {};
     const std::string command =
-        "chromium --headless --no-sandbox --disable-gpu --virtual-time-budget=4000 --dump-dom "
-        "--user-data-dir='" +
-        path("browser") + "' 'file://" + page + "' >'" + path("drawn.html") + "' 2>/dev/null";
+        "chromium --headless --no-sandbox --disable-gpu --virtual-time-budget=4000 --dump-dom " +
+        options + " --user-data-dir='" + path("browser") + "' 'file://" + page + "' >'" +
+        path("drawn.html") + "' 2>/dev/null";
     if (std::system(command.c_str()) != 0) return {};
     return text_of(path("drawn.html"));
   }
@@ -354,7 +355,7 @@ TEST_F(Cli, OneCaptureGivesResultAndPage) {
   }
   EXPECT_NEAR(weights, 1.0, 1e-9);
   // A whole page that fetches nothing.
-  const std::string page = text_of(path("out/index.html"));
+  const std::string page = text_of(path("out/result.html"));
   EXPECT_THAT(page, StartsWith("<!doctype html>"));
   EXPECT_THAT(page, HasSubstr("</html>"));
   EXPECT_EQ(page.find("<script src"), std::string::npos);
@@ -365,7 +366,7 @@ TEST_F(Cli, OneCaptureGivesResultAndPage) {
 TEST_F(Cli, PageAsDrawnByABrowser) {
   const std::string sample = SOURCE_DIR "/scenes/captures/tmf8828_wall.exr";
   ASSERT_EQ(run(fit(kScene, sample)).exit_code, 0);
-  const std::optional<std::string> page = as_drawn(path("out/index.html"));
+  const std::optional<std::string> page = as_drawn(path("out/result.html"));
   if (!page) GTEST_SKIP() << "needs chromium";
   const auto found = [&page](const char* pattern) {
     std::smatch match;
@@ -397,7 +398,7 @@ TEST_F(Cli, PageAsDrawnByABrowser) {
 TEST_F(Cli, PageCanBeLeftOut) {
   EXPECT_EQ(run(fit(kScene, write_flat("good.exr")) + " --no-page").exit_code, 0);
   EXPECT_TRUE(fs::exists(path("out/result.json")));
-  EXPECT_FALSE(fs::exists(path("out/index.html")));
+  EXPECT_FALSE(fs::exists(path("out/result.html")));
 }
 
 TEST_F(Cli, BadCapturesDoNotStopTheOthers) {
@@ -805,7 +806,7 @@ TEST_F(Cli, StabilityPrintsWritesAndNamesRows) {
   EXPECT_EQ(written.at("format"), "blindcorner.stability/1");
   EXPECT_EQ(written.at("rows").size(), 2U);
   EXPECT_EQ(written.at("rows")[0].at("verdict"), "holds");
-  const std::string page = text_of(path("s") + "/index.html");
+  const std::string page = text_of(path("s") + "/stability.html");
   EXPECT_THAT(page, HasSubstr("pulse_of_0.01"));
   // A mark for each case against its limit, before the tables.
   EXPECT_LT(page.find("class=\"mark"), page.find("<table"));
@@ -1347,7 +1348,7 @@ TEST_F(Cli, PlanWritesPathAndPage) {
   EXPECT_EQ(file["points"].front()[0], 0.5);
   EXPECT_EQ(file["points"].back()[1], 0.5);
   EXPECT_NEAR(file["points"].back()[4], file["length_m"], 1e-9);
-  EXPECT_THAT(text_of(path("out/index.html")), AllOf(HasSubstr("<svg"), HasSubstr("polyline")));
+  EXPECT_THAT(text_of(path("out/path.html")), AllOf(HasSubstr("<svg"), HasSubstr("polyline")));
 }
 
 TEST_F(Cli, PlanTellsWhyThereIsNoPath) {
@@ -1447,10 +1448,62 @@ TEST_F(Cli, DriveWritesWhatHappenedAndAPageThatPlaysIt) {
               result["length_m"].get<double>() / result["time_s"].get<double>(), 1e-9);
   ASSERT_FALSE(result["frames"].empty());
   EXPECT_EQ(result["frames"][0]["modes"].size(), 1U);
-  const std::string page = text_of(path("out/index.html"));
+  const std::string page = text_of(path("out/drive.html"));
   EXPECT_THAT(page, HasSubstr("\"canvas\""));
   EXPECT_THAT(page, Not(HasSubstr("src=\"http")));
   EXPECT_THAT(text_of(path("out/drive.svg")), HasSubstr("<animate"));
+}
+
+// It plays by itself, says why it ended, and has its timelines; who wants nothing to move by itself
+// sees the moment that explains the drive.
+TEST_F(Cli, DrivePageAsDrawnByABrowser) {
+  const std::string drive = std::string(SOURCE_DIR) + "/scenes/robot_drive.json";
+  ASSERT_EQ(run("drive '" + drive + "' -o " + path("out") + " --perception oracle --seed 2")  //
+                .exit_code,
+            0);
+  const std::optional<std::string> page = as_drawn(path("out/drive.html"));
+  if (!page) GTEST_SKIP() << "needs chromium";
+  EXPECT_THAT(*page, AllOf(HasSubstr("class=\"headline\">The robot reached its goal after"),
+                           HasSubstr(">Pause</button>"), HasSubstr("nearest, 0.")));
+  for (const char* strip : {"speed, m/s", "clearance, m", "probability that the sign is there",
+                            "error of the place, m"}) {
+    EXPECT_THAT(*page, HasSubstr(std::string(">") + strip + "</text>"));
+  }
+  const std::regex line("<path d=\"M[^\"]*\" class=\"line strong\"");
+  EXPECT_EQ(std::distance(std::sregex_iterator(page->begin(), page->end(), line), {}), 4);
+  const auto still = as_drawn(path("out/drive.html"), "--force-prefers-reduced-motion");
+  EXPECT_THAT(*still, AllOf(HasSubstr(">Play</button>"), Not(HasSubstr(">0.0 / "))));
+}
+
+TEST_F(Cli, IndexLinksWhatSeveralCommandsWrote) {
+  const std::string drive = std::string(SOURCE_DIR) + "/scenes/robot_drive.json";
+  ASSERT_EQ(run("drive '" + drive + "' -o " + path("out") + " --perception los --animation")  //
+                .exit_code,
+            0);
+  ASSERT_EQ(run("info '" + kScene + "' -o " + path("out")).exit_code, 0);
+  const std::string headline = json::parse(text_of(path("out/drive.json")))["headline"];
+  EXPECT_THAT(text_of(path("out/index.html")),
+              AllOf(HasSubstr("href=\"drive.html\""), HasSubstr(headline),
+                    HasSubstr("href=\"tmf8828_wall.html\""), HasSubstr("href=\"drive.json\""),
+                    HasSubstr("href=\"drive.svg\"")));
+  // A file that is written later is listed; one that is no longer there is not.
+  fs::remove(path("out/drive.html"));
+  ASSERT_EQ(run("render '" + kScene + "' --model fast --random 1 -o " + path("out/one.exr"))  //
+                .exit_code,
+            0);
+  EXPECT_THAT(text_of(path("out/index.html")),
+              AllOf(HasSubstr("href=\"one.exr\""), Not(HasSubstr("drive.html"))));
+}
+
+TEST_F(Cli, IndexOfSomebodyElseIsLeftAlone) {
+  fs::create_directory(path("site"));
+  write_text("site/index.html", "<h1>My site</h1>");
+  ASSERT_EQ(run("info '" + kScene + "' -o " + path("site")).exit_code, 0);
+  EXPECT_EQ(text_of(path("site/index.html")), "<h1>My site</h1>");
+  // No page, no index: captures alone need none.
+  ASSERT_EQ(run("render '" + kScene + "' --model fast --random 1 -o " + path("one.exr")).exit_code,
+            0);
+  EXPECT_FALSE(fs::exists(path("index.html")));
 }
 
 // What README shows, as README writes it: the outcome and the picture.
@@ -1569,7 +1622,7 @@ TEST_F(Cli, TrialsWriteTableAndPage) {
   EXPECT_EQ(std::ranges::count(table, '\n'), 5);
   // Zones have names with a unit, bars have intervals, and no column is empty: the published study
   // has no robot's speeds, and all drives reach the goal.
-  EXPECT_THAT(text_of(path("study/index.html")),
+  EXPECT_THAT(text_of(path("study/trials.html")),
               AllOf(HasSubstr("Success by speed"), HasSubstr("<td>0.6 m/s<td>"),
                     HasSubstr("class=\"interval\""), Not(HasSubstr("published")),
                     Not(HasSubstr("<td>-<")), Not(HasSubstr("<th>collision"))));
@@ -1578,14 +1631,14 @@ TEST_F(Cli, TrialsWriteTableAndPage) {
 // Pairs of perceptions that were not driven have no row.
 TEST_F(Cli, TrialsPageComparesWhatWasDriven) {
   ASSERT_EQ(run(trials_of_robot(path("two"), "-n 1")).exit_code, 0);
-  EXPECT_THAT(text_of(path("two/index.html")),
+  EXPECT_THAT(text_of(path("two/trials.html")),
               AllOf(HasSubstr("<td>oracle - los<td>"), Not(HasSubstr("solver - los")),
                     Not(HasSubstr("cnn"))));
   ASSERT_EQ(run("trials '" + std::string(SOURCE_DIR) + "/scenes/robot_drive.json' -o '" +
                 path("one") + "' --perception los --replays 0 -n 1")
                 .exit_code,
             0);
-  EXPECT_THAT(text_of(path("one/index.html")), Not(HasSubstr("paired by seed")));
+  EXPECT_THAT(text_of(path("one/trials.html")), Not(HasSubstr("paired by seed")));
 }
 
 TEST_F(Cli, TrialsThatWereKilledGoOnToTheSameBytes) {
@@ -1642,7 +1695,8 @@ TEST_F(Cli, ComparesMethodsOnTheSameCaptures) {
   EXPECT_EQ(methods[0].at("coverage_95").at("claims"), 2);
   EXPECT_TRUE(methods[1].at("coverage_95").is_null());
   EXPECT_THAT(text_of(path("out/comparison.csv")), HasSubstr("\"middle of the prior\",2,0,"));
-  EXPECT_THAT(text_of(path("out/index.html")), AllOf(HasSubstr("<svg"), Not(HasSubstr("nan"))));
+  EXPECT_THAT(text_of(path("out/comparison.html")),
+              AllOf(HasSubstr("<svg"), Not(HasSubstr("nan"))));
 }
 
 TEST_F(Cli, RefusesAComparisonThatMakesNoSense) {
@@ -1678,7 +1732,7 @@ TEST_F(Cli, BoundsTheErrorToExpect) {
   for (const json& place : map.at("places")) {
     EXPECT_LE(place.at("position_error_m"), 1.001 * map.at("prior_error_m").get<double>());
   }
-  const std::string page = text_of(path("out/index.html"));
+  const std::string page = text_of(path("out/bound.html"));
   EXPECT_THAT(page, AllOf(HasSubstr("<svg"), Not(HasSubstr("nan"))));
   // Both pictures are as large as the page lets them be, and no title of a column is long.
   std::size_t large = 0;
@@ -1714,7 +1768,7 @@ TEST_F(Cli, ComparesMethodsOnMeasuredCaptures) {
   const double solver = folds.at("methods").at(0).at("rmse_m").at("value");
   const double middle = folds.at("methods").at(3).at("rmse_m").at("value");
   EXPECT_LT(solver, 0.6 * middle);
-  EXPECT_THAT(text_of(path("out/index.html")), HasSubstr("Published elsewhere"));
+  EXPECT_THAT(text_of(path("out/comparison.html")), HasSubstr("Published elsewhere"));
 }
 
 /// What needs libtorch; the rest of `cnn` is there without it.
@@ -1801,7 +1855,7 @@ TEST_F(CliCnn, TrainsAndEvaluates) {
   ASSERT_EQ(trained.exit_code, 0) << trained.err;
   EXPECT_EQ(trained.err, "");
   EXPECT_THAT(text_of(path("net/training.csv")), StartsWith("epoch,training_loss,validation_loss"));
-  EXPECT_THAT(text_of(path("net/index.html")), HasSubstr("<svg"));
+  EXPECT_THAT(text_of(path("net/training.html")), HasSubstr("<svg"));
   const json training = json::parse(text_of(path("net/training.json")));
   EXPECT_EQ(training["format"], "blindcorner.training/1");
   EXPECT_EQ(training["epochs"], 3);
@@ -1811,7 +1865,7 @@ TEST_F(CliCnn, TrainsAndEvaluates) {
   const Outcome all = run(evaluate + captures + " -o " + path("all"));
   ASSERT_EQ(all.exit_code, 0) << all.err;
   EXPECT_THAT(text_of(path("all/estimates.csv")), StartsWith("source,index,x_m,x_m_estimate"));
-  EXPECT_THAT(text_of(path("all/index.html")), HasSubstr("<svg"));
+  EXPECT_THAT(text_of(path("all/evaluation.html")), HasSubstr("<svg"));
   const Outcome some = run(evaluate + captures + " --held-back -o " + path("some"));
   ASSERT_EQ(some.exit_code, 0) << some.err;
   EXPECT_THAT(text_of(path("some/estimates.csv")), Not(HasSubstr("sigma"))) << "none is claimed";
@@ -1826,7 +1880,7 @@ TEST_F(CliCnn, BaselineMakesDataTrainsAndEvaluatesOnce) {
   const Outcome first = run(command);
   ASSERT_EQ(first.exit_code, 0) << first.err;
   EXPECT_THAT(first.err, StartsWith("blindcorner: step 1 of 3: captures to learn from"));
-  EXPECT_TRUE(fs::exists(path("base/errors_wide/index.html")));
+  EXPECT_TRUE(fs::exists(path("base/errors_wide/evaluation.html")));
   EXPECT_THAT(text_of(path("base/errors_wide/estimates.csv")), HasSubstr(",x_m_sigma,"));
   const auto made = fs::last_write_time(path("base/data_wide/captures.exr"));
   ASSERT_EQ(run(command).exit_code, 0);
@@ -1965,7 +2019,7 @@ TEST_F(CliTutorial, RunsAsItIsWritten) {
     const double sigma = std::sqrt(capture["modes"][0]["covariance"][i][i].get<double>());
     EXPECT_NEAR(capture["modes"][0]["pose"][i].get<double>(), truth, 4 * sigma);
   }
-  EXPECT_THAT(text_of(path("out/index.html")),
+  EXPECT_THAT(text_of(path("out/result.html")),
               AnyOf(HasSubstr("Found at x "), HasSubstr("explain the light")));
 }
 
@@ -2014,10 +2068,10 @@ TEST_F(Cli, FitTakesOnlyTheCapturesAskedFor) {
 TEST_F(Cli, NoOldPageStandsBesideANewResult) {
   const std::string captures = write_flat("flat.exr");
   ASSERT_EQ(run(fit(kScene, captures)).exit_code, 0);
-  ASSERT_TRUE(fs::exists(path("out/index.html")));
+  ASSERT_TRUE(fs::exists(path("out/result.html")));
   write_text("out/evaluation.html", "of the old result");
   ASSERT_EQ(run(fit(kScene, captures) + " --no-page").exit_code, 0);
-  EXPECT_FALSE(fs::exists(path("out/index.html")));
+  EXPECT_FALSE(fs::exists(path("out/result.html")));
   EXPECT_FALSE(fs::exists(path("out/evaluation.html")));
 }
 
@@ -2105,7 +2159,7 @@ TEST_F(Cli, CtrlCKeepsTheTrialsThatAreDone) {
   ASSERT_EQ(code, 1) << text_of(path("stderr"));
   EXPECT_THAT(text_of(path("stderr")), HasSubstr("the same command goes on from there"));
   EXPECT_THAT(text_of(path("out/trials.csv")), HasSubstr("\nlos,"));
-  EXPECT_THAT(text_of(path("out/index.html")), HasSubstr("The vehicle reaches its goal"));
+  EXPECT_THAT(text_of(path("out/trials.html")), HasSubstr("The vehicle reaches its goal"));
 }
 
 // Where a command prints a table, other programs read JSON.

@@ -21,8 +21,13 @@ for reader in ${*:-$(ls tests/fuzz/corpus)}; do
   findings=build/fuzz/findings/$reader
   mkdir -p "$findings/corpus"
   echo "== $reader"
-  if ! nice -n 10 "$program" --reader="$reader" -max_total_time="$seconds" \
-      -seed="${FUZZ_SEED:-0}" -timeout="${FUZZ_TIMEOUT:-20}" -rss_limit_mb=2048 -malloc_limit_mb=1024 -max_len=65536 -close_fd_mask=1 \
+  # libhdf5 asks for whatever a damaged file names, stands it when it gets nothing, and leaks.
+  sanitizer= malloc_limit=1024
+  if [ "$reader" = hdf5 ]; then
+    sanitizer=allocator_may_return_null=1:detect_leaks=0 malloc_limit=100000000
+  fi
+  if ! ASAN_OPTIONS=$sanitizer nice -n 10 "$program" --reader="$reader" -max_total_time="$seconds" \
+      -seed="${FUZZ_SEED:-0}" -timeout="${FUZZ_TIMEOUT:-20}" -rss_limit_mb=2048 -malloc_limit_mb="$malloc_limit" -max_len=65536 -close_fd_mask=1 \
       -artifact_prefix="$findings/" "$findings/corpus" "tests/fuzz/corpus/$reader" \
       2> "$findings/log"; then
     failed=1

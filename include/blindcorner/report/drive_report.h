@@ -12,12 +12,17 @@ namespace blindcorner {
 
 inline constexpr const char* kDriveFormat = "blindcorner.drive/1";
 
+/// How the drive ended and why, then since when the vehicle knew of what is hidden, for a reader
+/// who knows nothing of the method.
+std::string drive_headline(const Drive& drive, const DriveResult& result);
+
 /// Numbers that are not finite become null.
 nlohmann::json drive_json(const Drive& drive, const DriveOptions& options,
                           const DriveResult& result);
 
 /// A self-contained page that plays the drive: a map with vehicle, field of view, grid, modes and
-/// path, histograms, a time slider. Needs a result with pictures (DriveOptions::keep_pictures).
+/// path, timelines, histograms, a time slider. Needs a result with pictures
+/// (DriveOptions::keep_pictures).
 std::string drive_page(const Drive& drive, const DriveOptions& options, const DriveResult& result);
 
 /// The map of that page as an animated SVG that loops (SMIL), for where no script may run.

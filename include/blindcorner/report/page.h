@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// `index.html`: the results of a fit as one page that needs no network; the same page of a scene
+/// `result.html`: the results of a fit as one page that needs no network; the same page of a scene
 /// before anything is fitted.
 #pragma once
 

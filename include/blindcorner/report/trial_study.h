@@ -74,7 +74,7 @@ class TrialStudy {
   /// Failed trials, at most `most` of each perception, whose page is not there yet.
   std::vector<Trial> missing_replays(int most) const;
   void write_replay(const Trial& trial) const;
-  /// index.html.
+  /// trials.html.
   void write_page() const;
 
  private:

@@ -87,10 +87,11 @@ std::optional<PoseMixture> known_later(const Drive& drive, const DriveFrame& fra
 
 struct DriveResult {
   DriveOutcome outcome = DriveOutcome::timeout;
+  std::string hit;       ///< name of what it collided with; empty: nothing
   double clearance = 0;  ///< m, least distance between vehicle and anything; 0: collision
   double length = 0;     ///< m driven
   double time = 0;       ///< s
-  double wanted_speed = 0, mean_speed = 0, top_speed = 0;  ///< m/s
+  double wanted_speed = 0, mean_speed = 0, top_speed = 0, end_speed = 0;  ///< m/s
   std::vector<DriveFrame> frames;
   std::vector<Eigen::Vector3d> trace;  ///< x, y (m), yaw (rad) at every control step
   double trace_step = 0;               ///< s between them

@@ -6,6 +6,7 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "blindcorner/io/drive_file.h"
@@ -47,6 +48,8 @@ class TrueWorld {
 
   /// Distance of a convex outline (corners, m) to the nearest wall or body; 0 where it touches one.
   double clearance(const std::vector<Eigen::Vector2d>& outline, double time) const;
+  /// The name of the hidden object, or else of the wall, that it touches; empty: none.
+  std::string touched(const std::vector<Eigen::Vector2d>& outline, double time) const;
 
  private:
   const Drive& drive_;
@@ -57,6 +60,7 @@ class TrueWorld {
   Eigen::Vector2d offset_ = Eigen::Vector2d::Zero();  ///< of the vehicle's belief, m
   double turn_ = 0;                                   ///< of the vehicle's belief, rad
   std::vector<std::vector<Eigen::Vector2d>> walls_;
+  std::vector<std::string> wall_names_;  ///< [walls]
 };
 
 }  // namespace blindcorner

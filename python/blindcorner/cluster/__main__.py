@@ -89,7 +89,7 @@ def parser() -> argparse.ArgumentParser:
         "Trials and fits on more than one machine, by Dask. The same command goes on where it was "
         "interrupted."))
     commands = top.add_subparsers(dest="command", required=True)
-    command = commands.add_parser("trials", help="many drives; writes DIR/trials.csv and index.html")
+    command = commands.add_parser("trials", help="many drives; writes DIR/trials.csv and trials.html")
     command.add_argument("drive", metavar="DRIVE", help="drive file")
     command.add_argument("-n", "--trials", type=int, default=120, metavar="N",
                          help="trials of each perception")

@@ -121,4 +121,5 @@ def trials(
     run_chunks(client, study.open_trials, chunk, run_chunk, (os.getpid(), request, study.study), keep,
                "trials", progress)
     study.finish(replays)
+    _core.write_index(os.fspath(directory))
     return summary_of(directory)

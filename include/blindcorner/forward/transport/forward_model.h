@@ -103,6 +103,9 @@ struct ReferenceOptions {
   int field_divisions = 12;  ///< relay cells along each side of the field (rings of a cone)
   int object_divisions = 5;  ///< least cells along each edge of the object
   double object_edge = 0.4;  ///< m, largest cell edge on the object
+  /// Density of the empty scene's own light along each axis over that of the relay cells. That
+  /// light is summed once. What an object takes away from it has the relay cells' density.
+  double known_density = 1;
 
   void validate() const;
 };

@@ -219,6 +219,26 @@ TEST(StaticReturn, HiddenObjectBlocksThreeBounceLight) {
   EXPECT_NEAR(sum(reference->shadowed_background(stated_pose(scene))) - first, 0, 1e-6 * open);
 }
 
+// A black partition that stands on the floor leaves the light of the half before it: the scene is
+// the one whose floor ends there. Cells astride of it would see over to its other side.
+TEST_P(ClosedForm, PartitionPartsTheFloorThatItStandsOn) {
+  Scene parted = one_narrow_zone();
+  parted.sensor.field = field_of(8, 30);
+  parted.sensor.zones[0].footprint = field_of(8, 30);
+  parted.surfaces[0] = rectangle({0.6, 0, 0.7}, {-1, 0, 0}, 2, 2, 0.7);
+  const double end = 0.137;
+  Scene half = parted;
+  parted.surfaces.push_back(rectangle({0, 0, -0.3}, {0, 0, 1}, 2, 2, 0.5, false));
+  parted.surfaces.push_back(rectangle({0, end, 0.2}, {0, -1, 0}, 2, 1, 0, false));
+  half.surfaces.push_back(rectangle({0, 0.5 * (end - 1), -0.3}, {0, 0, 1}, 1 + end, 2, 0.5, false));
+  const double want = sum(model_of(half, fast())->static_background());
+  const double got = sum(model_of(parted, fast())->static_background());
+  half.surfaces.pop_back();
+  const double bounced = want - sum(model_of(half, fast())->static_background());
+  ASSERT_GT(bounced, 1e-3 * want);
+  EXPECT_NEAR(got, want, (fast() ? 0.01 : 0.003) * bounced);
+}
+
 // What a hidden object takes away from the known scene's light is what a black surface in its place
 // would: all pairs summed anew against the changes only.
 TEST(StaticReturn, HiddenObjectBlocksAsABlackSurfaceDoes) {
