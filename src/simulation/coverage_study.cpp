@@ -200,8 +200,10 @@ double dense_sampling(const Scene& scene, const CoverageOptions& options, const 
   draw.objects = std::min(draw.objects, kDenseChecks);
   const std::vector<DrawnObject> objects = draw_objects(scene, draw);
   draw.sampling = std::max(draw.sampling / kDenser, DrawOptions::kMinSampling);
-  const double error = truth_error(explains, objects, draw_objects(scene, draw), brightest);
-  return options.sampling * (error < kMaxTruthError ? 1 : kDenser);
+  const double coarser = truth_error(explains, objects, draw_objects(scene, draw), brightest);
+  // Errors fall at least with the square of the cells' edges, their squares with the fourth power.
+  const double own = coarser / std::pow(kDenser, 4);
+  return options.sampling * (own < kMaxTruthError ? 1 : kDenser);
 }
 
 const Exposure& brightest(const std::vector<ClaimLevel>& levels) {
