@@ -204,7 +204,8 @@ bool stands_across(const OccluderFace& face, const SurfaceCell& cell, double nea
   const Vector3d normal = face_normal(face.corners);
   const double middle = normal.dot(cell.center - face.corners[0]);
   const double reach = std::abs(normal.dot(cell.half_u)) + std::abs(normal.dot(cell.half_v));
-  if (std::abs(middle) > (1 - 1e-6) * reach) return false;
+  const bool parallel = reach < 1e-6 * (cell.half_u.norm() + cell.half_v.norm());
+  if (parallel || std::abs(middle) > (1 - 1e-6) * reach) return false;
   std::vector<Vector3d> foot(face.corners.begin(), face.corners.end());
   for (const double side : {-1.0, 1.0}) {
     foot = clip(foot, cell.center + side * near * cell.normal, -side * cell.normal);

@@ -220,15 +220,18 @@ TEST(StaticReturn, HiddenObjectBlocksThreeBounceLight) {
 }
 
 // A black partition that stands on the floor leaves the light of the half before it: the scene is
-// the one whose floor ends there. Cells astride of it would see over to its other side.
+// the one whose floor ends there. Cells astride of it would see over to its other side. A floor in
+// two pieces does not stand across itself.
 TEST_P(ClosedForm, PartitionPartsTheFloorThatItStandsOn) {
   Scene parted = one_narrow_zone();
   parted.sensor.field = field_of(8, 30);
   parted.sensor.zones[0].footprint = field_of(8, 30);
-  parted.surfaces[0] = rectangle({0.6, 0, 0.7}, {-1, 0, 0}, 2, 2, 0.7);
+  parted.surfaces[0] = rectangle({0.6, 0, 0.5}, {-1, 0, 0}, 2, 2, 0.7);
   const double end = 0.137;
   Scene half = parted;
-  parted.surfaces.push_back(rectangle({0, 0, -0.3}, {0, 0, 1}, 2, 2, 0.5, false));
+  for (const double side : {-0.5, 0.5}) {
+    parted.surfaces.push_back(rectangle({0, side, -0.3}, {0, 0, 1}, 1, 2, 0.5, false));
+  }
   parted.surfaces.push_back(rectangle({0, end, 0.2}, {0, -1, 0}, 2, 1, 0, false));
   half.surfaces.push_back(rectangle({0, 0.5 * (end - 1), -0.3}, {0, 0, 1}, 1 + end, 2, 0.5, false));
   const double want = sum(model_of(half, fast())->static_background());
