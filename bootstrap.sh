@@ -98,8 +98,9 @@ job_count() {
   echo $((jobs < memory_jobs ? jobs : memory_jobs))
 }
 
-# Configures and builds a target of the preset `release`: JOBS TARGET [OPTION...]. In an empty build folder sources are compiled
-# several at a time, which halves the time of a first build and lengthens those of later changes.
+# Configures and builds a target of the preset `release`: JOBS TARGET [OPTION...]. In an empty build
+# folder sources are compiled several at a time, which halves the time of a first build and lengthens
+# those of later changes.
 build() {
   local log=build/configure.log options=("${@:3}")
   mkdir -p build

@@ -49,7 +49,8 @@ install(FILES ${CMAKE_CURRENT_BINARY_DIR}/blindcorner.pc
         DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig COMPONENT development)
 
 # `cpack` in the build folder: blindcorner_VERSION_ARCH.deb with the program, blindcorner-learning with
-# what needs libtorch (2 GB), where that was found, libblindcorner-dev with libraries and headers. Shared libraries that the program needs are named by dpkg-shlibdeps.
+# what needs libtorch (2 GB), where that was found, libblindcorner-dev with libraries and headers.
+# Shared libraries that the program needs are named by dpkg-shlibdeps.
 set(CPACK_GENERATOR DEB)
 set(CPACK_DEB_COMPONENT_INSTALL ON)
 set(CPACK_COMPONENTS_ALL program development)

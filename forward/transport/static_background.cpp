@@ -12,7 +12,6 @@
 #include <iterator>
 #include <limits>
 #include <numeric>
-#include <optional>
 
 #include "blindcorner/forward/constants.h"
 #include "forward/support/clip.h"
@@ -216,12 +215,13 @@ bool stands_across(const OccluderFace& face, const SurfaceCell& cell, double nea
   return !foot.empty();
 }
 
-/// The parallelogram with the area, middle and second moments of a polygon on a cell.
+/// The parallelogram with the area, middle and second moments of a polygon on a cell, whose corners
+/// go from its first half edge to its second.
 SurfaceCell like_polygon(const std::vector<Vector3d>& corners, SurfaceCell cell) {
   const Vector3d u = cell.half_u.normalized(), v = cell.half_v.normalized();
   const Vector3d origin = cell.center;
   const auto flat = [&](std::size_t i) {
-    const Vector3d way = corners[i % corners.size()] - origin;
+    const Vector3d way = corners[i] - origin;
     return Eigen::Vector2d(way.dot(u), way.dot(v));
   };
   double area = 0;
@@ -246,7 +246,7 @@ SurfaceCell like_polygon(const std::vector<Vector3d>& corners, SurfaceCell cell)
   cell.center = origin + first.x() * u + first.y() * v;
   cell.half_u = half(1);
   cell.half_v = half(0);
-  cell.area = std::abs(area);
+  cell.area = area;
   return cell;
 }
 

@@ -45,7 +45,7 @@ void be_quiet() { H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr); }
 
 constexpr std::size_t kMostNumbers = std::size_t{1} << 31;
 /// Deflate packs to a 1032nd at most; what fits into a page may be anything.
-constexpr std::size_t kMostPacked = 1032, kPage = 65536;
+constexpr hsize_t kMostPacked = 1032, kPage = 65536;
 
 void require(bool good, const std::string& what) {
   if (!good) throw Error("hdf5", "cannot write " + what);
@@ -96,9 +96,10 @@ NpyArray Hdf5Reader::numbers(const std::string& name) const {
       throw Error(where, "holds more than 2^31 numbers");
     }
   }
-  if (count * H5Tget_size(type) > kPage + kMostPacked * H5Dget_storage_size(dataset)) {
+  const hsize_t stored = H5Dget_storage_size(dataset), bytes = count * H5Tget_size(type);
+  if (bytes > kPage && (bytes - kPage) / kMostPacked > stored) {
     throw Error(where, "has shape " + array.shape_text() + ", of which the file holds " +
-                           std::to_string(H5Dget_storage_size(dataset)) + " bytes only");
+                           std::to_string(stored) + " bytes only");
   }
   array.values.resize(count);
   herr_t verdict = 0;

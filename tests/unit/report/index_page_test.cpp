@@ -6,10 +6,10 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
-#include <fstream>
 #include <string>
 
 #include "report/html.h"
+#include "unit/io/io_test_files.h"
 
 namespace blindcorner {
 namespace {
@@ -21,24 +21,17 @@ using testing::Not;
 
 class Index : public ::testing::Test {
  protected:
-  void SetUp() override {
-    std::string name = (fs::temp_directory_path() / "blindcorner_index_XXXXXX").string();
-    ASSERT_NE(mkdtemp(name.data()), nullptr);
-    directory_ = name;
-  }
-  void TearDown() override { fs::remove_all(directory_); }
-
   void write(const fs::path& name, const std::string& text) const {
     fs::create_directories((directory_ / name).parent_path());
-    std::ofstream(directory_ / name) << text;
+    test::write_text((directory_ / name).string(), text);
   }
   std::string written() const {
     write_index(directory_.string());
-    std::ifstream file(directory_ / "index.html");
-    return {std::istreambuf_iterator<char>(file), {}};
+    return test::read_text((directory_ / "index.html").string());
   }
 
-  fs::path directory_;
+  test::TemporaryFolder folder_;
+  fs::path directory_ = folder_.path();
 };
 
 TEST_F(Index, ListsPagesWithHeadlinesAndFilesWithTheirMeaning) {

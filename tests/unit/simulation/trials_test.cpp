@@ -5,7 +5,6 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <stdlib.h>
 
 #include <filesystem>
 #include <fstream>
@@ -14,6 +13,7 @@
 #include "blindcorner/forward/error.h"
 #include "blindcorner/simulation/paired_difference.h"
 #include "blindcorner/simulation/trial_journal.h"
+#include "unit/io/io_test_files.h"
 
 namespace blindcorner {
 namespace {
@@ -49,13 +49,6 @@ TrialResult made_up(const Trial& trial) {
 
 class Journal : public ::testing::Test {
  protected:
-  void SetUp() override {
-    std::string name = (fs::temp_directory_path() / "blindcorner_trials_XXXXXX").string();
-    ASSERT_NE(mkdtemp(name.data()), nullptr);
-    directory_ = name;
-  }
-  void TearDown() override { fs::remove_all(directory_); }
-
   /// The tables after a run that ends after `most` trials, as a kill would end it.
   std::string run(const std::vector<Trial>& trials, int threads, std::size_t most = 1000) const {
     TrialJournal journal(directory_.string(), "{\"seed\": 1}\n");
@@ -73,7 +66,8 @@ class Journal : public ::testing::Test {
     return trials_csv(street().trials, results) + errors_csv(street().trials, results);
   }
 
-  fs::path directory_;
+  test::TemporaryFolder folder_;
+  fs::path directory_ = folder_.path();
 };
 
 TEST(TrialPlan, SpeedsLieInTheirZonesAndZonesAreEquallyFull) {

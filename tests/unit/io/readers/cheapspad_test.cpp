@@ -3,13 +3,13 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <filesystem>
 #include <fstream>
 
 #include "blindcorner/forward/error.h"
 #include "blindcorner/io/import_file.h"
 #include "io/readers/matlab_file.h"
 #include "io/repeats.h"
+#include "unit/io/io_test_files.h"
 
 #ifdef BLINDCORNER_TEST_MATIO
 #include <matio.h>
@@ -113,14 +113,6 @@ TEST(Repeats, ObjectsInDirectViewAreLeftOut) {
 
 class CheapSpadFile : public ::testing::Test {
  protected:
-  void SetUp() override {
-    std::string name = (std::filesystem::temp_directory_path() / "blindcorner_mat_XXXXXX").string();
-    ASSERT_NE(mkdtemp(name.data()), nullptr);
-    directory_ = name;
-    path_ = (directory_ / "small.mat").string();
-  }
-  void TearDown() override { std::filesystem::remove_all(directory_); }
-
   /// Two positions, four repeats; spot (row, column) has 1000 row + 100 column more in bin 14.
   /// `y` of the second position.
   void write(double y, bool positions = true, std::size_t repeats = 4) const {
@@ -158,8 +150,8 @@ class CheapSpadFile : public ::testing::Test {
     Mat_Close(file);
   }
 
-  std::filesystem::path directory_;
-  std::string path_;
+  test::TemporaryFolder folder_;
+  std::string path_ = folder_.file("small.mat");
 };
 
 TEST_F(CheapSpadFile, ZonesAreSpotsInTheirPhases) {

@@ -105,6 +105,13 @@ TEST_F(Tal, WhatCannotBeACaptureIsRefused) {
   write_text(path_, two.bytes());
   EXPECT_THAT(error_of([&] { import_captures({path_}); }),
               AllOf(HasSubstr("dataset H"), HasSubstr("one spot of the laser")));
+  Hdf5Writer vast;  // its numbers are never written, and are zero to who reads them
+  vast.floats("H", {1000, 1000, 100}, {});
+  vast.enumerator("H_format", {{"T_Sx_Sy", 1}}, 1);
+  vast.floats("delta_t", {}, {0.03});
+  write_text(path_, vast.bytes());
+  EXPECT_THAT(error_of([&] { import_captures({path_}); }),
+              AllOf(HasSubstr("dataset H"), HasSubstr("the file holds 0 bytes only")));
   export_captures(path_, before_a_wall());
   const std::string bytes = read_text(path_);
   for (std::size_t length = 8; length < bytes.size(); length += 997) {
