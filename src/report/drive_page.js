@@ -8,7 +8,6 @@
   var drive = data.drive, world = data.world, frames = drive.frames, pictures = data.pictures;
   var trace = world.trace, step = world.trace_step_s, duration = Math.max(drive.time_s, step);
   var CHI2_95 = 5.991;    // 95 % quantile of chi-square, two degrees of freedom
-  var SURE = 0.95;        // presence from which the headline calls the vehicle sure
   var LIGHT = 0.299792458;  // m/ns
   var SHARED = ["path", "vehicle", "field", "field-edge", "goal", "measured", "object", "found",
                 "rival", "truth", "occupied", "relay", "ink", "soft", "faint"];
@@ -186,11 +185,7 @@
   function findMoments() {
     var WORDS = { reached: "goal", stopped: "stands", timeout: "time over" };
     var sight = first(function (frame) { return frame.frame === "in_sight"; });
-    var doubted = false;  // who was sure from the beginning did not become so
-    var sure = first(function (frame) {
-      if (known(frame.presence_probability) && frame.presence_probability < SURE) doubted = true;
-      return doubted && frame.presence_probability >= SURE;
-    });
+    var sure = drive.sure_from_s;
     var brakes = first(isBraking);
     var nearest = frames.reduce(function (best, frame) {
       return frame.clearance_m !== null && frame.clearance_m < best.clearance_m ? frame : best;
@@ -198,7 +193,7 @@
     var hidden = !sight ? function () { return true; }
       : function (frame) { return frame.time_s < sight.time_s; };
     var list = [];
-    if (sure && hidden(sure)) list.push({ time: sure.time_s, words: "sure of the " + HIDDEN });
+    if (sure !== null) list.push({ time: sure, words: "sure of the " + HIDDEN });
     if (sight) list.push({ time: sight.time_s, words: "direct sight" });
     if (brakes) list.push({ time: brakes.time_s, words: "brakes for " + brakes.braking_for });
     if (nearest.clearance_m !== null && drive.outcome !== "collision") {
@@ -209,7 +204,7 @@
     list.push({ time: duration, words: WORDS[drive.outcome] || drive.outcome });
     list.matters = drive.outcome !== "reached" ? duration
       : brakes && hidden(brakes) ? brakes.time_s
-      : sure && hidden(sure) ? sure.time_s : nearest.time_s;
+      : sure !== null ? sure : nearest.time_s;
     return list;
   }
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <optional>
 
 #include "blindcorner/forward/scene/footprint.h"
 #include "blindcorner/report/result_file.h"
@@ -193,34 +194,47 @@ std::string end_sentence(const Drive& drive, const DriveResult& result) {
   return "";
 }
 
-/// Since when it knew of what is hidden: of this most depends.
-std::string knowledge_sentence(const Drive& drive, const DriveResult& result) {
+/// What was known of the hidden before direct sight, and when.
+struct Knowledge {
+  std::optional<double> sight;  ///< s, of the first frame in direct sight
+  std::optional<double> sure;   ///< s, of the first sure answer before that
+  bool granted = false;         ///< the first answer was sure: nothing was found out
+};
+
+Knowledge knowledge_of(const DriveResult& result) {
   constexpr double kSure = 0.95;
-  const auto truth = std::ranges::find_if(
-      result.frames, [](const DriveFrame& frame) { return frame.truth.has_value(); });
-  if (truth == result.frames.end()) return "Nothing was hidden.";
+  Knowledge knowledge;
   const auto sight = std::ranges::find(result.frames, FrameFate::in_sight, &DriveFrame::fate);
-  const bool seen = sight != result.frames.end();
+  if (sight != result.frames.end()) knowledge.sight = sight->time;
   const auto told = std::find_if(result.frames.begin(), sight,
                                  [](const DriveFrame& frame) { return frame.mixture.has_value(); });
   const auto sure = std::find_if(told, sight, [](const DriveFrame& frame) {
     return frame.mixture && frame.mixture->presence_probability >= kSure;
   });
+  if (sure != sight) knowledge.sure = sure->time;
+  knowledge.granted = sure != sight && sure == told;
+  return knowledge;
+}
+
+/// Since when it knew of what is hidden: of this most depends.
+std::string knowledge_sentence(const Drive& drive, const DriveResult& result) {
+  const auto truth = std::ranges::find_if(
+      result.frames, [](const DriveFrame& frame) { return frame.truth.has_value(); });
+  if (truth == result.frames.end()) return "Nothing was hidden.";
+  const auto [sight, sure, granted] = knowledge_of(result);
   const std::string hidden =
       object_count(drive.scene) == 1 ? hidden_object(drive.scene, 0).name : "hidden objects";
   const char* one = object_count(drive.scene) == 1 ? "it" : "one of them";
-  if (sure == sight) {
-    return seen ? formatted("It saw the %s from %.1f s on and was not sure before.", hidden.c_str(),
-                            sight->time)
-                : "It never was sure of the " + hidden + ".";
+  if (!sure) {
+    return sight ? formatted("It saw the %s from %.1f s on and was not sure before.",
+                             hidden.c_str(), *sight)
+                 : "It never was sure of the " + hidden + ".";
   }
-  // Who is sure with the first answer has not found out: it was told, or takes it for granted.
   const std::string since =
-      sure == told ? formatted("It took the %s to be there from the start", hidden.c_str())
-                   : formatted("It was sure of the %s from %.1f s on", hidden.c_str(), sure->time);
-  return seen ? since +
-                    formatted(", %.1f s before it saw %s directly.", sight->time - sure->time, one)
-              : since + " and never saw " + one + " directly.";
+      granted ? formatted("It took the %s to be there from the start", hidden.c_str())
+              : formatted("It was sure of the %s from %.1f s on", hidden.c_str(), *sure);
+  return sight ? since + formatted(", %.1f s before it saw %s directly.", *sight - *sure, one)
+               : since + " and never saw " + one + " directly.";
 }
 
 json world_json(const Drive& drive, const DriveResult& result) {
@@ -290,6 +304,7 @@ std::string drive_headline(const Drive& drive, const DriveResult& result) {
 json drive_json(const Drive& drive, const DriveOptions& options, const DriveResult& result) {
   json frames = json::array();
   for (const DriveFrame& frame : result.frames) frames.push_back(frame_json(frame));
+  const Knowledge known = knowledge_of(result);
   return {{"format", kDriveFormat},
           {"drive", drive.name},
           {"scene", drive.scene.name},
@@ -300,6 +315,7 @@ json drive_json(const Drive& drive, const DriveOptions& options, const DriveResu
           {"outcome", outcome_word(result.outcome)},
           {"headline", drive_headline(drive, result)},
           {"hit", result.hit.empty() ? json(nullptr) : json(result.hit)},
+          {"sure_from_s", known.sure && !known.granted ? json(*known.sure) : json(nullptr)},
           {"clearance_m", number_or_null(result.clearance)},
           {"length_m", result.length},
           {"time_s", result.time},

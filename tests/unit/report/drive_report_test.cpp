@@ -84,13 +84,16 @@ TEST(DriveHeadline, DoesNotClaimKnowledge) {
               HasSubstr("It took the cyclist to be there from the start, 2.0 s before"));
 }
 
-TEST(DriveJson, NamesWhatWasHit) {
+TEST(DriveJson, NamesWhatWasHitAndWhenItWasSure) {
   DriveResult result = driven(DriveOutcome::collision);
   EXPECT_TRUE(drive_json(crossing(), {}, result)["hit"].is_null());
   result.hit = "cyclist";
   const nlohmann::json written = drive_json(crossing(), {}, result);
   EXPECT_EQ(written["hit"], "cyclist");
   EXPECT_EQ(written["headline"], drive_headline(crossing(), result));
+  EXPECT_EQ(written["sure_from_s"], 2.0);
+  result.frames[1].mixture->presence_probability = 1;
+  EXPECT_TRUE(drive_json(crossing(), {}, result)["sure_from_s"].is_null());
 }
 
 TEST(TrueWorld, NamesWhatIsTouched) {
