@@ -10,7 +10,8 @@ usage() {
 usage: ./bootstrap.sh fit     install what is missing, build, fit the bundled capture (out/fit/result.html)
        ./bootstrap.sh test    install what is missing, build, run the tests
        ./bootstrap.sh python  install what is missing, build, test the Python package in a virtual
-                              environment of its own (from PyPI; skipped where that cannot be reached)
+                              environment of its own (from PyPI; skipped where that cannot be reached),
+                              also the tests with Dask, ROS bags and the notebook that `test` leaves out
 
 Missing packages are installed with apt-get, as root or through sudo. All else stays in this folder.
 JOBS=N ./bootstrap.sh ...     compile and test with N processes (default: one per processor, at most
@@ -128,11 +129,11 @@ main() {
     echo "Page with the picture: $PWD/out/fit/result.html"
   elif [[ "$1" == python ]]; then
     install_packages python3-dev python3-venv
-    build "$jobs" blindcorner_program -DBLINDCORNER_PYTHON_TEST=ON
+    build "$jobs" blindcorner_program -DBLINDCORNER_PYTHON_TEST=ON -DBLINDCORNER_PYTHON_EXTRAS=ON
     ctest --preset release -R package.python
   else
-    install_optional_packages "${optional_packages[@]}"
-    build "$jobs" all
+    install_optional_packages "${optional_packages[@]}" python3-dev python3-venv
+    build "$jobs" all -DBLINDCORNER_PYTHON_TEST=ON -DBLINDCORNER_PYTHON_EXTRAS=OFF
     ctest --preset release --parallel "$jobs"
   fi
 }

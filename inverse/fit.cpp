@@ -659,7 +659,8 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   sampling.negligible = options.negligible_log_posterior;
   sampling.samples = samples_for(options, scene, captures.size());
   sampling.seed = options.seed;
-  sampling.model_error = background_covariance(objective, optima.front());
+  const auto n = static_cast<Eigen::Index>(compiled.unknown_count());
+  sampling.model_error = Eigen::MatrixXd::Zero(n, n);
   if (sharpens) sampling.model_error += model_error.covariance;
   if (shades) sampling.model_error += shadow_error;
   sampling.along_axis = options.uses(FitRule::along_axis);

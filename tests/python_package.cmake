@@ -1,13 +1,19 @@
 # The Python package in a virtual environment of its own: installs the build, compiles the extension
 # module against that (the libraries are not compiled again), installs the package, runs its tests. What
 # the package index has to give is kept, so that a later run does without it.
-# cmake -DBUILD_DIR=... -DSOURCE_DIR=... -DWORK_DIR=... -DPYTHON=... -DPROGRAM=... -P python_package.cmake
+# cmake -DBUILD_DIR=... -DSOURCE_DIR=... -DWORK_DIR=... -DPYTHON=... -DPROGRAM=... -DEXTRAS=ON|OFF
+#       -P python_package.cmake
 #
+# EXTRAS: also the tests that need Dask, rosbags or a notebook's kernel; without, they are skipped.
 # Prints SKIPPED with the reason where the index cannot be reached, or Python's headers are missing.
 set(prefix "${WORK_DIR}/prefix")
 set(venv "${WORK_DIR}/venv")
-set(packages "scikit-build-core>=0.10" "nanobind>=2.4" numpy pytest matplotlib nbclient ipykernel
-             "distributed>=2023.1" "rosbags>=0.10")
+set(packages "scikit-build-core>=0.10" "nanobind>=2.4" numpy pytest)
+set(ready "${venv}/ready")
+if(EXTRAS)
+  list(APPEND packages matplotlib nbclient ipykernel "distributed>=2023.1" "rosbags>=0.10")
+  set(ready "${venv}/ready_with_extras")
+endif()
 
 function(run)
   execute_process(COMMAND ${ARGN} WORKING_DIRECTORY "${SOURCE_DIR}" RESULT_VARIABLE status
@@ -25,7 +31,7 @@ function(require)
   set(output "${output}" PARENT_SCOPE)
 endfunction()
 
-if(NOT EXISTS "${venv}/ready")
+if(NOT EXISTS "${ready}")
   file(REMOVE_RECURSE "${venv}")
   run("${PYTHON}" -m venv "${venv}")
   if(NOT status EQUAL 0)
@@ -38,7 +44,7 @@ if(NOT EXISTS "${venv}/ready")
     message(STATUS "SKIPPED: the package index has not given ${packages}:\n${output}")
     return()
   endif()
-  file(TOUCH "${venv}/ready")
+  file(TOUCH "${ready}")
 endif()
 
 # Installed headers keep their times, so that objects of an earlier run may look newer than a header that
@@ -48,6 +54,6 @@ require("${CMAKE_COMMAND}" --install "${BUILD_DIR}" --prefix "${prefix}")
 require("${venv}/bin/pip" install --quiet --disable-pip-version-check --no-build-isolation --no-deps
         --force-reinstall "${SOURCE_DIR}" -C "build-dir=${WORK_DIR}/build"
         -C "cmake.define.blindcorner_ROOT=${prefix}")
-require("${CMAKE_COMMAND}" -E env "BLINDCORNER_PROGRAM=${PROGRAM}" "${venv}/bin/python" -m pytest -q
+require("${CMAKE_COMMAND}" -E env "BLINDCORNER_PROGRAM=${PROGRAM}" "${venv}/bin/python" -m pytest -q -rs
         -p no:cacheprovider "${SOURCE_DIR}/python/tests")
 message(STATUS "${output}")

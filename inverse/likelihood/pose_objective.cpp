@@ -61,8 +61,6 @@ PoseObjective::PoseObjective(const CompiledScene& compiled, const Observation& o
   }
 }
 
-const std::vector<double>& PoseObjective::background_step() const { return background_.step; }
-
 std::vector<double> PoseObjective::shadow_at(const PoseVector& pose, bool coarsely) const {
   if (background_.light.empty()) return {};
   std::vector<double> shadow;

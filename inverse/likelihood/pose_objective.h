@@ -149,9 +149,6 @@ class PoseObjective {
   const ModelSet& rough_models() const { return *rough_; }
   void use_roughly(const ModelSet& models) { rough_ = &models; }
 
-  /// What the fine static background has more than coarser ones, [rows]; empty: the usual one.
-  const std::vector<double>& background_step() const;
-
   const LinearSolver& solver() const { return solver_; }
   const CompiledScene& compiled() const { return compiled_; }
   int rows() const { return rows_; }

@@ -735,23 +735,15 @@ const GatedBackground& CompiledScene::fine_background() const {
   std::call_once(fine_background_once_, [this] {
     FastModelOptions fast;
     fast.sampling_step = models().front()->sampling_step();
-    const auto light_of = [&](const ModelSet& models) {
-      std::vector<HistogramCube> light;
-      for (const auto& model : models) {
-        light.push_back(blindcorner::static_background(scene, model->static_background()));
-      }
-      return light;
-    };
     // Isolated: whoever waits here must not pick up another fit that waits for this.
     tbb::this_task_arena::isolate([&] {
       fast.known_light = KnownLightSampling::fine;
       const ModelSet fine = make_models(*this, fast);
-      fine_background_ = gated_background(*this, fine, light_of(fine));
-      fast.known_light = KnownLightSampling::below_fine;
-      const std::vector<HistogramCube> below = light_of(make_models(*this, fast));
-      std::vector<double>& more = fine_background_.step;
-      for (std::size_t c = 0; c < below.size(); ++c) append_counts(*this, c, below[c], more);
-      for (std::size_t r = 0; r < more.size(); ++r) more[r] = fine_background_.light[r] - more[r];
+      std::vector<HistogramCube> light;
+      for (const auto& model : fine) {
+        light.push_back(blindcorner::static_background(scene, model->static_background()));
+      }
+      fine_background_ = gated_background(*this, fine, light);
     });
   });
   return fine_background_;

@@ -42,9 +42,6 @@ inline constexpr std::array<double, kModelLevels> kLevelTolerance{kFirstToleranc
 struct GatedBackground {
   std::vector<double> light;
   std::vector<double> error;  ///< standard deviation of the model's own error in that
-  /// Of fine ones, what they have more than coarser ones: an error of one shape, which no deviation
-  /// of a bin's own tells. Some of it is left.
-  std::vector<double> step;
 };
 
 struct CompiledScene {

@@ -268,13 +268,4 @@ Eigen::MatrixXd cast_shadow(PoseObjective& objective, std::vector<Refined>& opti
   return covariance;
 }
 
-Eigen::MatrixXd background_covariance(const PoseObjective& objective, const Refined& optimum) {
-  const auto n = static_cast<Eigen::Index>(objective.compiled().unknown_count());
-  const std::vector<double>& step = objective.background_step();
-  if (step.empty()) return Eigen::MatrixXd::Zero(n, n);
-  const Move move(objective, optimum, as_object(objective, optimum, step));
-  return kLeft * kLeft *
-         (move.by * move.by.transpose() + in_any_direction(move.square, move.precision));
-}
-
 }  // namespace blindcorner

@@ -39,9 +39,4 @@ ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima, doubl
 Eigen::MatrixXd cast_shadow(PoseObjective& objective, std::vector<Refined>& optima,
                             double negligible);
 
-/// Covariance of a pose, [n, n], from what is left of the fine static background's error: a part of
-/// the move that the step to it from a coarser one makes, and as much in any direction. Zero with
-/// the usual background, whose error is small beside the photon noise.
-Eigen::MatrixXd background_covariance(const PoseObjective& objective, const Refined& optimum);
-
 }  // namespace blindcorner

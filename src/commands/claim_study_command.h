@@ -63,7 +63,8 @@ struct ClaimStudy {
   std::vector<std::pair<std::string, std::string>> (*files)(const Report&);
 };
 
-/// Runs it on all scenes, judges their claims together, and writes and says what came of it.
+/// Runs it on all scenes, judges their claims together, and writes and says what came of it; files
+/// are written after each scene.
 template <class Options, class Level>
 int run_claim_study(const ClaimStudy<Options, Level>& study, const ClaimStudyArguments& arguments,
                     Options options) {
@@ -74,7 +75,9 @@ int run_claim_study(const ClaimStudy<Options, Level>& study, const ClaimStudyArg
   make_directory(arguments.output);
   const std::vector<StudiedScene> scenes = studied_scenes(arguments, options.seed);
   const Interruptible interruptible;
+  const std::filesystem::path directory(arguments.output);
   std::size_t levels = 0;
+  bool all_hold = true;
   for (const auto& [scene, photons] : scenes) {
     Options own = options;
     if (!photons.empty()) own.photons = photons;
@@ -84,7 +87,14 @@ int run_claim_study(const ClaimStudy<Options, Level>& study, const ClaimStudyArg
       if (Interruptible::asked()) throw StudyInterrupted{};
     });
     levels += studied.levels.size();
-    if (!studied.levels.empty()) report.scenes.push_back(std::move(studied));
+    if (!studied.levels.empty()) {
+      report.scenes.push_back(std::move(studied));
+      // Page and tables grow with each scene: a run that ends early leaves them.
+      all_hold = judge_study(report.scenes);
+      for (const auto& [name, text] : study.files(report)) {
+        write_atomically((directory / name).string(), text);
+      }
+    }
     if (Interruptible::asked()) break;
   }
   if (Interruptible::asked()) {
@@ -92,7 +102,6 @@ int run_claim_study(const ClaimStudy<Options, Level>& study, const ClaimStudyArg
                      "levels of light", levels > 0 ? "tables and page hold these" : "");
     if (levels == 0) return kSomeFailed;
   }
-  const bool all_hold = judge_study(report.scenes);
   int failures = 0;
   for (const StudyScene<Level>& scene : report.scenes) {
     arguments.out.text("%s\n", study.text(scene).c_str());
@@ -100,10 +109,6 @@ int run_claim_study(const ClaimStudy<Options, Level>& study, const ClaimStudyArg
   }
   if (report.scenes.size() > 1 && study.summary != nullptr) {
     arguments.out.text("%s\n", study.summary(report).c_str());
-  }
-  const std::filesystem::path directory(arguments.output);
-  for (const auto& [name, text] : study.files(report)) {
-    write_atomically((directory / name).string(), text);
   }
   arguments.out.file((directory / (std::string(study.name) + ".json")).string());
   arguments.out.text("%s\n%s\n", (directory / (std::string(study.name) + ".html")).string().c_str(),

@@ -121,9 +121,8 @@ std::unique_ptr<ForwardModel> make_reference_renderer(const Scene& scene,
 
 /// How finely the known scene's own light is sampled. Fine: for captures so bright that the usual
 /// sampling's error matters beside the photon noise, with a tenth of the error of the direct return
-/// and, where that takes some 20 ms at most, a fifth of the bounces'. Below fine: what fine is
-/// compared with, the usual bounces, or coarser ones where fine has the usual ones.
-enum class KnownLightSampling { usual, fine, below_fine };
+/// and, where that takes some 20 ms at most, a fifth of the bounces'.
+enum class KnownLightSampling { usual, fine };
 
 struct FastModelOptions {
   /// Sums of float weights end near 1e-6: below this, no number of cells would do.

@@ -82,7 +82,7 @@ TEST(BackgroundError, NegligibleOnesLeaveBinsAsTheyAre) {
 
 // The usual one is 1.5e-4 off (L2 over photon noise), with errors that go together; that alone puts
 // a plate centimetres away at a billion photons.
-TEST(BackgroundError, OfBrightCapturesIsMendedAndWhatItWasIsKept) {
+TEST(BackgroundError, OfBrightCapturesIsMended) {
   const Scene scene = wall(0.7);
   const auto compiled = compiled_for_one_fit(scene);
   const auto reference =
@@ -96,7 +96,7 @@ TEST(BackgroundError, OfBrightCapturesIsMendedAndWhatItWasIsKept) {
 
   const HistogramCube dense = static_background(scene, reference->static_background());
   const GatedBackground& fine = compiled->fine_background();
-  double usual_square = 0, fine_square = 0, step_square = 0;
+  double usual_square = 0, fine_square = 0;
   std::size_t row = 0;
   for (int z = 0; z < dense.zones(); ++z) {
     const TimeGate& gate = compiled->gates.front()[static_cast<std::size_t>(z)];
@@ -105,12 +105,9 @@ TEST(BackgroundError, OfBrightCapturesIsMendedAndWhatItWasIsKept) {
       if (!(level > 0)) continue;
       usual_square += std::pow(compiled->background.light[row] - level, 2) / level;
       fine_square += std::pow(fine.light[row] - level, 2) / level;
-      step_square += std::pow(fine.step[row], 2) / level;
     }
   }
   EXPECT_LT(fine_square, usual_square / 4);
-  EXPECT_NEAR(step_square / usual_square, 1, 0.5);
-  EXPECT_EQ(PoseObjective(*compiled, observation).background_step(), fine.step);
 }
 
 // A floor whose own light is eighty times the object's. Its squared error over its photon noise,
