@@ -207,9 +207,18 @@ std::vector<WeightedPatch> ReferenceRenderer::split_by_path(
   return sample();
 }
 
+/// Relay cells along a zone. Where there are more than eight zones along the field, they are so
+/// small that they need fewer: as many along the field as eight zones have, two at least.
+int cells_along_zone(const Sensor& sensor, int zone_divisions) {
+  constexpr int kZones = 8, kFewest = 2;
+  const int zones = std::max({sensor.rows, sensor.columns, kZones});
+  const auto cells = static_cast<int>(std::lround(1.0 * zone_divisions * kZones / zones));
+  return std::clamp(cells, std::min(kFewest, zone_divisions), zone_divisions);
+}
+
 ReferenceRenderer::Patches ReferenceRenderer::seen_for(const PlacedObject& object) const {
   RelaySampling sampling;
-  sampling.divisions = options_.zone_divisions;
+  sampling.divisions = cells_along_zone(scene_.sensor, options_.zone_divisions);
   sampling.nodes = [](const RelayPatch&) { return std::array{2, 2}; };
   Patches seen(scene_.sensor.zones.size());
   for (std::size_t z = 0; z < seen.size(); ++z) {

@@ -60,8 +60,8 @@ void add_coverage_benchmark(CLI::App& benchmark, int& exit_code) {
       ->check(CLI::Range(1, 10'000'000))
       ->capture_default_str();
   command.add_flag("--dense-truth", options.dense_truth,
-                   "makes --truth 1.4 times as dense where the captures' own sampling matters; "
-                   "scenes of --random have it");
+                   "sampling of the captures as dense as it must be, from half of --truth to 1.4 "
+                   "times; scenes of --random have it");
   command.add_option("--importance-samples", options.fit.importance_samples, "of the fit")
       ->check(number_from_zero())
       ->capture_default_str();

@@ -3,6 +3,7 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <array>
 #include <boost/math/distributions/fisher_f.hpp>
 #include <boost/math/distributions/normal.hpp>
 #include <cmath>
@@ -34,8 +35,10 @@ constexpr double kBestTestAlarms = 0.01;
 /// Objects whose light is rendered with half of the sampling too: enough to warn, for a per cent of
 /// the time of 2000 captures.
 constexpr int kTruthChecks = 24;
-/// A denser sampling of the truth, which takes eight times as long, and objects that tell whether
-/// it is needed. By judgement of time.
+/// Samplings of a truth that is as dense as it must be, in units of the one that is asked for; the
+/// step from one to the next, which takes up to eight times as long; and objects that tell which
+/// one does. By judgement of time.
+constexpr std::array kTruthSamplings{0.5, 0.7, 1.0, 1.4};
 constexpr double kDenser = 1.4;
 constexpr int kDenseChecks = 6;
 
@@ -193,17 +196,28 @@ double truth_error(const Fitter& fitter, std::span<const DrawnObject> objects,
   return std::accumulate(squares.begin(), squares.end(), 0.0) / static_cast<double>(squares.size());
 }
 
-/// The sampling that CoverageOptions::dense_truth asks for.
+/// The sampling that CoverageOptions::dense_truth asks for: each is judged by what the step to it
+/// from a coarser one changes.
 double dense_sampling(const Scene& scene, const CoverageOptions& options, const Fitter& explains,
                       const Exposure& brightest) {
   DrawOptions draw = draw_options(options);
   draw.objects = std::min(draw.objects, kDenseChecks);
-  const std::vector<DrawnObject> objects = draw_objects(scene, draw);
-  draw.sampling = std::max(draw.sampling / kDenser, DrawOptions::kMinSampling);
-  const double coarser = truth_error(explains, objects, draw_objects(scene, draw), brightest);
-  // Errors fall at least with the square of the cells' edges, their squares with the fourth power.
-  const double own = coarser / std::pow(kDenser, 4);
-  return options.sampling * (own < kMaxTruthError ? 1 : kDenser);
+  const auto sampling = [&](double part) {
+    return std::max(options.sampling * part, DrawOptions::kMinSampling);
+  };
+  draw.sampling = sampling(kTruthSamplings.front() / kDenser);
+  std::vector<DrawnObject> coarser = draw_objects(scene, draw);
+  for (const double part : kTruthSamplings) {
+    draw.sampling = sampling(part);
+    if (part == kTruthSamplings.back()) break;
+    std::vector<DrawnObject> objects = draw_objects(scene, draw);
+    // Errors fall at least with the square of the cells' edges, their squares with the fourth
+    // power.
+    const double own = truth_error(explains, objects, coarser, brightest) / std::pow(kDenser, 4);
+    if (own < kMaxTruthError) break;
+    coarser = std::move(objects);
+  }
+  return draw.sampling;
 }
 
 const Exposure& brightest(const std::vector<ClaimLevel>& levels) {

@@ -18,8 +18,8 @@ struct CoverageOptions : ClaimStudyOptions {
   CoverageOptions() { captures = 2000; }
 
   int wrong_captures = 200;  ///< of each wrong assumption; 0: none is tried
-  /// Makes `sampling` 1.4 times as dense where the coarser step before it adds more than
-  /// 0.05 to the mean squared normalised error of the brightest level of light.
+  /// Takes the coarsest sampling from half of `sampling` to 1.4 times that adds less than 0.05 to
+  /// the mean squared normalised error of the brightest level of light by an error of its own.
   bool dense_truth = false;
 
   /// Throws Error naming the field that is out of range.

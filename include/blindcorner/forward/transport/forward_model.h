@@ -99,7 +99,9 @@ class ForwardModel {
 /// Flat cells, of relay and object, have 2 x 2 Gauss-Legendre nodes each; cells of curved objects
 /// and lit cells that resolve a lobe have one.
 struct ReferenceOptions {
-  int zone_divisions = 4;    ///< relay cells along each side of a zone
+  /// Relay cells along each side of a zone; of an eighth of the field where there are more than
+  /// eight zones along it, and two of a zone at least.
+  int zone_divisions = 4;
   int field_divisions = 12;  ///< relay cells along each side of the field (rings of a cone)
   int object_divisions = 5;  ///< least cells along each edge of the object
   double object_edge = 0.4;  ///< m, largest cell edge on the object
