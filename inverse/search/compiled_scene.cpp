@@ -672,17 +672,22 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
     closed_form = true;
     most = grid.closed_form_poses;
   }
-  // Else widen the pulse until the grid is small enough.
-  double widening = 1;
+  // Else widen the pulse until the grid is small enough. In closed form poses are cheap: as many as
+  // there may be, because a pulse as wide as the search region says nothing of where the light of a
+  // shadow or a lobe changes.
+  double widening = 1 / grid.density;
   if (!spline) {
-    make_grid(*compiled, rates, compiled->pulse_path / grid.density, 1 / grid.density);
-    while (grid_size(*compiled) > most && widening < kMaxWidening) {
-      widening *= kWiden;
-      make_grid(*compiled, rates, widening * compiled->pulse_path / grid.density,
-                widening / grid.density);
+    const auto lay = [&] {
+      make_grid(*compiled, rates, widening * compiled->pulse_path, widening);
+    };
+    lay();
+    for (; closed_form && grid_size(*compiled) < most && widening > 1 / kMaxWidening; lay()) {
+      widening /= kWiden;
     }
+    for (; grid_size(*compiled) > most && widening < kMaxWidening; lay()) widening *= kWiden;
     check_grid_size(*compiled);
   }
+  widening = std::max(widening * grid.density, 1.0);
   const double widest = grid.widen ? pulse_time * std::sqrt(widening * widening - 1) : 0.0;
   // From twice the pulse a descent lands where the pulse itself leads on.
   for (double sigma = widest; sigma > (closed_form ? 1.0 : 0.5) * pulse_time; sigma /= 2) {
