@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
 # From a fresh checkout on Debian or Ubuntu to a fitted capture, or to the test report.
-# What is already there is left alone: a second run installs and compiles nothing.
+# What is already there is left alone: a second run installs nothing and compiles the Python package
+# only, which is part of the tests.
 set -euo pipefail
 unset CDPATH
 
@@ -132,7 +133,8 @@ main() {
     build "$jobs" blindcorner_program -DBLINDCORNER_PYTHON_TEST=ON -DBLINDCORNER_PYTHON_EXTRAS=ON
     ctest --preset release -R package.python
   else
-    install_optional_packages "${optional_packages[@]}" python3-dev python3-venv
+    install_optional_packages "${optional_packages[@]}"
+    install_optional_packages python3-dev python3-venv
     build "$jobs" all -DBLINDCORNER_PYTHON_TEST=ON -DBLINDCORNER_PYTHON_EXTRAS=OFF
     ctest --preset release --parallel "$jobs"
   fi

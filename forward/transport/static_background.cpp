@@ -104,7 +104,7 @@ constexpr double kShadowDensity = 0.5;
 /// times this; where shadows' edges decide, errors fall less. With the power 2/3, the middle of
 /// these, a bright wall claims too much (stability row photons_1e7: 288 of 30 allowed).
 double of_difference(double legs) {
-  constexpr double kLeast = 0.3;  // of hardly any more legs: nothing is known
+  constexpr double kLeast = 0.3;  // by judgement: of hardly any more legs nothing is known
   return 1 / std::max(std::sqrt(legs) - 1, kLeast);
 }
 

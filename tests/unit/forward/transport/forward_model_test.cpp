@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <fstream>
 #include <functional>
 #include <nlohmann/json.hpp>
 #include <numeric>
@@ -844,6 +845,26 @@ TEST(FastModelTest, ToleranceBuysAccuracy) {
         make_fast_model(scene, sensor_placement(scene), options)->three_bounce(middle(scene));
     EXPECT_LT(difference(got, want), kEstimateFactor * tolerance) << tolerance;
   }
+}
+
+// Small zones have fewer cells each: two of 16 x 16 zones, where the options say four. Twice as
+// many change the light by 2e-4.
+TEST(ReferenceRenderer, FewCellsOfSmallZonesDo) {
+  std::ifstream file(std::string(SOURCE_DIR) + "/scenes/tmf8828_wall.json");
+  nlohmann::json json = nlohmann::json::parse(file);
+  json["sensor"] = {{"preset", "tmf8829_16x16"}};
+  const Scene scene = parse_scene(json, "tmf8828_wall.json");
+  ReferenceOptions options;
+  options.field_divisions = 4;
+  const auto light = [&](int zone_divisions) {
+    options.zone_divisions = zone_divisions;
+    return make_reference_renderer(scene, sensor_placement(scene), options)
+        ->three_bounce(middle(scene));
+  };
+  const double change = difference(light(4), light(8));
+  EXPECT_GT(change, 0);
+  EXPECT_LT(change, 5e-4);
+  EXPECT_GT(difference(light(1), light(2)), 0);  // not more than asked for
 }
 
 // A plate that stands on a floor which is lit all over: near the floor its lobes are drawn out to

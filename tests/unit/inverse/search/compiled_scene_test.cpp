@@ -59,6 +59,21 @@ TEST(ModelLevels, OfPairsThatCostMoreThanAskedAreLeftOut) {
   EXPECT_EQ(lobes->models_within(1, paths - 1), nullptr);
 }
 
+// A pulse as wide as the search region asked for four or five places along each axis, 320 poses
+// here, and a wedge's light, which turns with its yaw, was never looked at where it was.
+TEST(ClosedFormTemplates, AreAsManyAsMayBeWhateverThePulse) {
+  for (const double sigma : {0.1e-9, 3e-9}) {
+    Scene scene = shipped("tmf8828_wall");
+    scene.sensor.response = ImpulseResponse(GaussianResponse{sigma});
+    GridOptions grid;
+    grid.closed_form = true;
+    grid.max_poses = 600;
+    const auto known = compile(scene, {sensor_placement(scene)}, FitOptions{}, grid);
+    EXPECT_LE(known->poses.size(), 600U) << sigma;
+    EXPECT_GE(known->poses.size(), 410U) << sigma;  // 600 over 1.1^4, a step of four axes
+  }
+}
+
 // A tracked frame scores nothing and should not pay for it.
 TEST(ClosedFormTemplates, AreRenderedWhenSomebodyAsks) {
   const auto known = compiled(shipped("tmf8828_wall"));
