@@ -29,8 +29,19 @@ class MovingBodies {
   void faces_seen_from(const Eigen::Vector3d& point, std::vector<OccluderFace>& faces) const {
     faces.insert(faces.end(), flat_.begin(), flat_.end());
     for (const auto& seen_from : round_) {
-      for (const Quad& quad : seen_from(point)) faces.push_back({quad, false});
+      const std::vector<Eigen::Vector3d> outline = seen_from(point);
+      for (std::size_t k = 2; k < outline.size(); k += 2) {
+        const Eigen::Vector3d& last = outline[(k + 1) % outline.size()];
+        faces.push_back({{outline[0], outline[k - 1], outline[k], last}, false});
+      }
     }
+  }
+
+  /// The same as shadows of that point: an outline as a whole hides more of a patch at first sight
+  /// than its parts do.
+  void cast(const Eigen::Vector3d& point, ShadowView& shadows) const {
+    for (const OccluderFace& face : flat_) shadows.add(face.corners, face.one_sided, point);
+    for (const auto& seen_from : round_) shadows.add(seen_from(point), false, point);
   }
 
  private:

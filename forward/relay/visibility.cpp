@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <utility>
 
 #include "forward/support/multiversion.h"
@@ -13,7 +14,7 @@ namespace {
 using Eigen::Vector3d;
 
 /// Convex polygon in the patch's own coordinates (a, b) in [-1, 1]^2. Each line that cuts it adds
-/// at most one corner: five per occluder face that meets the patch.
+/// at most one corner: one more than a face that meets the patch has corners.
 struct Polygon {
   static constexpr int kMax = 40;
   std::array<double, kMax> a;
@@ -64,8 +65,13 @@ void split(const Polygon& polygon, const Line& line, Polygon& inside, Polygon& o
   }
 }
 
-/// Adds area and first moments of a polygon.
-void accumulate(const Polygon& polygon, double& area, double& moment_a, double& moment_b) {
+/// Area and first moments about the patch's centre, of the whole patch 4, 0 and 0.
+struct Area {
+  double size = 0, moment_a = 0, moment_b = 0;
+};
+
+/// Adds those of a polygon.
+void accumulate(const Polygon& polygon, Area& area) {
   for (int i = 1; i + 1 < polygon.size; ++i) {
     const auto p = static_cast<std::size_t>(i);
     const double ua = polygon.a[p] - polygon.a[0];
@@ -73,9 +79,9 @@ void accumulate(const Polygon& polygon, double& area, double& moment_a, double& 
     const double va = polygon.a[p + 1] - polygon.a[0];
     const double vb = polygon.b[p + 1] - polygon.b[0];
     const double part = 0.5 * (ua * vb - ub * va);
-    area += part;
-    moment_a += part * (polygon.a[0] + polygon.a[p] + polygon.a[p + 1]) / 3;
-    moment_b += part * (polygon.b[0] + polygon.b[p] + polygon.b[p + 1]) / 3;
+    area.size += part;
+    area.moment_a += part * (polygon.a[0] + polygon.a[p] + polygon.a[p + 1]) / 3;
+    area.moment_b += part * (polygon.b[0] + polygon.b[p] + polygon.b[p + 1]) / 3;
   }
 }
 
@@ -95,21 +101,23 @@ std::vector<OccluderFace> occluder_faces(const std::vector<Surface>& surfaces) {
 
 ShadowView::ShadowView(const std::vector<OccluderFace>& faces, const Vector3d& viewpoint) {
   pyramids_.reserve(faces.size());
-  for (const OccluderFace& face : faces) {
-    const auto& c = face.corners;
-    const Vector3d normal = face_normal(c);
-    const double side = normal.dot(viewpoint - c[0]);
-    if (std::abs(side) < 1e-9 || (face.one_sided && side < 0)) continue;
-    std::array<HalfSpace, 5> pyramid;
-    const double sign = side > 0 ? -1 : 1;
-    pyramid[0] = {sign * normal, -sign * normal.dot(c[0])};
-    const Vector3d center = 0.25 * (c[0] + c[1] + c[2] + c[3]);
-    for (std::size_t i = 0; i < 4; ++i) {
-      Vector3d edge = (c[i] - viewpoint).cross(c[(i + 1) % 4] - viewpoint).normalized();
-      if (edge.dot(center - viewpoint) < 0) edge = -edge;
-      pyramid[i + 1] = {edge, -edge.dot(viewpoint)};
-    }
-    pyramids_.push_back(pyramid);
+  for (const OccluderFace& face : faces) add(face.corners, face.one_sided, viewpoint);
+}
+
+void ShadowView::add(std::span<const Vector3d> c, bool one_sided, const Vector3d& viewpoint) {
+  if (c.empty()) return;
+  const Vector3d normal = (c[1] - c[0]).cross(c.back() - c[0]).normalized();
+  const double side = normal.dot(viewpoint - c[0]);
+  if (std::abs(side) < 1e-9 || (one_sided && side < 0)) return;
+  Pyramid& pyramid = pyramids_.emplace_back();
+  const double sign = side > 0 ? -1 : 1;
+  pyramid.sides[pyramid.count++] = {sign * normal, -sign * normal.dot(c[0])};
+  const Vector3d center = std::accumulate(c.begin(), c.end(), Vector3d(Vector3d::Zero())) /
+                          static_cast<double>(c.size());
+  for (std::size_t i = 0; i < c.size(); ++i) {
+    Vector3d edge = (c[i] - viewpoint).cross(c[(i + 1) % c.size()] - viewpoint).normalized();
+    if (edge.dot(center - viewpoint) < 0) edge = -edge;
+    pyramid.sides[pyramid.count++] = {edge, -edge.dot(viewpoint)};
   }
 }
 
@@ -145,9 +153,9 @@ struct Depths {
   std::array<double, kChunk> nearest, farthest;
 };
 
-/// `planes`: normal and offset of five half spaces.
+/// `planes`: normal and offset of half spaces.
 BLINDCORNER_MULTIVERSION void add_depths(const PatchCoordinates& p, int begin,
-                                         const std::array<std::array<double, 4>, 5>& planes,
+                                         std::span<const std::array<double, 4>> planes,
                                          Depths& depths) {
   double nearest[kChunk], farthest[kChunk];
   for (int i = 0; i < kChunk; ++i) nearest[i] = farthest[i] = 1e300;
@@ -181,12 +189,12 @@ void ShadowView::sights(const PatchCoordinates& patches, int begin, int end, Sig
     depths.nearest.fill(-1);
     depths.farthest.fill(-1);
     for (const auto& pyramid : pyramids_) {
-      std::array<std::array<double, 4>, 5> planes;
-      for (std::size_t i = 0; i < 5; ++i) {
-        const Vector3d& n = pyramid[i].normal;
-        planes[i] = {n.x(), n.y(), n.z(), pyramid[i].offset};
+      std::array<std::array<double, 4>, kMaxOutline + 1> planes;
+      for (std::size_t i = 0; i < pyramid.count; ++i) {
+        const Vector3d& n = pyramid.sides[i].normal;
+        planes[i] = {n.x(), n.y(), n.z(), pyramid.sides[i].offset};
       }
-      add_depths(patches, begin, planes, depths);
+      add_depths(patches, begin, {planes.data(), pyramid.count}, depths);
     }
     for (int i = 0; i < count; ++i) {
       const auto k = static_cast<std::size_t>(i);
@@ -197,57 +205,90 @@ void ShadowView::sights(const PatchCoordinates& patches, int begin, int end, Sig
   }
 }
 
-VisiblePart ShadowView::see(const Vector3d& center, const Vector3d& half_u,
-                            const Vector3d& half_v) const {
-  thread_local std::vector<Polygon> pieces;  // visible pieces
+namespace {
+
+Polygon whole_patch() {
+  Polygon square;
+  square.add(-1, -1);
+  square.add(1, -1);
+  square.add(1, 1);
+  square.add(-1, 1);
+  return square;
+}
+
+/// Those half spaces of a pyramid that cut a patch.
+struct Cuts {
+  std::array<Line, kMaxOutline + 1> lines;
+  std::size_t count = 0;
+
+  std::span<const Line> all() const { return {lines.data(), count}; }
+};
+
+/// A patch behind one face: what is left of the square is what the pyramid does not hold.
+Area behind_one(const Cuts& cuts) {
+  Polygon hidden = whole_patch();
+  Polygon inside;
+  Polygon outside;
+  for (const Line& line : cuts.all()) {
+    split(hidden, line, inside, outside);
+    hidden = inside;
+  }
+  Area area;
+  accumulate(hidden, area);
+  return {4 - area.size, -area.moment_a, -area.moment_b};
+}
+
+/// Behind several, which may overlap: the pieces that each leaves.
+Area behind_many(std::span<const Cuts> faces) {
+  thread_local std::vector<Polygon> pieces;
   thread_local std::vector<Polygon> left;
-  pieces.clear();
-  bool whole = true;
-  for (const auto& pyramid : pyramids_) {
-    std::array<Line, 5> lines;  // those that cut the patch
-    std::size_t cuts = 0;
-    bool clear = false;
-    for (const HalfSpace& side : pyramid) {
-      const Line line{side.normal.dot(center) + side.offset, side.normal.dot(half_u),
-                      side.normal.dot(half_v)};
-      const double reach = std::abs(line.ka) + std::abs(line.kb);
-      if (line.k0 + reach <= 0) {
-        clear = true;
-        break;
-      }
-      if (line.k0 - reach < 0) lines[cuts++] = line;
-    }
-    if (clear) continue;
-    if (cuts == 0) return {0.0, Vector3d::Zero()};
-    if (whole) {
-      Polygon square;
-      square.add(-1, -1);
-      square.add(1, -1);
-      square.add(1, 1);
-      square.add(-1, 1);
-      pieces.assign(1, square);
-      whole = false;
-    }
+  pieces.assign(1, whole_patch());
+  for (const Cuts& cuts : faces) {
     left.clear();
     for (Polygon& piece : pieces) {
       Polygon inside;
       Polygon outside;
-      for (std::size_t i = 0; i < cuts && piece.size >= 3; ++i) {
-        split(piece, lines[i], inside, outside);
+      for (const Line& line : cuts.all()) {
+        if (piece.size < 3) break;
+        split(piece, line, inside, outside);
         if (outside.size >= 3) left.push_back(outside);
         piece = inside;
       }
     }
     std::swap(pieces, left);
-    if (pieces.empty()) return {0.0, Vector3d::Zero()};
   }
-  if (whole) return {};
-  double area = 0;
-  double moment_a = 0;
-  double moment_b = 0;
-  for (const Polygon& piece : pieces) accumulate(piece, area, moment_a, moment_b);
-  if (area <= 0) return {0.0, Vector3d::Zero()};
-  return {area / 4, moment_a / area * half_u + moment_b / area * half_v};
+  Area area;
+  for (const Polygon& piece : pieces) accumulate(piece, area);
+  return area;
+}
+
+}  // namespace
+
+VisiblePart ShadowView::see(const Vector3d& center, const Vector3d& half_u,
+                            const Vector3d& half_v) const {
+  thread_local std::vector<Cuts> faces;
+  faces.clear();
+  for (const Pyramid& pyramid : pyramids_) {
+    Cuts cuts;
+    bool clear = false;
+    for (const HalfSpace& side : pyramid) {
+      const Line line{side.normal.dot(center) + side.offset, side.normal.dot(half_u),
+                      side.normal.dot(half_v)};
+      const double reach = std::abs(line.ka) + std::abs(line.kb);
+      clear = line.k0 + reach <= 0;
+      if (clear) break;
+      if (line.k0 - reach < 0) cuts.lines[cuts.count++] = line;
+    }
+    if (clear) continue;
+    if (cuts.count == 0) return {0.0, Vector3d::Zero()};
+    faces.push_back(cuts);
+  }
+  if (faces.empty()) return {};
+  const Area area = faces.size() == 1 ? behind_one(faces.front()) : behind_many(faces);
+  // Below, what is left is rounding, and its centre anywhere.
+  constexpr double kNothing = 1e-12;
+  if (area.size <= kNothing) return {0.0, Vector3d::Zero()};
+  return {area.size / 4, area.moment_a / area.size * half_u + area.moment_b / area.size * half_v};
 }
 
 }  // namespace blindcorner

@@ -4,10 +4,12 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <span>
 #include <vector>
 
 #include "blindcorner/forward/scene/scene.h"
 #include "blindcorner/forward/transport/transport_plan.h"
+#include "forward/scene/shapes/shape_geometry.h"
 
 namespace blindcorner {
 
@@ -35,6 +37,11 @@ class ShadowView {
  public:
   ShadowView(const std::vector<OccluderFace>& faces, const Eigen::Vector3d& viewpoint);
 
+  /// Adds a flat convex face of three to kMaxOutline corners in order (m), or nothing where there
+  /// is none; `viewpoint` is the constructor's.
+  void add(std::span<const Eigen::Vector3d> corners, bool one_sided,
+           const Eigen::Vector3d& viewpoint);
+
   /// Forgets the faces that hide nothing of a ball.
   void leave_out_clear_of(const Eigen::Vector3d& center, double radius);
   /// Whether no face is left to hide anything.
@@ -58,7 +65,15 @@ class ShadowView {
     Eigen::Vector3d normal;
     double offset;
   };
-  std::vector<std::array<HalfSpace, 5>> pyramids_;
+  /// The face's own plane and one for each edge.
+  struct Pyramid {
+    std::array<HalfSpace, kMaxOutline + 1> sides;
+    std::size_t count = 0;
+
+    const HalfSpace* begin() const { return sides.data(); }
+    const HalfSpace* end() const { return sides.data() + count; }
+  };
+  std::vector<Pyramid> pyramids_;
 };
 
 }  // namespace blindcorner

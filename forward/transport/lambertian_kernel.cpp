@@ -89,7 +89,6 @@ class LambertianKernel final : public TransportKernel {
     const int zones = transport_->scene.sensor.zone_count();
     s.prepare(zones, 0);
     const double size = object.placement.size;
-    std::vector<OccluderFace> faces;
     for (const SurfacePoint& own : sampling_->points) {
       const SurfacePoint point{object.T_world_object * Vector3d(size * own.center),
                                object.T_world_object.linear() * own.normal, size * size * own.area};
@@ -98,9 +97,8 @@ class LambertianKernel final : public TransportKernel {
         add_point(point, nullptr, s);
         continue;
       }
-      faces = object.occluders;
-      object.bodies.faces_seen_from(point.center, faces);
-      ShadowView shadows(faces, point.center);
+      ShadowView shadows(object.occluders, point.center);
+      object.bodies.cast(point.center, shadows);
       shadows.leave_out_clear_of(sampling_->relay.center_of_all, sampling_->relay.radius_of_all);
       add_point(point, shadows.empty() ? nullptr : &shadows, s);
     }

@@ -72,7 +72,7 @@ void RetroKernel::add_cells(const ObjectInPlace& object, const std::vector<Surfa
         faces.push_back(object.occluders);
         object.bodies.faces_seen_from(point, faces.back());
       }
-      shadows.emplace_back(object.bodies.empty() ? object.occluders : faces.back(), point);
+      object.bodies.cast(point, shadows.emplace_back(object.occluders, point));
     }
     using Lists = std::span<const std::vector<OccluderFace>>;
     add_cell({c, nodes, shadows, faces.empty() ? Lists(&object.occluders, 1) : Lists(faces)}, s);

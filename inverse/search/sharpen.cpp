@@ -205,6 +205,7 @@ ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima, doubl
         inflation(goodness_of_fit(objective, top), -2 * value.log_likelihood - move.square);
     const double size = std::sqrt(move.square / wider);
     const double shift = std::abs(value.log_posterior - top.value.log_posterior) / wider;
+    const bool small = size < kSmallMove && shift < kSmallShift;
     if (level <= levels.most_jagged && overstated(objective, move.precision, *finer, top, then)) {
       objective.use(*finer);
       objective.use_roughly(*finer);
@@ -213,9 +214,11 @@ ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima, doubl
       optima = merge(compiled, std::move(optima), negligible);
       error.covariance *= kLeft * kLeft;
       error.level = level;
+      // Levels beyond are for what moves the optimum.
+      if (level == levels.most_jagged && small) break;
       continue;
     }
-    if (size < kSmallMove && shift < kSmallShift) break;
+    if (small) break;
     const double left = std::max(levels.errors[static_cast<std::size_t>(level)] / before, kLeft);
     if (level + 1 == kModelLevels && left * std::sqrt(move.square) >= levels.carried) {
       // No model is left to say where the next move would lead.

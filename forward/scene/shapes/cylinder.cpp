@@ -13,8 +13,8 @@ using Eigen::Vector3d;
 
 /// The upright rectangle between the tangents from the point to the cylinder's side; what its caps
 /// hide besides, seen from above or below, is left out.
-std::vector<Quad> side_seen_from(const Vector3d& point, const Vector3d& center, double radius,
-                                 double half_height) {
+std::vector<Vector3d> side_seen_from(const Vector3d& point, const Vector3d& center, double radius,
+                                     double half_height) {
   Vector3d way = center - point;
   way.z() = 0;
   const double share = std::pow(radius, 2) / way.squaredNorm();
@@ -23,7 +23,7 @@ std::vector<Quad> side_seen_from(const Vector3d& point, const Vector3d& center, 
       radius * std::sqrt(1 - share) * Vector3d(-way.y(), way.x(), 0).normalized();
   const Vector3d up(0, 0, half_height);
   const Vector3d middle = center - share * way;
-  return {{middle - across - up, middle + across - up, middle + across + up, middle - across + up}};
+  return {middle - across - up, middle + across - up, middle + across + up, middle - across + up};
 }
 
 class Cylinder final : public RoundGeometry {

@@ -22,11 +22,15 @@ struct ShapeFrame {
   }
 };
 
+/// Most corners of a round body's outline.
+inline constexpr std::size_t kMaxOutline = 8;
+
 /// Flat faces that hide what lies behind a body, m, world.
 struct Silhouette {
   std::vector<Quad> faces;  ///< of flat shapes: the same wherever they are seen from
-  /// Of round shapes: faces as a point outside of the body sees them. Null for flat shapes.
-  std::function<std::vector<Quad>(const Eigen::Vector3d& point)> seen_from;
+  /// Of round shapes: corners of the flat convex outline that a point outside of the body sees, in
+  /// order, an even number of four to kMaxOutline; none from inside. Null for flat shapes.
+  std::function<std::vector<Eigen::Vector3d>(const Eigen::Vector3d& point)> seen_from;
 };
 
 /// The answers of one shape, each in its own centred coordinates (m) unless it says otherwise. A

@@ -15,21 +15,28 @@ using Eigen::Vector3d;
 
 /// The circle in which the cone of tangents from the point touches the sphere, as an octagon of the
 /// same area.
-std::vector<Quad> disc_seen_from(const Vector3d& point, const Vector3d& center, double radius) {
+std::vector<Vector3d> disc_seen_from(const Vector3d& point, const Vector3d& center, double radius) {
   const Vector3d way = center - point;
   const double share = std::pow(radius, 2) / way.squaredNorm();
   if (share >= 1) return {};
   const double reach = radius * std::sqrt(1 - share) * std::sqrt(kPi / (2 * std::numbers::sqrt2));
   const Vector3d u = way.unitOrthogonal();
   const Vector3d v = way.normalized().cross(u);
-  std::array<Vector3d, 8> corners;
-  for (std::size_t k = 0; k < 8; ++k) {
-    const double angle = kPi / 4 * (static_cast<double>(k) + 0.5);
-    corners[k] = point + (1 - share) * way + reach * (std::cos(angle) * u + std::sin(angle) * v);
+  std::vector<Vector3d> corners;
+  // Cosine and sine of an eighth of a half turn.
+  constexpr double kNear = 0.92387953251128674, kFar = 0.38268343236508977;
+  constexpr std::array<std::array<double, 2>, 8> kCorners{{{kNear, kFar},
+                                                           {kFar, kNear},
+                                                           {-kFar, kNear},
+                                                           {-kNear, kFar},
+                                                           {-kNear, -kFar},
+                                                           {-kFar, -kNear},
+                                                           {kFar, -kNear},
+                                                           {kNear, -kFar}}};
+  for (const auto& [a, b] : kCorners) {
+    corners.emplace_back(point + (1 - share) * way + reach * (a * u + b * v));
   }
-  return {{corners[0], corners[1], corners[2], corners[3]},
-          {corners[0], corners[3], corners[4], corners[7]},
-          {corners[4], corners[5], corners[6], corners[7]}};
+  return corners;
 }
 
 class Sphere final : public RoundGeometry {

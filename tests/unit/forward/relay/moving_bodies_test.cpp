@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <random>
+
 #include "forward/relay/ray_scene.h"
 
 namespace blindcorner {
@@ -60,6 +62,58 @@ TEST(MovingBodiesTest, HideAsMuchAsTheBodyDoes) {
       EXPECT_NEAR(share, exact, 0.004) << shape_name(shape);
     }
   }
+}
+
+/// A ball and, behind it, another, so that some patches have several outlines in front of them.
+MovingBodies two_balls() {
+  HiddenObject object;
+  object.shape = SphereShape{0.15};
+  MovingBodies bodies;
+  for (const double x : {0.8, 0.5}) {
+    Placement placement;
+    placement.position = Vector3d(x, 0.05, 0.1 * x);
+    bodies.add(object, placement);
+  }
+  return bodies;
+}
+
+// One octagon is clipped as what it hides, its three parts as what they leave: two ways to the same
+// visible part.
+TEST(MovingBodiesTest, AnOutlineHidesWhatItsPartsDo) {
+  const MovingBodies bodies = two_balls();
+  const Vector3d viewpoint(2, 0, 0);
+  std::vector<OccluderFace> parts;
+  bodies.faces_seen_from(viewpoint, parts);
+  ASSERT_EQ(parts.size(), 6U);
+  const ShadowView by_parts(parts, viewpoint);
+  ShadowView whole({}, viewpoint);
+  bodies.cast(viewpoint, whole);
+  std::mt19937 random(1);
+  std::uniform_real_distribution<double> at(-0.5, 0.5), edge(0.01, 0.3);
+  int partial = 0;
+  for (int i = 0; i < 500; ++i) {
+    const Vector3d center(0, at(random), at(random));
+    const Vector3d u(0.01, edge(random), 0), v(0, 0.02, edge(random));
+    const VisiblePart expected = by_parts.see(center, u, v);
+    const VisiblePart found = whole.see(center, u, v);
+    EXPECT_NEAR(found.fraction, expected.fraction, 1e-12);
+    // Areas are right to some 1e-16 of the whole, so a sliver's centre is not.
+    EXPECT_LT(expected.fraction * (found.shift - expected.shift).norm(), 1e-12);
+    partial += expected.fraction > 0 && expected.fraction < 1 ? 1 : 0;
+  }
+  EXPECT_GT(partial, 100);
+}
+
+// A patch across the seam of two parts is hidden by neither of them alone.
+TEST(MovingBodiesTest, AnOutlineHidesABallBehindItAtFirstSight) {
+  const MovingBodies bodies = two_balls();
+  const Vector3d viewpoint(2, 0, 0);
+  ShadowView whole({}, viewpoint);
+  bodies.cast(viewpoint, whole);
+  // On the wall, on the line from the viewpoint through the first ball's centre.
+  const Vector3d behind = viewpoint + (Vector3d(0.8, 0.05, 0.08) - viewpoint) / 0.6;
+  EXPECT_EQ(whole.sight(behind, 0.1), ShadowView::Sight::hidden);
+  EXPECT_EQ(whole.sight({0, 0.7, 0}, 0.1), ShadowView::Sight::clear);
 }
 
 }  // namespace
