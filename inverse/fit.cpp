@@ -39,9 +39,6 @@
 namespace blindcorner {
 namespace {
 
-/// How often sampling may send the fit back to refinement. By judgement: it bounds the time where
-/// kWorthAnother does not end it.
-constexpr int kMaxReturns = 3;
 /// Gain in log posterior that changes the answer: a move of sqrt(2 * 0.01) = 0.14 standard
 /// deviations, or a per cent of a mode's weight.
 constexpr double kWorthAnother = 0.01;
@@ -353,15 +350,9 @@ void validate_scene(const Scene& scene) {
 
 const std::vector<std::pair<FitRule, std::string>>& fit_rules() {
   static const std::vector<std::pair<FitRule, std::string>> rules{
-      {FitRule::turn, "turn"},
-      {FitRule::rearrange, "rearrange"},
-      {FitRule::sharpen, "sharpen"},
-      {FitRule::settle, "settle"},
-      {FitRule::shadow, "shadow"},
-      {FitRule::returns, "returns"},
-      {FitRule::along_axis, "along_axis"},
-      {FitRule::ridges, "ridges"},
-      {FitRule::local_light, "local_light"}};
+      {FitRule::turn, "turn"},       {FitRule::rearrange, "rearrange"},
+      {FitRule::sharpen, "sharpen"}, {FitRule::shadow, "shadow"},
+      {FitRule::ridges, "ridges"},   {FitRule::local_light, "local_light"}};
   return rules;
 }
 
@@ -645,9 +636,6 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   if (sharpens) {
     model_error = sharpen(objective, optima, found.negligible);
   }
-  if (options.uses(FitRule::settle)) {
-    optima = settle_all(objective, std::move(optima), found.negligible);
-  }
   const bool shades = options.uses(FitRule::shadow);
   Eigen::MatrixXd shadow_error;
   if (shades) shadow_error = cast_shadow(objective, optima, found.negligible);
@@ -663,24 +651,12 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   sampling.model_error = Eigen::MatrixXd::Zero(n, n);
   if (sharpens) sampling.model_error += model_error.covariance;
   if (shades) sampling.model_error += shadow_error;
-  sampling.along_axis = options.uses(FitRule::along_axis);
   sampling.ridges = options.uses(FitRule::ridges);
   sampling.local_light = options.uses(FitRule::local_light);
-  const auto think = [&] {
-    result.goodness_of_fit = goodness_of_fit(objective, optima.front());
-    sampling.inflation = result.goodness_of_fit.inflation;
-    return blindcorner::posterior(objective, optima, &scored, known->moved.get(), sampling);
-  };
-  Posterior posterior = think();
-  const int returns = options.uses(FitRule::returns) ? kMaxReturns : 0;
-  for (int again = 0; again < returns && !posterior.promising.empty(); ++again) {
-    // Sampling came upon places that may be better: refine from there and, if so, think again.
-    const double before = optima.front().value.log_posterior;
-    optima = find_more(objective, observation, posterior.promising,
-                       options.negligible_log_posterior, std::move(optima));
-    if (optima.front().value.log_posterior < before + kWorthAnother * sampling.inflation) break;
-    posterior = think();
-  }
+  result.goodness_of_fit = goodness_of_fit(objective, optima.front());
+  sampling.inflation = result.goodness_of_fit.inflation;
+  const Posterior posterior =
+      blindcorner::posterior(objective, optima, &scored, known->moved.get(), sampling);
   result.posterior = posterior.mixture;
   allow_for_outliers(scene, result.posterior);
   const double left_over = unexplained_light(objective, optima.front()).probability();

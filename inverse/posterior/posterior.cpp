@@ -29,18 +29,6 @@ constexpr double kUndetermined = 0.8;
 constexpr double kBent = 2;
 /// A mode with less than exp(-7) = 0.1 % of the evidence need not follow Laplace.
 constexpr double kMinorEvidence = 7.0;
-/// A sample this much above the best optimum shows a local optimum that was missed: twenty times
-/// the accuracy of an optimum's own log posterior, twice that of a sample's.
-constexpr double kBetter = 20 * kSampleAccuracy;
-/// One apart from every optimum and at most this much below the best may lie near such a one: least
-/// squares gains about that much on a sample. Descents on a spline are so cheap, and so many, that
-/// there only a better sample counts.
-constexpr double kPromising = 1.0;
-/// Log posterior by which a sample must exceed what the known optima's widths say: it is then seven
-/// times as likely. By judgement.
-constexpr double kSurprise = 2.0;
-/// Places that sampling proposes at once, by judgement; there are further rounds.
-constexpr std::size_t kMaxPromising = 3;
 
 Peak make_peak(const PoseObjective& objective, const Refined& optimum, const MovedModels* moved,
                double inflation, Eigen::MatrixXd* sensor_covariance) {
@@ -120,25 +108,6 @@ AxisFalls axis_falls(const PoseObjective& objective, const Refined& optimum, con
     }
   }
   return falls;
-}
-
-/// The peak with the moments and the evidence of a posterior that falls along each principal axis
-/// as it was found to, and is the product of these. What bends away from the axes is not seen so.
-/// Root and determinant stay the Gaussian's.
-Peak corrected_laplace(const Scene& scene, const Refined& optimum, const Peak& peak,
-                       const AxisFalls& falls) {
-  Peak corrected = peak;
-  corrected.center = optimum.pose;
-  corrected.covariance.setZero();
-  for (std::size_t i = 0; i < falls.ratios.size(); ++i) {
-    const Eigen::VectorXd sigma = falls.axes.col(static_cast<Eigen::Index>(i));
-    const AlongAxis along = integrate_along(falls.ratios[i]);
-    corrected.center += along.mean * sigma;
-    corrected.covariance += along.variance * sigma * sigma.transpose();
-    corrected.log_evidence += std::log(along.mass);
-  }
-  wrap_pose(scene, corrected.center);
-  return corrected;
 }
 
 double best_evidence(const std::vector<Peak>& peaks) {
@@ -250,55 +219,6 @@ void finish_mixture(const Scene& scene, PoseMixture& mixture) {
   set_moments(scene, mixture);
 }
 
-/// The best samples at which least squares might end somewhere new. Where the model misfits, log
-/// posteriors differ by as much more for as little.
-std::vector<PoseVector> promising(const PoseObjective& objective, const SampleLights& lights,
-                                  const std::vector<const Refined*>& optima,
-                                  const std::vector<Peak>& peaks,
-                                  const std::vector<PosteriorSample>& samples, double inflation) {
-  const CompiledScene& compiled = objective.compiled();
-  const double better_by = kBetter * inflation;
-  // The light may be the spline's: compare with what it says of the optima.
-  double known = -std::numeric_limits<double>::infinity();
-  std::vector<PoseVector> taken;
-  std::vector<double> tops;
-  for (std::size_t j = 0; j < optima.size(); ++j) {
-    LinearSolution linear = optima[j]->linear;
-    const PoseValue value =
-        objective.evaluate(lights.near[j], optima[j]->pose, linear, true, kSampleAccuracy);
-    known = std::max(known, value.log_posterior);
-    tops.push_back(value.log_posterior);
-    taken.push_back(optima[j]->pose);
-  }
-  const double least = compiled.spline ? known + better_by : known - kPromising * inflation;
-  // On the slope of a known optimum a sample has what that one's width leaves it.
-  const auto explained = [&](const PosteriorSample& sample) {
-    for (std::size_t j = 0; j < peaks.size(); ++j) {
-      const double drop = 0.5 * mahalanobis2(compiled.scene, peaks[j], sample.pose);
-      if (sample.log_posterior < tops[j] - inflation * (drop - kSurprise)) return true;
-    }
-    return false;
-  };
-  std::vector<const PosteriorSample*> order;
-  for (const PosteriorSample& sample : samples) {
-    const bool better = sample.log_posterior >= known + better_by;
-    if (sample.log_posterior > least && (better || !explained(sample))) order.push_back(&sample);
-  }
-  std::stable_sort(order.begin(), order.end(),
-                   [](auto* a, auto* b) { return a->log_posterior > b->log_posterior; });
-  std::vector<PoseVector> result;
-  for (const PosteriorSample* sample : order) {
-    const bool apart = std::none_of(taken.begin(), taken.end(), [&](const PoseVector& other) {
-      return within_spacings(compiled, other, sample->pose, 1);
-    });
-    if (!apart && sample->log_posterior < known + better_by) continue;
-    result.push_back(sample->pose);
-    taken.push_back(sample->pose);
-    if (result.size() == kMaxPromising) break;
-  }
-  return result;
-}
-
 }  // namespace
 
 void set_moments(const Scene& scene, PoseMixture& mixture) {
@@ -335,15 +255,12 @@ Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& 
   double best = best_evidence(peaks);
   const bool may_sample = scored != nullptr && options.samples > 0;
   bool laplace = true;
-  std::vector<Peak> corrected = peaks;
   std::vector<bool> bent(peaks.size(), false);
   for (std::size_t j = 0; may_sample && j < peaks.size(); ++j) {
     if (peaks[j].log_evidence < best - kMinorEvidence) continue;
     const AxisFalls falls = axis_falls(objective, *tops[j], peaks[j], options.inflation);
     bent[j] = falls.bent();
     laplace = laplace && falls.gaussian;
-    if (falls.gaussian && options.along_axis)
-      corrected[j] = corrected_laplace(scene, *tops[j], peaks[j], falls);
   }
 
   const auto add_mode = [&](std::size_t j, double weight, const PoseVector& mean,
@@ -367,10 +284,8 @@ Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& 
     drawn =
         sample_posterior(objective, lights, peaks, ridges, tops, *scored,
                          {options.samples, options.inflation, options.seed, options.local_light});
-    result.promising = promising(objective, lights, tops, peaks, drawn.samples, options.inflation);
   }
   if (!(drawn.effective > 1)) {
-    if (laplace) peaks = std::move(corrected);
     double sum = 0;
     best = best_evidence(peaks);
     for (const Peak& peak : peaks) sum += std::exp(peak.log_evidence - best);

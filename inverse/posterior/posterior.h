@@ -29,7 +29,7 @@ struct PosteriorOptions {
   std::uint64_t seed = 1;
   Eigen::MatrixXd model_error;  ///< [n, n] added to modes' covariances; empty: none
   /// As FitRule says.
-  bool along_axis = true, ridges = true, local_light = true;
+  bool ridges = true, local_light = true;
 };
 
 struct Posterior {
@@ -37,16 +37,12 @@ struct Posterior {
   double log_evidence = 0;  ///< log integral of likelihood times priors over all unknowns
   bool sampled = false;     ///< importance sampling replaced Laplace's approximation
   double effective_samples = 0;
-  /// The best samples that lie apart from every optimum that was found and are about as good: each
-  /// may stand in a basin that was missed.
-  std::vector<PoseVector> promising;
 };
 
 /// Modes with weights, means and covariances from refined optima (best first, duplicates merged).
-/// Laplace's approximation, its moments corrected by the posterior at the sigma points, is kept
-/// where that agrees with it; elsewhere (bounds, flat directions, skew, overlapping modes) the
-/// posterior is sampled. Optima with no valley between them are one mode. Without `scored`, Laplace
-/// everywhere, one mode each.
+/// Laplace's approximation is kept where the posterior at the sigma points agrees with it;
+/// elsewhere (bounds, flat directions, skew, overlapping modes) the posterior is sampled. Optima
+/// with no valley between them are one mode. Without `scored`, Laplace everywhere, one mode each.
 Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& optima,
                     const Scored* scored, const MovedModels* moved,
                     const PosteriorOptions& options);

@@ -436,30 +436,4 @@ std::vector<Refined> find_optima(const PoseObjective& objective,
                     negligible);
 }
 
-std::vector<Refined> find_more(const PoseObjective& objective, const Observation& observation,
-                               const std::vector<PoseVector>& starts, double negligible,
-                               std::vector<Refined> optima) {
-  const CompiledScene& compiled = objective.compiled();
-  if (&objective.models() == &objective.rough_models()) {
-    return find_optima(objective, starts, negligible, std::move(optima));
-  }
-  PoseObjective rough(compiled, observation);
-  rough.use(objective.rough_models());
-  rough.count_with(objective);
-  rough.cast(objective.shadow());
-  LinearSolution linear = optima.front().linear;
-  const double best =
-      rough.evaluate(rough.models(), optima.front().pose, linear, true).log_posterior;
-  for (Refined& found : find_optima(rough, starts, negligible)) {
-    if (found.value.log_posterior < best - kWorthSettling) continue;
-    const bool known = std::ranges::any_of(optima, [&](const Refined& optimum) {
-      return same_place(compiled, optimum.pose, found.pose);
-    });
-    if (known) continue;
-    settle(objective, found);
-    optima.push_back(std::move(found));
-  }
-  return merge(compiled, std::move(optima), negligible);
-}
-
 }  // namespace blindcorner

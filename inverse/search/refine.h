@@ -70,12 +70,6 @@ std::vector<Refined> find_optima(const PoseObjective& objective,
 /// Values at the end are those of lights that were corrected less than two standard deviations off.
 void settle(const PoseObjective& objective, Refined& optimum, const ShapeBuffer* here = nullptr);
 
-/// Optima from starts that are no known optima's, and `optima`. The compiled scene's own models
-/// find them; the objective's, where these are better ones, then move them.
-std::vector<Refined> find_more(const PoseObjective& objective, const Observation& observation,
-                               const std::vector<PoseVector>& starts, double negligible,
-                               std::vector<Refined> optima);
-
 /// The light at and near a refined pose: the models', or the cheaper light that these correct
 /// there.
 LightSource light_near(const PoseObjective& objective, const Refined& refined);
