@@ -350,9 +350,13 @@ void validate_scene(const Scene& scene) {
 
 const std::vector<std::pair<FitRule, std::string>>& fit_rules() {
   static const std::vector<std::pair<FitRule, std::string>> rules{
-      {FitRule::turn, "turn"},       {FitRule::rearrange, "rearrange"},
-      {FitRule::sharpen, "sharpen"}, {FitRule::shadow, "shadow"},
-      {FitRule::ridges, "ridges"},   {FitRule::local_light, "local_light"}};
+      {FitRule::turn, "turn"},
+      {FitRule::rearrange, "rearrange"},
+      {FitRule::sharpen, "sharpen"},
+      {FitRule::shadow, "shadow"},
+      {FitRule::along_axis, "along_axis"},
+      {FitRule::ridges, "ridges"},
+      {FitRule::local_light, "local_light"}};
   return rules;
 }
 
@@ -651,6 +655,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   sampling.model_error = Eigen::MatrixXd::Zero(n, n);
   if (sharpens) sampling.model_error += model_error.covariance;
   if (shades) sampling.model_error += shadow_error;
+  sampling.along_axis = options.uses(FitRule::along_axis);
   sampling.ridges = options.uses(FitRule::ridges);
   sampling.local_light = options.uses(FitRule::local_light);
   result.goodness_of_fit = goodness_of_fit(objective, optima.front());

@@ -110,6 +110,25 @@ AxisFalls axis_falls(const PoseObjective& objective, const Refined& optimum, con
   return falls;
 }
 
+/// The peak with the moments and the evidence of a posterior that falls along each principal axis
+/// as it was found to, and is the product of these. What bends away from the axes is not seen so.
+/// Root and determinant stay the Gaussian's.
+Peak corrected_laplace(const Scene& scene, const Refined& optimum, const Peak& peak,
+                       const AxisFalls& falls) {
+  Peak corrected = peak;
+  corrected.center = optimum.pose;
+  corrected.covariance.setZero();
+  for (std::size_t i = 0; i < falls.ratios.size(); ++i) {
+    const Eigen::VectorXd sigma = falls.axes.col(static_cast<Eigen::Index>(i));
+    const AlongAxis along = integrate_along(falls.ratios[i]);
+    corrected.center += along.mean * sigma;
+    corrected.covariance += along.variance * sigma * sigma.transpose();
+    corrected.log_evidence += std::log(along.mass);
+  }
+  wrap_pose(scene, corrected.center);
+  return corrected;
+}
+
 double best_evidence(const std::vector<Peak>& peaks) {
   double best = -std::numeric_limits<double>::infinity();
   for (const Peak& peak : peaks) best = std::max(best, peak.log_evidence);
@@ -255,12 +274,15 @@ Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& 
   double best = best_evidence(peaks);
   const bool may_sample = scored != nullptr && options.samples > 0;
   bool laplace = true;
+  std::vector<Peak> corrected = peaks;
   std::vector<bool> bent(peaks.size(), false);
   for (std::size_t j = 0; may_sample && j < peaks.size(); ++j) {
     if (peaks[j].log_evidence < best - kMinorEvidence) continue;
     const AxisFalls falls = axis_falls(objective, *tops[j], peaks[j], options.inflation);
     bent[j] = falls.bent();
     laplace = laplace && falls.gaussian;
+    if (falls.gaussian && options.along_axis)
+      corrected[j] = corrected_laplace(scene, *tops[j], peaks[j], falls);
   }
 
   const auto add_mode = [&](std::size_t j, double weight, const PoseVector& mean,
@@ -286,6 +308,7 @@ Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& 
                          {options.samples, options.inflation, options.seed, options.local_light});
   }
   if (!(drawn.effective > 1)) {
+    if (laplace) peaks = std::move(corrected);
     double sum = 0;
     best = best_evidence(peaks);
     for (const Peak& peak : peaks) sum += std::exp(peak.log_evidence - best);

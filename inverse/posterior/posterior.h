@@ -29,7 +29,7 @@ struct PosteriorOptions {
   std::uint64_t seed = 1;
   Eigen::MatrixXd model_error;  ///< [n, n] added to modes' covariances; empty: none
   /// As FitRule says.
-  bool ridges = true, local_light = true;
+  bool along_axis = true, ridges = true, local_light = true;
 };
 
 struct Posterior {
@@ -40,9 +40,10 @@ struct Posterior {
 };
 
 /// Modes with weights, means and covariances from refined optima (best first, duplicates merged).
-/// Laplace's approximation is kept where the posterior at the sigma points agrees with it;
-/// elsewhere (bounds, flat directions, skew, overlapping modes) the posterior is sampled. Optima
-/// with no valley between them are one mode. Without `scored`, Laplace everywhere, one mode each.
+/// Laplace's approximation, its moments corrected by the posterior at the sigma points, is kept
+/// where that agrees with it; elsewhere (bounds, flat directions, skew, overlapping modes) the
+/// posterior is sampled. Optima with no valley between them are one mode. Without `scored`, Laplace
+/// everywhere, one mode each.
 Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& optima,
                     const Scored* scored, const MovedModels* moved,
                     const PosteriorOptions& options);

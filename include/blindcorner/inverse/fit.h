@@ -27,6 +27,7 @@ enum class FitRule {
   rearrange,    ///< of several objects, for a better place of each while the others stay
   sharpen,      ///< goes to finer models of the light
   shadow,       ///< lets the object stand in the way of the known scene's later bounces
+  along_axis,   ///< where no sampling is needed, moments of how the posterior falls along axes
   ridges,       ///< components along posteriors that bend
   local_light,  ///< samples evaluated with a polynomial of the light
 };
