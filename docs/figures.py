@@ -187,6 +187,8 @@ class Pages:
             if name not in self.definitions["runs"]:
                 raise Problem(f"run {name} is not in docs/figures.json")
             content = self.age(name) if self.dated else written
+            if self.dated and is_busy(self.stored[name]):
+                content += ", busy machine"
         else:
             content = self.value(name, words, written)
             run = self.definitions["figures"][name]["run"]
@@ -279,7 +281,7 @@ def measured(name, figure, out, output):
 
 
 def machine():
-    """Processor and number of cores that this process may use."""
+    """Processor, cores that this process may use, and programs that wanted one (mean of a minute)."""
     processor = "unknown"
     try:
         with open("/proc/cpuinfo", encoding="utf-8") as file:
@@ -287,7 +289,14 @@ def machine():
         processor = found[1].strip() if found else processor
     except OSError:
         pass
-    return {"processor": processor, "cores": len(os.sched_getaffinity(0))}
+    return {"processor": processor, "cores": len(os.sched_getaffinity(0)),
+            "load": round(os.getloadavg()[0], 1)}
+
+
+def is_busy(stored):
+    """Whether other programs took part of the machine, so that run times are too long."""
+    at = stored.get("machine")
+    return bool(at) and at["load"] > at["cores"]
 
 
 def program_version(program):
@@ -319,12 +328,13 @@ def execute(root, build, name, run):
 def measure(root, build, definitions, name):
     run = definitions["runs"][name]
     version, commit, modified = program_version(build / "blindcorner")
+    where = machine()
     out, output, seconds = execute(root, build, name, run)
     figures = {key: measured(key, figure, out, output)
                for key, figure in definitions["figures"].items() if figure["run"] == name}
     record = {
         "run": name, "version": version, "commit": commit, "modified": modified,
-        "date": datetime.date.today().isoformat(), "machine": machine(),
+        "date": datetime.date.today().isoformat(), "machine": where,
         "seconds": round(seconds, 1), "figures": figures,
     }
     stored_path(root, name).write_text(json.dumps(record, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")

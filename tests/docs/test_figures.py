@@ -85,9 +85,19 @@ class Figures(unittest.TestCase):
         self.assertEqual((stored["version"], stored["commit"]), ("1.2.3", self.git("rev-parse", "--short=7", "HEAD")))
         self.assertGreaterEqual(stored["machine"]["cores"], 1)
         self.figures("write")
-        for part in (">4.0 cm<", ">0.50<", ">this version<", ">2 (1 to 3)<", ">12.5 ms<"):
+        for part in (">4.0 cm<", ">0.50<", ">this version", ">2 (1 to 3)<", ">12.5 ms<"):
             self.assertIn(part, self.page())
         self.figures("check")
+
+    def test_run_times_of_a_busy_machine_are_called_so(self):
+        self.figures("run", "study")
+        path = self.root / "docs/figures/study.json"
+        stored = json.loads(path.read_text())
+        for load, says in ((stored["machine"]["cores"] + 1, True), (0.2, False)):
+            stored["machine"]["load"] = load
+            path.write_text(json.dumps(stored))
+            self.figures("write")
+            self.assertEqual(">this version, busy machine<" in self.page(), says)
 
     def test_a_page_that_says_something_else_is_wrong(self):
         self.figures("run", "--all")
@@ -107,7 +117,7 @@ class Figures(unittest.TestCase):
         self.figures("check", code=1)
         self.figures("write")
         self.assertIn(f">4.0 cm (of 1.2.3, {made})<", self.page())
-        self.assertIn(f">of 1.2.3, {made}<", self.page())
+        self.assertIn(f">of 1.2.3, {made}", self.page())
         self.figures("check")
         self.figures("run", "--stale")
         self.figures("write")
