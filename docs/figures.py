@@ -39,6 +39,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 EARLIER = "of an earlier version"
 THIS = "this version"
+BUSY = 0.5  # programs for each core from which a run's own times are not measured, by judgement
 MARKER = re.compile(
     r"<!-- (figure|age):([a-z0-9_]+)((?: [a-z]+)*) -->(.*?)<!-- /\1 -->", re.DOTALL)
 
@@ -187,7 +188,7 @@ class Pages:
             if name not in self.definitions["runs"]:
                 raise Problem(f"run {name} is not in docs/figures.json")
             content = self.age(name) if self.dated else written
-            if self.dated and is_busy(self.stored[name]):
+            if self.dated and self.definitions["runs"][name].get("quiet") and is_busy(self.stored[name]):
                 content += ", busy machine"
         else:
             content = self.value(name, words, written)
@@ -296,7 +297,7 @@ def machine():
 def is_busy(stored):
     """Whether other programs took part of the machine, so that run times are too long."""
     at = stored.get("machine")
-    return bool(at) and at["load"] > at["cores"]
+    return bool(at) and at.get("load", 0) > BUSY * at["cores"]
 
 
 def program_version(program):
@@ -369,6 +370,12 @@ def command_run(root, arguments):
         raise Problem(f"{build}/blindcorner is missing; ./bootstrap.sh fit builds it")
     failed = 0
     for name in chosen_runs(arguments, pages):
+        if pages.definitions["runs"][name].get("quiet") and not arguments.busy:
+            here = machine()
+            if is_busy({"machine": here}):
+                print(f"{name}: left out, it measures times and other programs want the machine (load "
+                      f"{here['load']}, {here['cores']} cores; --busy)")
+                continue
         print(f"{name}: {pages.definitions['runs'][name]['minutes']:g} minutes or so", flush=True)
         try:
             record = measure(root, build, pages.definitions, name)
@@ -433,6 +440,7 @@ def main():
     run.add_argument("--stale", action="store_true", help="runs older than what they depend on")
     run.add_argument("--all", action="store_true", help="every run")
     run.add_argument("--longest", type=float, metavar="MINUTES", help="leave longer runs out")
+    run.add_argument("--busy", action="store_true", help="measure times on a busy machine, too")
     run.add_argument("--build", default=ROOT / "build/release", help="folder of the program")
     commands.add_parser("write", help="write the stored values into the pages")
     commands.add_parser("check", help="compare the pages with the stored values")

@@ -3,7 +3,7 @@
 """README.md and docs/*.md: links lead somewhere, commands are ones that the program accepts, files
 exist, examples are what the sources hold.
 
-    check_pages.py ROOT PROGRAM
+    check_pages.py ROOT PROGRAM [--write]     --write: examples are copied from their sources first
 
 Prints a line for each mistake; exit code 1 where there is one. Needs Python's standard library only.
 """
@@ -163,33 +163,47 @@ def wrong_command(program, command):
 
 
 def wrong_paths(root, page):
-    """Files of the repository that code names and that are not there."""
+    """Files of the repository that code names and that are not there; `FILE` (new) is to be made."""
+    new = set(re.findall(r"`([^`\s]+)` \(new\)", page.text))
     for number, code in [*page.code, *spans(page)]:
         for word in re.findall(r"(?<![\w./$-])((?:[\w-]+/)+[\w.*{},-]+)", code):
             if not word.startswith(TOP_FOLDERS) or set(word) & set("*{}<>"):
                 continue
             word = word.rstrip(".,")
-            if re.search(r"/[A-Z]+(?:/|$)", word):
-                continue  # a placeholder
+            if word in new or re.search(r"/[A-Z]+(?:/|$)", word):  # the last is a placeholder
+                continue
             if not (root / word).exists() and not (root / "include/blindcorner" / word).exists():
                 yield number, f"{word}: there is no such file"
 
 
+EXAMPLE = re.compile(r"(<!-- source: (\S+)(?: (\w+))? -->\n+```\w*\n)(.*?)```", re.DOTALL)
+
+
+def example_of(root, file, name):
+    """What a source holds: all of it, or what stands between the lines `// [name]` and `// [/name]`.
+    None where there is none."""
+    if not (root / file).exists():
+        return None
+    text = (root / file).read_text(encoding="utf-8")
+    if not name:
+        return text
+    part = re.search(rf"^ *(?://|#) \[{name}\]\n(.*?)^ *(?://|#) \[/{name}\]", text, re.DOTALL | re.MULTILINE)
+    return part[1] if part else None
+
+
 def wrong_examples(root, page):
-    """A fenced block under a line `<!-- source: FILE -->` is what the file holds (of a C++ file
-    between the lines `// [name]` and `// [/name]` for `FILE name`)."""
-    for found in re.finditer(r"<!-- source: (\S+)(?: (\w+))? -->\n+```\w*\n(.*?)```", page.text, re.DOTALL):
+    """A fenced block under a line `<!-- source: FILE NAME -->` is what the file holds."""
+    for found in EXAMPLE.finditer(page.text):
         number = page.text[: found.start()].count("\n") + 1
-        file, name, shown = root / found[1], found[2], found[3]
-        if not file.exists():
-            yield number, f"{found[1]}: there is no such file"
-            continue
-        text = file.read_text(encoding="utf-8")
-        if name:
-            part = re.search(rf"^\s*(?://|#) \[{name}\]\n(.*?)^\s*(?://|#) \[/{name}\]", text, re.DOTALL | re.MULTILINE)
-            text = part[1] if part else None
-        if text != shown:
-            yield number, f"the example is not what {found[1]} holds"
+        if example_of(root, found[2], found[3]) != found[4]:
+            yield number, f"the example is not what {found[2]} holds (check_pages.py --write)"
+
+
+def write_examples(root):
+    for path in [root / "README.md", *sorted((root / "docs").glob("*.md"))]:
+        text = path.read_text(encoding="utf-8")
+        path.write_text(EXAMPLE.sub(
+            lambda m: f"{m[1]}{example_of(root, m[2], m[3]) or m[4]}```", text), encoding="utf-8")
 
 
 def mistakes(root, program):
@@ -220,8 +234,10 @@ def mistakes(root, program):
 
 
 def main():
-    if len(sys.argv) != 3:
+    if len(sys.argv) not in (3, 4) or sys.argv[3:] not in ([], ["--write"]):
         sys.exit(__doc__)
+    if sys.argv[3:]:
+        write_examples(Path(sys.argv[1]).resolve())
     count = 0
     for mistake in mistakes(Path(sys.argv[1]).resolve(), sys.argv[2]):
         count += 1

@@ -23,7 +23,8 @@ echo "took 12.5 ms"
 """
 DEFINITIONS = {
     "format": "blindcorner.figures/1",
-    "runs": {"study": {"commands": ["blindcorner"], "minutes": 1, "depends": ["source"]}},
+    "runs": {"study": {"commands": ["blindcorner"], "minutes": 1, "depends": ["source"],
+                       "quiet": True}},
     "figures": {
         "error": {"run": "study", "read": {"csv": "t.csv", "where": {"name": "a"}, "column": "error"},
                   "unit": "cm", "scale": 100, "digits": 1},
@@ -70,7 +71,7 @@ class Figures(unittest.TestCase):
         (self.root / "commit").write_text(self.git("rev-parse", "--short=7", "HEAD"))
 
     def figures(self, *arguments, code=0):
-        more = ["--build", str(self.root / "build/release")] if arguments[0] == "run" else []
+        more = ["--busy", "--build", str(self.root / "build/release")] if arguments[0] == "run" else []
         done = subprocess.run([sys.executable, SCRIPT, "--root", self.root, *arguments, *more],
                               capture_output=True, text=True)
         self.assertEqual(done.returncode, code, done.stdout + done.stderr)
