@@ -216,11 +216,13 @@ class Pages:
 
 
 def read_pointer(document, pointer):
-    """The value at a JSON pointer, in which [name=text] is the entry of a list that has this name."""
+    """The value at a JSON pointer, in which [name=text] is the entry of a list that has this name,
+    and [name^=text] the one whose name begins so."""
     for part in pointer.strip("/").split("/"):
-        named = re.fullmatch(r"\[(\w+)=(.*)\]", part)
+        named = re.fullmatch(r"\[(\w+)(\^?)=(.*)\]", part)
         if named:
-            document = next(entry for entry in document if entry[named[1]] == named[2])
+            document = next(entry for entry in document if entry[named[1]] == named[3]
+                            or (named[2] and entry[named[1]].startswith(named[3])))
         else:
             document = document[int(part)] if isinstance(document, list) else document[part]
     return document
