@@ -7,6 +7,7 @@ that a figure is old. Needs git and Python's standard library only.
 """
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -155,4 +156,7 @@ class Figures(unittest.TestCase):
 
 
 if __name__ == "__main__":
+    if shutil.which("git") is None:
+        print("SKIPPED: git was not found (Debian: git)")
+        sys.exit()
     unittest.main()
