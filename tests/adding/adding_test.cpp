@@ -161,7 +161,8 @@ TEST_F(Adding, TheCartDrivesACircle) {
   EXPECT_LT(vehicle.state().position.norm(), 1e-3);
 }
 
-// Ten times the exposures, error over sqrt(10); the files are there.
+// Ten times the exposures make the error smaller by sqrt(10), but for the prior of the brightness,
+// which counts as a measurement: less than one in a hundred. The files are there.
 TEST_F(Adding, TheStudyWritesATableAndAPage) {
   CLI::App app;
   int exit_code = -1;
@@ -175,7 +176,7 @@ TEST_F(Adding, TheStudyWritesATableAndAPage) {
   std::vector<double> errors;
   while (std::getline(table, line)) errors.push_back(std::stod(line.substr(line.find(',') + 1)));
   ASSERT_EQ(errors.size(), 3U);
-  EXPECT_NEAR(errors[0] / errors[1], std::sqrt(10.0), 1e-3);
+  EXPECT_NEAR(errors[0] / errors[1], std::sqrt(10.0), 0.03);
   EXPECT_THAT(text_of(directory_ / "bound.html"), ::testing::HasSubstr("<svg"));
 }
 
