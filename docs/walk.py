@@ -4,6 +4,9 @@
 `blindcorner fit scenes/st_person_tracking.json st.exr [--track] -o out/walk`.
 
 usage: docs/walk.py out/walk/result.json [-o docs/images/walk.png]   (needs numpy; matplotlib for the picture)
+       docs/walk.py --particles $BLINDCORNER_DATA/consumer_nlos/st_person_tracking
+
+The second form judges the particle filter's own output, which the recording holds, in the same way.
 
 One row of figures for each kind of estimate in the result: frames fitted by themselves, or the track's filter (a
 frame and those before it) and its smoother (those after it as well). The truth is known only as far as this: the person
@@ -11,6 +14,7 @@ walks along the sides of the rectangle of floor marks and stands at its corners.
 """
 import argparse
 import json
+from pathlib import Path
 
 import numpy as np
 
@@ -77,6 +81,28 @@ def estimates(captures):
     }
 
 
+def particle_means(folder):
+    """[frames, 2] Mean of the particles of each frame of the recording, world x and y (m)."""
+    files = sorted(Path(folder).glob("volume_*.npz"))
+    if not files:
+        raise SystemExit(f"walk.py: {folder}: found no volume_*.npz, accepted: the recording's folder")
+    means = []
+    for file in files:
+        with np.load(file) as volume:
+            x, _, z = volume["particles"].mean(axis=0)
+        means.append((x, -z))
+    return np.array(means)
+
+
+def judge_particles(folder):
+    points = particle_means(folder)
+    distance = np.hypot(*(points - nearest_on_outline(points)).T)
+    gaps = np.hypot(*(perimeter()[:, None] - points[None]).transpose(2, 0, 1)).min(1)
+    print(f"== particle filter of the recording\n{'frames':>48}  {len(points)}")
+    print(f"{'median distance to the rectangle, cm':>48}  {100 * np.median(distance):.3g}")
+    print(f"{'perimeter within 10 cm':>48}  {np.mean(gaps < 0.1):.3g}")
+
+
 def figures(numbers, points, covariances, interval):
     nearest = nearest_on_outline(points)
     offset = points - nearest
@@ -141,9 +167,14 @@ def draw(path, sets, tracked):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("result")
+    parser.add_argument("result", nargs="?")
+    parser.add_argument("--particles", metavar="FOLDER", help="of the recording")
     parser.add_argument("-o", "--output", help="picture")
     arguments = parser.parse_args()
+    if arguments.particles:
+        return judge_particles(arguments.particles)
+    if not arguments.result:
+        parser.error("found neither a result nor --particles, accepted: one of them")
     with open(arguments.result) as file:
         captures = json.load(file)["captures"]
     times = np.array([c["time_ms"]["total"] for c in captures[1:]])

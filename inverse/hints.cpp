@@ -210,17 +210,18 @@ std::vector<std::string> misfit_hints(const Scene& scene, const FitResult& resul
   const std::string begin =
       "The light is " + rounded_text(off) + " standard deviations from what the scene can explain";
   const std::string remedy =
-      "`blindcorner calibrate SCENE CAPTURES -o instrument.json` finds out what the instrument is "
-      "like, from captures of nothing (--no-object) or of known objects; then fit with "
+      "`blindcorner calibrate SCENE CAPTURES -o instrument.json` measures the instrument, from "
+      "captures without an object (--no-object) or of known objects. Then fit with "
       "--instrument instrument.json.";
   if (scene.linear.direct == LinearMode::fixed && model > 0 &&
       (ratio > kOtherBrightness || ratio < 1 / kOtherBrightness)) {
-    return {begin + ", and " + rounded_text(ratio) +
-            " times as bright: its gains were probably never calibrated. " + remedy};
+    return {begin + ", and it is " + rounded_text(ratio) +
+            " times as bright as the scene says. The gains were probably never calibrated. " +
+            remedy};
   }
   return {begin +
-          ": gains, time zero, pulse or the known surfaces are not as stated, or more than "
-          "one object is there; the page's histograms show where. " +
+          ". The gains, time zero, the pulse or the known surfaces are not as the scene states, or "
+          "there is more than one object. The histograms of the page show where. " +
           remedy};
 }
 
@@ -248,11 +249,12 @@ std::string time_zero_hint(const Scene& scene, const FitResult& result) {
   const double shift = 0.25 * scene.sensor.bin_width * kSpeedOfLight;  // half a bin, there and back
   const double variance = least_position_variance(scene, result.posterior.modes.front().covariance);
   if (!(variance < shift * shift)) return {};
-  return "Without a direct return (linear.direct absent) nothing in these counts checks "
-         "time_zero_ps: half a bin off would move the object by " +
+  return "The counts hold no direct return (linear.direct is absent), so that nothing in them "
+         "checks "
+         "time_zero_ps. An error of half a bin would move the object by " +
          rounded_text(1e3 * shift) +
-         " mm or more, which the stated error does not count; calibrate it, with objects at known "
-         "places.";
+         " mm or more, and the stated uncertainty does not count that. Calibrate time_zero_ps with "
+         "objects at known places.";
 }
 
 }  // namespace

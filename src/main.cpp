@@ -9,6 +9,7 @@
 #include <string>
 
 #include "blindcorner/forward/error.h"
+#include "blindcorner/io/program_name.h"
 #include "commands/cnn.h"
 #include "commands/command_tree.h"
 #include "commands/commands.h"
@@ -17,6 +18,10 @@
 #include "commands/output_directory.h"
 #include "commands/stability.h"
 #include "commands/unknown_command.h"
+
+namespace blindcorner {
+const char* commit();  // cmake/GitCommit.cmake
+}
 
 namespace {
 
@@ -35,7 +40,9 @@ int main(int argc, char** argv) {
   CLI::App app("Locates objects around corners by fitting single-photon LiDAR histograms.",
                "blindcorner");
   app.require_subcommand(1);
-  app.set_version_flag("--version", "blindcorner " BLINDCORNER_VERSION);
+  blindcorner::set_program_name(std::string("blindcorner " BLINDCORNER_VERSION " (") +
+                                blindcorner::commit() + ")");
+  app.set_version_flag("--version", blindcorner::program_name());
   int exit_code = blindcorner::kAllWell;
   blindcorner::add_fit_command(app, exit_code);
   blindcorner::add_render_command(app, exit_code);

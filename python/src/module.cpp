@@ -6,9 +6,14 @@
 #include <memory>
 
 #include "blindcorner/forward/error.h"
+#include "blindcorner/io/program_name.h"
 #include "interrupt.h"
 
 namespace nb = nanobind;
+
+namespace blindcorner {
+const char* commit();  // cmake/GitCommit.cmake
+}
 
 namespace {
 
@@ -36,6 +41,8 @@ NB_MODULE(_core, m) {
   nb::exception<blindcorner::OutputError> output_error(m, "OutputError", error);
   output_error.doc() = "Nothing wrong with the input: what came of it could not be written.";
   m.attr("version") = BLINDCORNER_VERSION;
+  blindcorner::set_program_name(std::string("blindcorner " BLINDCORNER_VERSION " (") +
+                                blindcorner::commit() + ")");
   m.def("set_threads", &set_threads, nb::arg("count"),
         "Lets the library use at most `count` threads; 0: one per processor.");
   blindcorner::python::add_scene(m);

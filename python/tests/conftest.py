@@ -47,8 +47,9 @@ def result(scene, capture):
 
 
 def without_times(document):
-    """The fields of result.json but those that differ from run to run."""
+    """The fields of result.json but those that differ from run to run, or from build to build."""
     document = json.loads(json.dumps(document))
+    assert document.pop("program").startswith(f"blindcorner {bc.__version__} (")
     for entry in document["captures"]:
         entry.pop("time_ms")
     return document

@@ -69,6 +69,7 @@ def test_drive_is_what_the_program_drives(program, tmp_path):
     run = bc.drive(path, perception="oracle", seed=2, progress=times.append)
     here = run.to_dict()
     for document in (written, here):
+        assert document.pop("program").startswith(f"blindcorner {bc.__version__} (")
         for frame in document["frames"]:
             frame.pop("time_ms", None)
     assert {k: v for k, v in here.items() if "time_ms" not in k} == {

@@ -92,7 +92,7 @@ int run_calibrate(const CalibrateArguments& arguments) {
 
 void add_calibrate_command(CLI::App& app, int& exit_code) {
   CLI::App& command = *app.add_subcommand(
-      "calibrate", "find out about the instrument from captures of known objects, or of none");
+      "calibrate", "measure the instrument from captures of known objects, or without an object");
   const auto arguments = std::make_shared<CalibrateArguments>();
   CalibrationOptions& options = arguments->options;
   command.add_option("SCENE", arguments->scene, "scene file; its values are the priors")

@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "blindcorner/forward/scene/footprint.h"
+#include "blindcorner/io/program_name.h"
 #include "blindcorner/report/result_file.h"
 #include "blindcorner/simulation/perception.h"
 #include "blindcorner/simulation/true_world.h"
@@ -306,6 +307,7 @@ json drive_json(const Drive& drive, const DriveOptions& options, const DriveResu
   for (const DriveFrame& frame : result.frames) frames.push_back(frame_json(frame));
   const Knowledge known = knowledge_of(result);
   return {{"format", kDriveFormat},
+          {"program", program_name()},
           {"drive", drive.name},
           {"scene", drive.scene.name},
           {"perception", options.perception},

@@ -8,6 +8,7 @@
 
 #include "blindcorner/forward/scene/shape.h"
 #include "blindcorner/io/atomic_file.h"
+#include "blindcorner/io/program_name.h"
 #include "report/json_values.h"
 
 namespace blindcorner {
@@ -157,11 +158,9 @@ json capture_json(const Scene& scene, const FitResult& result) {
 json result_json(const Scene& scene, const std::vector<FitResult>& results) {
   json captures = json::array();
   for (const FitResult& result : results) captures.push_back(capture_json(scene, result));
-  return {{"format", kResultFormat},
-          {"scene", scene_place(scene)},
-          {"unknowns", unknown_names(scene)},
-          {"periods", periods(scene)},
-          {"captures", std::move(captures)}};
+  return {{"format", kResultFormat},     {"program", program_name()},
+          {"scene", scene_place(scene)}, {"unknowns", unknown_names(scene)},
+          {"periods", periods(scene)},   {"captures", std::move(captures)}};
 }
 
 void write_result(const std::string& directory, const Scene& scene,

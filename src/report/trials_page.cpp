@@ -461,6 +461,19 @@ std::string failures_section(const Drive& drive, const Results& results,
   return html + "</table>\n";
 }
 
+/// Which programs have driven the trials: a study may go on with another version.
+std::string programs_section(const Results& results) {
+  std::map<std::string, int> counts;
+  for (const TrialResult& result : results) {
+    ++counts[result.program.empty() ? "a version that kept no record of itself" : result.program];
+  }
+  std::string html;
+  for (const auto& [program, count] : counts) {
+    html += (html.empty() ? "" : ", ") + html_safe(program) + formatted(" (%d trials)", count);
+  }
+  return html.empty() ? "" : "<p>Driven by " + html + ".</p>\n";
+}
+
 }  // namespace
 
 std::filesystem::path replay_page(const Trial& trial) {
@@ -479,7 +492,8 @@ std::string trials_page(const Drive& drive, const std::vector<TrialResult>& resu
           results.size(), html_safe(drive.name).c_str(), drive.sensor.light) +
       corner_section(drive, plain) + success_section(drive, plain) +
       difference_section(drive, plain) + error_section(misled) + clearance_section(plain) +
-      path_section(plain) + reliability_section(plain) + failures_section(drive, results, replayed);
+      path_section(plain) + reliability_section(plain) +
+      failures_section(drive, results, replayed) + programs_section(results);
   return plain_page("Trials: " + drive.name, trials_headline(plain), body);
 }
 

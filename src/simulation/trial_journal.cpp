@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <array>
+#include <cctype>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
@@ -24,7 +25,7 @@ namespace {
 
 constexpr const char* kHeader =
     "perception,zone,seed,speed_m_per_s,error_m,outcome,clearance_m,time_s,length_m,run_time_s,"
-    "statements:occupied:probability in ten bins\n";
+    "statements:occupied:probability in ten bins,mean_speed_m_per_s near a corner,program\n";
 /// Of studies with a corner, after all the others.
 constexpr const char* kCornerColumn = ",mean_speed_m_per_s";
 
@@ -47,6 +48,12 @@ TrialResult parse(const std::string& line) {
   std::stringstream stream(line);
   for (std::string cell; std::getline(stream, cell, ',');) cells.push_back(cell);
   TrialResult result;
+  // Numbers begin with no letter; journals of earlier versions do not name the program.
+  if (!cells.empty() && !cells.back().empty() &&
+      std::isalpha(static_cast<unsigned char>(cells.back().front())) != 0) {
+    result.program = cells.back();
+    cells.pop_back();
+  }
   constexpr std::size_t kFirstBin = 10;
   std::vector<ReliabilityCount> counts(kMapBins);
   const std::size_t after_bins = kFirstBin + counts.size();
@@ -183,6 +190,7 @@ std::string journal_line(const TrialResult& result) {
             exact(bin.sum);
   }
   if (result.corner_speed > 0) line += "," + exact(result.corner_speed);
+  if (!result.program.empty()) line += "," + result.program;
   return line + "\n";
 }
 

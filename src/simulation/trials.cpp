@@ -15,6 +15,7 @@
 #include <tuple>
 
 #include "blindcorner/forward/error.h"
+#include "blindcorner/io/program_name.h"
 #include "blindcorner/simulation/drive_loop.h"
 #include "blindcorner/simulation/perception.h"
 #include "blindcorner/simulation/true_world.h"
@@ -157,6 +158,7 @@ TrialResult run_trial(const Drive& drive, const SimulatedSensor& sensor, const T
   result.length = driven.length;
   result.map = map_statements(drive, trial.seed, driven);
   result.corner_speed = mean_speed_within(driven, drive.trials.corner, drive.trials.corner_radius);
+  result.program = program_name();
   result.run_time = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return result;
 }

@@ -155,7 +155,26 @@ class Cli : public ::testing::Test {
 TEST_F(Cli, SaysItsVersion) {
   const Outcome result = run("--version");
   EXPECT_EQ(result.exit_code, 0);
-  EXPECT_THAT(result.out, ::testing::MatchesRegex("blindcorner [0-9]+\\.[0-9]+\\.[0-9]+\n"));
+  EXPECT_THAT(result.out, ::testing::MatchesRegex("blindcorner [0-9]+\\.[0-9]+\\.[0-9]+ "
+                                                  "\\(([0-9a-f]+(-modified)?|unknown)\\)\n"));
+}
+
+// What wrote a file can be told from it: results, drives and journals name the program.
+TEST_F(Cli, FilesNameTheProgramThatWroteThem) {
+  std::string version = run("--version").out;
+  version.pop_back();
+  ASSERT_EQ(run("fit '" SOURCE_DIR "/scenes/tmf8828_wall.json' '" SOURCE_DIR
+                "/scenes/captures/tmf8828_wall.exr' -o '" +
+                path("fit") + "'")
+                .exit_code,
+            0);
+  EXPECT_EQ(json::parse(text_of(path("fit/result.json")))["program"], version);
+  const std::string drive = "'" SOURCE_DIR "/scenes/robot_drive.json' -o '";
+  ASSERT_EQ(run("drive " + drive + path("drive") + "' --perception los --no-page").exit_code, 0);
+  EXPECT_EQ(json::parse(text_of(path("drive/drive.json")))["program"], version);
+  ASSERT_EQ(run("trials " + drive + path("trials") + "' -n 1 --perception los").exit_code, 0);
+  EXPECT_THAT(text_of(path("trials/journal.csv")), ::testing::EndsWith("," + version + "\n"));
+  EXPECT_THAT(text_of(path("trials/trials.html")), HasSubstr(version));
 }
 
 TEST_F(Cli, NamesTheCommandThatAMistypedOneResembles) {

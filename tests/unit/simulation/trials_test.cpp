@@ -192,6 +192,18 @@ TEST(Trials, ALineOfTheJournalComesBackWhole) {
     const std::string line = journal_line(result);
     EXPECT_EQ(journal_line(parse_journal_line(line)), line);
   }
+  // The program that drove the trial is its last cell, behind a corner's speed or without one.
+  TrialResult named = made_up(plan(6).front());
+  named.program = "blindcorner 0.1.0 (1a2b3c4)";
+  for (const double speed : {0.0, 8.5}) {
+    named.corner_speed = speed;
+    const TrialResult back = parse_journal_line(journal_line(named));
+    EXPECT_EQ(back.program, named.program);
+    EXPECT_EQ(back.corner_speed, speed);
+  }
+  // Lines that an earlier version has written name none.
+  named.program.clear();
+  EXPECT_EQ(parse_journal_line(journal_line(named)).program, "");
   EXPECT_THROW(parse_journal_line("los,0,12"), Error);
 }
 

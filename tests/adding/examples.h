@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+/// What the examples of docs/adding.md give to their test.
+#pragma once
+
+#include <memory>
+
+#include "blindcorner/planner/vehicles/vehicle_model.h"
+#include "blindcorner/simulation/perception.h"
+#include "forward/scene/shapes/shape_geometry.h"
+#include "io/readers/capture_reader.h"
+
+namespace CLI {
+class App;
+}
+
+namespace blindcorner {
+
+/// Upright column on a regular hexagon, two of whose corners lie on its own x axis.
+struct HexagonShape {
+  double edge = 0.5;    ///< m, also the distance of the corners from the axis
+  double height = 1.0;  ///< m
+  std::unique_ptr<const ShapeGeometry> geometry() const;
+};
+
+CaptureReader hex_reader();
+std::unique_ptr<Perception> reported_perception(const PerceptionSetup& setup);
+std::shared_ptr<const VehicleModel> cart();
+void example_study(CLI::App& benchmark, int& exit_code);
+
+}  // namespace blindcorner
