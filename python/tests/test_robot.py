@@ -186,7 +186,7 @@ def bag(run, driven, tmp_path_factory):
     reader = pytest.importorskip("mcap.reader", reason="mcap is not installed")
     decoder = pytest.importorskip("mcap_ros2.decoder", reason="mcap-ros2-support is not installed")
     folder = tmp_path_factory.mktemp("ros") / "bag"
-    with robot.RosBag(folder, driven[0], robot.Naming(start_s=100.0)) as out:
+    with robot.RosBag(folder, driven[0], robot.Naming(start_ns=100 * 10**9)) as out:
         for moment in driven[1]:
             out.add(moment)
     with open(folder / "bag.mcap", "rb") as file:
@@ -423,17 +423,32 @@ def test_viewers_of_this_machine_get_live_answers(scene, result):
 # --- CommonRoad -------------------------------------------------------------------------------------
 
 
+def follows(schema, path):
+    """Whether a file follows a schema that comes with commonroad-io, and why not."""
+    from pathlib import Path
+
+    import commonroad.common
+    from lxml import etree
+
+    folder = Path(commonroad.common.__file__).parent / "xml_definition_files"
+    checked = etree.XMLSchema(etree.parse(str(folder / schema)))
+    assert checked.validate(etree.parse(str(path))), checked.error_log
+
+
 def test_commonroad_reads_the_drive(driven, run, tmp_path):
     reader = pytest.importorskip("commonroad.common.file_reader", reason="commonroad-io is not installed")
     from commonroad.common.solution import CommonRoadSolutionReader
 
     setting, moments = driven
     robot.write_commonroad(tmp_path / "drive.xml", setting, moments)
+    follows("XML_commonRoad_XSD.xsd", tmp_path / "drive.xml")
+    follows("CommonRoadSolution_schema.xsd", tmp_path / "drive.solution.xml")
     scenario, problems = reader.CommonRoadFileReader(str(tmp_path / "drive.xml")).open()
     assert scenario.dt == pytest.approx(0.2)
-    # Two walls, the inner corner and the sign, which stands; the floor is no obstacle.
-    assert len(scenario.static_obstacles) == 4 and not scenario.dynamic_obstacles
-    sign = scenario.static_obstacles[-1].occupancy_at_time(0)
+    # Two walls and the inner corner; the floor is no obstacle. The sign stands all the time.
+    assert len(scenario.static_obstacles) == 3
+    (sign,) = scenario.dynamic_obstacles
+    sign = sign.occupancy_at_time(len(moments) - 1)
     np.testing.assert_allclose((sign.center.x, sign.center.y), moments[0].truth, atol=1e-3)
     # A plate of 0.3 m whose normal points to -20 degrees.
     assert (sign.length, math.tan(sign.orientation)) == pytest.approx(
@@ -449,6 +464,10 @@ def test_commonroad_reads_the_drive(driven, run, tmp_path):
     speeds = np.hypot([s.velocity for s in states], [s.velocity_y for s in states])
     np.testing.assert_allclose(speeds, [m.vehicle.speed_m_per_s for m in moments], atol=1e-9)
     (problem,) = problems.planning_problem_dict.values()
+    # The lanelet holds the whole way.
+    (lanelet,) = scenario.lanelet_network.lanelets
+    assert lanelet.polygon.shapely_object.is_valid
+    assert all(scenario.lanelet_network.find_lanelet_by_position([s.position for s in states]))
     assert run.outcome == "reached" and problem.goal_reached(part.trajectory)[0]
 
 
@@ -457,6 +476,7 @@ def test_commonroad_knows_what_moves(tmp_path):
     run = bc.drive(bc.bundled("crossing_cyclist_drive.json"), perception="oracle", seed=3, pictures=False)
     setting, moments = robot.of_run(run)
     robot.write_commonroad(tmp_path / "drive.xml", setting, moments)
+    follows("XML_commonRoad_XSD.xsd", tmp_path / "drive.xml")
     scenario, _ = reader.CommonRoadFileReader(str(tmp_path / "drive.xml")).open()
     (cyclist,) = scenario.dynamic_obstacles
     assert cyclist.obstacle_type.value == "bicycle"

@@ -14,6 +14,7 @@ Foxglove needs foxglove-sdk, bags need rosbags, CommonRoad needs commonroad-io: 
 ``map``, ``base_link`` and the sensor's own (REP 105). Lengths are metres, angles radians.
 """
 
+from .._bags import histograms_of
 from ._commonroad import solution_path, write_commonroad
 from ._estimates import Estimate, estimates, zone_points, zone_scan
 from ._foxglove import Foxglove
@@ -48,6 +49,7 @@ __all__ = [
     "Setting",
     "Vehicle",
     "estimates",
+    "histograms_of",
     "hypotheses",
     "of_answer",
     "of_drive_document",

@@ -50,8 +50,10 @@ def refuse_bag(path: str) -> None:
 
 
 def naming_of(arguments: argparse.Namespace, start_s: float) -> Naming:
+    if not math.isfinite(start_s):
+        raise Error(f"--start: found {start_s}, accepted: 0 to 2147483647")
     naming = Naming(arguments.prefix, arguments.map_frame, arguments.base_frame,
-                    arguments.sensor_frame, start_s, arguments.least_presence)
+                    arguments.sensor_frame, round(start_s * 1e9), arguments.least_presence)
     naming.validate()
     return naming
 

@@ -23,7 +23,7 @@ KERB_M = 0.05
 #: Thickness of a wall that is seen edge-on, m: shapes of CommonRoad have an area.
 WALL_M = 0.02
 #: Numbers of the file: obstacles count up from the second.
-PROBLEM_ID, FIRST_OBSTACLE_ID = 1, 100
+PROBLEM_ID, LANELET_ID, FIRST_OBSTACLE_ID = 1, 2, 100
 
 
 def solution_path(path: PathLike) -> Path:
@@ -36,6 +36,7 @@ def write_commonroad(path: PathLike, setting: Setting, moments: Sequence[Moment]
 
     Known surfaces in the vehicle's way are static obstacles; hidden objects are where they truly
     were; the vehicle's start and goal are the planning problem, and its trajectory the solution.
+    CommonRoad asks for a lanelet: it is the way that was driven, twice as wide as the vehicle.
     Raises Error without a drive, or for a drive that ended within a frame.
     """
     try:
@@ -56,7 +57,7 @@ def write_commonroad(path: PathLike, setting: Setting, moments: Sequence[Moment]
         file_format=FileFormat.XML)
     solution = CommonRoadSolutionWriter(build.solution())
     try:
-        writer.write_to_file(os.fspath(path), OverwriteExistingFile.ALWAYS, check_validity=True)
+        writer.write_to_file(os.fspath(path), OverwriteExistingFile.ALWAYS)
         place = solution_path(path)
         solution.write_to_file(os.fspath(place.parent), place.name, overwrite=True)
     except OSError as error:
@@ -83,11 +84,33 @@ class _Builder:
         from commonroad.scenario.scenario import Scenario
 
         scenario = Scenario(self.dt, self.identity())
+        scenario.add_objects(self._lanelet())
         number = FIRST_OBSTACLE_ID
         for obstacle in [*self._walls(), *self._hidden()]:
             scenario.add_objects(obstacle(number))
             number += 1
         return scenario
+
+    def _lanelet(self) -> Any:
+        """The way that was driven, and the vehicle's length before and after it."""
+        from commonroad.scenario.lanelet import Lanelet, LaneletType
+
+        length, width, _ = self.setting.body
+        vehicles: list[Any] = [m.vehicle for m in self.moments]
+        way = [np.array([v.x_m, v.y_m]) for v in vehicles]
+        kept = [way[0]]
+        for point in way[1:]:
+            # Points closer than this would fold the inner side in a tight turn.
+            if np.linalg.norm(point - kept[-1]) >= length / 2:
+                kept.append(point)
+        first, last = (np.array([math.cos(v.yaw_rad), math.sin(v.yaw_rad)]) for v in
+                       (vehicles[0], vehicles[-1]))
+        middle = np.array([kept[0] - length * first, *kept, way[-1] + length * last])
+        along = np.gradient(middle, axis=0)
+        along /= np.linalg.norm(along, axis=1, keepdims=True)
+        left = width * np.stack([-along[:, 1], along[:, 0]], axis=1)
+        return Lanelet(middle + left, middle, middle - left, LANELET_ID,
+                       lanelet_type={LaneletType.URBAN})
 
     # --- What stands and moves ---
 
@@ -96,7 +119,7 @@ class _Builder:
         from commonroad.scenario.obstacle import ObstacleType
 
         return [
-            self._static(ObstacleType.BUILDING, corners)
+            self._static(ObstacleType.ROAD_BOUNDARY, corners)
             for _, _, corners, triangles in _core.surfaces(self.setting.scene._core)
             if triangles[..., 2].max() > KERB_M and triangles[..., 2].min() < self.setting.body[2]
         ]
@@ -109,7 +132,8 @@ class _Builder:
         return lambda number: StaticObstacle(number, kind, shape, _initial(middle, yaw, 0.0))
 
     def _hidden(self) -> list[Any]:
-        """Makers of the hidden objects, moving where they move."""
+        """Makers of the hidden objects: dynamic obstacles, also those that stand, because static ones
+        have no kind."""
         truths = [m.truth for m in self.moments]
         if any(truth is None for truth in truths):
             return []
@@ -121,10 +145,7 @@ class _Builder:
                 continue
             positions = np.array([[x, y] for _, x, y, *_ in track])
             yaws = np.array([yaw for _, _, _, _, yaw, *_ in track])
-            if np.ptp(positions, axis=0).max() == 0:
-                makers.append(self._static(_kind(name), corners))
-            else:
-                makers.append(self._moving(name, corners, positions, yaws))
+            makers.append(self._moving(name, corners, positions, yaws))
         return makers
 
     def _moving(self, name: str, corners: Floats, positions: Floats, yaws: Floats) -> Any:

@@ -20,7 +20,7 @@ class Naming:
     map_frame: str = "map"
     base_frame: str = "base_link"
     sensor_frame: str = "blindcorner_sensor"
-    start_s: float = 0.0  #: of a moment at 0 s: seconds since 1970, or since whatever clock is used
+    start_ns: int = 0  #: of a moment at 0 s: ns since 1970, or since whatever clock is used
     #: Least probability of presence with which an object's pose is published.
     least_presence: float = 0.5
 
@@ -30,8 +30,8 @@ class Naming:
             raise Error(f'prefix: found "{self.prefix}", accepted: letters, digits and underscores')
         if not 0 <= self.least_presence <= 1:
             raise Error(f"least_presence: found {self.least_presence}, accepted: 0 to 1")
-        if not 0 <= self.start_s < 2**31:
-            raise Error(f"start_s: found {self.start_s}, accepted: 0 to 2147483647")
+        if not 0 <= self.start_ns < 2**31 * 10**9:
+            raise Error(f"start: found {self.start_ns / 1e9:g} s, accepted: 0 to 2147483647 s")
 
     def topic(self, *parts: str) -> str:
         """"/prefix/part/..."; what topics may not hold becomes an underscore."""
@@ -41,7 +41,7 @@ class Naming:
 
     def nanoseconds(self, time_s: float) -> int:
         """Of a moment, since the clock's zero."""
-        return round((self.start_s + time_s) * 1e9)
+        return self.start_ns + round(time_s * 1e9)
 
 
 def half_turn(yaw: float) -> tuple[float, float]:

@@ -184,6 +184,14 @@ class RosMessages:
                    self.grid(setting.grid, occupancy, moment.time_s))
         yield topic("answer"), "std_msgs/msg/String", self.answer(moment)
 
+    def views(self, setting: Setting, moment: Moment) -> Iterator[tuple[str, str, Any]]:
+        """What is there to be looked at: the zones as a laser scan, and markers."""
+        scan = self.scan(setting, moment)
+        if scan is not None:
+            yield self.naming.topic("zones"), "sensor_msgs/msg/LaserScan", scan
+        yield (self.naming.topic("markers"), "visualization_msgs/msg/MarkerArray",
+               self.markers(moving(setting, moment), moment.time_s))
+
     def moment(self, setting: Setting, moment: Moment) -> Iterator[tuple[str, str, Any]]:
         """All that changes."""
         topic, naming = self.naming.topic, self.naming
@@ -195,8 +203,4 @@ class RosMessages:
         yield from self.answers(setting, moment)
         if moment.path is not None:
             yield topic("plan"), "nav_msgs/msg/Path", self.path(moment.path, moment.time_s)
-        scan = self.scan(setting, moment)
-        if scan is not None:
-            yield topic("zones"), "sensor_msgs/msg/LaserScan", scan
-        yield (topic("markers"), "visualization_msgs/msg/MarkerArray",
-               self.markers(moving(setting, moment), moment.time_s))
+        yield from self.views(setting, moment)
