@@ -58,5 +58,5 @@ require("${venv}/bin/pip" install --quiet --disable-pip-version-check --no-build
         --force-reinstall "${SOURCE_DIR}" -C "build-dir=${WORK_DIR}/build"
         -C "cmake.define.blindcorner_ROOT=${prefix}")
 require("${CMAKE_COMMAND}" -E env "BLINDCORNER_PROGRAM=${PROGRAM}" "${venv}/bin/python" -m pytest -q -rs
-        -p no:cacheprovider "${SOURCE_DIR}/python/tests")
+        -p no:cacheprovider "${SOURCE_DIR}/python/tests" "${SOURCE_DIR}/ros2/test")
 message(STATUS "${output}")

@@ -231,14 +231,14 @@ def _what(error: Exception) -> str:
     return f"found no {error}" if isinstance(error, KeyError) else str(error)
 
 
-def of_answer(entry: Mapping[str, Any], time_s: float) -> Moment:
-    """An element of ``captures`` of ``result.json`` (docs/result.md). Raises KeyError, TypeError or
-    ValueError where it is none."""
+def of_answer(entry: Mapping[str, Any], time_s: float, **more: Any) -> Moment:
+    """An element of ``captures`` of ``result.json`` (docs/result.md); ``more``: further fields of the
+    moment. Raises KeyError, TypeError or ValueError where it is none."""
     notes = {name: entry[name] for name in ("frame", "skipped", "latency_ms", "source", "index")
              if entry.get(name) is not None}
     return Moment(time_s=time_s, presence=entry["presence_probability"],
                   modes=hypotheses(entry.get("modes") or []), flags=list(entry.get("flags") or []),
-                  error=entry.get("error") or "", notes=notes)
+                  error=entry.get("error") or "", notes=notes, **more)
 
 
 def of_results(document: Mapping[str, Any], place: str, scene: Scene | None = None,
