@@ -3,8 +3,11 @@
 
 import json
 import math
+import re
+import signal
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -159,8 +162,6 @@ def test_what_is_wrong_is_told_in_one_line(arguments, message, drive_json, tmp_p
     assert main(arguments) == 2
     told = capfd.readouterr().err.strip()
     assert told.count("\n") == 0
-    import re
-
     assert re.search(message, told), told
     assert sorted(p.name for p in tmp_path.iterdir()) == ["DRIVE", "OTHER", "UNKNOWN"]
 
@@ -383,6 +384,41 @@ def test_live_answers_go_to_a_file(scene, result, tmp_path):
     assert pose.pose.position.x == result.modes[0].pose[0]
 
 
+def test_ctrl_c_leaves_whole_files(scene, result, tmp_path):
+    for library in ("foxglove", "rosbags"):
+        pytest.importorskip(library, reason=f"{library} is not installed")
+    text = live_text(result, scene, [0.0, 0.5])
+    process = subprocess.Popen(
+        [sys.executable, "-m", "blindcorner.robot", "live", "--foxglove", str(tmp_path / "a.mcap"),
+         "--ros2", str(tmp_path / "bag"), "--start", "7", "--serve", "--port", "0"],
+        stdin=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process.stdin.write(text)
+    process.stdin.flush()
+    assert process.stderr.readline().startswith("Foxglove: ws://127.0.0.1:")
+    time.sleep(3)  # until both answers are written
+    process.send_signal(signal.SIGINT)
+    assert process.stderr.read() == "blindcorner: interrupted; files hold what came until then\n"
+    process.stdin.close()
+    process.stderr.close()
+    assert process.wait(timeout=60) == 1
+    assert len(of_topic(read_foxglove(tmp_path / "a.mcap"), "/blindcorner/answer")) == 2
+    from rosbags.highlevel import AnyReader
+
+    with AnyReader([tmp_path / "bag"]) as reader:
+        assert reader.topics["/blindcorner/answer"].msgcount == 2
+
+
+def test_drives_are_served_at_their_pace(drive_json, driven, capfd):
+    pytest.importorskip("foxglove", reason="foxglove-sdk is not installed")
+    lasts = driven[1][-1].time_s - driven[1][0].time_s
+    begin = time.monotonic()
+    assert main(["drive", str(drive_json), "--serve", "--port", "0", "--pace", "4"]) == 0
+    assert time.monotonic() - begin >= lasts / 4
+    assert capfd.readouterr().err.startswith("Foxglove: ws://127.0.0.1:")
+    assert main(["drive", str(drive_json), "--serve", "--host", "0.0.0.1"]) == 2
+    assert "0.0.0.1:8765: no server can listen there" in capfd.readouterr().err
+
+
 def test_viewers_of_this_machine_get_live_answers(scene, result):
     """A client that speaks Foxglove's protocol gets what is read from standard input afterwards."""
     pytest.importorskip("foxglove", reason="foxglove-sdk is not installed")
@@ -404,8 +440,6 @@ def test_viewers_of_this_machine_get_live_answers(scene, result):
                     channels.update({c["topic"]: c["id"] for c in json.loads(message)["channels"]})
             viewer.send(json.dumps({"op": "subscribe", "subscriptions": [
                 {"id": 1, "channelId": channels["/blindcorner/answer"]}]}))
-            import time
-
             time.sleep(1)  # the server has no reply to a subscription
             process.stdin.write(lines[2])
             process.stdin.flush()

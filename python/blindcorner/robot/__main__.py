@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import dataclasses
 import math
 import os
 import shutil
@@ -111,11 +112,12 @@ def write_files(arguments: argparse.Namespace, setting: Setting, moments: Sequen
 
 def play(arguments: argparse.Namespace, setting: Setting, moments: Sequence[Moment]) -> None:
     """Serves the moments at their pace, again and again with ``--loop``."""
-    started = time.time()
-    naming = naming_of(arguments, started)
+    naming = naming_of(arguments, arguments.start)
     with Foxglove(setting, naming, host=arguments.host, port=arguments.port) as out:
         tell_server(arguments, out)
         while True:
+            # Viewers of a stream expect the wall clock.
+            out.naming = dataclasses.replace(naming, start_ns=time.time_ns())
             begin, first = time.monotonic(), moments[0].time_s
             for moment in moments:
                 wait = (moment.time_s - first) / arguments.pace - (time.monotonic() - begin)
@@ -298,7 +300,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"blindcorner: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print("blindcorner: interrupted; files hold what came until now", file=sys.stderr)
+        kept = "; files hold what came until then" if arguments.command == "live" else ""
+        print(f"blindcorner: interrupted{kept}", file=sys.stderr)
         return 1
 
 
