@@ -98,8 +98,15 @@ def _chosen_topic(path: str, topic: str, topics: list[str], types: list[str]) ->
 
 
 def histograms_of(message: Any) -> NDArray[np.float64]:
-    """[zones, bins] counts of a message as ``load_bag`` takes it; [0, 0] where it has none. Raises
-    ValueError."""
+    """[zones, bins] counts of a message as ``load_bag`` takes it, or of one of std_msgs' arrays whose
+    layout has the dimensions zones and bins, or rows, columns and bins; [0, 0] where it has none.
+    Raises ValueError."""
+    if hasattr(message, "layout") and hasattr(message, "data"):
+        sizes = [int(axis.size) for axis in message.layout.dim]
+        if len(sizes) not in (2, 3):
+            raise ValueError(f"a layout of {len(sizes)} dimensions")
+        return np.asarray(message.data, dtype=np.float64).reshape(-1 if len(sizes) == 3 else sizes[0],
+                                                                  sizes[-1])
     counts = next(getattr(message, name) for name in FIELDS if hasattr(message, name))
     if len(counts) == 0:
         return np.empty((0, 0))

@@ -2,15 +2,22 @@
 """Messages of ROS from the package's fields, and the other way round."""
 
 import array
+import importlib
 
 import numpy as np
-from rosidl_runtime_py.utilities import get_message
+
+
+def message_class(kind):
+    """The class of a type such as "std_msgs/msg/Header". Raises ImportError or AttributeError where
+    there is none, ValueError for what is no type."""
+    package, folder, name = kind.split("/")
+    return getattr(importlib.import_module(f"{package}.{folder}"), name)
 
 
 def make(kind, **fields):
     """A message of a type such as "std_msgs/msg/Header"; fields that are left out keep their
     defaults. What blindcorner.robot.RosMessages makes messages with."""
-    message = get_message(kind)()
+    message = message_class(kind)()
     for name, value in fields.items():
         if isinstance(value, np.ndarray):
             kept = getattr(message, name)

@@ -14,20 +14,17 @@ import time
 import blindcorner as bc
 import rclpy
 from blindcorner import robot
-from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
-from rclpy.time import Time
-from rosidl_runtime_py.utilities import get_message
-from tf2_ros import Buffer, TransformException, TransformListener
 
-from .messages import make, matrix, nanoseconds
+from .messages import make, message_class, nanoseconds
 
 PARAMETERS = {
     "scene": "", "instrument": "", "histogram_topic": "tmf882x",
     "histogram_type": "tmf882x_interfaces/msg/TMF882XMeasure", "i2c_address": 0, "exposures": 1.0,
-    "use_tf": True, "tf_timeout_s": 0.1, "map_frame": "map", "sensor_frame": "blindcorner_sensor",
-    "prefix": "blindcorner", "least_presence": 0.5, "cell_m": 0.0, "markers": True,
+    "use_tf": True, "publish_tf": True, "tf_timeout_s": 0.1, "map_frame": "map",
+    "sensor_frame": "blindcorner_sensor", "prefix": "blindcorner", "least_presence": 0.5,
+    "cell_m": 0.0, "markers": True,
 }
 #: s between repetitions of a warning.
 QUIET_S = 5.0
@@ -84,10 +81,9 @@ class AroundCorner(Node):
         self._last_ns = None
         self._frames = 0
         self._newest = Newest()
-        self._buffer = Buffer() if self.value("use_tf") else None
-        self._listener = TransformListener(self._buffer, self) if self._buffer else None
-        self._publish_rest()
         kind = histogram_message(self.value("histogram_type"))
+        self._poses = self._sensor_poses()
+        self._publish_rest()
         self._subscription = self.create_subscription(
             kind, self.value("histogram_topic"), self._arrived, qos_profile_sensor_data)
         self._worker = threading.Thread(target=self._work, daemon=True)
@@ -113,15 +109,14 @@ class AroundCorner(Node):
         # A driver without a header, or a clock that was never set: it is from now.
         self._newest.put((message, stamp or self.get_clock().now().nanoseconds, time.monotonic()))
 
-    def _sensor(self, stamp_ns):
-        """[4, 4] where the sensor was, in the map frame; None: the scene's. Raises
-        TransformException."""
-        if self._buffer is None:
+    def _sensor_poses(self):
+        """What tf says; None where the sensor stands as the scene says."""
+        if not self.value("use_tf"):
             return None
-        found = self._buffer.lookup_transform(
-            self.value("map_frame"), self.value("sensor_frame"), Time(nanoseconds=stamp_ns),
-            timeout=Duration(seconds=self.value("tf_timeout_s")))
-        return matrix(found.transform)
+        from .transforms import SensorPoses
+
+        return SensorPoses(self, self.value("map_frame"), self.value("sensor_frame"),
+                           self.value("tf_timeout_s"))
 
     def _capture(self, message, sensor):
         """One capture. Raises blindcorner.Error, or ValueError for histograms that are none."""
@@ -140,8 +135,6 @@ class AroundCorner(Node):
         while (item := self._newest.take()) is not None:
             try:
                 self._frame(*item)
-            except TransformException as error:
-                self._warn(f"frame left out: {error}")
             except (bc.Error, ValueError) as error:
                 self._warn(f"frame left out: {error}")
 
@@ -151,7 +144,7 @@ class AroundCorner(Node):
             self.tracker, self._last_ns = bc.Tracker(self.tracker.fitter), None
         if stamp_ns == self._last_ns:
             return  # the same frame again
-        sensor = self._sensor(stamp_ns)
+        sensor = None if self._poses is None else self._poses.at(stamp_ns)
         capture = self._capture(message, sensor)
         dt = None if self._last_ns is None else (stamp_ns - self._last_ns) * 1e-9
         # Also where the frame cannot be used: the object is then predicted across it.
@@ -170,12 +163,13 @@ class AroundCorner(Node):
 
     def _publish_rest(self):
         """What does not change, for whoever comes later too."""
-        for topic, kind, message in self.messages.at_rest(self.setting):
-            # With tf, where the sensor is mounted is the robot's to say.
-            if topic == "/tf_static" and self._buffer is not None:
-                continue
-            if topic == "/tf_static" or self.value("markers"):
-                quality = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        rests = [self.messages.surroundings] if self.value("markers") else []
+        # With tf, where the sensor is mounted is the robot's to say.
+        if self._poses is None and self.value("publish_tf"):
+            rests.append(self.messages.mount)
+        quality = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        for rest in rests:
+            for topic, kind, message in rest(self.setting):
                 self._out(topic, kind, quality).publish(message)
 
     def _publish(self, moment):
@@ -187,7 +181,7 @@ class AroundCorner(Node):
 
     def _out(self, topic, kind, quality):
         if topic not in self._outs:
-            self._outs[topic] = self.create_publisher(get_message(kind), topic, quality)
+            self._outs[topic] = self.create_publisher(message_class(kind), topic, quality)
         return self._outs[topic]
 
 
@@ -201,14 +195,14 @@ def load_scene(name, instrument):
 def histogram_message(kind):
     """Class of the messages with histograms. Raises blindcorner.Error where there is none."""
     try:
-        found = get_message(kind)
-    except (AttributeError, ImportError, LookupError, ValueError) as error:
+        found = message_class(kind)
+    except (AttributeError, ImportError, ValueError) as error:
         raise bc.Error(f'parameter histogram_type: found "{kind}", accepted: a message whose package is '
                        f"installed ({error})") from None
-    fields = found.get_fields_and_field_types()
-    if not {"hists", "histograms"} & set(fields):
-        raise bc.Error(f'parameter histogram_type: found "{kind}" with {", ".join(fields)}, accepted: a '
-                       "message with hists or histograms")
+    fields = set(found.get_fields_and_field_types())
+    if not ({"hists", "histograms"} & fields or {"layout", "data"} <= fields):
+        raise bc.Error(f'parameter histogram_type: found "{kind}" with {", ".join(sorted(fields))}, '
+                       "accepted: a message with hists or histograms, or an array of std_msgs")
     return found
 
 
@@ -230,3 +224,7 @@ def main(args=None):
         if rclpy.ok():
             rclpy.shutdown()
     return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

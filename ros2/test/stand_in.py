@@ -27,9 +27,7 @@ CLASSES = {}
 
 
 def get_message(kind):
-    """As rosidl_runtime_py.utilities: the class of a type. Raises ModuleNotFoundError."""
-    if kind not in STORE.fielddefs:
-        raise ModuleNotFoundError(f"No module named '{kind.split('/')[0]}'")
+    """The class of a type."""
     if kind not in CLASSES:
         CLASSES[kind] = type(kind.rsplit("/", 1)[1], (Message,), {
             "kind": kind, "fields": dict(STORE.fielddefs[kind][1])})
@@ -212,5 +210,9 @@ def install():
            DurabilityPolicy=types.SimpleNamespace(TRANSIENT_LOCAL="transient local"))
     module("tf2_ros", Buffer=Buffer, TransformException=TransformException,
            TransformListener=lambda buffer, node: object())
-    module("rosidl_runtime_py")
-    module("rosidl_runtime_py.utilities", get_message=get_message)
+    for kind in STORE.fielddefs:
+        package, folder, name = kind.split("/")
+        if f"{package}.{folder}" not in sys.modules:
+            module(package)
+            module(f"{package}.{folder}")
+        setattr(sys.modules[f"{package}.{folder}"], name, get_message(kind))

@@ -124,7 +124,7 @@ def test_tf_says_where_the_sensor_was(world, start, scene, frames):
     at = 1_700_000_000 * SECOND + 5
     world.callbacks["tmf882x"](measure(frames[0], at))
     assert world.wait(lambda: world.warnings)
-    assert 'frame left out: "tof" does not exist' in world.warnings[0] and not answers(world)
+    assert 'frame left out: tf: "tof" does not exist' in world.warnings[0] and not answers(world)
     world.transforms["hall", "tof"] = stamped
     arrives(world, measure(frames[0], at), 1)
     assert world.asked[-1] == ("hall", "tof", at)
@@ -164,6 +164,19 @@ def test_messages_without_a_header_are_of_now(world, start, frames):
     assert answers(world)[0]["skipped"] == 0 and "/blindcorner/markers" not in world.published
 
 
+@pytest.mark.parametrize("sizes", [(9, 128), (3, 3, 128)])
+def test_plain_arrays_are_taken_as_their_layout_says(world, start, frames, sizes):
+    start(histogram_type="std_msgs/msg/Float64MultiArray")
+    layout = messages.make("std_msgs/msg/MultiArrayLayout", dim=[
+        messages.make("std_msgs/msg/MultiArrayDimension", size=size) for size in sizes])
+    arrives(world, messages.make("std_msgs/msg/Float64MultiArray", layout=layout,
+                                 data=frames[0].ravel()), 1)
+    world.now_ns += SECOND
+    world.callbacks["tmf882x"](messages.make("std_msgs/msg/Float64MultiArray", data=frames[0].ravel()))
+    assert world.wait(lambda: world.warnings)
+    assert world.warnings == ["frame left out: a layout of 0 dimensions"]
+
+
 def test_frames_that_cannot_be_used_are_named(world, start, frames):
     start()
     world.callbacks["tmf882x"](measure(frames[0][:4], SECOND))
@@ -200,7 +213,7 @@ def test_the_newest_frame_is_taken_and_the_others_counted():
     ({"scene": ""}, 'parameter scene: found "", accepted: a scene file, or the name of a bundled one'),
     ({"scene": "none.json"}, 'bundled: found "none.json", accepted: '),
     ({"histogram_type": "none/msg/None"}, 'parameter histogram_type: found "none/msg/None", accepted: a'),
-    ({"histogram_type": "std_msgs/msg/Header"}, 'with stamp, frame_id, accepted: a message with hists'),
+    ({"histogram_type": "std_msgs/msg/Header"}, 'with frame_id, stamp, accepted: a message with hists'),
     ({"prefix": "a b"}, 'prefix: found "a b", accepted: letters'),
 ])
 def test_wrong_parameters_are_told_in_one_line(world, capsys, parameters, told):

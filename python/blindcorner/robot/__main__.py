@@ -186,11 +186,11 @@ def live(arguments: argparse.Namespace) -> int:
         naming = naming_of(arguments, arguments.start or time.time())
         outs: list[Foxglove | RosBag] = []
         if arguments.serve or arguments.foxglove:
-            out = Foxglove(answers.setting, naming, file=arguments.foxglove or None,
-                           host=arguments.host if arguments.serve else None, port=arguments.port)
-            outs.append(stack.enter_context(out))
+            viewed = Foxglove(answers.setting, naming, file=arguments.foxglove or None,
+                              host=arguments.host if arguments.serve else None, port=arguments.port)
+            outs.append(stack.enter_context(viewed))
             if arguments.serve:
-                tell_server(arguments, out)
+                tell_server(arguments, viewed)
         if arguments.ros2:
             outs.append(stack.enter_context(
                 RosBag(arguments.ros2, answers.setting, naming, arguments.storage)))

@@ -14,6 +14,7 @@ import numpy as np
 
 from .. import _core
 from .._core import Error
+from .._drive import Drive
 from .._scene import PathLike
 from ._moments import Floats, Moment, Setting
 from ._publish import needs
@@ -50,7 +51,7 @@ def write_commonroad(path: PathLike, setting: Setting, moments: Sequence[Moment]
         raise Error(f"{os.fspath(path)}: found no vehicle, accepted: a drive")
     if len(moments) < 2:
         raise Error(f"{os.fspath(path)}: found {len(moments)} frames, accepted: 2 or more")
-    build = _Builder(setting, moments)
+    build = _Builder(setting, setting.drive, moments)
     writer = CommonRoadFileWriter(
         build.scenario(), build.problems(), author="blindcorner", affiliation="",
         source=f"simulated drive {setting.drive.name}", tags={Tag.URBAN, Tag.SIMULATED},
@@ -67,11 +68,12 @@ def write_commonroad(path: PathLike, setting: Setting, moments: Sequence[Moment]
 class _Builder:
     """Parts of the two files. Steps of time are the frames of the sensor."""
 
-    def __init__(self, setting: Setting, moments: Sequence[Moment]) -> None:
+    def __init__(self, setting: Setting, drive: Drive, moments: Sequence[Moment]) -> None:
         self.setting = setting
         self.moments = moments
-        self.drive: Any = setting.drive
-        self.dt = 1.0 / self.drive._core.rate
+        self.drive = drive
+        self.body: Floats = drive._core.body
+        self.dt = 1.0 / drive._core.rate
         self.name = re.sub(r"[^A-Za-z0-9]", "", self.drive.name.title()) or "Drive"
 
     def identity(self) -> Any:
@@ -95,7 +97,7 @@ class _Builder:
         """The way that was driven, and the vehicle's length before and after it."""
         from commonroad.scenario.lanelet import Lanelet, LaneletType
 
-        length, width, _ = self.setting.body
+        length, width, _ = self.body
         vehicles: list[Any] = [m.vehicle for m in self.moments]
         way = [np.array([v.x_m, v.y_m]) for v in vehicles]
         kept = [way[0]]
@@ -121,7 +123,7 @@ class _Builder:
         return [
             self._static(ObstacleType.ROAD_BOUNDARY, corners)
             for _, _, corners, triangles in _core.surfaces(self.setting.scene._core)
-            if triangles[..., 2].max() > KERB_M and triangles[..., 2].min() < self.setting.body[2]
+            if triangles[..., 2].max() > KERB_M and triangles[..., 2].min() < self.body[2]
         ]
 
     def _static(self, kind: Any, corners: Floats) -> Any:

@@ -84,7 +84,8 @@ def zone_points(scene: Scene, sensor: Floats) -> Floats:
     axes = _core.zone_axes(scene._core) @ sensor[:3, :3].T
     surfaces = [triangles for _, _, _, triangles in _core.surfaces(scene._core)]
     distances = ray_distances(sensor[:3, 3], axes, np.concatenate(surfaces or [np.empty((0, 3, 3))]))
-    return sensor[:3, 3] + axes * distances[:, np.newaxis]
+    points: Floats = sensor[:3, 3] + axes * distances[:, np.newaxis]
+    return points
 
 
 def ray_distances(origin: Floats, axes: Floats, triangles: Floats) -> Floats:

@@ -181,7 +181,7 @@ class Foxglove:
 
     def _entity(self, part: Part, moment: Moment) -> Any:
         colour = self._colour(part.colour)
-        shapes: dict[str, list[Any]] = {}
+        shapes: dict[str, Any] = {}
         if isinstance(part, Line):
             kinds = self._m.LinePrimitiveLineType
             shapes["lines"] = [self._m.LinePrimitive(

@@ -156,7 +156,8 @@ class Setting:
         weights = np.array([m.weight for m in moment.modes], dtype=float)
         poses = np.array([m.pose for m in moment.modes], dtype=float).reshape(-1, n)
         covariances = np.array([m.covariance for m in moment.modes], dtype=float).reshape(-1, n, n)
-        return self._hidden.occupied(float(moment.presence), weights, poses, covariances)
+        cells: Floats = self._hidden.occupied(float(moment.presence), weights, poses, covariances)
+        return cells
 
 
 def hypotheses(modes: Iterable[Mapping[str, Any]]) -> list[Hypothesis]:

@@ -86,7 +86,8 @@ class RosBag:
         """Writes one moment; before the first one what is at rest."""
         if not self._started:
             self._started = True
-            self._write(self.messages.at_rest(self.setting, moment.time_s), moment.time_s, lasting=True)
+            for rest in (self.messages.mount, self.messages.surroundings):
+                self._write(rest(self.setting, moment.time_s), moment.time_s, lasting=True)
         self._write(self.messages.moment(self.setting, moment), moment.time_s)
 
     def _write(self, messages: Iterable[tuple[str, str, Any]], time_s: float,

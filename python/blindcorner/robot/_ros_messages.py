@@ -158,15 +158,17 @@ class RosMessages:
 
     # --- All of it ---
 
-    def at_rest(self, setting: Setting, time_s: float = 0.0) -> Iterator[tuple[str, str, Any]]:
-        """What is published once, for whoever comes later too (transient local): the known surfaces,
-        and where the sensor is mounted."""
+    def mount(self, setting: Setting, time_s: float = 0.0) -> Iterator[tuple[str, str, Any]]:
+        """Where the sensor is mounted, or where it stands; published once, transient local."""
         parent, matrix = self.naming.map_frame, setting.scene.sensor_pose
         if setting.mount is not None:
             parent, matrix = self.naming.base_frame, setting.mount
         static = self.transform(parent, self.naming.sensor_frame, matrix, time_s)
         yield ("/tf_static", "tf2_msgs/msg/TFMessage",
                self._make("tf2_msgs/msg/TFMessage", transforms=[static]))
+
+    def surroundings(self, setting: Setting, time_s: float = 0.0) -> Iterator[tuple[str, str, Any]]:
+        """The known surfaces; published once, transient local."""
         yield (self.naming.topic("scene"), "visualization_msgs/msg/MarkerArray",
                self.markers(surfaces(setting), time_s))
 
