@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -130,9 +131,13 @@ def test_zones_end_on_the_wall():
 
 def test_lines_that_are_no_answers_are_counted(scene, result):
     lines = live_text(result, scene, [0.0, 0.1]).splitlines()
-    answers = robot.LiveAnswers([*lines[:2], "{cut", '{"time_s": 1}', lines[2]])
+    short = json.loads(lines[1])
+    short["modes"][0]["pose"].pop()
+    wrong = {**json.loads(lines[1]), "presence_probability": 2}
+    answers = robot.LiveAnswers([*lines[:2], "{cut", '{"time_s": 1}', json.dumps(short),
+                                 json.dumps(wrong), "7", lines[2]])
     assert [m.time_s for m in answers] == [0.0, 0.1]
-    assert answers.bad_lines == 2 and "line 3" in answers.first_bad
+    assert answers.bad_lines == 5 and "line 3" in answers.first_bad
     with pytest.raises(bc.Error, match="line 1: format: found {, accepted"):
         robot.LiveAnswers(["{"])
     with pytest.raises(bc.Error, match="line 1: format: found nothing"):
@@ -384,6 +389,19 @@ def test_live_answers_go_to_a_file(scene, result, tmp_path):
     assert pose.pose.position.x == result.modes[0].pose[0]
 
 
+def wait_until_idle(process, quiet_s=1.0, patience_s=60):
+    """Until a process has taken no processor time for a while: it has done what it was told."""
+    end, used = time.monotonic() + patience_s, -1
+    while time.monotonic() < end:
+        # Fields 14 and 15 of proc(5), after the name in parentheses.
+        fields = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()
+        before, used = used, int(fields[11]) + int(fields[12])
+        if used == before:
+            return
+        time.sleep(quiet_s)
+    raise AssertionError("the process is still busy")
+
+
 def test_ctrl_c_leaves_whole_files(scene, result, tmp_path):
     for library in ("foxglove", "rosbags"):
         pytest.importorskip(library, reason=f"{library} is not installed")
@@ -395,7 +413,7 @@ def test_ctrl_c_leaves_whole_files(scene, result, tmp_path):
     process.stdin.write(text)
     process.stdin.flush()
     assert process.stderr.readline().startswith("Foxglove: ws://127.0.0.1:")
-    time.sleep(3)  # until both answers are written
+    wait_until_idle(process)
     process.send_signal(signal.SIGINT)
     assert process.stderr.read() == "blindcorner: interrupted; files hold what came until then\n"
     process.stdin.close()
@@ -459,8 +477,6 @@ def test_viewers_of_this_machine_get_live_answers(scene, result):
 
 def follows(schema, path):
     """Whether a file follows a schema that comes with commonroad-io, and why not."""
-    from pathlib import Path
-
     import commonroad.common
     from lxml import etree
 

@@ -22,6 +22,10 @@ VEHICLE: Colour = (0.13, 0.4, 0.67, 0.8)
 LIGHT: Colour = (0.95, 0.8, 0.1, 0.6)
 #: Least opacity of an explanation, so that rivals of little weight can be seen.
 FAINTEST = 0.15
+#: Explanations below this share are drawn without a label.
+LEAST_LABEL = 0.05
+#: How far below itself a level surface is drawn, m, so that a grid on it is seen.
+BELOW_M = 0.01
 #: Thickness of lines against the edge of a grid's cell.
 LINE_SHARE = 0.3
 
@@ -72,8 +76,11 @@ Part = Line | Faces | Box | Label
 
 def surfaces(setting: Setting) -> list[Part]:
     """The known surfaces."""
-    return [Faces(name, triangles, RELAY if relay else WALL)
-            for name, relay, _, triangles in _core.surfaces(setting.scene._core)]
+    parts: list[Part] = []
+    for name, relay, _, triangles in _core.surfaces(setting.scene._core):
+        level = np.ptp(triangles[..., 2]) == 0
+        parts.append(Faces(name, triangles - [0, 0, BELOW_M * level], RELAY if relay else WALL))
+    return parts
 
 
 def _outline(name: str, corners: Floats, z: float, colour: Colour, width: float) -> Line:
@@ -98,7 +105,8 @@ def _answer(setting: Setting, moment: Moment) -> list[Part]:
                 parts.append(_outline(f"{name}/ellipse95", found.ellipse_points(), z, colour, width))
             parts.append(Faces(f"{name}/body", found.triangles, (*ANSWER[:3], 0.5 * colour[3])))
             top = found.position + [0, 0, float(np.ptp(found.triangles[..., 2]))]
-            parts.append(Label(f"{name}/text", top, _text(found, presence), 4 * width, ANSWER))
+            if share >= LEAST_LABEL:
+                parts.append(Label(f"{name}/text", top, _text(found, presence), 4 * width, ANSWER))
     return parts
 
 

@@ -93,9 +93,11 @@ class Grid:
         """The search region of a scene with its objects' bodies, and the sensor."""
         corners = [scene.sensor_pose[:2, 3]]
         for end in (0, 1):
-            # Where an unknown is not an x or y, either end of it will do: bodies are convex hulls.
-            for body in _core.objects_at(scene._core, np.ascontiguousarray(scene.bounds[:, end])):
-                corners.extend(body[6])
+            for _, x, y, _, _, _, footprint, _ in _core.objects_at(
+                    scene._core, np.ascontiguousarray(scene.bounds[:, end])):
+                # However it is turned.
+                reach = np.linalg.norm(footprint - [x, y], axis=1).max()
+                corners += [np.array([x, y]) - reach, np.array([x, y]) + reach]
         lower, upper = np.min(corners, axis=0), np.max(corners, axis=0)
         extent = float(max(upper - lower))
         cell = cell_m or _round_up(extent / GRID_CELLS)
@@ -160,6 +162,19 @@ class Setting:
         return cells
 
 
+def checked(moment: Moment, unknowns: int) -> Moment:
+    """The moment. Raises ValueError where its answer is none of a scene with so many unknowns."""
+    if moment.presence is not None and not 0 <= moment.presence <= 1:
+        raise ValueError(f"presence_probability: found {moment.presence}, accepted: 0 to 1")
+    vectors = [mode.pose for mode in moment.modes] + ([] if moment.truth is None else [moment.truth])
+    matrices = [mode.covariance for mode in moment.modes]
+    for found, accepted in [*((v.shape, (unknowns,)) for v in vectors),
+                            *((m.shape, (unknowns, unknowns)) for m in matrices)]:
+        if found != accepted:
+            raise ValueError(f"modes: found numbers of shape {found}, accepted: {accepted}")
+    return moment
+
+
 def hypotheses(modes: Iterable[Mapping[str, Any]]) -> list[Hypothesis]:
     """Modes as ``result.json`` and ``drive.json`` hold them."""
     return [Hypothesis(float(m["weight"]), numbers(m["pose"]), numbers(m["covariance"])) for m in modes]
@@ -214,7 +229,8 @@ def of_drive_document(document: Mapping[str, Any], place: str,
     setting = Setting.of_drive(drive)
     _same_unknowns(place, document, setting.scene)
     try:
-        return setting, [_of_frame(frame) for frame in document["frames"]]
+        n = len(setting.scene.unknowns)
+        return setting, [checked(_of_frame(frame), n) for frame in document["frames"]]
     except (KeyError, TypeError, ValueError) as error:
         raise Error(f"{place}: frames: {_what(error)}, accepted: as docs/drive.md says") from None
 
@@ -252,7 +268,8 @@ def of_results(document: Mapping[str, Any], place: str, scene: Scene | None = No
     for i, entry in enumerate(document.get("captures", [])):
         try:
             time_s = (entry.get("track") or {}).get("time_s")
-            moments.append(of_answer(entry, CAPTURE_INTERVAL_S * i if time_s is None else time_s))
+            moment = of_answer(entry, CAPTURE_INTERVAL_S * i if time_s is None else time_s)
+            moments.append(checked(moment, len(scene.unknowns)))
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise Error(f"{place}: captures[{i}]: {_what(error)}, accepted: as docs/result.md says"
                         ) from None
@@ -287,15 +304,18 @@ class LiveAnswers:
         return head
 
     def __iter__(self) -> Iterator[Moment]:
+        n = len(self.setting.scene.unknowns)
         for number, line in enumerate(self._lines, 2):
             if not line.strip():
                 continue
             try:
                 entry = json.loads(line)
-                yield of_answer(entry, float(entry["time_s"]))
+                moment = checked(of_answer(entry, float(entry["time_s"])), n)
             except (ValueError, KeyError, TypeError, AttributeError) as error:
                 self.bad_lines += 1
                 self.first_bad = self.first_bad or f"{self._place}: line {number}: {_what(error)}"
+                continue
+            yield moment
 
 
 def read_document(path: PathLike) -> dict[str, Any]:
