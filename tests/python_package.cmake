@@ -4,15 +4,18 @@
 # cmake -DBUILD_DIR=... -DSOURCE_DIR=... -DWORK_DIR=... -DPYTHON=... -DPROGRAM=... -DEXTRAS=ON|OFF
 #       -P python_package.cmake
 #
-# EXTRAS: also the tests that need Dask, rosbags or a notebook's kernel; without, they are skipped.
+# EXTRAS: also the tests that need Dask, a notebook's kernel or robots' libraries (rosbags, Foxglove's SDK,
+# CommonRoad, readers of MCAP files); without, they are skipped.
 # Prints SKIPPED with the reason where the index cannot be reached, or Python's headers are missing.
 set(prefix "${WORK_DIR}/prefix")
 set(venv "${WORK_DIR}/venv")
 set(packages "scikit-build-core>=0.10" "nanobind>=2.4" numpy pytest)
 set(ready "${venv}/ready")
 if(EXTRAS)
-  list(APPEND packages matplotlib nbclient ipykernel "distributed>=2023.1" "rosbags>=0.10")
-  set(ready "${venv}/ready_with_extras")
+  list(APPEND packages matplotlib nbclient ipykernel "distributed>=2023.1" "rosbags>=0.11"
+       "foxglove-sdk>=0.30" "commonroad-io>=2026.1" "mcap>=1.2" "mcap-ros2-support>=0.5"
+       "mcap-protobuf-support>=0.4" "websockets>=13")
+  set(ready "${venv}/ready_with_robot_extras")
 endif()
 
 function(run)
@@ -55,5 +58,5 @@ require("${venv}/bin/pip" install --quiet --disable-pip-version-check --no-build
         --force-reinstall "${SOURCE_DIR}" -C "build-dir=${WORK_DIR}/build"
         -C "cmake.define.blindcorner_ROOT=${prefix}")
 require("${CMAKE_COMMAND}" -E env "BLINDCORNER_PROGRAM=${PROGRAM}" "${venv}/bin/python" -m pytest -q -rs
-        -p no:cacheprovider "${SOURCE_DIR}/python/tests")
+        -p no:cacheprovider "${SOURCE_DIR}/python/tests" "${SOURCE_DIR}/ros2/test")
 message(STATUS "${output}")

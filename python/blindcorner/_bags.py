@@ -97,8 +97,16 @@ def _chosen_topic(path: str, topic: str, topics: list[str], types: list[str]) ->
     return topic or topics[0]
 
 
-def _histograms(message: Any) -> NDArray[np.float64]:
-    """[zones, bins] of a message; [0, 0] where it has none. Raises ValueError."""
+def histograms_of(message: Any) -> NDArray[np.float64]:
+    """[zones, bins] counts of a message as ``load_bag`` takes it, or of one of std_msgs' arrays whose
+    layout has the dimensions zones and bins, or rows, columns and bins; [0, 0] where it has none.
+    Raises ValueError."""
+    if hasattr(message, "layout") and hasattr(message, "data"):
+        sizes = [int(axis.size) for axis in message.layout.dim]
+        if len(sizes) not in (2, 3):
+            raise ValueError(f"a layout of {len(sizes)} dimensions")
+        return np.asarray(message.data, dtype=np.float64).reshape(-1 if len(sizes) == 3 else sizes[0],
+                                                                  sizes[-1])
     counts = next(getattr(message, name) for name in FIELDS if hasattr(message, name))
     if len(counts) == 0:
         return np.empty((0, 0))
@@ -121,7 +129,7 @@ def _captures(path: str, messages: list[Any], i2c_address: int) -> tuple[Capture
     cubes, indices, empty = [], [], 0
     for number, message in enumerate(messages):
         try:
-            cube = _histograms(message)
+            cube = histograms_of(message)
         except ValueError as error:
             told.append(f"{path}: message {number}: is left out ({error})")
             continue

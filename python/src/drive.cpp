@@ -97,6 +97,31 @@ Array<2> trace(nb::handle_t<DriveRun> self) {
   return array_of<2>(std::move(values), {run.result.trace.size(), 3});
 }
 
+const DriveFrame& frame_of(const DriveRun& run, std::size_t index) {
+  if (index < run.result.frames.size()) return run.result.frames[index];
+  throw Error("frame", "found " + std::to_string(index) + ", accepted: 0 to " +
+                           std::to_string(run.result.frames.size()) + ", exclusively");
+}
+
+/// [rows, columns] probabilities, NaN where nothing is known; [0, 0] where no map was kept.
+Array<2> occupancy(nb::handle_t<DriveRun> self, std::size_t index) {
+  const DriveRun& run = nb::cast<const DriveRun&>(self);
+  const std::vector<double>& cells = frame_of(run, index).occupancy;
+  const GridGeometry& map = run.drive->drive.map;
+  if (cells.empty()) return array_of<2>({}, {0, 0});
+  return view_of<2>(
+      cells, {static_cast<std::size_t>(map.rows), static_cast<std::size_t>(map.columns)}, self);
+}
+
+/// [zones, bins] counts as sensed; [0, 0] where the frame has none.
+Array<2> sensed_counts(const DriveRun& run, std::size_t index) {
+  const auto& counts = frame_of(run, index).counts;
+  if (!counts) return array_of<2>({}, {0, 0});
+  const Sensor& sensor = run.drive->drive.scene.sensor;
+  return array_of<2>(counts->values, {static_cast<std::size_t>(sensor.zone_count()),
+                                      static_cast<std::size_t>(sensor.bins)});
+}
+
 void require_pictures(const DriveRun& run) {
   if (run.options.keep_pictures) return;
   throw Error("pictures", "found False, accepted: True, so that there is a page");
@@ -198,6 +223,36 @@ void add_drive(nb::module_& m) {
       .def_prop_ro("path", [](const DriveData& d) { return d.drive.path; })
       .def_prop_ro("scene_path", [](const DriveData& d) { return d.drive.scene.path; })
       .def_prop_ro("perception", [](const DriveData& d) { return d.drive.perception; })
+      .def_prop_ro(
+          "body",
+          [](const DriveData& d) {
+            return Eigen::Vector3d(d.drive.vehicle.length, d.drive.vehicle.width,
+                                   d.drive.vehicle.height);
+          },
+          "Length, width and height of the vehicle, m.")
+      .def_prop_ro("goal_tolerance", [](const DriveData& d) { return d.drive.goal_tolerance; })
+      .def_prop_ro(
+          "finish_line",
+          [](const DriveData& d) -> std::optional<Eigen::Matrix2d> {
+            if (!d.drive.finish_line) return std::nullopt;
+            Eigen::Matrix2d ends;
+            ends << (*d.drive.finish_line)[0].transpose(), (*d.drive.finish_line)[1].transpose();
+            return ends;
+          },
+          "[2, 2] its ends, m; None: there is none.")
+      .def_prop_ro(
+          "mount",
+          [](const DriveData& d) -> Eigen::Matrix4d {
+            return d.drive.sensor.T_vehicle_sensor.matrix();
+          },
+          "[4, 4] takes sensor coordinates to the vehicle's, m.")
+      .def_prop_ro(
+          "map",
+          [](const DriveData& d) {
+            const GridGeometry& map = d.drive.map;
+            return nb::make_tuple(map.rows, map.columns, map.cell_size, map.origin);
+          },
+          "Rows, columns, size of a cell (m) and lower left corner (m) of the map.")
       .def_prop_ro("vehicle",
                    [](const DriveData& d) {
                      return d.drive.vehicle.kind == VehicleKind::car ? "car" : "robot";
@@ -220,6 +275,9 @@ void add_drive(nb::module_& m) {
       .def_prop_ro("time", [](const DriveRun& r) { return r.result.time; })
       .def_prop_ro("mean_speed", [](const DriveRun& r) { return r.result.mean_speed; })
       .def_prop_ro("frames", [](const DriveRun& r) { return r.result.frames.size(); })
+      .def("occupancy", &occupancy, nb::arg("frame"),
+           "[rows, columns] of the vehicle's map at a frame; NaN where nothing is known.")
+      .def("counts", &sensed_counts, nb::arg("frame"), "[zones, bins] as sensed at a frame.")
       .def_prop_ro("trace_step", [](const DriveRun& r) { return r.result.trace_step; })
       .def_prop_ro("trace", &trace, nb::rv_policy::automatic, "[steps, 3] x, y (m), yaw (rad).")
       .def(

@@ -50,6 +50,7 @@ NB_MODULE(_core, m) {
   blindcorner::python::add_fit(m);
   blindcorner::python::add_studies(m);
   blindcorner::python::add_drive(m);
+  blindcorner::python::add_places(m);
   nb::module_::import_("atexit").attr("register")(
       nb::cpp_function(&blindcorner::python::join_abandoned));
 }

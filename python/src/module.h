@@ -27,5 +27,6 @@ void add_captures(nb::module_& m);
 void add_fit(nb::module_& m);
 void add_studies(nb::module_& m);
 void add_drive(nb::module_& m);
+void add_places(nb::module_& m);
 
 }  // namespace blindcorner::python
