@@ -26,7 +26,7 @@ packages=(
   libeigen3-dev libceres-dev libembree-dev libtbb-dev
   libopenexr-dev nlohmann-json3-dev libcli11-dev libzip-dev zlib1g-dev libmatio-dev libhdf5-dev
   libpng-dev libyaml-cpp-dev libboost-dev
-  libtinyobjloader-dev
+  libtinyobjloader-dev libcpp-httplib-dev
   libjs-d3
   libgtest-dev libgmock-dev libbenchmark-dev
 )

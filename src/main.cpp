@@ -15,6 +15,7 @@
 #include "commands/commands.h"
 #include "commands/compare.h"
 #include "commands/init.h"
+#include "commands/live.h"
 #include "commands/output_directory.h"
 #include "commands/stability.h"
 #include "commands/unknown_command.h"
@@ -57,6 +58,8 @@ int main(int argc, char** argv) {
   blindcorner::add_explain_command(app, exit_code);
   blindcorner::add_bound_command(app, exit_code);
   blindcorner::add_stability_command(app, exit_code);
+  blindcorner::add_live_command(app, exit_code);
+  blindcorner::add_replay_command(app, exit_code);
   blindcorner::add_drive_command(app, exit_code);
   blindcorner::add_trials_command(app, exit_code);
   blindcorner::add_plan_command(app, exit_code);

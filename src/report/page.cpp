@@ -13,6 +13,7 @@
 #include "report/birds_eye.h"
 #include "report/html.h"
 #include "report/json_values.h"
+#include "report/page_data.h"
 
 namespace blindcorner {
 namespace {
@@ -275,6 +276,16 @@ std::string page_of(const Scene& scene, const json& data) {
 }
 
 }  // namespace
+
+json page_scene(const Scene& scene) { return scene_json(scene); }
+
+json page_view(const Scene& scene) {
+  return view_json(sensor_view(scene, scene.T_world_sensor, {}));
+}
+
+json page_histograms(const Scene& scene, const FittedHistograms& fitted, int max_zones) {
+  return histograms_json(scene, fitted, scene_conditions(scene), max_zones);
+}
 
 CaptureConditions conditions_of(const Scene& scene, const Capture& capture) {
   CaptureConditions conditions;

@@ -3,12 +3,14 @@
 /// line in readers.cpp.
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "blindcorner/io/import_file.h"
+#include "io/readers/line_reader.h"
 
 namespace blindcorner {
 
@@ -54,6 +56,11 @@ struct CaptureReader {
   CaptureFile (*read)(const ImportSource&, const ImportOptions&, ImportNotes&);
   /// Files of a folder in their order, for formats that are folders.
   std::vector<std::string> (*files)(const ImportSource&) = nullptr;
+  /// Formats that come in lines: whether a line of a stream is of this format, and who reads them.
+  bool (*recognise_line)(std::string_view line) = nullptr;
+  std::unique_ptr<LineReader> (*lines)(const LineOptions&) = nullptr;
+  /// One capture as the sensor prints it. Throws Error naming `where` for one that it cannot make.
+  std::string (*print)(const Capture& capture, const std::string& where) = nullptr;
 };
 
 /// All readers, in the order in which they are asked whether they recognise a file.

@@ -17,6 +17,7 @@ CaptureReader tmf8828_log_reader();
 CaptureReader tmf882x_lines_reader();
 CaptureReader vl53l8ch_csv_reader();
 CaptureReader vl53l8ch_log_reader();
+CaptureReader json_lines_reader();
 CaptureReader text_table_reader();
 
 const std::vector<CaptureReader>& capture_readers() {
@@ -24,7 +25,7 @@ const std::vector<CaptureReader>& capture_readers() {
       person_tracking_reader(), numpy_reader(),         cheapspad_reader(),
       matlab_reader(),          tal_reader(),           tmf8829_json_reader(),
       tmf8828_log_reader(),     tmf882x_lines_reader(), vl53l8ch_csv_reader(),
-      vl53l8ch_log_reader(),    text_table_reader()};
+      vl53l8ch_log_reader(),    json_lines_reader(),    text_table_reader()};
   return readers;
 }
 

@@ -5,6 +5,8 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <functional>
+#include <memory>
 #include <optional>
 #include <set>
 #include <string_view>
@@ -27,6 +29,8 @@ struct RawLine {
   int address = 0;
   int index = 0;
   std::array<std::uint8_t, kBins> bytes{};
+
+  bool operator==(const RawLine&) const = default;
 };
 
 RawLine parse_raw_line(std::string_view line, const std::string& where) {
@@ -53,20 +57,28 @@ RawLine parse_raw_line(std::string_view line, const std::string& where) {
   return raw;
 }
 
-/// Puts lines together to measurements and these to captures.
+using Report = std::function<void(LineFault, const std::string&)>;
+
+/// Puts lines together to measurements and these to captures. In a stream, lines that come twice
+/// are told from lines that are missing, and a gap is taken to be shorter than a measurement.
 class Assembler {
  public:
-  Assembler(Tmf882xLayout layout, bool has_results, std::string path,
-            std::vector<std::string>& warnings)
+  Assembler(Tmf882xLayout layout, bool has_results, bool stream, std::string path, Report report)
       : layout_(layout),
         has_results_(has_results),
+        stream_(stream),
         path_(std::move(path)),
-        warnings_(warnings),
+        report_(std::move(report)),
         frame_(layout.side, layout.side, kBins) {}
 
   void add(const RawLine& raw, int line) {
     if (lost_) return;
-    if (raw.index != expected_) lose(line, raw.index);
+    if (stream_ && raw == last_) {
+      warn(line, "comes twice; the second is left out", LineFault::repeated_line);
+      return;
+    }
+    last_ = raw;
+    if (raw.index != expected_ && !bridge(line, raw.index)) lose(line, raw.index);
     if (raw.index != expected_) return;  // still waiting for the next measurement to begin
     if (raw.index == 0) counts_.fill(0.0);
     const double significance = raw.index < 10 ? 1.0 : raw.index < 20 ? 256.0 : 65536.0;
@@ -82,13 +94,16 @@ class Assembler {
   /// A result of 8 x 8 mode: its number's lowest two bits count the pairs of measurements.
   void add_result(int number, int line) {
     if (layout_.side != 8) return;
+    has_results_ = true;
+    lost_ = false;
     if (expected_ != 0) lose(line, -1);
     const int next = 2 * (number % 4 + 1) % layout_.measurements;
     if (known_ && next == measurement_) return;
     if (known_ && begun_) {
       warn(line,
            "the result says that this is not where the frame was thought to be; the capture "
-           "is left out");
+           "is left out",
+           LineFault::incomplete_capture);
     }
     known_ = true;
     measurement_ = next;
@@ -98,29 +113,68 @@ class Assembler {
   /// The board started again: the next measurement is the first of a frame.
   void restart(int line) {
     if (begun_ && (expected_ != 0 || measurement_ != 0)) {
-      warn(line, "the board started again within a capture, which is left out");
+      warn(line, "the board started again within a capture, which is left out", LineFault::restart);
+    } else if (stream_ && begun_) {
+      warn(line, "the board started again", LineFault::restart);
     }
     expected_ = measurement_ = 0;
     begun_ = waiting_ = lost_ = false;
     known_ = intact_ = true;
   }
 
+  /// The stream was interrupted.
+  void interrupt() {
+    if (begun_ && (expected_ != 0 || measurement_ != 0)) {
+      report_(LineFault::incomplete_capture,
+              path_ + ": was interrupted within a capture, which is left out");
+    }
+    expected_ = measurement_ = 0;
+    begun_ = waiting_ = false;
+    known_ = intact_ = layout_.measurements == 1;
+    last_ = RawLine{};
+  }
+
+  /// The captures that are complete.
+  std::vector<Capture> take() { return std::exchange(captures_, {}); }
+
   std::vector<Capture> finish(bool cut_off) {
     if (!lost_ && (cut_off || expected_ != 0 || (measurement_ != 0 && known_))) {
-      warnings_.push_back(path_ + ": the log ends within a capture, which is left out");
+      report_(LineFault::incomplete_capture,
+              path_ + ": the log ends within a capture, which is left out");
     }
     const bool ninth_used = layout_.channels == 9;
     if (!captures_.empty() && ninth_used != ninth_has_counts_) {
-      warnings_.push_back(path_ + ": channel 9 " +
-                          (ninth_used ? "is empty, which suggests 4 x 4 or 8 x 8 zones, not 3 x 3"
-                                      : "holds counts, which suggests 3 x 3 zones"));
+      report_(LineFault::assumption,
+              path_ + ": channel 9 " +
+                  (ninth_used ? "is empty, which suggests 4 x 4 or 8 x 8 zones, not 3 x 3"
+                              : "holds counts, which suggests 3 x 3 zones"));
     }
     return std::move(captures_);
   }
 
  private:
-  void warn(int line, const std::string& message) {
-    warnings_.push_back(line_place(path_, line) + ": " + message);
+  void warn(int line, const std::string& message, LineFault fault) {
+    report_(fault, line_place(path_, line) + ": " + message);
+  }
+
+  /// Of a frame of several measurements that nothing numbers, a line or a few are missing, no more
+  /// than a measurement: the frame is left out, and it is known where the next one begins.
+  bool bridge(int line, int found) {
+    const bool numbered = layout_.measurements == 1 || (layout_.side == 8 && has_results_);
+    if (!stream_ || numbered || !begun_ || !known_) return false;
+    warn(line,
+         "expected index " + std::to_string(expected_) + ", found " + std::to_string(found) +
+             ": lines are missing; the capture is left out",
+         LineFault::incomplete_capture);
+    intact_ = false;
+    if (found < expected_) {  // the end of the measurement is missing
+      if (++measurement_ == layout_.measurements) {
+        measurement_ = 0;
+        intact_ = found == 0;
+      }
+    }
+    expected_ = found;
+    return true;
   }
 
   /// Lines are missing: forget the capture and wait for the beginning of another measurement.
@@ -133,11 +187,13 @@ class Assembler {
                                       : "the log begins within a measurement";
       if (layout_.measurements > 1 && !(layout_.side == 8 && has_results_)) {
         lost_ = true;
-        warn(line, what +
-                       ", so that it is unknown which zones the next measurement belongs to; "
-                       "left out until the board starts again");
+        warn(line,
+             what +
+                 ", so that it is unknown which zones the next measurement belongs to; "
+                 "left out until the board starts again",
+             LineFault::incomplete_capture);
       } else {
-        warn(line, what + "; the capture is left out");
+        warn(line, what + "; the capture is left out", LineFault::incomplete_capture);
       }
     }
     expected_ = 0;
@@ -165,11 +221,13 @@ class Assembler {
 
   Tmf882xLayout layout_;
   bool has_results_;
+  bool stream_;
   std::string path_;
-  std::vector<std::string>& warnings_;
+  Report report_;
 
   std::array<double, kChannels * kBins> counts_{};  ///< of the current measurement
   HistogramCube frame_;
+  RawLine last_;          ///< in a stream
   int expected_ = 0;      ///< index of the next line
   int measurement_ = 0;   ///< place of the current measurement in its frame
   bool begun_ = false;    ///< a line was accepted
@@ -184,16 +242,17 @@ class Assembler {
 /// Which sensor's lines to use: the chosen one's, or those of the first in the log.
 class AddressFilter {
  public:
-  AddressFilter(int wanted, ImportNotes& notes)
-      : wanted_(wanted), fixed_(wanted != 0), notes_(notes) {}
+  AddressFilter(int wanted, Report report)
+      : wanted_(wanted), fixed_(wanted != 0), report_(std::move(report)) {}
 
   bool accepts(int address, const std::string& where) {
     if (wanted_ == 0) wanted_ = address;
     if (address == wanted_) return true;
     if (!fixed_ && others_.insert(address).second) {
-      notes_.push_back(where + ": the lines of a sensor at i2c address " + std::to_string(address) +
-                       " are left out, those of address " + std::to_string(wanted_) +
-                       " are kept; --i2c-address chooses");
+      report_(LineFault::other_lines,
+              where + ": the lines of a sensor at i2c address " + std::to_string(address) +
+                  " are left out, those of address " + std::to_string(wanted_) +
+                  " are kept; --i2c-address chooses");
     }
     return false;
   }
@@ -201,7 +260,7 @@ class AddressFilter {
  private:
   int wanted_;
   bool fixed_;
-  ImportNotes& notes_;
+  Report report_;
   std::set<int> others_;
 };
 
@@ -215,45 +274,77 @@ bool is_greeting(std::string_view line) {
          line.find("Arduino") != std::string_view::npos;
 }
 
-CaptureFile read(const ImportSource& source, const ImportOptions& options, ImportNotes& notes) {
-  const std::string& path = source.path();
-  const Tmf882xLayout layout = tmf882x_layout(options);
-  const bool has_results = source.bytes().find("#Obj,") != std::string::npos;
-  const std::size_t notes_before = notes.size();
-  Assembler assembler(layout, has_results, path, notes);
-  AddressFilter filter(options.i2c_address, notes);
-  bool cut_off = false;  // within its last line
-  for (const TextLine& line : lines_of(source.bytes())) {
+/// What the lines say, one by one.
+class LogLines {
+ public:
+  LogLines(Tmf882xLayout layout, int i2c_address, bool has_results, bool stream, std::string path,
+           const Report& report)
+      : path_(std::move(path)),
+        report_(report),
+        assembler_(layout, has_results, stream, path_, report),
+        filter_(i2c_address, report) {}
+
+  /// False: the text ends within this line, which says nothing therefore.
+  bool add(const TextLine& line) {
     std::string_view text = line.text;
     // Whatever a serial monitor puts before its lines, no such line has this sign within.
     if (const std::size_t begins = text.find('#'); begins != std::string_view::npos) {
       text.remove_prefix(begins);
     }
-    const std::string where = line_place(path, line.number);
-    if (text.starts_with("#Raw")) {
-      RawLine raw;
-      try {
-        raw = parse_raw_line(text, where);
-      } catch (const Error& damage) {
-        cut_off = !line.ended;
-        if (cut_off) break;
-        notes.push_back(std::string(damage.what()) + "; the line is left out");
-        continue;
-      }
-      if (filter.accepts(raw.address, where)) assembler.add(raw, line.number);
-    } else if (text.starts_with("#Obj,")) {
-      const std::vector<std::string_view> fields = fields_of(text, ',');
-      const auto address = fields.size() > 1 ? whole_number_of(fields[1]) : std::nullopt;
-      const auto number = fields.size() > 2 ? whole_number_of(fields[2]) : std::nullopt;
-      if (address && number && *number >= 0 && filter.accepts(static_cast<int>(*address), where)) {
-        assembler.add_result(static_cast<int>(*number % 4), line.number);
-      }
+    if (text.starts_with("#Raw")) return add_raw(line, text);
+    if (text.starts_with("#Obj,")) {
+      add_result(line, text);
     } else if (is_greeting(text)) {
-      assembler.restart(line.number);
+      assembler_.restart(line.number);
+    }
+    return true;
+  }
+
+  Assembler& assembler() { return assembler_; }
+
+ private:
+  bool add_raw(const TextLine& line, std::string_view text) {
+    const std::string where = line_place(path_, line.number);
+    try {
+      const RawLine raw = parse_raw_line(text, where);
+      if (filter_.accepts(raw.address, where)) assembler_.add(raw, line.number);
+    } catch (const Error& damage) {
+      if (!line.ended) return false;
+      report_(LineFault::damaged_line, std::string(damage.what()) + "; the line is left out");
+    }
+    return true;
+  }
+
+  void add_result(const TextLine& line, std::string_view text) {
+    const std::vector<std::string_view> fields = fields_of(text, ',');
+    const auto address = fields.size() > 1 ? whole_number_of(fields[1]) : std::nullopt;
+    const auto number = fields.size() > 2 ? whole_number_of(fields[2]) : std::nullopt;
+    if (address && number && *number >= 0 &&
+        filter_.accepts(static_cast<int>(*address), line_place(path_, line.number))) {
+      assembler_.add_result(static_cast<int>(*number % 4), line.number);
     }
   }
+
+  std::string path_;
+  Report report_;
+  Assembler assembler_;
+  AddressFilter filter_;
+};
+
+CaptureFile read(const ImportSource& source, const ImportOptions& options, ImportNotes& notes) {
+  const std::string& path = source.path();
+  const Tmf882xLayout layout = tmf882x_layout(options);
+  const bool has_results = source.bytes().find("#Obj,") != std::string::npos;
+  const std::size_t notes_before = notes.size();
+  LogLines lines(layout, options.i2c_address, has_results, false, path,
+                 [&](LineFault, const std::string& text) { notes.push_back(text); });
+  bool cut_off = false;  // within its last line
+  for (const TextLine& line : lines_of(source.bytes())) {
+    cut_off = !lines.add(line);
+    if (cut_off) break;
+  }
   CaptureFile file;
-  file.captures = assembler.finish(cut_off || source.cut());
+  file.captures = lines.assembler().finish(cut_off || source.cut());
   file.sensor = "tmf8828";
   if (file.captures.empty()) {
     throw Error(path, "holds no complete capture of " + std::to_string(layout.side) + " x " +
@@ -264,6 +355,71 @@ CaptureFile read(const ImportSource& source, const ImportOptions& options, Impor
   return file;
 }
 
+bool recognise_line(std::string_view line) {
+  return line.find("#Raw,") != std::string_view::npos || is_greeting(line);
+}
+
+ImportOptions zones_of(int rows, int columns) {
+  ImportOptions options;
+  options.rows = rows;
+  options.columns = columns;
+  return options;
+}
+
+/// A stream of the same lines.
+class LogStream : public LineReader {
+ public:
+  explicit LogStream(const LineOptions& options)
+      : lines_(tmf882x_layout(zones_of(options.rows, options.columns)), options.i2c_address, false,
+               true, options.path, [this](LineFault fault, const std::string& text) {
+                 yield_->notes.push_back({fault, text});
+               }) {}
+
+  void add(const TextLine& line, LineYield& yield) override {
+    yield_ = &yield;
+    lines_.add(line);
+    for (Capture& capture : lines_.assembler().take()) yield.captures.push_back(std::move(capture));
+  }
+
+  void interrupt(LineYield& yield) override {
+    yield_ = &yield;
+    lines_.assembler().interrupt();
+  }
+
+ private:
+  LineYield* yield_ = nullptr;  ///< of the line that is being read
+  LogLines lines_;
+};
+
+std::string print(const Capture& capture, const std::string& where) {
+  constexpr int kAddress = 65;  // the sensor's own unless it is told another
+  constexpr double kMostCounts = (1 << 24) - 1;
+  const HistogramCube& counts = capture.counts;
+  if (counts.bins != kBins) {
+    throw Error(where, "found " + std::to_string(counts.bins) + " bins, accepted: 128");
+  }
+  const Tmf882xLayout layout = tmf882x_layout(zones_of(counts.rows, counts.columns));
+  std::string log;
+  for (int measurement = 0; measurement < layout.measurements; ++measurement) {
+    for (int index = 0; index < kLines; ++index) {
+      const int channel = index % kChannels;
+      const bool used = channel >= 1 && channel <= layout.channels;
+      log += "#Raw," + std::to_string(kAddress) + "," + std::to_string(index);
+      for (int bin = 0; bin < kBins; ++bin) {
+        const double count = used ? counts.zone(layout.zone(measurement, channel))[bin] : 0.0;
+        if (!(count >= 0 && count <= kMostCounts && count == std::floor(count))) {
+          throw Error(where, "found a count of " + std::to_string(count) +
+                                 ", accepted: whole numbers from 0 to 16777215");
+        }
+        const auto byte = (static_cast<std::uint32_t>(count) >> (8 * (index / kChannels))) & 255U;
+        log += "," + std::to_string(byte);
+      }
+      log += "\n";
+    }
+  }
+  return log;
+}
+
 }  // namespace
 
 CaptureReader tmf8828_log_reader() {
@@ -272,7 +428,12 @@ CaptureReader tmf8828_log_reader() {
           .assumes = "3 x 3 zones unless --rows and --columns say 4 or 8",
           .options = {"rows", "i2c_address"},
           .recognise = recognise,
-          .read = read};
+          .read = read,
+          .recognise_line = recognise_line,
+          .lines = [](const LineOptions& options) -> std::unique_ptr<LineReader> {
+            return std::make_unique<LogStream>(options);
+          },
+          .print = print};
 }
 
 int Tmf882xLayout::zone(int measurement, int channel) const {
@@ -293,36 +454,9 @@ Tmf882xLayout tmf882x_layout(const ImportOptions& options) {
 }
 
 std::string tmf8828_log(const CaptureFile& file, const std::string& path) {
-  constexpr int kAddress = 65;  // the sensor's own unless it is told another
-  constexpr double kMostCounts = (1 << 24) - 1;
   std::string log;
   for (std::size_t i = 0; i < file.captures.size(); ++i) {
-    const HistogramCube& counts = file.captures[i].counts;
-    const std::string where = path + ": capture " + std::to_string(i);
-    if (counts.bins != kBins) {
-      throw Error(where, "found " + std::to_string(counts.bins) + " bins, accepted: 128");
-    }
-    ImportOptions options;
-    options.rows = counts.rows;
-    options.columns = counts.columns;
-    const Tmf882xLayout layout = tmf882x_layout(options);
-    for (int measurement = 0; measurement < layout.measurements; ++measurement) {
-      for (int index = 0; index < kLines; ++index) {
-        const int channel = index % kChannels;
-        const bool used = channel >= 1 && channel <= layout.channels;
-        log += "#Raw," + std::to_string(kAddress) + "," + std::to_string(index);
-        for (int bin = 0; bin < kBins; ++bin) {
-          const double count = used ? counts.zone(layout.zone(measurement, channel))[bin] : 0.0;
-          if (!(count >= 0 && count <= kMostCounts && count == std::floor(count))) {
-            throw Error(where, "found a count of " + std::to_string(count) +
-                                   ", accepted: whole numbers from 0 to 16777215");
-          }
-          const auto byte = (static_cast<std::uint32_t>(count) >> (8 * (index / kChannels))) & 255U;
-          log += "," + std::to_string(byte);
-        }
-        log += "\n";
-      }
-    }
+    log += print(file.captures[i], path + ": capture " + std::to_string(i));
   }
   return log;
 }

@@ -12,6 +12,7 @@
 /// for the row or column of zones whose noise they have, and the other zones get no exposures.
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <numeric>
 #include <optional>
@@ -79,6 +80,13 @@ std::vector<double> noise_of(const Json& frame, const HistogramCube& counts) {
   return noise;
 }
 
+/// A whole number of the configuration.
+std::optional<int> setting_of(const Json& configuration, const char* name) {
+  if (!configuration.is_object() || !configuration.contains(name)) return std::nullopt;
+  const Json& value = configuration[name];
+  return value.is_number_integer() ? std::optional(value.get<int>()) : std::nullopt;
+}
+
 /// What a log holds, read frame by frame: a log that ends early gives what is before.
 class Log {
  public:
@@ -110,11 +118,7 @@ class Log {
 
   std::vector<Frame>& frames() { return frames_; }
 
-  std::optional<int> setting(const char* name) const {
-    if (!configuration_.is_object() || !configuration_.contains(name)) return std::nullopt;
-    const Json& value = configuration_[name];
-    return value.is_number_integer() ? std::optional(value.get<int>()) : std::nullopt;
-  }
+  std::optional<int> setting(const char* name) const { return setting_of(configuration_, name); }
 
  private:
   void add(const Json& frame) {
@@ -145,13 +149,18 @@ class Log {
   int next_ = 0;
 };
 
+/// Bins that the sensor uses of `all`, as configured; nothing where the configuration does not say.
+std::optional<int> configured_bins(std::optional<int> bins, std::optional<int> shift, int all) {
+  if (!bins || !shift || *bins <= 0 || *shift < 0 || *shift >= 8) return std::nullopt;
+  return std::clamp(*bins >> *shift, 1, all);
+}
+
 /// Bins that the sensor uses: as configured, else up to the last that ever held a count.
 int used_bins(const std::vector<Frame>& frames, const Log& log) {
   const int all = frames.front().counts.bins;
-  const auto bins = log.setting("histogram_bins");
-  const auto shift = log.setting("bin_shift");
-  if (bins && shift && *bins > 0 && *shift >= 0 && *shift < 8) {
-    return std::clamp(*bins >> *shift, 1, all);
+  if (const auto bins =
+          configured_bins(log.setting("histogram_bins"), log.setting("bin_shift"), all)) {
+    return *bins;
   }
   int last = 0;
   for (const Frame& frame : frames) {
@@ -313,6 +322,87 @@ CaptureFile read(const ImportSource& source, const ImportOptions& options, Impor
   return file;
 }
 
+bool recognise_line(std::string_view line) {
+  return line.starts_with('{') && (line.find("\"mp_histo") != std::string_view::npos ||
+                                   line.find("\"Result_Set\"") != std::string_view::npos ||
+                                   line.find("\"bin_shift\"") != std::string_view::npos);
+}
+
+/// A stream with an object each line: elements of a log's Result_Set, or objects that hold
+/// Result_Set and configuration as a log does.
+class LineStream : public LineReader {
+ public:
+  explicit LineStream(LineOptions options) : options_(std::move(options)) {
+    if (options_.array.empty()) options_.array = "mp_histo";
+  }
+
+  void add(const TextLine& line, LineYield& yield) override {
+    if (!line.text.starts_with('{')) return;
+    const std::string where = line_place(options_.path, line.number);
+    try {
+      const Json object = Json::parse(line.text);
+      if (object.contains("configuration")) configuration_ = object["configuration"];
+      if (object.contains("Result_Set")) {
+        for (const Json& frame : object["Result_Set"]) add(frame, where, yield);
+      } else if (object.contains(options_.array)) {
+        add(object, where, yield);
+      }
+    } catch (const std::exception& damage) {  // no JSON, or values that are not what they should be
+      yield.notes.push_back({LineFault::damaged_line,
+                             where + ": is damaged (" + damage.what() + "); the line is left out"});
+    }
+  }
+
+  void interrupt(LineYield&) override { last_ = {}; }
+
+ private:
+  void add(const Json& frame, const std::string& where, LineYield& yield) {
+    if (!frame.contains(options_.array)) return;
+    Frame read{0, counts_of(frame[options_.array]), {}};
+    if (read.counts.values == last_.values && read.counts.rows == last_.rows) {
+      yield.notes.push_back(
+          {LineFault::repeated_line, where + ": comes twice; the second is left out"});
+      return;
+    }
+    last_ = read.counts;
+    read.noise = noise_of(frame, read.counts);
+    const int all = read.counts.bins;
+    const int bins = configured_bins(setting_of(configuration_, "histogram_bins"),
+                                     setting_of(configuration_, "bin_shift"), all)
+                         .value_or(std::min(all, options_.bins));
+    if (!zones_) {
+      ImportNotes said;
+      zones_ = place_repeats({read}, bins, options_.path, said);
+      for (const std::string& text : said) yield.notes.push_back({LineFault::assumption, text});
+    }
+    yield.captures.push_back(capture_of(read, bins, *zones_));
+  }
+
+  LineOptions options_;
+  Json configuration_;
+  HistogramCube last_;
+  std::optional<std::vector<int>> zones_;  ///< of repeated histograms; empty: each zone has its own
+};
+
+std::string print(const Capture& capture, const std::string& where) {
+  const HistogramCube& counts = capture.counts;
+  Json rows = Json::array();
+  for (int zone = 0; zone < counts.zones(); ++zone) {
+    if (zone % counts.columns == 0) rows.push_back(Json::array());
+    Json bins = Json::array();
+    for (int bin = 0; bin < counts.bins; ++bin) {
+      const double count = counts.zone(zone)[bin];
+      if (!(count >= 0 && count == std::floor(count) && count < 4294967296.0)) {
+        throw Error(where, "found a count of " + std::to_string(count) +
+                               ", accepted: whole numbers from 0 to 4294967295");
+      }
+      bins.push_back(static_cast<std::uint32_t>(count));
+    }
+    rows.back().push_back({{"bin", std::move(bins)}});
+  }
+  return Json({{"mp_histo", std::move(rows)}}).dump() + "\n";
+}
+
 }  // namespace
 
 CaptureReader tmf8829_json_reader() {
@@ -322,7 +412,12 @@ CaptureReader tmf8829_json_reader() {
       .assumes = "bins of 204.4 ps times 2^bin_shift, zones as the log has them",
       .options = {"array"},
       .recognise = recognise,
-      .read = read};
+      .read = read,
+      .recognise_line = recognise_line,
+      .lines = [](const LineOptions& options) -> std::unique_ptr<LineReader> {
+        return std::make_unique<LineStream>(options);
+      },
+      .print = print};
 }
 
 }  // namespace blindcorner

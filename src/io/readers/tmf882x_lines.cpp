@@ -15,6 +15,7 @@
 #include <algorithm>
 #include <bit>
 #include <map>
+#include <memory>
 #include <set>
 #include <tuple>
 
@@ -60,32 +61,39 @@ std::string_view kind_of(std::string_view text) {
   return {};
 }
 
+/// The histogram of a line, and what counts measurements; nothing for other lines.
+std::optional<HistogramLine> histogram_line(const TextLine& line, int& counter) {
+  std::string_view rest = line.text;
+  if (const std::size_t at = rest.find(kCounter); at != std::string_view::npos) {
+    std::string_view digits = rest.substr(at + kCounter.size());
+    digits.remove_prefix(std::min(digits.find_first_not_of(' '), digits.size()));
+    counter = static_cast<int>(whole_number_of(digits).value_or(0));
+  }
+  // Whatever a serial monitor puts before its lines, no such line has this sign within.
+  rest.remove_prefix(std::min(rest.find('#'), rest.size()));
+  const std::string_view kind = kind_of(rest);
+  if (kind.empty()) return std::nullopt;
+  rest.remove_prefix(1 + kind.size());
+  if (rest.starts_with('-')) rest.remove_prefix(1);
+  HistogramLine found{line.number, kind, {}, counter};
+  if (const std::size_t colon = rest.find(':'); colon != std::string_view::npos) {
+    found.fields.push_back(rest.substr(0, colon));
+    rest.remove_prefix(colon + 1);
+  }
+  for (const std::string_view field : fields_of(rest, separator_of(rest))) {
+    found.fields.push_back(field);
+  }
+  if (found.fields.size() > 1 && found.fields[1].starts_with("Bin"))
+    return std::nullopt;  // heading
+  if (found.fields.empty()) found.fields.emplace_back();
+  return found;
+}
+
 std::vector<HistogramLine> histogram_lines(const std::string& text) {
   std::vector<HistogramLine> lines;
   int counter = 0;
   for (const TextLine& line : lines_of(text)) {
-    std::string_view rest = line.text;
-    if (const std::size_t at = rest.find(kCounter); at != std::string_view::npos) {
-      std::string_view digits = rest.substr(at + kCounter.size());
-      digits.remove_prefix(std::min(digits.find_first_not_of(' '), digits.size()));
-      counter = static_cast<int>(whole_number_of(digits).value_or(0));
-    }
-    // Whatever a serial monitor puts before its lines, no such line has this sign within.
-    rest.remove_prefix(std::min(rest.find('#'), rest.size()));
-    const std::string_view kind = kind_of(rest);
-    if (kind.empty()) continue;
-    rest.remove_prefix(1 + kind.size());
-    if (rest.starts_with('-')) rest.remove_prefix(1);
-    HistogramLine found{line.number, kind, {}, counter};
-    if (const std::size_t colon = rest.find(':'); colon != std::string_view::npos) {
-      found.fields.push_back(rest.substr(0, colon));
-      rest.remove_prefix(colon + 1);
-    }
-    for (const std::string_view field : fields_of(rest, separator_of(rest))) {
-      found.fields.push_back(field);
-    }
-    if (found.fields.size() > 1 && found.fields[1].starts_with("Bin")) continue;  // a heading
-    lines.push_back(std::move(found));
+    if (auto found = histogram_line(line, counter)) lines.push_back(std::move(*found));
   }
   return lines;
 }
@@ -302,13 +310,145 @@ CaptureFile read(const ImportSource& source, const ImportOptions& options, Impor
 
 }  // namespace
 
+namespace {
+
+bool recognise_line(std::string_view line) {
+  return line.find("#HLONG") != std::string_view::npos ||
+         line.find("#HSHORT") != std::string_view::npos;
+}
+
+/// A stream of the same lines. Which channels a measurement has is learned from the first two that
+/// are alike; from then on a measurement is complete with its last channel.
+class LineStream : public LineReader {
+ public:
+  explicit LineStream(LineOptions options) : options_(std::move(options)) {
+    zones_.rows = options_.rows;
+    zones_.columns = options_.columns;
+  }
+
+  void add(const TextLine& line, LineYield& yield) override {
+    const std::optional<HistogramLine> found = histogram_line(line, counter_);
+    if (!found) return;
+    if (kind_.empty()) kind_ = options_.array.empty() ? found->kind : options_.array;
+    if (found->kind != kind_) return tell_other_kind(line, yield);
+    if (line.text == last_) {
+      return note(line, LineFault::repeated_line, "comes twice; the second is left out", yield);
+    }
+    last_ = line.text;
+    try {
+      const std::size_t fields = found->fields.size();
+      if (!has_bins(fields)) {
+        throw Error(line_place(options_.path, line.number),
+                    "has " + std::to_string(fields) + " fields, accepted: the channel and " +
+                        std::to_string(options_.bins) + " bins");
+      }
+      add(parse(*found, fields, line_place(options_.path, line.number)), yield);
+    } catch (const Error& damage) {
+      yield.notes.push_back(
+          {LineFault::damaged_line, std::string(damage.what()) + "; the line is left out"});
+    }
+  }
+
+  void interrupt(LineYield& yield) override {
+    if (!pending_.empty() || (arrangement_ && !current_.channels.empty())) leave_out(yield);
+    pending_.clear();
+    current_ = {};
+    last_.clear();
+  }
+
+ private:
+  /// Of a channel, or of two in the two halves of a converter's line; channel and first bin may be
+  /// one field.
+  bool has_bins(std::size_t fields) const {
+    const auto bins = static_cast<std::size_t>(options_.bins);
+    return fields == bins || fields == bins + 1 ||
+           (2 * bins == kConverterBins && (fields == 2 * bins || fields == 2 * bins + 1));
+  }
+
+  void note(const TextLine& line, LineFault fault, const std::string& text, LineYield& yield) {
+    yield.notes.push_back({fault, line_place(options_.path, line.number) + ": " + text});
+  }
+  void tell_other_kind(const TextLine& line, LineYield& yield) {
+    if (std::exchange(other_kind_told_, true)) return;
+    note(line, LineFault::other_lines,
+         "histograms of another kind are left out, those of #" + kind_ + " are kept", yield);
+  }
+
+  void add(Histogram histogram, LineYield& yield) {
+    const int channel = histogram.channel;
+    if (!current_.channels.empty() && channel <= current_.channels.rbegin()->first) close(yield);
+    if (current_.channels.empty()) {
+      current_.first_line = histogram.line;
+      current_.counter = histogram.counter;
+    }
+    add_channel(current_, std::move(histogram));
+    if (arrangement_ && channels_of(current_) == usual_) close(yield);
+  }
+
+  /// The current measurement is over.
+  void close(LineYield& yield) {
+    Measurement measurement = std::exchange(current_, {});
+    const std::set<int> found = channels_of(measurement);
+    if (!arrangement_) {
+      if (found != usual_) {
+        usual_ = found;
+        return;
+      }
+      ImportNotes said;
+      arrangement_.emplace(measurement, zones_, options_.path, said);
+      for (const std::string& text : said) yield.notes.push_back({LineFault::assumption, text});
+    }
+    const int count = arrangement_->measurements();
+    const bool first = measurement.counter == 0 || (measurement.counter - 1) % count == 0;
+    if (measurement.counter != 0 && first && !pending_.empty()) {
+      leave_out(yield);
+      pending_.clear();
+    }
+    if (measurement.counter != 0 && !first && pending_.empty()) return;
+    if (found != usual_) whole_ = false;
+    if (pending_.empty()) whole_ = found == usual_;
+    pending_.push_back(std::move(measurement));
+    if (std::ssize(pending_) < count) return;
+    if (whole_) {
+      yield.captures.push_back(arrangement_->capture(pending_.data()));
+    } else {
+      leave_out(yield);
+    }
+    pending_.clear();
+  }
+
+  void leave_out(LineYield& yield) {
+    const int line = pending_.empty() ? current_.first_line : pending_.front().first_line;
+    yield.notes.push_back({LineFault::incomplete_capture,
+                           line_place(options_.path, line) +
+                               ": the capture that begins here lacks channels; left out"});
+  }
+
+  LineOptions options_;
+  ImportOptions zones_;
+  std::string kind_, last_;
+  bool other_kind_told_ = false;
+  int counter_ = 0;
+  std::set<int> usual_;
+  std::optional<Arrangement> arrangement_;
+  Measurement current_;
+  std::vector<Measurement> pending_;  ///< of the capture
+  bool whole_ = true;                 ///< these have all their channels
+};
+
+}  // namespace
+
 CaptureReader tmf882x_lines_reader() {
   return {.name = "tmf882x",
           .recognises = "TMF882x lines #HLONG<channel> or #HSHORT<channel> with a number a bin",
           .assumes = "channel 0 is the reference, the others are zones row by row",
           .options = {"rows", "array"},
           .recognise = recognise,
-          .read = read};
+          .read = read,
+          .recognise_line = recognise_line,
+          .lines = [](const LineOptions& options) -> std::unique_ptr<LineReader> {
+            return std::make_unique<LineStream>(options);
+          }};
 }
 
 }  // namespace blindcorner

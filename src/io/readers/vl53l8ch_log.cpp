@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <memory>
 #include <optional>
 #include <sstream>
 
@@ -48,6 +49,13 @@ struct Frame {
   std::map<long, std::vector<double>> zones;
 };
 
+bool begins_frame(std::string_view line) { return line == "D"; }
+
+/// Whether a line may be a zone's.
+bool is_zone_line(std::string_view line) {
+  return !line.empty() && (line[0] == '-' || (line[0] >= '0' && line[0] <= '9'));
+}
+
 void add_line(Frame& frame, const std::string& text, int line) {
   const auto damaged = [&](const std::string& what) {
     if (frame.damage.empty()) frame.damage = "line " + std::to_string(line) + ": " + what;
@@ -86,6 +94,17 @@ void check_frame(Frame& frame, std::size_t zones, std::size_t bins) {
   }
 }
 
+/// Of a frame that was checked.
+Capture capture_of(const Frame& frame, int rows, int columns) {
+  Capture capture;
+  const auto bins = static_cast<int>(frame.zones.begin()->second.size());
+  capture.counts = HistogramCube(rows, columns, bins);
+  for (const auto& [zone, row] : frame.zones) {
+    std::ranges::copy(row, capture.counts.zone(static_cast<int>(zone)));
+  }
+  return capture;
+}
+
 std::vector<Frame> frames_of(const std::string& text) {
   std::vector<Frame> frames;
   std::istringstream stream(text);
@@ -94,10 +113,9 @@ std::vector<Frame> frames_of(const std::string& text) {
     ++number;
     raw = trimmed(raw);
     const std::string line(without_time_stamp(raw));
-    if (line == "D") {
+    if (begins_frame(line)) {
       frames.push_back({number, "", {}});
-    } else if (!frames.empty() && !line.empty() &&
-               (line[0] == '-' || (line[0] >= '0' && line[0] <= '9'))) {
+    } else if (!frames.empty() && is_zone_line(line)) {
       add_line(frames.back(), line, number);
     }
   }
@@ -152,12 +170,7 @@ std::vector<Capture> parse_vl53l8ch_log(const std::string& text, const std::stri
                          " left out: " + frame.damage);
       continue;
     }
-    Capture capture;
-    capture.counts = HistogramCube(rows, columns, static_cast<int>(bins));
-    for (const auto& [zone, row] : frame.zones) {
-      std::ranges::copy(row, capture.counts.zone(static_cast<int>(zone)));
-    }
-    captures.push_back(std::move(capture));
+    captures.push_back(capture_of(frame, rows, columns));
   }
   if (captures.empty()) throw Error(path, "holds no whole frame (a line D, then a line per zone)");
   return captures;
@@ -175,6 +188,114 @@ CaptureFile read(const ImportSource& source, const ImportOptions& options, Impor
   return file;
 }
 
+bool recognise_line(std::string_view line) { return begins_frame(without_time_stamp(line)); }
+
+/// A stream of the same lines. A frame is complete with its last zone.
+class LogStream : public LineReader {
+ public:
+  explicit LogStream(LineOptions options) : options_(std::move(options)) {}
+
+  void add(const TextLine& line, LineYield& yield) override {
+    const std::string text(without_time_stamp(line.text));
+    if (begins_frame(text)) return begin(line, yield);
+    if (!is_zone_line(text)) return;
+    if (!open_) return add_stray(line, yield);
+    if (text == last_) {
+      note(line, LineFault::repeated_line, "comes twice; the second is left out", yield);
+      return;
+    }
+    last_ = text;
+    add_line(frame_, text, line.number);
+    if (!frame_.damage.empty()) {
+      open_ = false;
+      yield.notes.push_back({LineFault::damaged_line,
+                             options_.path + ": " + frame_.damage + "; the line is left out"});
+      leave_out(yield);
+    } else if (frame_.zones.size() == zones()) {
+      finish(yield);
+    }
+  }
+
+  void interrupt(LineYield& yield) override {
+    if (open_ && !frame_.zones.empty()) {
+      frame_.damage = "the input was interrupted within it";
+      leave_out(yield);
+    }
+    open_ = false;
+    strays_told_ = true;  // the next lines may be the rest of a frame
+  }
+
+ private:
+  std::size_t zones() const { return static_cast<std::size_t>(options_.rows * options_.columns); }
+
+  void note(const TextLine& line, LineFault fault, const std::string& text, LineYield& yield) {
+    yield.notes.push_back({fault, line_place(options_.path, line.number) + ": " + text});
+  }
+  void leave_out(LineYield& yield) {
+    yield.notes.push_back({LineFault::incomplete_capture, options_.path + ": frame of line " +
+                                                              std::to_string(frame_.line) +
+                                                              " left out: " + frame_.damage});
+    strays_told_ = true;
+  }
+
+  void begin(const TextLine& line, LineYield& yield) {
+    if (open_ && !frame_.zones.empty()) {
+      check_frame(frame_, zones(), static_cast<std::size_t>(options_.bins));
+      leave_out(yield);
+    }
+    frame_ = {line.number, "", {}};
+    open_ = true;
+    strays_told_ = false;
+    last_.clear();
+  }
+
+  /// A zone's line after a whole frame, or before any: the line D is missing, or its frame's begin.
+  void add_stray(const TextLine& line, LineYield& yield) {
+    if (text_of_last(line)) {
+      note(line, LineFault::repeated_line, "comes twice; the second is left out", yield);
+    } else if (!strays_told_) {
+      note(line, LineFault::incomplete_capture, "a zone without a line D before; left out", yield);
+      strays_told_ = true;
+    }
+  }
+  bool text_of_last(const TextLine& line) const {
+    return !last_.empty() && without_time_stamp(line.text) == last_;
+  }
+
+  void finish(LineYield& yield) {
+    open_ = false;
+    check_frame(frame_, zones(), static_cast<std::size_t>(options_.bins));
+    if (!frame_.damage.empty()) return leave_out(yield);
+    yield.captures.push_back(capture_of(frame_, options_.rows, options_.columns));
+  }
+
+  LineOptions options_;
+  Frame frame_;
+  std::string last_;  ///< line of a zone
+  bool open_ = false;
+  bool strays_told_ = false;
+};
+
+std::string print(const Capture& capture, const std::string& where) {
+  constexpr double kMost =
+      2e9;  // thousandths of a count, as the firmware's whole numbers hold them
+  const HistogramCube& counts = capture.counts;
+  std::string log = "D\n";
+  for (int zone = 0; zone < counts.zones(); ++zone) {
+    log += std::to_string(zone) + " 0 0";
+    for (int bin = 0; bin < counts.bins; ++bin) {
+      const double thousandths = std::round(counts.zone(zone)[bin] / kThousandth);
+      if (!(std::abs(thousandths) <= kMost)) {
+        throw Error(where, "found a count of " + std::to_string(counts.zone(zone)[bin]) +
+                               ", accepted: -2000000 to 2000000");
+      }
+      log += " " + std::to_string(static_cast<long>(thousandths));
+    }
+    log += "\n";
+  }
+  return log;
+}
+
 }  // namespace
 
 CaptureReader vl53l8ch_log_reader() {
@@ -183,7 +304,12 @@ CaptureReader vl53l8ch_log_reader() {
           .assumes = "bins of 250 ps, zones row by row in a square unless --rows and --columns say",
           .options = {"rows"},
           .recognise = recognise,
-          .read = read};
+          .read = read,
+          .recognise_line = recognise_line,
+          .lines = [](const LineOptions& options) -> std::unique_ptr<LineReader> {
+            return std::make_unique<LogStream>(options);
+          },
+          .print = print};
 }
 
 }  // namespace blindcorner

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+/// What the page draws beside the answers: histograms, grid and history, a few times a second.
+#pragma once
+
+#include <atomic>
+#include <deque>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+
+#include "blindcorner/planner/grid/grid_geometry.h"
+#include "live/event_hub.h"
+#include "live/mailbox.h"
+#include "live/tally.h"
+#include "live/tracking_loop.h"
+
+namespace blindcorner::live {
+
+/// The page itself; `input` names the stream.
+std::string live_page(const Scene& scene, const std::string& input);
+
+/// Square cells over the search region of the hidden objects and the objects about it: at most some
+/// 60 along the longer side.
+GridGeometry region_grid(const Scene& scene);
+
+/// Works in a thread of its own, on the newest answer, so that the loop waits for none of it.
+class Illustrator {
+ public:
+  Illustrator(EventHub& hub, const Tally& tally);
+  ~Illustrator();
+  Illustrator(const Illustrator&) = delete;
+  Illustrator& operator=(const Illustrator&) = delete;
+
+  void show(std::shared_ptr<const Answer> answer);
+  void tell(const std::string& state);
+  /// First events of a browser: what went before, and what is being done.
+  std::string greeting() const;
+  /// State, counts and rate as JSON.
+  std::string status() const;
+
+ private:
+  void run();
+  void draw(const Answer& answer);
+
+  EventHub& hub_;
+  const Tally& tally_;
+  Mailbox<std::shared_ptr<const Answer>> newest_;
+  mutable std::mutex mutex_;
+  std::deque<std::string> history_;  ///< JSON of the latest answers, a bounded number
+  std::string state_ = "starting";
+  std::atomic<double> rate_ = 0;
+  std::atomic<bool> end_ = false;
+  std::thread thread_;
+};
+
+}  // namespace blindcorner::live

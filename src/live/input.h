@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Where a stream comes from: a serial device, a file, standard input, a TCP port.
+#pragma once
+
+#include <chrono>
+#include <string>
+
+#include "live/tally.h"
+
+namespace blindcorner::live {
+
+/// tcp://host:port, taken apart. Throws Error naming `field`.
+struct TcpAddress {
+  std::string host;
+  std::string port;
+};
+TcpAddress parse_tcp_address(const std::string& text, const std::string& field);
+bool is_tcp_address(const std::string& text);
+
+struct InputOptions {
+  std::string address;  ///< DEVICE, FILE, "-" or tcp://host:port
+  int baud = 115200;    ///< of a serial device; a pseudo-terminal or USB device takes any
+  bool waits = true;    ///< for a device or port that is not there, or goes away
+};
+
+/// Reads what comes, and waits for what goes away: an unplugged device, a closed connection.
+class Input {
+ public:
+  enum class Event { bytes, nothing, interrupted, ended };
+
+  /// Throws Error for an address that can never be read, or that cannot now and `waits` is false.
+  Input(InputOptions options, Tally& tally);
+  ~Input();
+  Input(const Input&) = delete;
+  Input& operator=(const Input&) = delete;
+
+  /// Waits at most `patience` for bytes, which replace what `into` holds.
+  Event read(std::string& into, std::chrono::milliseconds patience);
+
+  /// Whether what is not read waits, as a regular file does. A sensor does not.
+  bool is_file() const { return kind_ == Kind::file; }
+
+ private:
+  enum class Kind { file, pipe, device, tcp };
+
+  bool open();
+  int connect_tcp(std::string& problem) const;
+  void set_up_serial() const;
+  Event lost(const std::string& reason);
+  Event pause(std::chrono::milliseconds patience);
+
+  InputOptions options_;
+  Tally& tally_;
+  Kind kind_ = Kind::file;
+  int fd_ = -1;
+  bool told_waiting_ = false;
+  std::chrono::steady_clock::time_point next_try_{};
+};
+
+}  // namespace blindcorner::live

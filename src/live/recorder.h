@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Keeps the frames of a stream in capture files.
+#pragma once
+
+#include <atomic>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "blindcorner/io/capture_file.h"
+#include "live/mailbox.h"
+#include "live/tally.h"
+
+namespace blindcorner::live {
+
+struct RecorderOptions {
+  std::string path;  ///< of the first file, .exr; the next are <stem>_0002.exr and so on
+  double bin_width = 0;
+  std::string sensor;
+  std::string description;
+  /// Counts in one file, bytes; a file that is full is written and its frames are let go, so that
+  /// memory is bounded by a file, the queue before it, and what writing takes.
+  std::size_t most_bytes = 64UL << 20;
+  double save_interval = 60;  ///< s after which a file that is not full is written all the same
+};
+
+/// Files are written whole (beside, then renamed), by a thread of its own.
+class Recorder {
+ public:
+  /// Throws Error where the first file cannot be written to its folder.
+  Recorder(RecorderOptions options, Tally& tally);
+  ~Recorder();
+  Recorder(const Recorder&) = delete;
+  Recorder& operator=(const Recorder&) = delete;
+
+  /// Takes a frame in. With `patient` it waits where the disk is slow, else the frame is left out
+  /// and counted.
+  void add(Capture capture, bool patient);
+
+  /// Writes what is left. Returns the files that hold the recording.
+  std::vector<std::string> finish();
+  /// Whether everything could be written.
+  bool whole() const { return whole_; }
+
+ private:
+  void run();
+  void save();
+  std::string name_of(int part) const;
+
+  RecorderOptions options_;
+  Tally& tally_;
+  Mailbox<Capture> frames_;
+  CaptureFile part_;
+  std::size_t saved_ = 0;  ///< frames of the part that its file holds
+  int number_ = 1;         ///< of the part
+  std::vector<std::string> files_;
+  std::atomic<bool> whole_ = true;
+  std::thread thread_;
+};
+
+}  // namespace blindcorner::live
