@@ -27,6 +27,7 @@ struct TrialsArguments {
   std::string output;
   double light = 0;
   int replays = 4;
+  int pairs = 3;
   std::vector<std::string> weights;
   Printout out;
   TrialsOptions options;
@@ -106,6 +107,12 @@ int run(const TrialsArguments& arguments) {
       study.write_replay(trial);
       progress.advance();
     }
+    const std::vector<Trial> beside = study.missing_pairs(arguments.pairs);
+    Progress pairs("drives to play side by side", beside.size());
+    for (const Trial& trial : beside) {
+      study.keep_for_pair(trial);
+      pairs.advance();
+    }
   }
   study.write_page();
   print_summary(arguments.out, study.drive(), study.results());
@@ -157,6 +164,11 @@ void add_trials_command(CLI::App& app, int& exit_code) {
       .add_option("--replays", arguments->replays,
                   "failed trials of each perception to write pages of")
       ->check(CLI::Range(0, 100000))
+      ->capture_default_str();
+  command
+      .add_option("--pairs", arguments->pairs,
+                  "seeds whose drives with two perceptions the page plays side by side")
+      ->check(CLI::Range(0, 6))
       ->capture_default_str();
   command
       .add_option("--threads", arguments->options.threads, "trials at a time; 0: one per processor")

@@ -8,6 +8,7 @@
 #include <optional>
 #include <set>
 
+#include "blindcorner/report/side_by_side.h"
 #include "blindcorner/simulation/credible_level.h"
 #include "blindcorner/simulation/paired_difference.h"
 #include "report/bar_chart.h"
@@ -424,6 +425,13 @@ std::string reliability_section(const Results& results) {
          charts_html({chart}) + rows + "</table>\n";
 }
 
+std::string pairs_section(const nlohmann::json& pairs) {
+  if (pairs.empty()) return "";
+  return "<h2>One world, two perceptions</h2>\n<p>The seeds that tell most: first one in which "
+         "only the first fails, then one of each other kind.</p>\n" +
+         side_by_side_part(pairs);
+}
+
 /// The command that drives a trial again.
 std::string replay_command(const Drive& drive, const Trial& trial) {
   std::string text = "blindcorner drive " + drive.path + " -o replay --perception " +
@@ -469,7 +477,8 @@ std::filesystem::path replay_page(const Trial& trial) {
 }
 
 std::string trials_page(const Drive& drive, const std::vector<TrialResult>& results,
-                        const std::function<bool(const Trial&)>& replayed) {
+                        const std::function<bool(const Trial&)>& replayed,
+                        const nlohmann::json& pairs) {
   const Results plain = chosen(results, [](const TrialResult& r) { return r.trial.error == 0; });
   const Results misled = chosen(results, [](const TrialResult& r) { return r.trial.error > 0; });
   const std::string body =
@@ -477,7 +486,7 @@ std::string trials_page(const Drive& drive, const std::vector<TrialResult>& resu
           "<p>%zu trials of %s, light times %g. The same seeds, and so the same worlds and "
           "speeds, for every perception; intervals hold 95 %% (Wilson).</p>\n",
           results.size(), html_safe(drive.name).c_str(), drive.sensor.light) +
-      corner_section(drive, plain) + success_section(drive, plain) +
+      pairs_section(pairs) + corner_section(drive, plain) + success_section(drive, plain) +
       difference_section(drive, plain) + error_section(misled) + clearance_section(plain) +
       path_section(plain) + reliability_section(plain) + failures_section(drive, results, replayed);
   return plain_page("Trials: " + drive.name, trials_headline(plain), body);

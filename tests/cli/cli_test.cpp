@@ -1475,6 +1475,38 @@ TEST_F(Cli, DrivePageAsDrawnByABrowser) {
   EXPECT_THAT(*still, AllOf(HasSubstr(">Play</button>"), Not(HasSubstr(">0.0 / "))));
 }
 
+// Two perceptions of one seed: a file for each, and one page that plays both and says how they end.
+TEST_F(Cli, DrivePlaysTwoPerceptionsSideBySide) {
+  const std::string drive = std::string(SOURCE_DIR) + "/scenes/robot_drive.json";
+  const Outcome outcome = run("drive '" + drive + "' -o " + path("out") +
+                              " --perception los,oracle --seed 2 --animation");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_FALSE(fs::exists(path("out/drive.json")));
+  const std::string page = text_of(path("out/drive.html"));
+  const std::string begin = "id=\"pairs\">";
+  const std::size_t at = page.find(begin) + begin.size();
+  const json pairs = json::parse(page.substr(at, page.find("</script>", at) - at))["pairs"];
+  ASSERT_EQ(pairs.size(), 1U);
+  for (std::size_t i = 0; i < 2; ++i) {
+    const std::string name = i == 0 ? "los" : "oracle";
+    const json written = json::parse(text_of(path("out/" + name + "/drive.json")));
+    const json& played = pairs[0]["drives"][i]["drive"];
+    EXPECT_EQ(written["perception"], name);
+    for (const char* field : {"perception", "outcome", "time_s", "length_m", "clearance_m"}) {
+      EXPECT_EQ(played[field], written[field]) << field;
+    }
+    EXPECT_EQ(played["frames"].size(), written["frames"].size());
+    EXPECT_TRUE(fs::exists(path("out/" + name + "/drive.html")));
+  }
+  const std::string picture = text_of(path("out/drive.svg"));
+  EXPECT_THAT(picture, AllOf(HasSubstr("with direct sight only"), HasSubstr("told the truth")));
+  expect_refused(run("drive '" + drive + "' --perception los,los -o " + path("other")));
+  const auto drawn = as_drawn(path("out/drive.html") + "#t=99");
+  if (!drawn) GTEST_SKIP() << "needs chromium";
+  EXPECT_THAT(*drawn, AllOf(HasSubstr("All about this drive"), HasSubstr("goal reached after"),
+                            HasSubstr(">probability of presence</text>")));
+}
+
 TEST_F(Cli, IndexLinksWhatSeveralCommandsWrote) {
   const std::string drive = std::string(SOURCE_DIR) + "/scenes/robot_drive.json";
   ASSERT_EQ(run("drive '" + drive + "' -o " + path("out") + " --perception los --animation")  //
@@ -1626,6 +1658,28 @@ TEST_F(Cli, TrialsWriteTableAndPage) {
               AllOf(HasSubstr("Success by speed"), HasSubstr("<td>0.6 m/s<td>"),
                     HasSubstr("class=\"interval\""), Not(HasSubstr("published")),
                     Not(HasSubstr("<td>-<")), Not(HasSubstr("<th>collision"))));
+}
+
+// As many seeds as asked are played, with the numbers of the table; a second run drives none again.
+TEST_F(Cli, TrialsPagePlaysTwoPerceptionsOfASeed) {
+  ASSERT_EQ(run(trials_of_robot(path("study"), "-n 3 --pairs 2")).exit_code, 0);
+  const std::string page = text_of(path("study/trials.html"));
+  const std::string begin = "id=\"pairs\">";
+  const std::size_t at = page.find(begin) + begin.size();
+  const json pairs = json::parse(page.substr(at, page.find("</script>", at) - at))["pairs"];
+  ASSERT_EQ(pairs.size(), 2U);
+  const std::string table = text_of(path("study/trials.csv"));
+  for (const json& pair : pairs) {
+    for (const json& replay : pair["drives"]) {
+      std::array<char, 32> time{};
+      std::snprintf(time.data(), time.size(), ",%.2f,", replay["drive"]["time_s"].get<double>());
+      const std::regex row(replay["perception"].get<std::string>() + ",[^,]*," +
+                           std::to_string(pair["seed"].get<int>()) + ",.*" + time.data());
+      EXPECT_TRUE(std::regex_search(table, row)) << table;
+    }
+  }
+  EXPECT_THAT(run(trials_of_robot(path("study"), "-n 3 --pairs 0")).exit_code, 0);
+  EXPECT_THAT(text_of(path("study/trials.html")), HasSubstr("id=\"pairs\""));
 }
 
 // Pairs of perceptions that were not driven have no row.

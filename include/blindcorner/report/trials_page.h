@@ -4,6 +4,7 @@
 
 #include <filesystem>
 #include <functional>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
@@ -17,8 +18,10 @@ std::filesystem::path replay_page(const Trial& trial);
 /// A self-contained page: success by speed zone with intervals beside the published bars,
 /// differences paired by seed, success against injected error, clearance and time, reliability of
 /// the map, failed trials. `results` in their files' order; `replayed` says which trials have a
-/// page. Published bars stand beside drives whose zones they fit.
+/// page, `pairs` (replay_pair) are the drives that are played side by side. Published bars stand
+/// beside drives whose zones they fit.
 std::string trials_page(const Drive& drive, const std::vector<TrialResult>& results,
-                        const std::function<bool(const Trial&)>& replayed);
+                        const std::function<bool(const Trial&)>& replayed,
+                        const nlohmann::json& pairs = nlohmann::json::array());
 
 }  // namespace blindcorner
