@@ -1500,7 +1500,8 @@ TEST_F(Cli, DrivePlaysTwoPerceptionsSideBySide) {
   }
   const std::string picture = text_of(path("out/drive.svg"));
   EXPECT_THAT(picture, AllOf(HasSubstr("with direct sight only"), HasSubstr("told the truth")));
-  expect_refused(run("drive '" + drive + "' --perception los,los -o " + path("other")));
+  expect_refused_beside(run("drive '" + drive + "' --perception los,los -o " + path("other")),
+                        "--perception: a perception is named twice");
   const auto drawn = as_drawn(path("out/drive.html") + "#t=99");
   if (!drawn) GTEST_SKIP() << "needs chromium";
   EXPECT_THAT(*drawn, AllOf(HasSubstr("All about this drive"), HasSubstr("goal reached after"),
