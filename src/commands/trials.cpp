@@ -37,7 +37,7 @@ void print_summary(const Printout& out, const Drive& drive,
                    const std::vector<TrialResult>& results) {
   std::map<std::pair<std::string, int>, std::pair<int, int>> shares;
   for (const TrialResult& result : results) {
-    if (result.trial.error > 0) continue;
+    if (result.trial.error > 0 || result.trial.risk) continue;
     auto& [reached, trials] = shares[{result.trial.perception, result.trial.zone}];
     reached += result.reached() ? 1 : 0;
     ++trials;
@@ -156,6 +156,12 @@ void add_trials_command(CLI::App& app, int& exit_code) {
                   "misled oracles; writes errors.csv")
       ->check(CLI::Range(0, 100000))
       ->capture_default_str();
+  command
+      .add_option("--risk", arguments->options.risks,
+                  "risks of each decision to drive all perceptions with beside the drive file's, "
+                  "with commas between them")
+      ->delimiter(',')
+      ->check(CLI::Range(0.0, 1.0));
   command
       .add_option("--light", arguments->light,
                   "factor on the laser's light; daylight stays; default: the drive file's")

@@ -116,7 +116,7 @@ std::vector<std::uint64_t> telling_seeds(const std::vector<TrialResult>& results
                                          int most) {
   std::map<std::uint64_t, std::pair<const TrialResult*, const TrialResult*>> worlds;
   for (const TrialResult& result : results) {
-    if (result.trial.error > 0) continue;
+    if (result.trial.error > 0 || result.trial.risk) continue;
     if (result.trial.perception == perceptions.first) worlds[result.trial.seed].first = &result;
     if (result.trial.perception == perceptions.second) worlds[result.trial.seed].second = &result;
   }

@@ -150,10 +150,11 @@ void TrialStudy::write_replay(const Trial& trial) const {
   DriveOptions options = options_of(trial);
   options.fitter = runner_.fitter();
   options.networks = runner_.networks();
-  const DriveResult driven = drive_through(drive(), runner_.sensor(), options);
+  const Drive driving = drive_of(drive(), trial);
+  const DriveResult driven = drive_through(driving, runner_.sensor(), options);
   const fs::path page = fs::path(directory_) / replay_page(trial);
   make_study_directory(page.parent_path());
-  write_atomically(page.string(), drive_page(drive(), options, driven));
+  write_atomically(page.string(), drive_page(driving, options, driven));
 }
 
 std::vector<Trial> TrialStudy::missing_pairs(int most) const {
@@ -164,6 +165,7 @@ std::vector<Trial> TrialStudy::missing_pairs(int most) const {
   for (const std::uint64_t seed : telling_seeds(all, *names, most)) {
     for (const TrialResult& result : all) {
       const Trial& trial = result.trial;
+      if (trial.risk || trial.error > 0) continue;
       const bool asked = trial.perception == names->first || trial.perception == names->second;
       if (trial.seed != seed || !asked) continue;
       if (is_network(trial.perception) && !runner_.networks().contains(trial.perception)) continue;
@@ -211,13 +213,20 @@ nlohmann::json TrialStudy::kept_pairs() const {
   return pairs;
 }
 
+/// What `limits.json` beside the tables says; null: there is none.
+nlohmann::json TrialStudy::limits() const {
+  const fs::path file = fs::path(directory_) / "limits.json";
+  if (!fs::exists(file)) return nullptr;
+  return JsonReader::parse(read_bytes(file.string()), file.string());
+}
+
 void TrialStudy::write_page() const {
   const fs::path directory = directory_;
   const auto replayed = [&](const Trial& trial) {
     return fs::exists(directory / replay_page(trial));
   };
   write_atomically((directory / "trials.html").string(),
-                   trials_page(drive(), results(), replayed, kept_pairs()));
+                   trials_page(drive(), results(), replayed, {kept_pairs(), limits()}));
 }
 
 }  // namespace blindcorner

@@ -16,6 +16,7 @@
 #include "report/colours.h"
 #include "report/formatted.h"
 #include "report/html.h"
+#include "report/trials_front.h"
 
 namespace blindcorner {
 namespace {
@@ -438,6 +439,7 @@ std::string replay_command(const Drive& drive, const Trial& trial) {
                      trial.perception +
                      formatted(" --seed %llu --speed %.3f",
                                static_cast<unsigned long long>(trial.seed), trial.speed);
+  if (trial.risk) text += formatted(" (with a risk of %g in the drive file)", *trial.risk);
   if (trial.error > 0) text += formatted(" --injected-error %.3f", trial.error);
   if (drive.sensor.light != 1) text += formatted(" --light %g", drive.sensor.light);
   return text;
@@ -472,21 +474,25 @@ std::string failures_section(const Drive& drive, const Results& results,
 }  // namespace
 
 std::filesystem::path replay_page(const Trial& trial) {
-  return std::filesystem::path("replay") / (trial.perception + "_" + std::to_string(trial.seed)) /
-         "drive.html";
+  const std::string risk = trial.risk ? formatted("_%g", *trial.risk) : std::string();
+  return std::filesystem::path("replay") /
+         (trial.perception + "_" + std::to_string(trial.seed) + risk) / "drive.html";
 }
 
 std::string trials_page(const Drive& drive, const std::vector<TrialResult>& results,
                         const std::function<bool(const Trial&)>& replayed,
-                        const nlohmann::json& pairs) {
-  const Results plain = chosen(results, [](const TrialResult& r) { return r.trial.error == 0; });
+                        const TrialsExtras& extras) {
+  const Results plain =
+      chosen(results, [](const TrialResult& r) { return r.trial.error == 0 && !r.trial.risk; });
+  const Results honest = chosen(results, [](const TrialResult& r) { return r.trial.error == 0; });
   const Results misled = chosen(results, [](const TrialResult& r) { return r.trial.error > 0; });
   const std::string body =
       formatted(
           "<p>%zu trials of %s, light times %g. The same seeds, and so the same worlds and "
           "speeds, for every perception; intervals hold 95 %% (Wilson).</p>\n",
           results.size(), html_safe(drive.name).c_str(), drive.sensor.light) +
-      pairs_section(pairs) + corner_section(drive, plain) + success_section(drive, plain) +
+      pairs_section(extras.pairs) + front_section(drive, honest, extras.limits) +
+      corner_section(drive, plain) + success_section(drive, plain) +
       difference_section(drive, plain) + error_section(misled) + clearance_section(plain) +
       path_section(plain) + reliability_section(plain) + failures_section(drive, results, replayed);
   return plain_page("Trials: " + drive.name, trials_headline(plain), body);

@@ -85,6 +85,7 @@ class TrialStudy {
 
  private:
   nlohmann::json kept_pairs() const;
+  nlohmann::json limits() const;
 
   std::string directory_;
   TrialRequest request_;
