@@ -6,14 +6,18 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <nlohmann/json.hpp>
+#include <set>
 #include <string>
 #include <vector>
 
+#include "blindcorner/forward/error.h"
 #include "blindcorner/forward/sensor/photon_noise.h"
 #include "blindcorner/io/atomic_file.h"
 #include "blindcorner/io/drive_file.h"
 #include "blindcorner/report/drive_report.h"
 #include "blindcorner/report/result_file.h"
+#include "blindcorner/report/side_by_side.h"
 #include "blindcorner/simulation/drive_loop.h"
 #include "blindcorner/simulation/lit_drive.h"
 #include "blindcorner/simulation/perception.h"
@@ -28,7 +32,7 @@ namespace {
 struct DriveArguments {
   std::string drive;
   std::string output;
-  std::string perception;
+  std::vector<std::string> perceptions;
   std::vector<std::string> weights;
   double speed = 0;
   double light = 0;
@@ -137,30 +141,30 @@ void print_real_time(const Printout& out, const Drive& drive, const DriveResult&
   print_stage(out, "(sense)", result, &DriveTimes::sense, interval);
 }
 
-Drive drive_of(const DriveArguments& arguments) {
-  const Drive drive = read_lit_drive(arguments.drive, arguments.light);
-  if (!arguments.perception.empty()) check_perception(arguments.perception, "--perception");
-  return drive;
+/// What is driven with: `--perception`, or what the file says.
+std::vector<std::string> perceptions_of(const DriveArguments& arguments, const Drive& drive) {
+  if (arguments.perceptions.empty()) return {drive.perception};
+  for (const std::string& name : arguments.perceptions) check_perception(name, "--perception");
+  const std::set<std::string> different(arguments.perceptions.begin(), arguments.perceptions.end());
+  if (different.size() != arguments.perceptions.size()) {
+    throw Error("--perception", "a perception is named twice");
+  }
+  return arguments.perceptions;
 }
 
-int run_drive(const DriveArguments& arguments) {
-  const Drive drive = drive_of(arguments);
-  DriveOptions options = arguments.options;
-  options.perception = arguments.perception.empty() ? drive.perception : arguments.perception;
-  options.networks =
-      load_networks(drive, weight_files(drive, arguments.weights, {options.perception}));
-  if (arguments.speed > 0) options.speed = arguments.speed;
-  options.keep_pictures = !arguments.no_page || arguments.check_sensor > 0;
-  const SimulatedSensor sensor(drive.scene);
-  make_directory(arguments.output);
-  const DriveResult result = drive_through(drive, sensor, options);
+/// One drive, and its files in a directory.
+struct Driven {
+  DriveOptions options;
+  DriveResult result;
+};
+
+void write_drive(const DriveArguments& arguments, const Drive& drive, const Driven& driven,
+                 const std::filesystem::path& directory) {
+  const auto& [options, result] = driven;
+  make_directory(directory.string());
   // The page first: whoever waits for drive.json then finds both.
-  const std::filesystem::path directory = arguments.output;
   if (!arguments.no_page) {
     write_atomically((directory / "drive.html").string(), drive_page(drive, options, result));
-  }
-  if (arguments.animation) {
-    write_atomically((directory / "drive.svg").string(), drive_animation(drive, result));
   }
   write_atomically((directory / "drive.json").string(),
                    dump_json(drive_json(drive, options, result), 1) + "\n");
@@ -169,10 +173,60 @@ int run_drive(const DriveArguments& arguments) {
                      drive.name.c_str(), outcome_word(result.outcome).c_str(),
                      options.perception.c_str(), result.time, result.length, result.mean_speed,
                      result.clearance);
-  if (arguments.real_time) print_real_time(arguments.out, drive, result);
-  if (arguments.check_sensor > 0)
-    check_sensor(arguments.out, sensor, result, arguments.check_sensor);
-  const bool missed = result.outcome != DriveOutcome::reached;
+}
+
+/// The page that plays the first drive beside each of the others.
+void write_side_by_side(const Drive& drive, const std::vector<Driven>& all,
+                        const std::filesystem::path& directory) {
+  nlohmann::json pairs = nlohmann::json::array(), first;
+  for (const Driven& driven : all) {
+    nlohmann::json replay = drive_replay(drive, driven.options, driven.result);
+    if (first.is_null()) {
+      first = std::move(replay);
+      continue;
+    }
+    pairs.push_back(replay_pair(first, std::move(replay),
+                                {all.front().options.perception + "/drive.html",
+                                 driven.options.perception + "/drive.html"}));
+  }
+  write_atomically((directory / "drive.html").string(), side_by_side_page(drive.name, pairs));
+}
+
+void write_animation(const Drive& drive, const std::vector<Driven>& all,
+                     const std::filesystem::path& directory) {
+  std::vector<AnimatedDrive> shown;
+  for (const Driven& driven : all) {
+    shown.push_back({perception_phrase(driven.options.perception), &driven.result});
+  }
+  write_atomically(
+      (directory / "drive.svg").string(),
+      all.size() == 1 ? drive_animation(drive, all.front().result) : drive_animation(drive, shown));
+}
+
+int run_drive(const DriveArguments& arguments) {
+  const Drive drive = read_lit_drive(arguments.drive, arguments.light);
+  const std::vector<std::string> names = perceptions_of(arguments, drive);
+  DriveOptions options = arguments.options;
+  options.networks = load_networks(drive, weight_files(drive, arguments.weights, names));
+  if (arguments.speed > 0) options.speed = arguments.speed;
+  options.keep_pictures = !arguments.no_page || arguments.check_sensor > 0;
+  const SimulatedSensor sensor(drive.scene);
+  make_directory(arguments.output);
+  const std::filesystem::path directory = arguments.output;
+  std::vector<Driven> all;
+  for (const std::string& name : names) {
+    options.perception = name;
+    const Driven& driven = all.emplace_back(options, drive_through(drive, sensor, options));
+    write_drive(arguments, drive, driven, names.size() == 1 ? directory : directory / name);
+    if (arguments.real_time) print_real_time(arguments.out, drive, driven.result);
+    if (arguments.check_sensor > 0) {
+      check_sensor(arguments.out, sensor, driven.result, arguments.check_sensor);
+    }
+  }
+  if (all.size() > 1 && !arguments.no_page) write_side_by_side(drive, all, directory);
+  if (arguments.animation) write_animation(drive, all, directory);
+  const bool missed = std::ranges::any_of(
+      all, [](const Driven& d) { return d.result.outcome != DriveOutcome::reached; });
   return arguments.require_goal && missed ? kSomeFailed : kAllWell;
 }
 
@@ -187,8 +241,11 @@ void add_drive_command(CLI::App& app, int& exit_code) {
       .add_option("-o,--output", arguments->output, "directory for the results; made if missing")
       ->required()
       ->type_name("DIR");
-  command.add_option("--perception", arguments->perception,
-                     "los, solver, cnn, cnn_wide or oracle; default: the drive file's");
+  command
+      .add_option("--perception", arguments->perceptions,
+                  "los, solver, cnn, cnn_wide or oracle; default: the drive file's. Several, with "
+                  "commas: DIR/NAME/drive.json of each, and a page that plays them side by side")
+      ->delimiter(',');
   command.add_option("--weights", arguments->weights,
                      "weights.pt of cnn train, for perceptions that are networks; default: the "
                      "drive file's");

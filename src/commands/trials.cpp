@@ -27,6 +27,7 @@ struct TrialsArguments {
   std::string output;
   double light = 0;
   int replays = 4;
+  int pairs = 3;
   std::vector<std::string> weights;
   Printout out;
   TrialsOptions options;
@@ -36,7 +37,7 @@ void print_summary(const Printout& out, const Drive& drive,
                    const std::vector<TrialResult>& results) {
   std::map<std::pair<std::string, int>, std::pair<int, int>> shares;
   for (const TrialResult& result : results) {
-    if (result.trial.error > 0) continue;
+    if (result.trial.error > 0 || result.trial.risk) continue;
     auto& [reached, trials] = shares[{result.trial.perception, result.trial.zone}];
     reached += result.reached() ? 1 : 0;
     ++trials;
@@ -106,6 +107,12 @@ int run(const TrialsArguments& arguments) {
       study.write_replay(trial);
       progress.advance();
     }
+    const std::vector<Trial> beside = study.missing_pairs(arguments.pairs);
+    Progress pairs("drives to play side by side", beside.size());
+    for (const Trial& trial : beside) {
+      study.keep_for_pair(trial);
+      pairs.advance();
+    }
   }
   study.write_page();
   print_summary(arguments.out, study.drive(), study.results());
@@ -150,6 +157,12 @@ void add_trials_command(CLI::App& app, int& exit_code) {
       ->check(CLI::Range(0, 100000))
       ->capture_default_str();
   command
+      .add_option("--risk", arguments->options.risks,
+                  "risks of each decision to drive all perceptions with beside the drive file's, "
+                  "with commas between them")
+      ->delimiter(',')
+      ->check(CLI::Range(0.0, 1.0));
+  command
       .add_option("--light", arguments->light,
                   "factor on the laser's light; daylight stays; default: the drive file's")
       ->check(positive_number());
@@ -157,6 +170,11 @@ void add_trials_command(CLI::App& app, int& exit_code) {
       .add_option("--replays", arguments->replays,
                   "failed trials of each perception to write pages of")
       ->check(CLI::Range(0, 100000))
+      ->capture_default_str();
+  command
+      .add_option("--pairs", arguments->pairs,
+                  "seeds whose drives with two perceptions the page plays side by side")
+      ->check(CLI::Range(0, 6))
       ->capture_default_str();
   command
       .add_option("--threads", arguments->options.threads, "trials at a time; 0: one per processor")

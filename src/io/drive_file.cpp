@@ -296,6 +296,17 @@ void read_speed_mode(const JsonReader& reader, Drive& drive) {
   drive.closing_speed = number("closing_speed_m_per_s", 0, NumberRange::between(0, 100));
 }
 
+/// The published controller drives at constant speed.
+void read_controller(const JsonReader& reader, Drive& drive) {
+  const bool published =
+      reader.at("controller").word_or("own", {"own", "published"}) == "published";
+  if (!published) return;
+  drive.controller = DriveController::published;
+  if (drive.speed_mode == SpeedMode::safe) {
+    reader.at("controller").fail("\"own\" where speed_mode is \"safe\"");
+  }
+}
+
 void read_trials(const JsonReader& reader, Drive& drive) {
   drive.trials.speed_lower = drive.speed_lower;
   drive.trials.speed_upper = drive.speed_upper;
@@ -343,7 +354,8 @@ Drive parse_drive_text(const std::string& text, const std::string& path) {
                      "lane",          "hidden",
                      "perception",    "trials",
                      "speed_mode",    "risk",
-                     "traffic_risk",  "closing_speed_m_per_s"});
+                     "traffic_risk",  "closing_speed_m_per_s",
+                     "controller"});
   Drive drive;
   drive.path = path;
   drive.name = reader.at("name").text_or(std::filesystem::path(path).stem().string());
@@ -358,6 +370,7 @@ Drive parse_drive_text(const std::string& text, const std::string& path) {
   read_perception(reader.at("perception"), drive);
   read_route(reader, drive);
   read_speed_mode(reader, drive);
+  read_controller(reader, drive);
   read_trials(reader.at("trials"), drive);
   drive.motion.frame_interval = 1 / drive.sensor.rate;
   return drive;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -9,6 +10,7 @@
 #include "blindcorner/report/drive_report.h"
 #include "report/birds_eye.h"
 #include "report/formatted.h"
+#include "report/html.h"
 
 namespace blindcorner {
 namespace {
@@ -21,16 +23,22 @@ constexpr double kPause = 1.5;           ///< s, on the last picture before it s
 constexpr double kChiSquare95 = 5.991;   ///< two degrees of freedom
 constexpr std::size_t kPathPoints = 40;  ///< of a plan, at most
 
-/// Draws in the map's frame.
+/// A part of the world, m.
+using Part = Eigen::AlignedBox2d;
+
+Part whole(const GridGeometry& map) {
+  return {map.origin, map.origin + Vector2d(map.columns * map.cell_size, map.rows * map.cell_size)};
+}
+
+/// Draws a part of the world, so many pixels wide.
 class Canvas {
  public:
-  explicit Canvas(const GridGeometry& map)
-      : map_(map), scale_(kWidth / (map.columns * map.cell_size)) {}
+  Canvas(const Part& part, double width) : part_(part), scale_(width / part.sizes().x()) {}
 
-  double height() const { return scale_ * map_.rows * map_.cell_size; }
+  double height() const { return scale_ * part_.sizes().y(); }
   double scale() const { return scale_; }
   Vector2d at(const Vector2d& p) const {
-    return {scale_ * (p.x() - map_.origin.x()), height() - scale_ * (p.y() - map_.origin.y())};
+    return {scale_ * (p.x() - part_.min().x()), scale_ * (part_.max().y() - p.y())};
   }
   std::string line(const Points& points, const char* style, bool closed) const {
     std::string text = closed ? "<polygon points=\"" : "<polyline points=\"";
@@ -39,7 +47,7 @@ class Canvas {
   }
 
  private:
-  GridGeometry map_;
+  Part part_;
   double scale_;  ///< px per m
 };
 
@@ -161,17 +169,10 @@ std::string goal_picture(const Drive& drive, const Canvas& canvas) {
       goal.x(), goal.y(), canvas.scale() * drive.goal_tolerance);
 }
 
-}  // namespace
-
-std::string drive_animation(const Drive& drive, const DriveResult& result) {
-  const Canvas canvas(drive.map);
-  const double total = result.time + kPause;
-  std::string text = formatted(
-      "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %.0f %.0f\" width=\"%.0f\">"
-      "<rect width=\"100%%\" height=\"100%%\" fill=\"#eef0ee\"/>",
-      kWidth, canvas.height(), kWidth);
-  text += known_world(drive, canvas);
-  text += goal_picture(drive, canvas);
+/// The frames of one drive, each visible in its time; the last one until all drives are over.
+std::string frames_picture(const Drive& drive, const DriveResult& result, double total,
+                           const Canvas& canvas) {
+  std::string text;
   for (std::size_t i = 0; i < result.frames.size(); ++i) {
     const bool last = i + 1 == result.frames.size();
     const double from = result.frames[i].time / total;
@@ -186,6 +187,85 @@ std::string drive_animation(const Drive& drive, const DriveResult& result) {
         : last ? formatted("values=\"hidden;visible\" keyTimes=\"0;%.4f\"/>", from)
                : formatted("values=\"hidden;visible;hidden\" keyTimes=\"0;%.4f;%.4f\"/>", from, to);
     text += "</g>\n";
+  }
+  return text;
+}
+
+constexpr const char* kGround = "<rect width=\"100%\" height=\"100%\" fill=\"#eef0ee\"/>";
+
+/// All that one drive shows.
+std::string drive_picture(const Drive& drive, const DriveResult& result, double total,
+                          const Canvas& canvas) {
+  return kGround + known_world(drive, canvas) + goal_picture(drive, canvas) +
+         frames_picture(drive, result, total, canvas);
+}
+
+/// Where vehicle and hidden objects come in any of the drives, with room around them.
+Part part_of(const Drive& drive, const std::vector<AnimatedDrive>& drives) {
+  Part part;
+  for (const AnimatedDrive& shown : drives) {
+    for (const DriveFrame& frame : shown.result->frames) {
+      part.extend(frame.vehicle.position);
+      if (!frame.truth) continue;
+      for (const Placement& placed : placements_at(drive.scene, *frame.truth)) {
+        part.extend(Vector2d(placed.position.head<2>()));
+      }
+    }
+  }
+  const Vector2d room = Vector2d::Constant(drive.vehicle.length);
+  const Part map = whole(drive.map);
+  return {(part.min() - room).cwiseMax(map.min()), (part.max() + room).cwiseMin(map.max())};
+}
+
+/// The outcome, from the end of the drive on.
+std::string outcome_picture(const DriveResult& result, double total, double right) {
+  const bool good = result.outcome == DriveOutcome::reached;
+  return formatted(
+             "<text x=\"%.0f\" y=\"19\" text-anchor=\"end\" font-weight=\"700\" fill=\"%s\" "
+             "visibility=\"hidden\">",
+             right, good ? "#188038" : "#c5221f") +
+         outcome_word(result.outcome) +
+         formatted(
+             "<animate attributeName=\"visibility\" calcMode=\"discrete\" "
+             "repeatCount=\"indefinite\" dur=\"%.2fs\" values=\"hidden;visible\" "
+             "keyTimes=\"0;%.4f\"/></text>\n",
+             total, result.time / total);
+}
+
+}  // namespace
+
+std::string drive_animation(const Drive& drive, const DriveResult& result) {
+  const Canvas canvas(whole(drive.map), kWidth);
+  return formatted(
+             "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %.0f %.0f\" width=\"%.0f\">",
+             kWidth, canvas.height(), kWidth) +
+         drive_picture(drive, result, result.time + kPause, canvas) + "</svg>\n";
+}
+
+std::string drive_animation(const Drive& drive, const std::vector<AnimatedDrive>& drives) {
+  constexpr double kTitle = 28, kGap = 10, kWideFrom = 1.4;
+  const Part part = part_of(drive, drives);
+  const bool stacked = part.sizes().x() > kWideFrom * part.sizes().y();
+  const Canvas canvas(part, stacked ? kWidth : 0.75 * kWidth);
+  const double width = stacked ? kWidth : 0.75 * kWidth, height = kTitle + canvas.height();
+  double total = 0;
+  for (const AnimatedDrive& shown : drives) total = std::max(total, shown.result->time + kPause);
+  const auto n = static_cast<double>(drives.size());
+  const double all_wide = stacked ? width : n * (width + kGap) - kGap;
+  const double all_high = stacked ? n * (height + kGap) - kGap : height;
+  std::string text = formatted(
+      "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %.0f %.0f\" width=\"%.0f\" "
+      "font-family=\"sans-serif\" font-size=\"16\">"
+      "<rect width=\"100%%\" height=\"100%%\" fill=\"#fff\"/>\n",
+      all_wide, all_high, all_wide);
+  for (std::size_t i = 0; i < drives.size(); ++i) {
+    const double at = static_cast<double>(i) * ((stacked ? height : width) + kGap);
+    text += formatted("<g transform=\"translate(%.1f %.1f)\">", stacked ? 0 : at, stacked ? at : 0);
+    text += "<text x=\"6\" y=\"19\" fill=\"#1b1f24\">" + html_safe(drives[i].caption) + "</text>";
+    text += outcome_picture(*drives[i].result, total, width - 6);
+    text += formatted("<svg y=\"%.0f\" width=\"%.1f\" height=\"%.1f\">", kTitle, width,
+                      canvas.height());
+    text += drive_picture(drive, *drives[i].result, total, canvas) + "</svg></g>\n";
   }
   return text + "</svg>\n";
 }

@@ -171,6 +171,12 @@ json picture_json(const Drive& drive, const DriveFrame& frame, const std::vector
           {"object", object}};
 }
 
+/// Of the impact, in the words of who drives.
+std::string at_speed(const Drive& drive, const DriveResult& result) {
+  return drive.vehicle.kind == VehicleKind::car ? formatted(" at %.0f km/h", 3.6 * result.end_speed)
+                                                : formatted(" at %.2f m/s", result.end_speed);
+}
+
 /// How it ended, and what was in the way.
 std::string end_sentence(const Drive& drive, const DriveResult& result) {
   const std::string vehicle = vehicle_word(drive);
@@ -181,16 +187,28 @@ std::string end_sentence(const Drive& drive, const DriveResult& result) {
              formatted(", at %.*f m/s in the mean.", speed_digits(drive), result.mean_speed);
     case DriveOutcome::collision:
       return "The " + vehicle + " hit the " + (result.hit.empty() ? "wall" : result.hit) +
-             (drive.vehicle.kind == VehicleKind::car
-                  ? formatted(" at %.0f km/h", 3.6 * result.end_speed)
-                  : formatted(" at %.2f m/s", result.end_speed)) +
-             driven + ".";
+             at_speed(drive, result) + driven + ".";
     case DriveOutcome::stopped:
       return "The " + vehicle + " stood still" + driven +
              " and gave up: " + standing_reason(result) + ".";
     case DriveOutcome::timeout:
       return formatted("Time was over after %.1f s: the ", result.time) + vehicle +
              formatted(" had driven %.1f m and not reached its goal.", result.length);
+  }
+  return "";
+}
+
+/// How it ended, as what the vehicle does.
+std::string ending_of(const Drive& drive, const DriveResult& result) {
+  switch (result.outcome) {
+    case DriveOutcome::reached:
+      return "reaches its goal";
+    case DriveOutcome::collision:
+      return "hits the " + (result.hit.empty() ? "wall" : result.hit) + at_speed(drive, result);
+    case DriveOutcome::stopped:
+      return "stands still before its goal";
+    case DriveOutcome::timeout:
+      return "is under way when time is over";
   }
   return "";
 }
@@ -236,6 +254,53 @@ std::string knowledge_sentence(const Drive& drive, const DriveResult& result) {
               : formatted("It was sure of the %s from %.1f s on", hidden.c_str(), *sure);
   return sight ? since + formatted(", %.1f s before it saw %s directly.", *sight - *sure, one)
                : since + " and never saw " + one + " directly.";
+}
+
+/// Numbers with so many significant digits all through a value.
+json shortened(json value, int digits) {
+  if (value.is_number_float()) return with_digits(value.get<double>(), digits);
+  if (value.is_structured()) {
+    for (json& part : value) part = shortened(std::move(part), digits);
+  }
+  return value;
+}
+
+/// A plan in so many points at most.
+json thinned(const std::vector<Eigen::Vector2d>& path) {
+  constexpr std::size_t kMost = 40;
+  std::vector<Eigen::Vector2d> points;
+  const std::size_t step = path.size() / kMost + 1;
+  for (std::size_t i = 0; i < path.size(); i += step) points.push_back(path[i]);
+  if (!path.empty()) points.push_back(path.back());
+  return points_json(points);
+}
+
+/// What a replay needs of a frame: no modes as they were given, no run times.
+json replayed_frame(const DriveFrame& frame) {
+  json kept = frame_json(frame);
+  for (const char* unused : {"modes", "modes_age_s", "flags", "error", "time_ms", "arrival_s"}) {
+    kept.erase(unused);
+  }
+  kept["plan"]["path_m"] = thinned(frame.path);
+  return kept;
+}
+
+/// Corners of where the vehicle and hidden objects come, on the map, with room around them, m.
+json extent_json(const Drive& drive, const DriveResult& result) {
+  Eigen::AlignedBox2d box;
+  for (const Eigen::Vector3d& at : result.trace) box.extend(Eigen::Vector2d(at.head<2>()));
+  for (const DriveFrame& frame : result.frames) {
+    box.extend(frame.vehicle.position);
+    if (!frame.truth) continue;
+    for (const Placement& placed : placements_at(drive.scene, *frame.truth)) {
+      box.extend(Eigen::Vector2d(placed.position.head<2>()));
+    }
+  }
+  const Eigen::Vector2d room = Eigen::Vector2d::Constant(drive.vehicle.length);
+  const GridGeometry& map = drive.map;
+  const Eigen::Vector2d size(map.columns * map.cell_size, map.rows * map.cell_size);
+  return points_json(
+      {(box.min() - room).cwiseMax(map.origin), (box.max() + room).cwiseMin(map.origin + size)});
 }
 
 json world_json(const Drive& drive, const DriveResult& result) {
@@ -295,6 +360,13 @@ json world_json(const Drive& drive, const DriveResult& result) {
 
 }  // namespace
 
+std::string perception_phrase(const std::string& perception) {
+  if (perception == "los") return "with direct sight only";
+  if (perception == "los_cautious") return "with direct sight only and care";
+  if (perception == "oracle") return "told the truth";
+  return "with " + (perception == "solver" ? "the solver" : perception);
+}
+
 std::string drive_headline(const Drive& drive, const DriveResult& result) {
   return end_sentence(drive, result) + " " + knowledge_sentence(drive, result) +
          (std::isfinite(result.clearance) && result.clearance > 0
@@ -329,6 +401,21 @@ json drive_json(const Drive& drive, const DriveOptions& options, const DriveResu
           {"frames", frames}};
 }
 
+json drive_replay(const Drive& drive, const DriveOptions& options, const DriveResult& result) {
+  json pictures = json::array(), frames = json::array();
+  for (const DriveFrame& frame : result.frames) {
+    json picture = picture_json(drive, frame, {});
+    picture["grid"] = "";
+    pictures.push_back(shortened(std::move(picture), 5));
+    frames.push_back(shortened(replayed_frame(frame), 5));
+  }
+  json whole = drive_json(drive, options, result);
+  whole["frames"] = std::move(frames);
+  return {{"perception", options.perception},       {"ending", ending_of(drive, result)},
+          {"extent_m", extent_json(drive, result)}, {"drive", std::move(whole)},
+          {"world", world_json(drive, result)},     {"pictures", std::move(pictures)}};
+}
+
 std::string drive_page(const Drive& drive, const DriveOptions& options, const DriveResult& result) {
   const std::vector<int> zones = shown_zones(result);
   json pictures = json::array();
@@ -339,8 +426,9 @@ std::string drive_page(const Drive& drive, const DriveOptions& options, const Dr
                      {"world", world_json(drive, result)},
                      {"zones", zones},
                      {"pictures", pictures}};
-  return script_page(drive.name, data["drive"]["headline"], dump_json(data),
-                     {.style = "drive_page.css", .library = {}, .script = "drive_page.js"});
+  return script_page(
+      drive.name, data["drive"]["headline"], dump_json(data),
+      {.style = "drive_page.css", .library = "drive_map.js", .script = "drive_page.js"});
 }
 
 }  // namespace blindcorner

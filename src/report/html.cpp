@@ -88,6 +88,18 @@ std::string plain_page(const std::string& title, const std::string& headline,
   return page + with_scrolling_tables(body) + "</body></html>\n";
 }
 
+std::string script_part(const std::string& id, const std::string& data, const PageAssets& assets) {
+  std::string part = "<style>\n";
+  part.append(embedded::report_asset(assets.style)) += "</style>\n<script";
+  if (!assets.library.empty()) {
+    part += ">\n";
+    part.append(embedded::report_asset(assets.library)) += "</script>\n<script";
+  }
+  part += " type=\"application/json\" id=\"" + html_safe(id) + "\">" + script_safe(data);
+  part.append("</script>\n<script>\n").append(embedded::report_asset(assets.script));
+  return part + "</script>\n";
+}
+
 std::string script_page(const std::string& title, const std::string& headline,
                         const std::string& data, const PageAssets& assets) {
   std::string page = head_of(title, headline);

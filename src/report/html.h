@@ -25,6 +25,10 @@ struct PageAssets {
   std::string_view script;   ///< draws the data into the element "page"
 };
 
+/// What stands for a part of a plain page that a script draws: its style, its data (JSON, in an
+/// element of this id), its scripts.
+std::string script_part(const std::string& id, const std::string& data, const PageAssets& assets);
+
 /// A self-contained page that a script draws; `data` is JSON. The headline is for those who list
 /// pages; the script draws it from the data.
 std::string script_page(const std::string& title, const std::string& headline,

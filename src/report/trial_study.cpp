@@ -8,6 +8,8 @@
 #include "blindcorner/forward/error.h"
 #include "blindcorner/io/atomic_file.h"
 #include "blindcorner/report/drive_report.h"
+#include "blindcorner/report/result_file.h"
+#include "blindcorner/report/side_by_side.h"
 #include "blindcorner/report/trials_page.h"
 #include "blindcorner/simulation/drive_loop.h"
 #include "blindcorner/simulation/lit_drive.h"
@@ -62,6 +64,11 @@ void make_study_directory(const fs::path& directory) {
     throw OutputError(directory.string(),
                       "cannot be made a directory" + (code ? ": " + code.message() : ""));
   }
+}
+
+/// What the page plays of a trial, relative to the study's directory.
+fs::path kept_replay(const Trial& trial) {
+  return replay_page(trial).parent_path() / "replay.json";
 }
 
 /// The directory, which is there from then on.
@@ -143,10 +150,74 @@ void TrialStudy::write_replay(const Trial& trial) const {
   DriveOptions options = options_of(trial);
   options.fitter = runner_.fitter();
   options.networks = runner_.networks();
-  const DriveResult driven = drive_through(drive(), runner_.sensor(), options);
+  const Drive driving = drive_of(drive(), trial);
+  const DriveResult driven = drive_through(driving, runner_.sensor(), options);
   const fs::path page = fs::path(directory_) / replay_page(trial);
   make_study_directory(page.parent_path());
-  write_atomically(page.string(), drive_page(drive(), options, driven));
+  write_atomically(page.string(), drive_page(driving, options, driven));
+}
+
+std::vector<Trial> TrialStudy::missing_pairs(int most) const {
+  std::vector<Trial> wanted;
+  const std::vector<TrialResult> all = results();
+  const auto names = telling_perceptions(all);
+  if (!names) return wanted;
+  for (const std::uint64_t seed : telling_seeds(all, *names, most)) {
+    for (const TrialResult& result : all) {
+      const Trial& trial = result.trial;
+      if (trial.risk || trial.error > 0) continue;
+      const bool asked = trial.perception == names->first || trial.perception == names->second;
+      if (trial.seed != seed || !asked) continue;
+      if (is_network(trial.perception) && !runner_.networks().contains(trial.perception)) continue;
+      if (!fs::exists(fs::path(directory_) / kept_replay(trial))) wanted.push_back(trial);
+    }
+  }
+  return wanted;
+}
+
+void TrialStudy::keep_for_pair(const Trial& trial) const {
+  DriveOptions options = options_of(trial);
+  options.fitter = runner_.fitter();
+  options.networks = runner_.networks();
+  options.keep_pictures = false;
+  const DriveResult driven = drive_through(drive(), runner_.sensor(), options);
+  const fs::path file = fs::path(directory_) / kept_replay(trial);
+  make_study_directory(file.parent_path());
+  write_atomically(file.string(), dump_json(drive_replay(drive(), options, driven)) + "\n");
+}
+
+/// Of the seeds that are kept, the most telling first; as many as a page may hold.
+nlohmann::json TrialStudy::kept_pairs() const {
+  constexpr std::size_t kMost = 6;  // some 0.3 MB each
+  nlohmann::json pairs = nlohmann::json::array();
+  const std::vector<TrialResult> all = results();
+  const auto names = telling_perceptions(all);
+  if (!names) return pairs;
+  const fs::path directory = directory_;
+  const auto kept = [&](const std::string& name, std::uint64_t seed) {
+    Trial trial;
+    trial.perception = name, trial.seed = seed;
+    return std::pair(directory / kept_replay(trial), replay_page(trial));
+  };
+  const auto linked = [&](const fs::path& page) {
+    return fs::exists(directory / page) ? page.generic_string() : std::string();
+  };
+  for (const std::uint64_t seed : telling_seeds(all, *names, static_cast<int>(all.size()))) {
+    const auto [first, first_page] = kept(names->first, seed);
+    const auto [second, second_page] = kept(names->second, seed);
+    if (pairs.size() == kMost || !fs::exists(first) || !fs::exists(second)) continue;
+    pairs.push_back(replay_pair(JsonReader::parse(read_bytes(first.string()), first.string()),
+                                JsonReader::parse(read_bytes(second.string()), second.string()),
+                                {linked(first_page), linked(second_page)}));
+  }
+  return pairs;
+}
+
+/// What `limits.json` beside the tables says; null: there is none.
+nlohmann::json TrialStudy::limits() const {
+  const fs::path file = fs::path(directory_) / "limits.json";
+  if (!fs::exists(file)) return nullptr;
+  return JsonReader::parse(read_bytes(file.string()), file.string());
 }
 
 void TrialStudy::write_page() const {
@@ -154,7 +225,8 @@ void TrialStudy::write_page() const {
   const auto replayed = [&](const Trial& trial) {
     return fs::exists(directory / replay_page(trial));
   };
-  write_atomically((directory / "trials.html").string(), trials_page(drive(), results(), replayed));
+  write_atomically((directory / "trials.html").string(),
+                   trials_page(drive(), results(), replayed, {kept_pairs(), limits()}));
 }
 
 }  // namespace blindcorner

@@ -8,6 +8,7 @@
 #include <optional>
 #include <set>
 
+#include "blindcorner/report/side_by_side.h"
 #include "blindcorner/simulation/credible_level.h"
 #include "blindcorner/simulation/paired_difference.h"
 #include "report/bar_chart.h"
@@ -15,6 +16,7 @@
 #include "report/colours.h"
 #include "report/formatted.h"
 #include "report/html.h"
+#include "report/trials_front.h"
 
 namespace blindcorner {
 namespace {
@@ -424,12 +426,20 @@ std::string reliability_section(const Results& results) {
          charts_html({chart}) + rows + "</table>\n";
 }
 
+std::string pairs_section(const nlohmann::json& pairs) {
+  if (pairs.empty()) return "";
+  return "<h2>One world, two perceptions</h2>\n<p>The seeds that tell most: first one in which "
+         "only the first fails, then one of each other kind.</p>\n" +
+         side_by_side_part(pairs);
+}
+
 /// The command that drives a trial again.
 std::string replay_command(const Drive& drive, const Trial& trial) {
   std::string text = "blindcorner drive " + drive.path + " -o replay --perception " +
                      trial.perception +
                      formatted(" --seed %llu --speed %.3f",
                                static_cast<unsigned long long>(trial.seed), trial.speed);
+  if (trial.risk) text += formatted(" (with a risk of %g in the drive file)", *trial.risk);
   if (trial.error > 0) text += formatted(" --injected-error %.3f", trial.error);
   if (drive.sensor.light != 1) text += formatted(" --light %g", drive.sensor.light);
   return text;
@@ -477,19 +487,24 @@ std::string programs_section(const Results& results) {
 }  // namespace
 
 std::filesystem::path replay_page(const Trial& trial) {
-  return std::filesystem::path("replay") / (trial.perception + "_" + std::to_string(trial.seed)) /
-         "drive.html";
+  const std::string risk = trial.risk ? formatted("_%g", *trial.risk) : std::string();
+  return std::filesystem::path("replay") /
+         (trial.perception + "_" + std::to_string(trial.seed) + risk) / "drive.html";
 }
 
 std::string trials_page(const Drive& drive, const std::vector<TrialResult>& results,
-                        const std::function<bool(const Trial&)>& replayed) {
-  const Results plain = chosen(results, [](const TrialResult& r) { return r.trial.error == 0; });
+                        const std::function<bool(const Trial&)>& replayed,
+                        const TrialsExtras& extras) {
+  const Results plain =
+      chosen(results, [](const TrialResult& r) { return r.trial.error == 0 && !r.trial.risk; });
+  const Results honest = chosen(results, [](const TrialResult& r) { return r.trial.error == 0; });
   const Results misled = chosen(results, [](const TrialResult& r) { return r.trial.error > 0; });
   const std::string body =
       formatted(
           "<p>%zu trials of %s, light times %g. The same seeds, and so the same worlds and "
           "speeds, for every perception; intervals hold 95 %% (Wilson).</p>\n",
           results.size(), html_safe(drive.name).c_str(), drive.sensor.light) +
+      pairs_section(extras.pairs) + front_section(drive, honest, extras.limits) +
       corner_section(drive, plain) + success_section(drive, plain) +
       difference_section(drive, plain) + error_section(misled) + clearance_section(plain) +
       path_section(plain) + reliability_section(plain) +

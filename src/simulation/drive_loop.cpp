@@ -13,6 +13,7 @@
 #include "blindcorner/planner/control/path_follower.h"
 #include "blindcorner/planner/control/path_outlook.h"
 #include "blindcorner/planner/control/predicted_contact.h"
+#include "blindcorner/planner/control/published_controller.h"
 #include "blindcorner/planner/control/safe_speed.h"
 #include "blindcorner/planner/control/traffic.h"
 #include "blindcorner/planner/grid/line_of_sight.h"
@@ -89,6 +90,7 @@ class DriveLoop {
   void take_answer(const AnswerEvent& event);
   void update_map(const LineOfSightScan* scan, const AnswerEvent* event);
   void plan();
+  void plan_as_published(const PlanningGrid& planning);
   void follow(const PlanUpdate& update);
   void limit_speed(const PlanningGrid& planning);
   void step();
@@ -128,6 +130,7 @@ class DriveLoop {
   VehicleLimits limits_;
   VehicleFootprint body_;  ///< without a margin
   Replanner replanner_;
+  std::optional<PublishedController> published_;  ///< empty: this project's own planner drives
   std::optional<PathFollower> follower_;
   std::optional<PathOutlook> outlook_;  ///< of the follower's path, where speed is chosen by it
   bool brake_ = true;                   ///< no path to follow, or one that ends too soon
@@ -169,7 +172,7 @@ DriveLoop::DriveLoop(const Drive& drive, const SimulatedSensor& sensor, const Dr
       delay_(declared_delay(drive, options.perception)),
       sight_(drive.scene, drive.map, sight_options(drive)),
       sightings_(drive.scene, drive.motion),
-      map_scene_(map_scene(drive.scene, perception_->disc_radius())),
+      map_scene_(map_scene(drive.scene, obstacle_disc(drive, perception_->disc_radius()))),
       grid_(drive.map, map_scene_, drive.motion, occupancy_options(drive)),
       hypotheses_(map_scene_, drive.map),
       vehicle_(model_of(drive.vehicle)),
@@ -184,6 +187,7 @@ DriveLoop::DriveLoop(const Drive& drive, const SimulatedSensor& sensor, const Dr
   start.speed = drive.vehicle.start_speed.value_or(speed());
   vehicle_.place(start);
   passed_from_ = believed().position;
+  if (drive.controller == DriveController::published) published_.emplace(limits_);
   mark_walls();
   result_.wanted_speed = speed();
   result_.trace_step = kStep;
@@ -341,6 +345,7 @@ void DriveLoop::plan() {
   const StageTimer watch(times_.plan);
   occupancy_ = occupancy();
   const PlanningGrid planning = replanner_.planner().grid(drive_.map, within_lane());
+  if (published_) return plan_as_published(planning);
   const VehicleState at = believed();
   std::vector<Mover> movers;
   if (latest_ && latest_->answer.mixture) movers = split(*latest_).moving;
@@ -356,6 +361,15 @@ void DriveLoop::plan() {
   // Who brakes goes on until the way is clear: less would let the vehicle creep up to the other.
   if (before.braking > 0) traffic.comfortable = kGentle;
   traffic_ = decide_for_traffic(*follower_, at, body_, limits_.friction, movers, traffic);
+}
+
+/// The published controller plans anew with every map and never brakes.
+void DriveLoop::plan_as_published(const PlanningGrid& planning) {
+  const PathStatus status = published_->plan(planning, believed(), goal(), drive_.vehicle.length);
+  plan_text_ = status == PathStatus::found ? "replan: published"
+                                           : "keep: " + std::string(path_status_word(status));
+  path_ = published_->points();
+  brake_ = false;
 }
 
 /// A follower for a new path. A stop is driven along what is left of the path, to its end; where
@@ -437,7 +451,10 @@ void DriveLoop::step() {
   const VehicleState before = believed();
   DriveRequest request = safe_stop(before, limits_);
   target_speed_ = 0;
-  if (follower_) {
+  if (published_) {
+    request = published_->follow(before, speed());
+    target_speed_ = speed();
+  } else if (follower_) {
     const FollowerOutput output = brake_ ? follower_->stop(before) : follower_->follow(before);
     request = output.request;
     target_speed_ = output.target_speed;
@@ -459,7 +476,7 @@ void DriveLoop::step() {
 /// What the vehicle brakes for, the gravest first.
 std::string DriveLoop::braking_for() const {
   constexpr double kBrakes = 0.5;  // m/s^2: less is control
-  if (acceleration_ > -kBrakes || believed().speed < kStands) return "";
+  if (published_ || acceleration_ > -kBrakes || believed().speed < kStands) return "";
   if (brake_ || plan_text_.starts_with("stop")) return "no plan";
   if (traffic_.braking > 0) return traffic_.mover;
   if (held_) return "what it would touch beside its path";

@@ -144,6 +144,12 @@ PredictionOptions prediction_options(const Drive& drive, const VehicleLimits& li
   return options;
 }
 
+std::optional<double> obstacle_disc(const Drive& drive, const std::optional<double>& perceived) {
+  constexpr double kPublished = 1;  // m (arXiv:2410.03555)
+  if (drive.controller == DriveController::published) return kPublished;
+  return perceived;
+}
+
 Scene map_scene(const Scene& scene, const std::optional<double>& disc_radius) {
   Scene known = scene;
   if (!disc_radius) return known;

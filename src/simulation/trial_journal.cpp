@@ -13,6 +13,7 @@
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <span>
 #include <sstream>
 #include <utility>
 
@@ -25,9 +26,14 @@ namespace {
 
 constexpr const char* kHeader =
     "perception,zone,seed,speed_m_per_s,error_m,outcome,clearance_m,time_s,length_m,run_time_s,"
-    "statements:occupied:probability in ten bins,mean_speed_m_per_s near a corner,program\n";
+    "statements:occupied:probability in ten bins,mean_speed_m_per_s near a corner,risk,present,impact_m_per_s,"
+    "hardest_braking_m_per_s2,program\n";
 /// Of studies with a corner, after all the others.
 constexpr const char* kCornerColumn = ",mean_speed_m_per_s";
+/// Of the tables, last of all.
+constexpr const char* kCostColumns = ",risk,present,impact_m_per_s,hardest_braking_m_per_s2";
+/// In the journal, for the drive file's risk.
+constexpr const char* kOwnRisk = "-";
 
 /// Digits that give the same number back.
 std::string exact(double value) {
@@ -40,6 +46,15 @@ std::string fixed(double value, int digits) {
   std::array<char, 64> text{};
   std::snprintf(text.data(), text.size(), "%.*f", digits, value);
   return text.data();
+}
+
+/// Risk, whether somebody was there, speed of the impact, hardest braking.
+void parse_costs(std::span<const std::string> cells, TrialResult& result) {
+  result.with_costs = true;
+  if (cells[0] != kOwnRisk) result.trial.risk = std::stod(cells[0]);
+  result.present = std::stoi(cells[1]) != 0;
+  result.impact_speed = std::stod(cells[2]);
+  result.hardest_braking = std::stod(cells[3]);
 }
 
 /// Throws std::exception for a line that is none.
@@ -56,11 +71,18 @@ TrialResult parse(const std::string& line) {
   }
   constexpr std::size_t kFirstBin = 10;
   std::vector<ReliabilityCount> counts(kMapBins);
-  const std::size_t after_bins = kFirstBin + counts.size();
-  if (cells.size() != after_bins && cells.size() != after_bins + 1) throw Error("another length");
-  if (cells.size() > after_bins) result.corner_speed = std::stod(cells.back());
-  result.trial = {cells[0], std::stoi(cells[1]), std::stoull(cells[2]), std::stod(cells[3]),
-                  std::stod(cells[4])};
+  const std::size_t after_bins = kFirstBin + counts.size(), with_costs = after_bins + 5;
+  if (cells.size() != after_bins && cells.size() != after_bins + 1 && cells.size() != with_costs) {
+    throw Error("another length");
+  }
+  if (cells.size() > after_bins) result.corner_speed = std::stod(cells[after_bins]);
+  result.trial = {cells[0],
+                  std::stoi(cells[1]),
+                  std::stoull(cells[2]),
+                  std::stod(cells[3]),
+                  std::stod(cells[4]),
+                  {}};
+  if (cells.size() == with_costs) parse_costs(std::span(cells).subspan(after_bins + 1), result);
   result.outcome = cells[5];
   result.clearance = std::stod(cells[6]);
   result.time = std::stod(cells[7]);
@@ -109,13 +131,22 @@ void check_study(const std::string& path, const std::string& study) {
                         " differ); accepted: the same one, or another directory");
 }
 
+/// Cells of a table; empty where nothing was measured, and the risk where it is the drive file's.
+std::string costs(const TrialResult& result) {
+  if (!result.with_costs) return ",,,,";
+  std::array<char, 32> risk{};
+  if (result.trial.risk) std::snprintf(risk.data(), risk.size(), "%g", *result.trial.risk);
+  return std::string(",") + risk.data() + (result.present ? ",1," : ",0,") +
+         fixed(result.impact_speed, 3) + "," + fixed(result.hardest_braking, 3);
+}
+
 std::string table(const DriveTrials& trials, const std::vector<TrialResult>& results,
                   bool with_error) {
   std::string text = "perception,zone,seed,speed_m_per_s,outcome,clearance_m,time_s,length_m";
   const bool with_corner = trials.corner_radius > 0;
   if (with_error) text += ",error_m";
   if (with_corner) text += kCornerColumn;
-  text += "\n";
+  text += std::string(kCostColumns) + "\n";
   for (const TrialResult& result : results) {
     const Trial& trial = result.trial;
     if ((trial.error > 0) != with_error) continue;
@@ -126,7 +157,7 @@ std::string table(const DriveTrials& trials, const std::vector<TrialResult>& res
             fixed(trial.speed, 3) + "," + result.outcome + "," + fixed(result.clearance, 4) + "," +
             fixed(result.time, 2) + "," + fixed(result.length, 3) +
             (with_error ? "," + fixed(trial.error, 3) : "") +
-            (with_corner ? "," + fixed(result.corner_speed, 3) : "") + "\n";
+            (with_corner ? "," + fixed(result.corner_speed, 3) : "") + costs(result) + "\n";
   }
   return text;
 }
@@ -189,7 +220,14 @@ std::string journal_line(const TrialResult& result) {
     line += "," + std::to_string(bin.statements) + ":" + std::to_string(bin.happened) + ":" +
             exact(bin.sum);
   }
-  if (result.corner_speed > 0) line += "," + exact(result.corner_speed);
+  if (result.with_costs) {
+    line += "," + exact(result.corner_speed) + "," +
+            (trial.risk ? exact(*trial.risk) : std::string(kOwnRisk)) +
+            (result.present ? ",1," : ",0,") + exact(result.impact_speed) + "," +
+            exact(result.hardest_braking);
+  } else if (result.corner_speed > 0) {
+    line += "," + exact(result.corner_speed);
+  }
   if (!result.program.empty()) line += "," + result.program;
   return line + "\n";
 }

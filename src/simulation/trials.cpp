@@ -85,6 +85,22 @@ ReliabilityDiagram map_statements(const Drive& drive, std::uint64_t seed,
   return map;
 }
 
+/// The risk of decisions that the drive file names.
+double own_risk(const Drive& drive) {
+  return drive.speed_mode == SpeedMode::safe ? drive.risk : drive.traffic_risk;
+}
+
+/// For something that is no curve, m/s^2.
+double hardest_braking(const DriveResult& result) {
+  double hardest = 0;
+  for (const DriveFrame& frame : result.frames) {
+    if (frame.braking_for.find("curve") == std::string::npos) {
+      hardest = std::max(hardest, frame.braking);
+    }
+  }
+  return hardest;
+}
+
 /// Place in the list of perceptions.
 std::ptrdiff_t rank(const std::string& perception) {
   static const std::vector<std::string> names = perception_names();
@@ -97,6 +113,9 @@ void TrialsOptions::validate() const {
   if (trials < 1) throw Error("TrialsOptions.trials", "accepted: a number > 0");
   if (perceptions.empty()) throw Error("TrialsOptions.perceptions", "accepted: at least one");
   if (error_trials < 0) throw Error("TrialsOptions.error_trials", "accepted: a number >= 0");
+  for (const double risk : risks) {
+    if (!(risk >= 0 && risk <= 1)) throw Error("TrialsOptions.risks", "accepted: 0 to 1");
+  }
   if (threads < 0) throw Error("TrialsOptions.threads", "accepted: a number >= 0");
 }
 
@@ -111,7 +130,13 @@ std::vector<Trial> plan_trials(const Drive& drive, const TrialsOptions& options)
     Trial trial = drawn_trial(drive.trials, i, options.seed);
     for (const std::string& name : options.perceptions) {
       trial.perception = name;
+      trial.risk.reset();
       plan.push_back(trial);
+      for (const double risk : options.risks) {
+        if (risk == own_risk(drive)) continue;
+        trial.risk = risk;
+        plan.push_back(trial);
+      }
     }
   }
   for (int i = 0; i < options.error_trials; ++i) {
@@ -149,13 +174,17 @@ TrialResult run_trial(const Drive& drive, const SimulatedSensor& sensor, const T
   options.networks = networks;
   options.keep_pictures = false;
   options.keep_last_map = true;
-  const DriveResult driven = drive_through(drive, sensor, options);
+  const DriveResult driven = drive_through(drive_of(drive, trial), sensor, options);
   TrialResult result;
   result.trial = trial;
   result.outcome = outcome_word(driven.outcome);
   result.clearance = driven.clearance;
   result.time = driven.time;
   result.length = driven.length;
+  result.with_costs = true;
+  result.present = !driven.frames.empty() && driven.frames.front().truth.has_value();
+  if (driven.outcome == DriveOutcome::collision) result.impact_speed = driven.end_speed;
+  result.hardest_braking = hardest_braking(driven);
   result.map = map_statements(drive, trial.seed, driven);
   result.corner_speed = mean_speed_within(driven, drive.trials.corner, drive.trials.corner_radius);
   result.program = program_name();
@@ -215,8 +244,15 @@ void run_trials(const std::vector<Trial>& trials, int threads, const TrialRun& r
   if (failure) std::rethrow_exception(failure);
 }
 
+Drive drive_of(const Drive& drive, const Trial& trial) {
+  Drive driven = drive;
+  if (trial.risk) driven.risk = driven.traffic_risk = *trial.risk;
+  return driven;
+}
+
 std::pair<std::string, std::uint64_t> trial_key(const Trial& trial) {
-  return {trial.perception, trial.seed};
+  return {trial.perception + (trial.risk ? "@" + std::to_string(*trial.risk) : std::string()),
+          trial.seed};
 }
 
 bool same_trial(const Trial& a, const Trial& b) { return trial_key(a) == trial_key(b); }
@@ -233,8 +269,8 @@ std::vector<std::string> perceptions_of(const std::vector<TrialResult>& results)
 
 void sort_trials(std::vector<TrialResult>& results) {
   std::ranges::sort(results, [](const TrialResult& a, const TrialResult& b) {
-    return std::tuple(rank(a.trial.perception), a.trial.seed) <
-           std::tuple(rank(b.trial.perception), b.trial.seed);
+    return std::tuple(rank(a.trial.perception), a.trial.seed, a.trial.risk) <
+           std::tuple(rank(b.trial.perception), b.trial.seed, b.trial.risk);
   });
 }
 

@@ -1494,6 +1494,39 @@ TEST_F(Cli, DrivePageAsDrawnByABrowser) {
   EXPECT_THAT(*still, AllOf(HasSubstr(">Play</button>"), Not(HasSubstr(">0.0 / "))));
 }
 
+// Two perceptions of one seed: a file for each, and one page that plays both and says how they end.
+TEST_F(Cli, DrivePlaysTwoPerceptionsSideBySide) {
+  const std::string drive = std::string(SOURCE_DIR) + "/scenes/robot_drive.json";
+  const Outcome outcome = run("drive '" + drive + "' -o " + path("out") +
+                              " --perception los,oracle --seed 2 --animation");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_FALSE(fs::exists(path("out/drive.json")));
+  const std::string page = text_of(path("out/drive.html"));
+  const std::string begin = "id=\"pairs\">";
+  const std::size_t at = page.find(begin) + begin.size();
+  const json pairs = json::parse(page.substr(at, page.find("</script>", at) - at))["pairs"];
+  ASSERT_EQ(pairs.size(), 1U);
+  for (std::size_t i = 0; i < 2; ++i) {
+    const std::string name = i == 0 ? "los" : "oracle";
+    const json written = json::parse(text_of(path("out/" + name + "/drive.json")));
+    const json& played = pairs[0]["drives"][i]["drive"];
+    EXPECT_EQ(written["perception"], name);
+    for (const char* field : {"perception", "outcome", "time_s", "length_m", "clearance_m"}) {
+      EXPECT_EQ(played[field], written[field]) << field;
+    }
+    EXPECT_EQ(played["frames"].size(), written["frames"].size());
+    EXPECT_TRUE(fs::exists(path("out/" + name + "/drive.html")));
+  }
+  const std::string picture = text_of(path("out/drive.svg"));
+  EXPECT_THAT(picture, AllOf(HasSubstr("with direct sight only"), HasSubstr("told the truth")));
+  expect_refused_beside(run("drive '" + drive + "' --perception los,los -o " + path("other")),
+                        "--perception: a perception is named twice");
+  const auto drawn = as_drawn(path("out/drive.html") + "#t=99");
+  if (!drawn) GTEST_SKIP() << "needs chromium";
+  EXPECT_THAT(*drawn, AllOf(HasSubstr("All about this drive"), HasSubstr("goal reached after"),
+                            HasSubstr(">probability of presence</text>")));
+}
+
 TEST_F(Cli, IndexLinksWhatSeveralCommandsWrote) {
   const std::string drive = std::string(SOURCE_DIR) + "/scenes/robot_drive.json";
   ASSERT_EQ(run("drive '" + drive + "' -o " + path("out") + " --perception los --animation")  //
@@ -1637,14 +1670,78 @@ TEST_F(Cli, TrialsWriteTableAndPage) {
   const std::string table = text_of(path("study/trials.csv"));
   EXPECT_THAT(
       table,
-      StartsWith("perception,zone,seed,speed_m_per_s,outcome,clearance_m,time_s,length_m\n"));
+      StartsWith("perception,zone,seed,speed_m_per_s,outcome,clearance_m,time_s,length_m,risk,"
+                 "present,impact_m_per_s,hardest_braking_m_per_s2\n"));
   EXPECT_EQ(std::ranges::count(table, '\n'), 5);
   // Zones have names with a unit, bars have intervals, and no column is empty: the published study
   // has no robot's speeds, and all drives reach the goal.
   EXPECT_THAT(text_of(path("study/trials.html")),
               AllOf(HasSubstr("Success by speed"), HasSubstr("<td>0.6 m/s<td>"),
                     HasSubstr("class=\"interval\""), Not(HasSubstr("published")),
-                    Not(HasSubstr("<td>-<")), Not(HasSubstr("<th>collision"))));
+                    Not(HasSubstr("<td>-<")), Not(HasSubstr("<th>collision<"))));
+}
+
+// As many seeds as asked are played, with the numbers of the table; a second run drives none again.
+TEST_F(Cli, TrialsPagePlaysTwoPerceptionsOfASeed) {
+  ASSERT_EQ(run(trials_of_robot(path("study"), "-n 3 --pairs 2")).exit_code, 0);
+  const std::string page = text_of(path("study/trials.html"));
+  const std::string begin = "id=\"pairs\">";
+  const std::size_t at = page.find(begin) + begin.size();
+  const json pairs = json::parse(page.substr(at, page.find("</script>", at) - at))["pairs"];
+  ASSERT_EQ(pairs.size(), 2U);
+  const std::string table = text_of(path("study/trials.csv"));
+  for (const json& pair : pairs) {
+    for (const json& replay : pair["drives"]) {
+      std::array<char, 32> time{};
+      std::snprintf(time.data(), time.size(), ",%.2f,", replay["drive"]["time_s"].get<double>());
+      const std::regex row(replay["perception"].get<std::string>() + ",[^,]*," +
+                           std::to_string(pair["seed"].get<int>()) + ",.*" + time.data());
+      EXPECT_TRUE(std::regex_search(table, row)) << table;
+    }
+  }
+  EXPECT_THAT(run(trials_of_robot(path("study"), "-n 3 --pairs 0")).exit_code, 0);
+  EXPECT_THAT(text_of(path("study/trials.html")), HasSubstr("id=\"pairs\""));
+}
+
+// The front has a point for each risk, the numbers of the table of costs are those of trials.csv,
+// and limits.json is drawn.
+TEST_F(Cli, TrialsPageDrawsFrontAndLimits) {
+  fs::create_directories(path("study"));
+  write_text("study/limits.json",
+             R"({"speed_m_per_s": [5, 10, 15], "direct_sight_s": [2, 1.5, 1.2],
+                 "stop_s": [1, 1.3, 1.6], "light_s": [3, null, null],
+                 "direct_sight_limit_m_per_s": 11.5, "light_limit_m_per_s": null})");
+  ASSERT_EQ(run("trials '" + std::string(SOURCE_DIR) +
+                "/scenes/crossing_cyclist_drive.json' -n 6 --perception los --risk 0.001,0.1 "
+                "--replays 0 --pairs 0 -o '" +
+                path("study") + "'")
+                .exit_code,
+            0);
+  int came = 0, hit = 0;
+  std::istringstream table(text_of(path("study/trials.csv")));
+  std::map<std::string, int> risks;
+  std::string line;
+  std::getline(table, line);
+  while (std::getline(table, line)) {
+    std::vector<std::string> cells;
+    std::istringstream row(line);
+    for (std::string cell; std::getline(row, cell, ',');) cells.push_back(cell);
+    ASSERT_EQ(cells.size(), 12U) << line;
+    ++risks[cells[8]];
+    if (!cells[8].empty() || cells[9] != "1") continue;
+    ++came;
+    hit += cells[4] == "collision" ? 1 : 0;
+  }
+  EXPECT_EQ(risks, (std::map<std::string, int>{{"", 6}, {"0.001", 6}, {"0.1", 6}}));
+  ASSERT_GT(came, 0);
+  const std::string page = text_of(path("study/trials.html"));
+  EXPECT_THAT(
+      page, ::testing::ContainsRegex("<tr><td>los<td>0.02<td>[^<]*, " + std::to_string(hit) + "/" +
+                                     std::to_string(came) + "<td>"));
+  EXPECT_THAT(page, AllOf(HasSubstr("from here direct sight must hit"),
+                          HasSubstr("the last moment to brake"),
+                          Not(HasSubstr("the light comes too late")), HasSubstr(">0.001</text>")));
+  expect_refused_beside(run(trials_of_robot(path("other"), "-n 1 --risk 2")), "--risk");
 }
 
 // Pairs of perceptions that were not driven have no row.

@@ -23,6 +23,10 @@ enum class VehicleKind { car, robot };
 /// the vehicle can stop before what may be there (planner/control/safe_speed.h).
 enum class SpeedMode { wanted, safe };
 
+/// Who steers: this project's planner and follower, or the published pipeline
+/// (planner/control/published_controller.h) with every obstacle as the published disc.
+enum class DriveController { own, published };
+
 /// Body of the vehicle and where it starts. Its reference point is the middle of the body.
 struct DriveVehicle {
   VehicleKind kind = VehicleKind::car;
@@ -114,6 +118,7 @@ struct Drive {
       5;  ///< m/s, wanted speed: drawn uniformly, or stated where both are the same
   double speed_upper = 5;  ///< m/s
   double time_limit = 60;  ///< s
+  DriveController controller = DriveController::own;
   SpeedMode speed_mode = SpeedMode::wanted;
   double risk = 0.005;         ///< of a collision at each decision of SpeedMode::safe
   double traffic_risk = 0.02;  ///< of touching what moves, at each decision

@@ -25,7 +25,25 @@ nlohmann::json drive_json(const Drive& drive, const DriveOptions& options,
 /// (DriveOptions::keep_pictures).
 std::string drive_page(const Drive& drive, const DriveOptions& options, const DriveResult& result);
 
+/// What a perception is, in the words of a sentence: "with direct sight only".
+std::string perception_phrase(const std::string& perception);
+
+/// All that a page needs to play the drive beside another one (side_by_side.h); without histograms
+/// and map, a few hundred kilobytes.
+nlohmann::json drive_replay(const Drive& drive, const DriveOptions& options,
+                            const DriveResult& result);
+
 /// The map of that page as an animated SVG that loops (SMIL), for where no script may run.
 std::string drive_animation(const Drive& drive, const DriveResult& result);
+
+/// One drive of an animation.
+struct AnimatedDrive {
+  std::string caption;
+  const DriveResult* result = nullptr;
+};
+
+/// Drives through the same world with one clock: beside each other where the part of the map that
+/// they need is high, else one above the other.
+std::string drive_animation(const Drive& drive, const std::vector<AnimatedDrive>& drives);
 
 }  // namespace blindcorner

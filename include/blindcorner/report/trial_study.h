@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <set>
 #include <string>
 #include <utility>
@@ -74,10 +75,18 @@ class TrialStudy {
   /// Failed trials, at most `most` of each perception, whose page is not there yet.
   std::vector<Trial> missing_replays(int most) const;
   void write_replay(const Trial& trial) const;
+  /// Trials of the `most` seeds that tell most (telling_seeds), of the two perceptions that the
+  /// page plays side by side, whose drives are not kept yet.
+  std::vector<Trial> missing_pairs(int most) const;
+  /// Drives a trial and keeps what the page plays of it.
+  void keep_for_pair(const Trial& trial) const;
   /// trials.html.
   void write_page() const;
 
  private:
+  nlohmann::json kept_pairs() const;
+  nlohmann::json limits() const;
+
   std::string directory_;
   TrialRequest request_;
   TrialRunner runner_;

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -24,6 +25,8 @@ struct Trial {
   std::uint64_t seed = 1;
   double speed = 0;  ///< m/s, a whole number of mm/s, so that files hold all of it
   double error = 0;  ///< m, injected (oracle_disc, oracle_covariance); a whole number of mm
+  /// Probability of a collision that is taken at each decision; empty: the drive file's.
+  std::optional<double> risk{};
 };
 
 /// Bins of what a trial's map said: a tenth of probability each.
@@ -41,6 +44,11 @@ struct TrialResult {
   /// or the study has no corner.
   double corner_speed = 0;
   std::string program;  ///< that has driven it (program_name.h); empty: it kept no record
+  /// Whether the next three were measured; journals of earlier versions have none of them.
+  bool with_costs = false;
+  bool present = false;        ///< whether there was a hidden object
+  double impact_speed = 0;     ///< m/s, in a collision
+  double hardest_braking = 0;  ///< m/s^2, asked for something that is no curve; 0: never
   /// What the map said of the cells of the hidden objects' search region, in the last frame before
   /// they came in sight; of those that it knew of by then.
   ReliabilityDiagram map{kMapBins};
@@ -55,6 +63,8 @@ struct TrialsOptions {
   /// Trials with injected errors, of each of the two misled oracles, spread evenly over errors of
   /// 0-1, ..., 6-7 m, the published bins.
   int error_trials = 0;
+  /// Risks that all perceptions are driven with beside the drive file's own, each from 0 to 1.
+  std::vector<double> risks;
   int threads = 0;  ///< trials at a time; 0: one per processor
 
   /// Throws Error naming the field that is out of range.
@@ -94,7 +104,11 @@ std::vector<Trial> open_trials(const std::vector<Trial>& plan,
 void run_trials(const std::vector<Trial>& trials, int threads, const TrialRun& run,
                 const TrialDone& done);
 
-/// What a trial is known by: its perception and its seed.
+/// The drive as a trial drives it: with its risk, if it has one, for both what moves and what may
+/// be hidden.
+Drive drive_of(const Drive& drive, const Trial& trial);
+
+/// What a trial is known by: its perception, with its risk if it has one, and its seed.
 std::pair<std::string, std::uint64_t> trial_key(const Trial& trial);
 
 /// Whether two are the same trial of the same perception.

@@ -186,6 +186,52 @@ TEST(PairedDifference, HoldsAtTheBorders) {
   EXPECT_EQ(paired_difference({}).low, -1);
 }
 
+/// A study with risks holds the one without, under other keys; the drive file's own risk is not
+/// driven twice.
+TEST(Trials, RisksAreDrivenBesideTheDriveFiles) {
+  TrialsOptions options;
+  options.trials = 3;
+  options.perceptions = {"los"};
+  Drive drive = street();
+  drive.traffic_risk = 0.02;
+  const std::vector<Trial> own = plan_trials(drive, options);
+  options.risks = {0.001, 0.02, 0.1};
+  const std::vector<Trial> varied = plan_trials(drive, options);
+  EXPECT_EQ(varied.size(), 9U);
+  std::set<std::pair<std::string, std::uint64_t>> keys;
+  for (const Trial& trial : varied) keys.insert(trial_key(trial));
+  EXPECT_EQ(keys.size(), 9U);
+  for (const Trial& trial : own) {
+    EXPECT_TRUE(keys.contains(trial_key(trial)));
+    EXPECT_EQ(drive_of(drive, trial).traffic_risk, 0.02);
+  }
+  EXPECT_EQ(drive_of(drive, varied[1]).traffic_risk, 0.001);
+  EXPECT_EQ(drive_of(drive, varied[1]).risk, 0.001);
+  options.risks = {1.5};
+  EXPECT_THROW(plan_trials(drive, options), Error);
+}
+
+/// Costs go through the journal and stand in the table's last columns; journals of earlier versions
+/// have none.
+TEST(Trials, CostsComeBackFromTheJournal) {
+  TrialResult result = made_up(plan(1).front());
+  EXPECT_FALSE(parse_journal_line(journal_line(result)).with_costs);
+  result.with_costs = result.present = true;
+  result.impact_speed = 5.25;
+  result.hardest_braking = 8.8;
+  result.trial.risk = 0.001;
+  const std::string line = journal_line(result);
+  const TrialResult back = parse_journal_line(line);
+  EXPECT_EQ(journal_line(back), line);
+  EXPECT_TRUE(back.with_costs && back.present);
+  EXPECT_EQ(back.impact_speed, 5.25);
+  EXPECT_EQ(back.trial.risk, 0.001);
+  const std::string table = trials_csv(street().trials, {back});
+  EXPECT_THAT(table, testing::HasSubstr(
+                         ",length_m,risk,present,impact_m_per_s,hardest_braking_m_per_s2\n"));
+  EXPECT_THAT(table, testing::EndsWith(",0.001,1,5.250,8.800\n"));
+}
+
 TEST(Trials, ALineOfTheJournalComesBackWhole) {
   for (const Trial& trial : plan(6, 14)) {
     const TrialResult result = made_up(trial);
