@@ -26,7 +26,8 @@ namespace {
 
 constexpr const char* kHeader =
     "perception,zone,seed,speed_m_per_s,error_m,outcome,clearance_m,time_s,length_m,run_time_s,"
-    "statements:occupied:probability in ten bins,mean_speed_m_per_s near a corner,risk,present,impact_m_per_s,"
+    "statements:occupied:probability in ten bins,mean_speed_m_per_s near a "
+    "corner,risk,present,impact_m_per_s,"
     "hardest_braking_m_per_s2,program\n";
 /// Of studies with a corner, after all the others.
 constexpr const char* kCornerColumn = ",mean_speed_m_per_s";
