@@ -210,7 +210,10 @@ void TrialJournal::add(const TrialResult& result) {
   results_.push_back(result);
 }
 
-std::string journal_line(const TrialResult& result) {
+namespace {
+
+/// A line of the journal without the program.
+std::string measured_line(const TrialResult& result) {
   const Trial& trial = result.trial;
   std::string line = trial.perception + "," + std::to_string(trial.zone) + "," +
                      std::to_string(trial.seed) + "," + exact(trial.speed) + "," +
@@ -229,8 +232,15 @@ std::string journal_line(const TrialResult& result) {
   } else if (result.corner_speed > 0) {
     line += "," + exact(result.corner_speed);
   }
-  if (!result.program.empty()) line += "," + result.program;
   return line + "\n";
+}
+
+}  // namespace
+
+std::string journal_line(const TrialResult& result) {
+  std::string line = measured_line(result);
+  if (!result.program.empty()) line.insert(line.size() - 1, "," + result.program);
+  return line;
 }
 
 TrialResult parse_journal_line(const std::string& line) {

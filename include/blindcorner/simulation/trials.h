@@ -43,7 +43,6 @@ struct TrialResult {
   /// m/s, while the vehicle was within DriveTrials::corner_radius of the corner; 0: it never was,
   /// or the study has no corner.
   double corner_speed = 0;
-  std::string program;  ///< that has driven it (program_name.h); empty: it kept no record
   /// Whether the next three were measured; journals of earlier versions have none of them.
   bool with_costs = false;
   bool present = false;        ///< whether there was a hidden object
@@ -52,6 +51,7 @@ struct TrialResult {
   /// What the map said of the cells of the hidden objects' search region, in the last frame before
   /// they came in sight; of those that it knew of by then.
   ReliabilityDiagram map{kMapBins};
+  std::string program{};  ///< that has driven it (program_name.h); empty: it kept no record
 
   bool reached() const { return outcome == "reached"; }
 };
