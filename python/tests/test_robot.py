@@ -113,6 +113,23 @@ def test_cells_are_occupied_where_the_answer_is(scene, result):
     assert setting.occupancy(robot.Moment(0.0)) is None
 
 
+def test_grids_hold_bodies_however_they_are_turned():
+    scene = bc.Scene.load(bc.bundled("street_turn.json"))
+    grid = robot.Grid.around(scene)
+    lower, upper = scene.bounds.T
+    for yaw in np.linspace(lower[2], upper[2], 9):
+        for x, y in [(lower[0], lower[1]), (upper[0], upper[1])]:
+            (found,) = robot.estimates(scene, robot.Hypothesis(1, np.array([x, y, yaw]), np.eye(3)))
+            cells = (found.footprint - [grid.x_m, grid.y_m]) / grid.cell_m
+            assert (cells >= 0).all() and (cells <= [grid.columns, grid.rows]).all()
+
+
+def test_names_become_topics():
+    naming = robot.Naming(prefix="front/corner")
+    assert naming.topic("blue plate", "pose") == "/front/corner/blue_plate/pose"
+    assert naming.topic("2nd", "pose") == "/front/corner/_2nd/pose"
+
+
 def test_zones_end_on_the_wall():
     scene = bc.Scene.load(bc.bundled("tmf8828_wall.json"))
     points = robot.zone_points(scene, scene.sensor_pose)
