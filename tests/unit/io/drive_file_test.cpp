@@ -87,6 +87,19 @@ TEST(DriveFile, SpeedModeRiskAndCornerAreRead) {
   EXPECT_EQ(read_drive(kScenes + "street_safe_drive.json").speed_mode, SpeedMode::safe);
 }
 
+TEST(DriveFile, ThePublishedControllerChoosesNoSpeed) {
+  EXPECT_EQ(read_changed([](json&) {}).controller, DriveController::own);
+  EXPECT_EQ(read_changed([](json& d) { d["controller"] = "published"; }).controller,
+            DriveController::published);
+  EXPECT_EQ(read_drive(kScenes + "published_turn_drive.json").controller,
+            DriveController::published);
+  EXPECT_THROW(read_changed([](json& d) {
+                 d["controller"] = "published";
+                 d["speed_mode"] = "safe";
+               }),
+               Error);
+}
+
 TEST(DriveFile, ARouteEndsAtAPointOrALine) {
   const Drive point = read_changed([](json&) {});
   EXPECT_FALSE(point.finish_line);

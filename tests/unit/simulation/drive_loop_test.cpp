@@ -11,6 +11,7 @@
 #include <map>
 #include <memory>
 
+#include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
 #include "blindcorner/forward/transport/forward_model.h"
 #include "blindcorner/simulation/perception.h"
@@ -360,6 +361,50 @@ TEST(SafeSpeedDrive, WhoKnowsThatNothingIsThereNeedNotSlowDown) {
   EXPECT_LT(results["oracle"].time, results["los"].time);
   drive.speed_mode = SpeedMode::wanted;  // what the mode costs is all of it
   EXPECT_LT(blind + 0.5, slowest_at_the_corner(drive, drive_through(drive, street, options)));
+}
+
+Drive published_turn() {
+  return read_drive(std::string(SOURCE_DIR) + "/scenes/published_turn_drive.json");
+}
+
+TEST(PublishedDrive, HoldsItsSpeedThroughAnEmptyTurn) {
+  Drive drive = published_turn();
+  drive.truth.present = 0;
+  const SimulatedSensor street(drive.scene);
+  DriveOptions options;
+  options.keep_pictures = false;
+  options.perception = "los";
+  options.speed = 8;
+  const DriveResult result = drive_through(drive, street, options);
+  EXPECT_EQ(result.outcome, DriveOutcome::reached);
+  for (const DriveFrame& frame : result.frames) {
+    EXPECT_NEAR(frame.vehicle.speed, 8, 0.8) << frame.time;
+    EXPECT_EQ(frame.braking_for, "");
+    EXPECT_EQ(frame.plan_text, "replan: published");
+  }
+}
+
+/// The cyclist is 0.6 m wide; on the map he is a disc of 1 m, whoever perceives him.
+TEST(PublishedDrive, TakesWhatIsHiddenForADisc) {
+  for (const bool published : {true, false}) {
+    Drive drive = published_turn();
+    drive.controller = published ? DriveController::published : DriveController::own;
+    drive.truth.components = {TrueComponent{6.5, 6.5}, TrueComponent{27.5, 27.5},
+                              TrueComponent{kPi / 2, kPi / 2}};
+    const SimulatedSensor street(drive.scene);
+    DriveOptions options;
+    options.keep_pictures = false;
+    options.keep_last_map = true;
+    options.perception = "oracle";
+    const DriveResult result = drive_through(drive, street, options);
+    const DriveFrame* last = last_map(result);
+    ASSERT_NE(last, nullptr);
+    const auto occupied = [&](double x, double y) {
+      return last->occupancy[drive.map.index(drive.map.cell_at({x, y}))];
+    };
+    EXPECT_GT(occupied(6.55, 27.55), 0.9);
+    EXPECT_EQ(occupied(7.2, 27.55) > 0.9, published);
+  }
 }
 
 }  // namespace
