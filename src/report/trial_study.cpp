@@ -9,6 +9,7 @@
 #include "blindcorner/io/atomic_file.h"
 #include "blindcorner/report/drive_report.h"
 #include "blindcorner/report/trials_page.h"
+#include "blindcorner/simulation/drive_limits.h"
 #include "blindcorner/simulation/drive_loop.h"
 #include "blindcorner/simulation/lit_drive.h"
 #include "blindcorner/simulation/perception.h"
@@ -115,6 +116,12 @@ std::vector<TrialResult> TrialStudy::results() const {
   std::vector<TrialResult> results = journal_.results();
   sort_trials(results);
   return results;
+}
+
+void TrialStudy::write_limits() const {
+  const std::string path = (fs::path(directory_) / "limits.json").string();
+  if (fs::exists(path) || !states_who_is_met(drive())) return;
+  write_atomically(path, limits_json(drive_limits(drive(), runner_.sensor())));
 }
 
 void TrialStudy::write_tables() const {
