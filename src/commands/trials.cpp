@@ -101,6 +101,7 @@ int run(const TrialsArguments& arguments) {
   const bool complete = run_open_trials(arguments, study);
   study.write_tables();
   if (complete) {
+    study.write_limits();
     const std::vector<Trial> wanted = study.missing_replays(arguments.replays);
     Progress progress("replays", wanted.size());
     for (const Trial& trial : wanted) {
@@ -142,7 +143,7 @@ void add_trials_command(CLI::App& app, int& exit_code) {
       ->capture_default_str();
   command
       .add_option("--perception", arguments->options.perceptions,
-                  "los, solver, cnn, cnn_wide, oracle, with commas between them")
+                  "los, los_cautious, solver, cnn, cnn_wide, oracle, with commas between them")
       ->delimiter(',')
       ->capture_default_str();
   command.add_option("--weights", arguments->weights,

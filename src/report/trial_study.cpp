@@ -11,6 +11,7 @@
 #include "blindcorner/report/result_file.h"
 #include "blindcorner/report/side_by_side.h"
 #include "blindcorner/report/trials_page.h"
+#include "blindcorner/simulation/drive_limits.h"
 #include "blindcorner/simulation/drive_loop.h"
 #include "blindcorner/simulation/lit_drive.h"
 #include "blindcorner/simulation/perception.h"
@@ -122,6 +123,12 @@ std::vector<TrialResult> TrialStudy::results() const {
   std::vector<TrialResult> results = journal_.results();
   sort_trials(results);
   return results;
+}
+
+void TrialStudy::write_limits() const {
+  const std::string path = (fs::path(directory_) / "limits.json").string();
+  if (fs::exists(path) || !states_who_is_met(drive())) return;
+  write_atomically(path, limits_json(drive_limits(drive(), runner_.sensor())));
 }
 
 void TrialStudy::write_tables() const {

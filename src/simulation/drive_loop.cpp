@@ -10,6 +10,7 @@
 #include <random>
 #include <utility>
 
+#include "blindcorner/planner/control/occluded_speed.h"
 #include "blindcorner/planner/control/path_follower.h"
 #include "blindcorner/planner/control/path_outlook.h"
 #include "blindcorner/planner/control/predicted_contact.h"
@@ -42,6 +43,10 @@ constexpr double kGivesUpAfter = 3.0;
 constexpr double kStands = 0.02;
 /// Braking that is hardly felt, a share of the friction limit.
 constexpr double kGentle = 0.05;
+/// Speeds for what may come from where nothing is seen are found anew so often, s.
+constexpr double kLooksAgain = 0.3;
+/// m before the start from which a vehicle that starts at speed has looked around already.
+constexpr double kLookedBefore = 20;
 /// Log likelihood ratio of a cell in which the known scene has a wall: a thousand to one.
 constexpr double kWallEvidence = 6.9;
 /// Frames of one drive draw their photons from seeds this far apart: a prime beyond their number.
@@ -93,6 +98,8 @@ class DriveLoop {
   void plan_as_published(const PlanningGrid& planning);
   void follow(const PlanUpdate& update);
   void limit_speed(const PlanningGrid& planning);
+  void limit_for_unseen(std::vector<double>& limits, double here);
+  void look_before_start();
   void step();
   void note_frame();
   bool finished();
@@ -132,9 +139,14 @@ class DriveLoop {
   Replanner replanner_;
   std::optional<PublishedController> published_;  ///< empty: this project's own planner drives
   std::optional<PathFollower> follower_;
-  std::optional<PathOutlook> outlook_;  ///< of the follower's path, where speed is chosen by it
-  bool brake_ = true;                   ///< no path to follow, or one that ends too soon
-  bool held_ = false;                   ///< by what it would touch beside its path
+  std::optional<PathOutlook> outlook_;   ///< of the follower's path, where speed is chosen by it
+  std::optional<LineOfSight> around_;    ///< of the same place, all round
+  std::optional<OccludedSpeed> unseen_;  ///< of who is expected where nothing is seen
+  std::vector<double> unseen_limits_;    ///< m/s, at the samples of the follower's path
+  double unseen_limits_time_ = 0;        ///< s
+  double unseen_time_ = 0;               ///< s
+  bool brake_ = true;                    ///< no path to follow, or one that ends too soon
+  bool held_ = false;                    ///< by what it would touch beside its path
   TrafficDecision traffic_;
   double acceleration_ = 0;  ///< m/s^2, asked for in the last control period
   std::mt19937_64 faults_;
@@ -189,8 +201,28 @@ DriveLoop::DriveLoop(const Drive& drive, const SimulatedSensor& sensor, const Dr
   passed_from_ = believed().position;
   if (drive.controller == DriveController::published) published_.emplace(limits_);
   mark_walls();
+  if (perception_->expects_unseen()) {
+    LineOfSightOptions all_round = sight_options(drive);
+    all_round.field_of_view = LineOfSightOptions{}.field_of_view;
+    around_.emplace(drive.scene, drive.map, all_round);
+    unseen_.emplace(*around_, drive.map, world_.wall_cells(), vehicle_.model().footprint(),
+                    drive.sensor.T_vehicle_sensor, occluded_speed_options(drive));
+    look_before_start();
+  }
   result_.wanted_speed = speed();
   result_.trace_step = kStep;
+}
+
+/// Who starts at speed has come straight on to here.
+void DriveLoop::look_before_start() {
+  const VehicleState start = believed();
+  const double step = drive_.vehicle.length / 2;
+  if (!(start.speed > 0)) return;
+  for (double before = kLookedBefore; before > 0; before -= step) {
+    VehicleState state = start;
+    state.position -= before * Vector2d(std::cos(start.yaw), std::sin(start.yaw));
+    unseen_->see(step / start.speed, state);
+  }
 }
 
 /// The known scene is in the map from the start.
@@ -282,6 +314,10 @@ void DriveLoop::take_frame(const SensedEvent& event) {
       T_world_vehicle(world_.believed(event.vehicle)) * drive_.sensor.T_vehicle_sensor;
   LineOfSightScan scan =
       sight_.scan(frame.T_world_sensor, world_.placements(event.capture_time), T_world_believed);
+  if (unseen_) {
+    unseen_->see(event.capture_time - unseen_time_, world_.believed(event.vehicle));
+    unseen_time_ = event.capture_time;
+  }
   AnswerEvent answer{event.capture_time, time_ + delay_, {}};
   if (!scan.object_hits.empty()) {
     frame.fate = FrameFate::in_sight;
@@ -397,16 +433,21 @@ void DriveLoop::follow(const PlanUpdate& update) {
   options.profile.end = update.action == PlanAction::stop ? 0.0 : speed();
   follower_.emplace(update.path.points, limits_, believed(), options);
   outlook_.reset();
+  unseen_limits_.clear();
 }
 
 /// Lowers the follower's speeds to those at which the steering follows, and from which the vehicle
 /// can stop for what may be there, and for what it would touch beside its path.
 void DriveLoop::limit_speed(const PlanningGrid& planning) {
-  if (!drive_.vehicle.brakes_for_curves) return;
+  if (!drive_.vehicle.brakes_for_curves && !unseen_) return;
   const std::vector<PathPoint>& path = follower_->path();
   const double here = nearest_arc_length(path, believed().position, path.front().arc_length,
                                          path.back().arc_length);
-  const std::vector<double> steerable = steerable_speeds(path, limits_, here, steered_curvature());
+  std::vector<double> steerable = steerable_speeds(path, limits_, here, steered_curvature());
+  if (!drive_.vehicle.brakes_for_curves) {
+    std::ranges::fill(steerable, std::numeric_limits<double>::infinity());
+  }
+  if (unseen_) limit_for_unseen(steerable, here);
   if (drive_.speed_mode != SpeedMode::safe) return follower_->limit_speed(steerable, believed());
   if (!outlook_) {
     outlook_.emplace(path, vehicle_.model().footprint(), drive_.sensor.T_vehicle_sensor, sight_,
@@ -428,6 +469,17 @@ void DriveLoop::limit_speed(const PlanningGrid& planning) {
   held_ = true;
   stop_at(path, *contact - safe_speed_options(drive_).margin, limits);
   follower_->limit_speed(limits, believed());
+}
+
+/// Lowers speeds at the samples of the follower's path to those from which the vehicle can stop for
+/// whoever may come from where it does not see.
+void DriveLoop::limit_for_unseen(std::vector<double>& limits, double here) {
+  if (unseen_limits_.empty() || time_ - unseen_limits_time_ >= kLooksAgain) {
+    unseen_limits_ = unseen_->limits(follower_->path(), here, speed(), limits_.friction);
+    unseen_limits_time_ = time_;
+  }
+  std::ranges::transform(limits, unseen_limits_, limits.begin(),
+                         [](double a, double b) { return std::min(a, b); });
 }
 
 /// The next point of the route, or the line behind its last one.
@@ -480,7 +532,8 @@ std::string DriveLoop::braking_for() const {
   if (brake_ || plan_text_.starts_with("stop")) return "no plan";
   if (traffic_.braking > 0) return traffic_.mover;
   if (held_) return "what it would touch beside its path";
-  return drive_.speed_mode == SpeedMode::safe ? "what may be hidden, or a curve" : "a curve";
+  return drive_.speed_mode == SpeedMode::safe || unseen_ ? "what may be hidden, or a curve"
+                                                         : "a curve";
 }
 
 bool DriveLoop::finished() {

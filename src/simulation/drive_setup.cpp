@@ -113,6 +113,21 @@ SafeSpeedOptions safe_speed_options(const Drive& drive) {
   return options;
 }
 
+OccludedSpeedOptions occluded_speed_options(const Drive& drive) {
+  OccludedSpeedOptions options;
+  options.speed = drive.closing_speed;
+  for (const auto* velocities : {&drive.truth.velocity, &drive.truth.velocity_upper}) {
+    for (const Eigen::Vector2d& v : *velocities) options.speed = std::max(options.speed, v.norm());
+  }
+  // Two frames: the first shows where somebody is, the second how fast he moves.
+  options.reaction_time = 2 / drive.sensor.rate + PathFollowerOptions{}.delay;
+  if (drive.sensor.late_share > 0) options.reaction_time += drive.sensor.late_by;
+  options.margin = std::min(options.margin, drive.vehicle.width / 6);
+  options.side_margin = kMargin * drive.vehicle.width / 2;
+  options.station_spacing = drive.vehicle.length / 2;
+  return options;
+}
+
 TrafficOptions traffic_options(const Drive& drive) {
   TrafficOptions options;
   options.risk = drive.traffic_risk;

@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "blindcorner/io/drive_file.h"
+#include "blindcorner/planner/control/occluded_speed.h"
 #include "blindcorner/planner/control/path_outlook.h"
 #include "blindcorner/planner/control/predicted_contact.h"
 #include "blindcorner/planner/control/safe_speed.h"
@@ -35,6 +36,9 @@ OccupancyOptions occupancy_options(const Drive& drive);
 
 /// Direct sight needs no perception: it acts with the next frame.
 SafeSpeedOptions safe_speed_options(const Drive& drive);
+
+/// Who is not seen may move as fast as the drive file's hidden objects do at most.
+OccludedSpeedOptions occluded_speed_options(const Drive& drive);
 
 /// Looks as far as a vehicle at the wanted speed needs to slow down and then to stop.
 TrafficOptions traffic_options(const Drive& drive);

@@ -17,11 +17,17 @@ namespace {
 
 class LineOfSightPerception final : public Perception {
  public:
+  explicit LineOfSightPerception(bool expects_unseen) : expects_unseen_(expects_unseen) {}
+
   PerceptionAnswer perceive(const Capture& /*capture*/, const Transform& /*T_world_sensor*/,
                             double /*time*/) override {
     return {};
   }
   bool needs_histograms() const override { return false; }
+  bool expects_unseen() const override { return expects_unseen_; }
+
+ private:
+  bool expects_unseen_;
 };
 
 class OraclePerception final : public Perception {
@@ -132,7 +138,11 @@ constexpr double kWideCnnDelay = 0.01;
 constexpr std::array kPerceptions = {
     Entry{"los",
           [](const PerceptionSetup& /*setup*/) -> std::unique_ptr<Perception> {
-            return std::make_unique<LineOfSightPerception>();
+            return std::make_unique<LineOfSightPerception>(false);
+          }},
+    Entry{"los_cautious",
+          [](const PerceptionSetup& /*setup*/) -> std::unique_ptr<Perception> {
+            return std::make_unique<LineOfSightPerception>(true);
           }},
     Entry{"solver", make_solver_perception},
     Entry{"cnn", make_cnn_perception, kCnnDelay},

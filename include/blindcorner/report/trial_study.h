@@ -70,6 +70,8 @@ class TrialStudy {
   /// In the order of files.
   std::vector<TrialResult> results() const;
 
+  /// limits.json, unless it is there, or the drive file does not say who is met (drive_limits.h).
+  void write_limits() const;
   /// trials.csv, and errors.csv where trials have injected errors.
   void write_tables() const;
   /// Failed trials, at most `most` of each perception, whose page is not there yet.

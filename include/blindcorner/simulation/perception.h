@@ -42,6 +42,9 @@ class Perception {
 
   /// Whether it looks at the histograms: nobody need sense them for one that does not.
   virtual bool needs_histograms() const { return true; }
+  /// Whether the vehicle drives as if somebody might come from wherever it does not see
+  /// (occluded_speed.h).
+  virtual bool expects_unseen() const { return false; }
   /// Hidden objects go to the map as discs of this radius, m; empty: as the scene's shapes.
   virtual std::optional<double> disc_radius() const { return std::nullopt; }
 };
@@ -60,6 +63,8 @@ struct PerceptionSetup {
 };
 
 /// "los": knows hidden objects only when they are in sight, so it never has anything to say itself.
+/// "los_cautious": the same, driving such that the vehicle can stop for whoever may come from where
+/// it does not see.
 /// "solver": the fit and its tracker. "cnn": the published network, whose answer is taken for
 /// certain and for a disc of 1 m, as published. "cnn_wide": the ensemble, with the covariance that
 /// it states. "oracle": the truth, within the known pose's

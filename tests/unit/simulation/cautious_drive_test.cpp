@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+// Drives of one who expects somebody wherever it does not see, over the crossing.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "blindcorner/simulation/drive_loop.h"
+
+namespace blindcorner {
+namespace {
+
+DriveResult run(const Drive& drive, const std::string& perception, double speed) {
+  static const SimulatedSensor sensor(drive.scene);
+  DriveOptions options;
+  options.perception = perception;
+  options.seed = 3;
+  options.speed = speed;
+  options.keep_pictures = false;
+  return drive_through(drive, sensor, options);
+}
+
+Drive crossing(double present) {
+  Drive drive = read_drive(std::string(SOURCE_DIR) + "/scenes/crossing_cyclist_drive.json");
+  drive.truth.present = present;
+  return drive;
+}
+
+TEST(CautiousDrive, SlowsDownForWhoMayComeAndDrivesOn) {
+  const Drive empty = crossing(0);
+  const DriveResult cautious = run(empty, "los_cautious", 10), los = run(empty, "los", 10);
+  EXPECT_EQ(cautious.outcome, DriveOutcome::reached);
+  EXPECT_NEAR(los.mean_speed, 10, 0.1);
+  EXPECT_LT(cautious.mean_speed, 9);
+  EXPECT_GT(cautious.mean_speed, 5);
+  const auto slowest = std::ranges::min_element(
+      cautious.frames, {}, [](const DriveFrame& frame) { return frame.vehicle.speed; });
+  EXPECT_LT(slowest->vehicle.position.x(), -5.5) << "before the corner";
+}
+
+TEST(CautiousDrive, StopsForWhoComesWhereDirectSightAloneIsTooLate) {
+  Drive drive = crossing(1);
+  drive.truth.velocity = {{0, 5.6}};
+  drive.truth.velocity_upper.clear();
+  drive.truth.meeting->spread = 0;
+  EXPECT_EQ(run(drive, "los", 15).outcome, DriveOutcome::collision);
+  EXPECT_EQ(run(drive, "los_cautious", 15).outcome, DriveOutcome::reached);
+}
+
+// Nobody moves: what is seen stays empty, and nobody stands on the lane.
+TEST(CautiousDrive, WhereNobodyMovesNothingIsLost) {
+  Drive drive = crossing(0);
+  drive.truth.velocity = {Eigen::Vector2d::Zero()};
+  drive.truth.velocity_upper.clear();
+  EXPECT_NEAR(run(drive, "los_cautious", 10).mean_speed, 10, 0.2);
+}
+
+}  // namespace
+}  // namespace blindcorner
