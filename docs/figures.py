@@ -108,9 +108,12 @@ def is_current(root, stored, depends):
 
 
 def age_of(root, stored, depends):
-    """How a page states the age of a run: THIS, or the version that the values are of."""
+    """How a page states the age of a run: THIS, or the version that the values are of; None where the
+    repository does not have the run's commit, so that nobody can tell."""
     if stored.get("version") is None:
         return EARLIER
+    if stored.get("commit") and git(root, "cat-file", "-e", stored["commit"] + "^{commit}").returncode:
+        return None
     if is_current(root, stored, depends):
         return THIS
     commit = stored.get("commit")
@@ -172,9 +175,9 @@ class Pages:
         text = stated(figure, stored["figures"][name], words)
         if "plain" in words or "bare" in words:
             return text
-        if not self.dated:
+        age = self.age(figure["run"]) if self.dated else None
+        if age is None:
             return written if written == text or written.startswith(text + " (of ") else text
-        age = self.age(figure["run"])
         return text if age == THIS else f"{text} ({age})"
 
     def line_states_age(self, text, match, run):
@@ -187,8 +190,9 @@ class Pages:
         if kind == "age":
             if name not in self.definitions["runs"]:
                 raise Problem(f"run {name} is not in docs/figures.json")
-            content = self.age(name) if self.dated else written
-            if self.dated and self.definitions["runs"][name].get("quiet") and is_busy(self.stored[name]):
+            age = self.age(name) if self.dated else None
+            content = written if age is None else age
+            if age is not None and self.definitions["runs"][name].get("quiet") and is_busy(self.stored[name]):
                 content += ", busy machine"
         else:
             content = self.value(name, words, written)
@@ -427,7 +431,7 @@ def command_list(root, _):
     pages = Pages(root)
     for name, run in pages.definitions["runs"].items():
         stored = pages.stored[name]
-        age = "never measured" if stored is None else pages.age(name)
+        age = "never measured" if stored is None else pages.age(name) or "of a commit that is not here"
         count = sum(figure["run"] == name for figure in pages.definitions["figures"].values())
         print(f"{name:28} {run['minutes']:7g} minutes  {count:3} figures  {age}")
     return 0

@@ -142,6 +142,17 @@ class Figures(unittest.TestCase):
         (self.root / "README.md").write_text(self.page().replace("4.0 cm", "3.0 cm"))
         self.figures("check", code=1)
 
+    def test_of_a_commit_that_is_not_here_ages_stay_as_they_are_written(self):
+        self.figures("run", "study")
+        self.figures("write")
+        path = self.root / "docs/figures/study.json"
+        stored = json.loads(path.read_text())
+        stored["commit"] = "0123abc"
+        path.write_text(json.dumps(stored))
+        (self.root / "source/model").write_text("3")
+        self.figures("check")
+        self.assertIn("of a commit that is not here", self.figures("list"))
+
     def test_what_cannot_be_read_is_one_line(self):
         definitions = json.loads(json.dumps(DEFINITIONS))
         definitions["figures"]["error"]["read"]["where"] = {"name": "c"}
