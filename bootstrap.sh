@@ -9,6 +9,8 @@ unset CDPATH
 usage() {
   cat <<'USAGE'
 usage: ./bootstrap.sh fit     install what is missing, build, fit the bundled capture (out/fit/result.html)
+       ./bootstrap.sh live    install what is missing, build, play a bundled recording and track it in the
+                              browser until Ctrl-C, as with a sensor
        ./bootstrap.sh test    install what is missing, build, run the tests
        ./bootstrap.sh python  install what is missing, build, test the Python package in a virtual
                               environment of its own (from PyPI; skipped where that cannot be reached),
@@ -114,9 +116,33 @@ build() {
   cmake --build --preset release --parallel "$1" --target "$2"
 }
 
+# Plays the bundled recording of a person who comes and goes, and tracks it: one sensor after another
+# would be read in the same way. Ctrl-C ends both.
+live() {
+  local program=build/release/blindcorner scene=scenes/person_vl53l8ch.json
+  local captures=scenes/captures log=out/live player="" port="${PORT:-8628}"
+  mkdir -p "$log"
+  "$program" replay "$captures/person_gone.exr" "$captures/person_walk.exr" --loop \
+    --listen tcp://127.0.0.1:0 >"$log/replay.txt" &
+  player=$!
+  # shellcheck disable=SC2064  # the number is known now
+  trap "kill $player 2>/dev/null || true" EXIT
+  trap ':' INT  # live ends by itself, and then this script
+  until [[ -s "$log/replay.txt" ]]; do
+    kill -0 "$player" 2>/dev/null || die "the recording could not be played"
+    sleep 0.1
+  done
+  if command -v xdg-open >/dev/null && [[ -n "${DISPLAY:-}${WAYLAND_DISPLAY:-}" ]]; then
+    (sleep 1 && xdg-open "http://127.0.0.1:$port/" >/dev/null 2>&1) &
+  fi
+  echo "Open http://127.0.0.1:$port/ in a browser; answers go to $PWD/$log/answers.jsonl; Ctrl-C ends it."
+  "$program" live "$scene" --input "$(head -n 1 "$log/replay.txt")" --empty-first 2 --port "$port" \
+    >"$log/answers.jsonl"
+}
+
 main() {
   case "${1:-}" in
-    fit | test | python) (($# == 1)) || { usage >&2; exit 2; } ;;
+    fit | live | test | python) (($# == 1)) || { usage >&2; exit 2; } ;;
     '' | -h | --help) usage; exit 0 ;;
     *) usage >&2; exit 2 ;;
   esac
@@ -128,6 +154,9 @@ main() {
     build "$jobs" blindcorner_program
     build/release/blindcorner fit scenes/tmf8828_wall.json scenes/captures/tmf8828_wall.exr -o out/fit
     echo "Page with the picture: $PWD/out/fit/result.html"
+  elif [[ "$1" == live ]]; then
+    build "$jobs" blindcorner_program
+    live
   elif [[ "$1" == python ]]; then
     install_packages python3-dev python3-venv
     build "$jobs" blindcorner_program -DBLINDCORNER_PYTHON_TEST=ON -DBLINDCORNER_PYTHON_EXTRAS=ON

@@ -9,17 +9,17 @@ namespace blindcorner::live {
 
 /// What of a request decides; empty: the request has no such part.
 struct RequestFacts {
-  std::string host;        ///< header Host
-  std::string origin;      ///< header Origin
-  std::string fetch_site;  ///< header Sec-Fetch-Site
-  std::string fetch_mode;  ///< header Sec-Fetch-Mode
-  std::string token;       ///< of the address, the cookie or the header Authorization
+  std::string host{};        ///< header Host
+  std::string origin{};      ///< header Origin
+  std::string fetch_site{};  ///< header Sec-Fetch-Site
+  std::string fetch_mode{};  ///< header Sec-Fetch-Mode
+  std::string token{};       ///< of the address, the cookie or the header Authorization
 };
 
 struct AccessRules {
   std::string address = "127.0.0.1";  ///< listened on
   int port = 0;
-  std::string token;  ///< empty: none is asked for, on this machine only
+  std::string token{};  ///< empty: none is asked for, on this machine only
 };
 
 /// Empty: welcome. Else why not. A page that a browser loaded from elsewhere cannot read this one,

@@ -13,7 +13,7 @@
   var MOST_POINTS = 3600;
   var latest = null, light = null, status = { counts: {}, state: "connecting" };
   var history = [];      // {time_s, presence_probability, pose, latency_ms}
-  var look = { log: false, paused: false };
+  var look = { log: false, paused: false, all: false };
 
   function finite(value) { return typeof value === "number" && isFinite(value); }
   function element(parent, tag, className, text) {
@@ -85,6 +85,7 @@
     });
   }
   toggle("Pause the pictures", "paused");
+  toggle("All the light", "all");
   toggle("Logarithmic counts", "log");
 
   var columns = element(root, "div", "columns");
@@ -118,9 +119,10 @@
   element(countSection, "h2", "", "Counts");
   var countList = element(countSection, "dl", "counts");
   var lightSection = element(root, "section");
-  element(lightSection, "h2", "", "Light: measured, fitted, and of the object");
+  element(lightSection, "h2", "", "Light in each zone");
+  var lightNote = element(lightSection, "p", "soft", "");
   var lightLegend = element(lightSection, "div", "legend");
-  [["--measured", "measured"], ["--model", "fitted"], ["--object", "of the object, over the rest"]]
+  [["--measured", "measured"], ["--model", "fitted"], ["--object", "of the object"]]
     .forEach(function (entry) {
       var item = element(lightLegend, "span");
       element(item, "i").style("background", "var(" + entry[0] + ")");
@@ -298,7 +300,9 @@
       element(zonesHolder, "p", "soft", "Nothing is tracked, so nothing is fitted.");
       return;
     }
-    var h = light.histograms, wide = widthIn(root, 1344);
+    lightNote.text(look.all ? "Counts in each bin, ambient and static light included."
+      : "Counts in each bin beyond the fitted ambient and static light: what the object adds.");
+    var h = light.histograms, wide = widthIn(zonesHolder, 1344);
     var across = Math.min(h.columns, wide < 640 ? (h.columns > 4 ? 2 : h.columns) : 8);
     zonesHolder.style("grid-template-columns", "repeat(" + across + ", minmax(0, 1fr))");
     var width = Math.floor((wide - 12 * (across - 1)) / across), height = wide < 640 ? 84 : 110;
@@ -310,9 +314,12 @@
       .attr("aria-label", "Zone " + zone.zone + ": measured and fitted counts");
     var first = zone.first_bin, end = Math.max(zone.end_bin, first + 1);
     var scale = function (v) { return look.log ? Math.log(1 + Math.max(0, v)) : v; };
-    var slice = function (list) { return list.slice(first, end).map(scale); };
+    var rest = zone.model.map(function (m, k) { return m - zone.object[k]; });
+    var slice = function (list) {
+      return list.map(function (v, k) { return look.all ? v : v - rest[k]; }).slice(first, end).map(scale);
+    };
     var measured = slice(zone.measured), model = slice(zone.model);
-    var rest = zone.model.map(function (m, k) { return m - zone.object[k]; }).slice(first, end).map(scale);
+    rest = slice(rest);
     var low = d3.min(measured.concat(model)), high = d3.max(measured.concat(model));
     if (!(high > low)) high = low + 1;
     var x = function (k) { return (width - 2) * k / (end - first) + 1; };

@@ -14,8 +14,8 @@ namespace blindcorner::live {
 
 struct ServerOptions {
   std::string address = "127.0.0.1";
-  int port = 8628;    ///< 0: any that is free
-  std::string token;  ///< empty: none is asked for
+  int port = 8628;      ///< 0: any that is free
+  std::string token{};  ///< empty: none is asked for
 
   /// Throws Error where others could read without a token.
   void validate() const;
@@ -23,9 +23,9 @@ struct ServerOptions {
 
 /// What is served: `/` the page, `/events` server-sent events, `/status.json`.
 struct Served {
-  std::string page;                       ///< HTML
-  std::function<std::string()> greeting;  ///< first events of a browser; may be empty
-  std::function<std::string()> status;    ///< JSON
+  std::string page{};                       ///< HTML
+  std::function<std::string()> greeting{};  ///< first events of a browser; may be empty
+  std::function<std::string()> status{};    ///< JSON
 };
 
 class PageServer {

@@ -14,10 +14,10 @@
 namespace blindcorner::live {
 
 struct RecorderOptions {
-  std::string path;  ///< of the first file, .exr; the next are <stem>_0002.exr and so on
+  std::string path{};  ///< of the first file, .exr; the next are <stem>_0002.exr and so on
   double bin_width = 0;
-  std::string sensor;
-  std::string description;
+  std::string sensor{};
+  std::string description{};
   /// Counts in one file, bytes; a file that is full is written and its frames are let go, so that
   /// memory is bounded by a file, the queue before it, and what writing takes.
   std::size_t most_bytes = 64UL << 20;

@@ -29,10 +29,24 @@ constexpr std::size_t kLeastEmpty = 4;
 constexpr int kMany = 1'000'000;
 /// Of the tracker's history: a live answer is never smoothed.
 constexpr int kLag = 1;
+/// Searches of the whole region at regular times may take this share of the time; and looking back
+/// at the frames of a young track this long, s. By judgement: frames are passed over meanwhile.
+constexpr double kSearchShare = 0.05;
+constexpr double kLookBack = 1.0;
 
 TrackerOptions tracker_options() {
   TrackerOptions options;
   options.lag = kLag;
+  return options;
+}
+
+/// What a search that takes `search_time` s leaves time for.
+TrackerOptions tracker_options_for(double search_time) {
+  TrackerOptions options = tracker_options();
+  options.search_interval = std::max(options.search_interval, search_time / kSearchShare);
+  // A look at a young track's frames takes about as long as a search, for each of them.
+  const double frames = kLookBack / std::max(search_time, 1e-6);
+  options.young_frames = static_cast<int>(std::min<double>(options.young_frames, frames));
   return options;
 }
 
@@ -126,6 +140,19 @@ void TrackingLoop::calibrate(const TellState& tell) {
   empty_ = {};
 }
 
+/// Does what the first frame would wait for, and sees how long a search takes.
+void TrackingLoop::prepare(const Capture& capture) {
+  try {
+    Clock::time_point begun{};
+    for (int i = 0; i < 2; ++i) {  // the first compiles
+      begun = Clock::now();
+      Tracker(*scene_, motion_, tracker_options()).advance(0, fitter_->frame(capture));
+    }
+    tracker_.emplace(*scene_, motion_, tracker_options_for(seconds(Clock::now() - begun)));
+  } catch (const std::exception&) {  // the answer says so
+  }
+}
+
 void TrackingLoop::measure_rate() {
   constexpr double kWindow = 1.0;
   const Clock::time_point now = Clock::now();
@@ -192,11 +219,7 @@ void TrackingLoop::run(Mailbox<Frame>& frames, const std::function<bool()>& stop
     if (!std::exchange(prepared, true)) {
       tell("preparing");
       if (!options_.every_frame) {
-        // What the first frame would wait for; by then there is a newer one.
-        try {
-          Tracker(*scene_, motion_, tracker_options()).advance(0, fitter_->frame(frame->capture));
-        } catch (const std::exception&) {  // the answer says so
-        }
+        prepare(frame->capture);
         if (auto newer = frames.take(0ms)) frame = std::move(newer);
       }
       tell("tracking");

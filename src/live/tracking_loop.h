@@ -67,6 +67,7 @@ class TrackingLoop {
   bool keep_empty(Frame& frame);
   void calibrate(const TellState& tell);
   void begin(const Scene& scene);
+  void prepare(const Capture& capture);
   std::shared_ptr<Answer> answer(const Frame& frame);
   void measure_rate();
 

@@ -35,8 +35,10 @@ std::vector<const Json*> zones_of(const Json& counts) {
   return zones;
 }
 
-/// Throws Json::exception or Error for what is none.
-Capture capture_of(const Json& object, const ImportOptions& options, const std::string& where) {
+/// Throws Json::exception or Error for what is none. Unless `stated` rows and columns are meant,
+/// another number of zones than theirs is a square: whoever knows the scene refuses it.
+Capture capture_of(const Json& object, const ImportOptions& options, bool stated,
+                   const std::string& where) {
   const Json& counts = object.at("counts");
   const std::vector<const Json*> zones = zones_of(counts);
   const std::size_t bins = zones.front()->size();
@@ -45,6 +47,9 @@ Capture capture_of(const Json& object, const ImportOptions& options, const std::
                               std::to_string(bins) + " bins, accepted: up to 4096 of 1 to 65536");
   }
   ImportOptions layout = options;
+  if (!stated && static_cast<std::size_t>(options.rows * options.columns) != zones.size()) {
+    layout.rows = layout.columns = 0;
+  }
   if (layout.rows == 0 && counts.size() != zones.size()) {
     layout.rows = static_cast<int>(counts.size());
     layout.columns = static_cast<int>(zones.size() / counts.size());
@@ -82,7 +87,7 @@ CaptureFile read(const ImportSource& source, const ImportOptions& options, Impor
     if (!line.text.starts_with('{')) continue;
     const std::string where = line_place(source.path(), line.number);
     try {
-      Capture capture = capture_of(Json::parse(line.text), options, where);
+      Capture capture = capture_of(Json::parse(line.text), options, true, where);
       const HistogramCube& first =
           file.captures.empty() ? capture.counts : file.captures.front().counts;
       if (capture.counts.values.size() != first.values.size() ||
@@ -116,7 +121,7 @@ class LineStream : public LineReader {
     }
     last_ = line.text;
     try {
-      yield.captures.push_back(capture_of(Json::parse(line.text), zones_, where));
+      yield.captures.push_back(capture_of(Json::parse(line.text), zones_, false, where));
     } catch (const std::exception& damage) {
       yield.notes.push_back({LineFault::damaged_line,
                              where + ": is damaged (" + damage.what() + "); the line is left out"});
