@@ -20,8 +20,8 @@ struct BezierCurve {
   std::array<Eigen::Vector2d, 4> control{Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero(),
                                          Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero()};  ///< m
 
-  /// At a parameter from 0 to 1.
-  Eigen::Vector2d at(double parameter) const;
+  /// At a parameter t from 0 to 1.
+  Eigen::Vector2d at(double t) const;
   /// Where it begins, 1/m, positive to the left; 0 where the first two points are the same.
   double first_curvature() const;
 };
