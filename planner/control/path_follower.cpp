@@ -126,10 +126,9 @@ FollowerOutput PathFollower::steer(const VehicleState& state) {
   return output;
 }
 
-FollowerOutput PathFollower::follow(const VehicleState& state) {
-  FollowerOutput output = steer(state);
+PathFollower::SpeedCommand PathFollower::speed_command(double arc_length, double speed) const {
   const double end = path_.back().arc_length;
-  const double ahead = arc_length_ + std::max(0.0, state.speed) * options_.delay;
+  const double ahead = arc_length + std::max(0.0, speed) * options_.delay;
   const auto after =
       std::upper_bound(path_.begin(), path_.end() - 1, ahead,
                        [](double s, const PathPoint& sample) { return s < sample.arc_length; });
@@ -138,25 +137,32 @@ FollowerOutput PathFollower::follow(const VehicleState& state) {
   const double length = std::max(path_[i].arc_length - path_[i - 1].arc_length, 1e-9);
   const double low = profile_[i - 1] * profile_[i - 1], high = profile_[i] * profile_[i];
   const double t = std::clamp((ahead - path_[i - 1].arc_length) / length, 0.0, 1.0);
-  output.target_speed = std::sqrt(low + t * (high - low));
-  double feed_forward = (high - low) / (2 * length);
+  SpeedCommand command{std::sqrt(low + t * (high - low)), (high - low) / (2 * length)};
   // dv/ds times the actual speed, so that a vehicle that became too slow does not stop short.
-  if (feed_forward < 0 && state.speed < output.target_speed) {
-    feed_forward *= std::max(0.0, state.speed) / output.target_speed;
+  if (command.feed_forward < 0 && speed < command.target) {
+    command.feed_forward *= std::max(0.0, speed) / command.target;
   }
   // Beyond a limit the profile rises again, but not for a vehicle that is still too fast.
-  if (limited_ && feed_forward > 0) {
-    feed_forward *= std::clamp(1 - (state.speed - output.target_speed) / kTooFast, 0.0, 1.0);
+  if (limited_ && command.feed_forward > 0) {
+    command.feed_forward *= std::clamp(1 - (speed - command.target) / kTooFast, 0.0, 1.0);
   }
+  if (ahead >= end) command.feed_forward = -limits_.friction;
+  return command;
+}
 
-  if (limits_.wheelbase == 0 && std::abs(output.heading_error) > kTurnFirst) {
-    output.target_speed = feed_forward = 0;
-  }
-  if (ahead >= end) feed_forward = -limits_.friction;
-  output.request.acceleration =
-      std::clamp(feed_forward + options_.speed_gain * (output.target_speed - state.speed),
-                 -limits_.friction, limits_.acceleration);
-  output.at_end = arc_length_ >= end - kArrivedWithin && std::abs(state.speed) <= kArrivedSpeed;
+double PathFollower::acceleration(const SpeedCommand& command, double speed) const {
+  return std::clamp(command.feed_forward + options_.speed_gain * (command.target - speed),
+                    -limits_.friction, limits_.acceleration);
+}
+
+FollowerOutput PathFollower::follow(const VehicleState& state) {
+  FollowerOutput output = steer(state);
+  SpeedCommand command = speed_command(arc_length_, state.speed);
+  if (limits_.wheelbase == 0 && std::abs(output.heading_error) > kTurnFirst) command = {};
+  output.target_speed = command.target;
+  output.request.acceleration = acceleration(command, state.speed);
+  output.at_end = arc_length_ >= path_.back().arc_length - kArrivedWithin &&
+                  std::abs(state.speed) <= kArrivedSpeed;
   return output;
 }
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 #include "blindcorner/forward/error.h"
 #include "planner/grid/spread_points.h"
@@ -71,17 +72,23 @@ class Traffic {
   struct Outcome {
     double probability = 0, time = 0;  ///< of touching a mover; s, mean, times the probability
     double damage = 0;                 ///< m^2/s^2, expected square of the speed of impact
+    double exposure = 0;               ///< m^2/s, its integral over the time in touch
     std::vector<double> of_mover;      ///< [movers] probability
   };
 
   /// `braking`: share of the friction limit; 0: as the follower's profile says.
-  Outcome of(double braking) const { return meetings(course(braking)); }
+  Outcome of(double braking) const { return meetings(course(braking), options_.margin); }
+  /// Of touching itself, not of coming nearer than the margin: the damage, and, of courses that
+  /// begin with a touch (bodies are discs, which bulge), how fast it goes on there.
+  std::pair<double, double> damage(double braking) const {
+    const Outcome outcome = meetings(course(braking), 0);
+    return {outcome.damage, outcome.exposure};
+  }
 
  private:
-  double profile_speed(double arc_length) const;
   PlanarPose pose_at(double arc_length) const;
   Course course(double braking) const;
-  Outcome meetings(const Course& course) const;
+  Outcome meetings(const Course& course, double margin) const;
 
   const PathFollower& follower_;
   const VehicleState& state_;
@@ -92,18 +99,6 @@ class Traffic {
   std::vector<std::vector<Sample>> samples_;
   double here_ = 0;  ///< m
 };
-
-double Traffic::profile_speed(double arc_length) const {
-  const std::vector<PathPoint>& path = follower_.path();
-  const auto after = std::ranges::upper_bound(path, arc_length, {}, &PathPoint::arc_length);
-  const auto i = static_cast<std::size_t>(
-      std::clamp<std::ptrdiff_t>(after - path.begin(), 1, std::ssize(path) - 1));
-  const double share = std::clamp(
-      (arc_length - path[i - 1].arc_length) / (path[i].arc_length - path[i - 1].arc_length), 0.0,
-      1.0);
-  const double low = follower_.profile()[i - 1], high = follower_.profile()[i];
-  return std::sqrt(low * low + share * (high * high - low * low));
-}
 
 /// Beyond its end a path goes straight on.
 PlanarPose Traffic::pose_at(double arc_length) const {
@@ -124,33 +119,34 @@ Course Traffic::course(double braking) const {
     if (braking > 0) {
       if (t >= options_.reaction_time) v = std::max(0.0, v - braking * friction_ * kStep);
     } else {
-      // At most what an engine gives: from standstill a profile begins with 0.
-      const double wanted = std::max(profile_speed(s), profile_speed(s + 0.5));
-      v = std::clamp(wanted, v - friction_ * kStep, v + 0.3 * friction_ * kStep);
+      v = std::max(0.0, v + follower_.acceleration_at(s, v) * kStep);
     }
     s += 0.5 * (before + v) * kStep;
   }
   return course;
 }
 
-Traffic::Outcome Traffic::meetings(const Course& course) const {
+Traffic::Outcome Traffic::meetings(const Course& course, double margin) const {
   Outcome outcome;
   for (std::size_t m = 0; m < movers_.size(); ++m) {
     const Mover& mover = movers_[m];
     const double weight = mover.probability / kSamples;
     double probability = 0;
     for (const Sample& sample : samples_[m]) {
+      bool met = false;
       for (std::size_t k = 0; k < course.poses.size(); ++k) {
         const double t = kStep * static_cast<double>(k);
         const Vector2d at =
             sample.position + t * sample.velocity + std::pow(t, 1.5) * sample.gained;
-        if (!touch(body_, course.poses[k], mover.body, {at, mover.pose.heading}, options_.margin)) {
+        if (!touch(body_, course.poses[k], mover.body, {at, mover.pose.heading}, margin)) {
           continue;
         }
+        const double squared = course.speeds[k] * course.speeds[k];
+        outcome.exposure += weight * squared * kStep;
+        if (std::exchange(met, true)) continue;
         probability += weight;
         outcome.time += weight * t;
-        outcome.damage += weight * course.speeds[k] * course.speeds[k];
-        break;
+        outcome.damage += weight * squared;
       }
     }
     outcome.of_mover.push_back(probability);
@@ -190,17 +186,18 @@ TrafficDecision decide_for_traffic(const PathFollower& follower, const VehicleSt
   decision.probability = on.probability;
   decision.time = on.time / on.probability;
   if (on.probability <= options.risk) return decision;
-  double least = on.damage;
   for (const double braking : kBraking) {
-    const Traffic::Outcome outcome = traffic.of(braking);
-    if (outcome.probability <= options.risk) {
-      decision.braking = braking >= options.comfortable ? braking : 0.0;
-      return decision;
-    }
-    if (outcome.damage < least) {
-      least = outcome.damage;
-      decision.braking = braking;
-    }
+    if (traffic.of(braking).probability > options.risk) continue;
+    decision.braking = braking >= options.comfortable ? braking : 0.0;
+    return decision;
+  }
+  // The margin cannot be kept: what counts is who is touched, and how fast.
+  std::pair<double, double> least = traffic.damage(0);
+  for (const double braking : kBraking) {
+    const std::pair<double, double> damage = traffic.damage(braking);
+    if (damage >= least) continue;
+    least = damage;
+    decision.braking = braking;
   }
   return decision;
 }

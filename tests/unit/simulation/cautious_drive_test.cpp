@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Drives of one who expects somebody wherever it does not see, over the crossing.
+// Drives over the crossing: of one who expects somebody wherever it does not see, and of one who is
+// told the truth where something is wrong with frames, map or road.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -53,6 +54,39 @@ TEST(CautiousDrive, WhereNobodyMovesNothingIsLost) {
   drive.truth.velocity_upper.clear();
   EXPECT_NEAR(run(drive, "los_cautious", 10).mean_speed, 10, 0.2);
 }
+
+class CrossingFaults : public ::testing::TestWithParam<double> {
+ protected:
+  CrossingFaults() : drive_(crossing(1)) {}
+  void expect_reached() {
+    EXPECT_EQ(run(drive_, "oracle", GetParam()).outcome, DriveOutcome::reached);
+  }
+  Drive drive_;
+};
+
+TEST_P(CrossingFaults, EveryThirdFrameIsMissing) {
+  drive_.sensor.missing_share = 0.33;
+  expect_reached();
+}
+
+TEST_P(CrossingFaults, EveryThirdFrameIsLate) {
+  drive_.sensor.late_share = 0.33;
+  drive_.sensor.late_by = 0.2;
+  expect_reached();
+}
+
+TEST_P(CrossingFaults, TheMapIsOffByTenCentimetresAndADegree) {
+  drive_.vehicle.localization_sigma = 0.1;
+  drive_.vehicle.localization_yaw_sigma = 0.01745;
+  expect_reached();
+}
+
+TEST_P(CrossingFaults, TheRoadIsSlippery) {
+  drive_.vehicle.friction = 0.3;
+  expect_reached();
+}
+
+INSTANTIATE_TEST_SUITE_P(Speeds, CrossingFaults, ::testing::Values(6.0, 10.0));
 
 }  // namespace
 }  // namespace blindcorner

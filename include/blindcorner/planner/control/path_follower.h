@@ -55,10 +55,21 @@ class PathFollower {
   /// The same steering, and the strongest braking that the friction circle leaves beside it.
   FollowerOutput stop(const VehicleState& state);
 
+  /// m/s^2 that it asks for where the vehicle is on the path with a speed, steering aside.
+  double acceleration_at(double arc_length, double speed) const {
+    return acceleration(speed_command(arc_length, speed), speed);
+  }
+
   const std::vector<PathPoint>& path() const { return path_; }
   const std::vector<double>& profile() const { return profile_; }  ///< m/s, at the samples
 
  private:
+  /// What the profile asks for: a speed, and the acceleration with which that changes.
+  struct SpeedCommand {
+    double target = 0, feed_forward = 0;
+  };
+  SpeedCommand speed_command(double arc_length, double speed) const;
+  double acceleration(const SpeedCommand& command, double speed) const;
   FollowerOutput steer(const VehicleState& state);
 
   std::vector<PathPoint> path_;

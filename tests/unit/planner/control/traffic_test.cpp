@@ -71,6 +71,39 @@ TEST_F(Traffic, BrakesUpToTheFrictionLimitWhereItIsTooLate) {
   EXPECT_EQ(decide(7, 0.7).braking, 1);
 }
 
+// Inside the margin all courses begin with a breach of it: what counts is that nobody is touched.
+TEST_F(Traffic, StopsWithinTheMarginToo) {
+  mover_.pose.heading = 0;  // 1.9 m along the car's way, and he crosses it slowly
+  mover_.velocity = {0, 0.6};
+  const TrafficDecision decision = decide(2.25 + 0.95 + 0.25, 0.2, 1);
+  EXPECT_GT(decision.braking, 0.2);
+}
+
+// Bodies are discs that bulge beyond corners: one that seems touched already is no reason to go on.
+TEST_F(Traffic, BrakesWhereDiscsTouchAlready) {
+  EXPECT_EQ(decide(2.25 + 0.3 + 0.1, 0.2, 1).braking, 1);
+}
+
+// From standstill it drives off as hard as its follower does, and would reach who is still there.
+TEST_F(Traffic, DrivesOffWhenTheWayIsClear) {
+  mover_.velocity = {0, 2};
+  EXPECT_GT(decide(3.5, 0, 14).probability, 0.9);
+  PathFollowerOptions options;
+  options.profile.speed = options.profile.end = 6;
+  VehicleState moving, standing;
+  moving.speed = 6;
+  const PathFollower follower(straight_path(100, 0.5), limits_, moving, options);
+  mover_.pose.position = {3.4, 0.2};
+  options_.comfortable = 0.05;
+  EXPECT_GT(
+      decide_for_traffic(follower, standing, body_, kFriction, {&mover_, 1}, options_).probability,
+      0.9)
+      << "0.9 m before him, at 5 m/s^2 that is 0.6 s; he is in the way for 0.5 s and the margin";
+  mover_.pose.position = {3.4, 1.6};
+  EXPECT_EQ(
+      decide_for_traffic(follower, standing, body_, kFriction, {&mover_, 1}, options_).braking, 0);
+}
+
 TEST_F(Traffic, WhatIsUnlikelyIsTaken) {
   mover_.probability = 0.01;
   EXPECT_EQ(decide(15, 1.5).braking, 0);
