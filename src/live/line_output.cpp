@@ -14,7 +14,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr auto kPatience = 100ms;
+constexpr auto kPipePatience = 100ms;
 constexpr auto kFarewell = 2s;
 /// A pipe that poll calls writable takes as many bytes at once without blocking (PIPE_BUF).
 constexpr std::size_t kPiece = 4096;
@@ -48,7 +48,7 @@ bool LineOutput::out_of_time() const { return end_ != 0 && now_ns() > end_; }
 
 void LineOutput::run() {
   while (!lines_.finished()) {
-    const std::optional<std::string> line = lines_.take(kPatience);
+    const std::optional<std::string> line = lines_.take(kPipePatience);
     if (!line) continue;
     if (broken_ || !write_all(*line)) tally_.add(Count::dropped_answers);
   }
@@ -60,7 +60,7 @@ bool LineOutput::write_all(const std::string& text) {
   while (done < text.size()) {
     if (out_of_time()) return false;
     pollfd waiting{fd_, POLLOUT, 0};
-    if (::poll(&waiting, 1, static_cast<int>(kPatience.count())) <= 0) continue;
+    if (::poll(&waiting, 1, static_cast<int>(kPipePatience.count())) <= 0) continue;
     const ssize_t size = ::write(fd_, text.data() + done, std::min(kPiece, text.size() - done));
     if (size >= 0) {
       done += static_cast<std::size_t>(size);

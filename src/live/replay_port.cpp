@@ -22,7 +22,7 @@
 namespace blindcorner::live {
 namespace {
 
-constexpr int kPatience = 100;  ///< ms between looks at whether to stop
+constexpr int kLookEvery = 100;  ///< ms between looks at whether to stop
 /// A reader that takes nothing for so long is let go, ms.
 constexpr int kDeaf = 2000;
 
@@ -34,8 +34,8 @@ Written write_all(int fd, std::string_view bytes, const std::function<bool()>& s
   while (!bytes.empty()) {
     if (stop()) return Written::stopped;
     pollfd waiting{fd, POLLOUT, 0};
-    if (::poll(&waiting, 1, kPatience) <= 0) {
-      waited += kPatience;
+    if (::poll(&waiting, 1, kLookEvery) <= 0) {
+      waited += kLookEvery;
       if (deaf > 0 && waited >= deaf) return Written::reader_gone;
       continue;
     }

@@ -19,7 +19,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr auto kPatience = 100ms;
+constexpr auto kFramePatience = 100ms;
 /// Empty frames that are kept, so that memory is bounded: a static background is then known to a
 /// sixteenth of one frame's noise, below what the noise of a later frame hides.
 constexpr std::size_t kMostEmpty = 256;
@@ -200,10 +200,10 @@ void TrackingLoop::run(Mailbox<Frame>& frames, const std::function<bool()>& stop
   bool prepared = false;
   while (!stop() && !frames.finished()) {
     if (const auto early = next - Clock::now(); early > 0ms) {
-      std::this_thread::sleep_for(std::min<Clock::duration>(early, kPatience));
+      std::this_thread::sleep_for(std::min<Clock::duration>(early, kFramePatience));
       continue;
     }
-    std::optional<Frame> frame = frames.take(kPatience);
+    std::optional<Frame> frame = frames.take(kFramePatience);
     if (!frame) continue;
     if (!first_arrival_) {
       first_arrival_ = frame->arrived;
