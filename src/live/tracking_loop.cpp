@@ -172,11 +172,16 @@ std::shared_ptr<Answer> TrackingLoop::answer(const Frame& frame) {
   answer->skipped = frame.number - last_number_ - 1;
   answer->arrived = frame.arrived;
   last_number_ = frame.number;
-  const double since = last_tracked_ ? std::max(answer->time - *last_tracked_, 0.0) : 0.0;
+  double since = last_tracked_ ? std::max(answer->time - *last_tracked_, 0.0) : 0.0;
+  if (options_.every_frame && last_tracked_) {
+    // Exactly what fit --track takes, so that both search in the same frames.
+    since = motion_.frame_interval * static_cast<double>(frame.number - last_tracked_number_);
+  }
   try {
     answer->result = track_frame(*fitter_, *tracker_, frame.capture, since);
     answer->result.track->time = answer->time;
     last_tracked_ = answer->time;
+    last_tracked_number_ = frame.number;
   } catch (const std::exception& error) {
     answer->result = FitResult{};
     answer->result.error = error.what();

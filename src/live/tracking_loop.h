@@ -83,6 +83,7 @@ class TrackingLoop {
   std::optional<Clock::time_point> first_arrival_;
   long last_number_ = -1;
   std::optional<double> last_tracked_;  ///< time of the last frame that was
+  long last_tracked_number_ = 0;
   Clock::time_point rate_since_{};
   long rate_answers_ = 0;
   double rate_ = 0;
