@@ -25,7 +25,7 @@ using nlohmann::json;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 
-const std::string kScene = std::string(SOURCE_DIR) + "/scenes/person_vl53l8ch.json";
+const std::string kLiveScene = std::string(SOURCE_DIR) + "/scenes/person_vl53l8ch.json";
 const std::string kWalk = std::string(SOURCE_DIR) + "/scenes/captures/person_walk.exr";
 const std::string kGone = std::string(SOURCE_DIR) + "/scenes/captures/person_gone.exr";
 constexpr std::size_t kWalkFrames = 40;
@@ -47,7 +47,7 @@ class LiveCli : public ::testing::Test {
   /// A shell command in which $B is the program and $D the test's folder.
   int shell(const std::string& command) const {
     const std::string all = std::string("B='") + PROGRAM + "' D='" + directory_.string() + "' S='" +
-                            kScene + "' W='" + kWalk + "'; " + command;
+                            kLiveScene + "' W='" + kWalk + "'; " + command;
     std::ofstream(path("script")) << all;
     const int status = std::system(("timeout 300 bash '" + path("script") + "'").c_str());
     return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
@@ -61,7 +61,7 @@ class LiveCli : public ::testing::Test {
     if (!lines.empty()) {
       EXPECT_EQ(lines.front()["format"], "blindcorner.live/1");
       EXPECT_EQ(lines.front()["unknowns"], json({"x_m", "y_m"}));
-      EXPECT_EQ(lines.front()["scene"], kScene);
+      EXPECT_EQ(lines.front()["scene"], kLiveScene);
       lines.erase(lines.begin());
     }
     return lines;
