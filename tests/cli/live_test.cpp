@@ -104,14 +104,16 @@ TEST_F(LiveCli, AFileIsTrackedFrameByFrameAsFitDoes) {
     EXPECT_EQ(lines[i]["mean"].is_null(), fitted[i]["mean"].is_null());
     if (lines[i]["mean"].is_null()) continue;
     bool same = true;
-    for (int k = 0; k < 2; ++k) {
+    for (std::size_t k = 0; k < 2; ++k) {
       const double live = lines[i]["mean"][k], fit = fitted[i]["mean"][k];
-      same = same && std::abs(live - fit) < 0.01;
+      const double sigma = std::sqrt(fitted[i]["covariance"][k][k].get<double>());
+      same = same && std::abs(live - fit) < 0.5 * sigma;
     }
     alike += same ? 1 : 0;
   }
-  // A capture file holds single precision, which decides now and then whether two modes are one.
-  EXPECT_GE(alike, 9 * fitted.size() / 10);
+  // Capture files hold single precision, and `fit` knows all captures beforehand: while several
+  // places explain a young track alike, the two keep somewhat different ones, and both say so.
+  EXPECT_GE(alike, 19 * fitted.size() / 20);
   EXPECT_THAT(text("err"), HasSubstr("ended: lines 1360, frames 80, answers 80"));
 }
 

@@ -39,6 +39,11 @@ TEST(SceneHints, BundledScenesNeedNone) {
     bool known = true;  // some leave to captures where their zones look
     for (const auto& point : sensor.relay_points) known = known && point.allFinite();
     if (!known) continue;
+    if (name == "aisle_crossing") {
+      // People come from farther down the cross aisle than the module's ten metres of path.
+      EXPECT_THAT(scene_hints(scene, sensor), ElementsAre(HasSubstr("after the last bin")));
+      continue;
+    }
     EXPECT_THAT(scene_hints(scene, sensor), IsEmpty()) << name;
   }
 }
