@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // Draws what `blindcorner live` sends: bird's-eye view, presence, light, counts. Needs D3 version 3,
-// the JSON in #data and server-sent events from the same server; no other network. Lengths are
+// poses.js, the JSON in #data and server-sent events from the same server; no other network. Lengths are
 // metres, angles radians.
 (function () {
   "use strict";
 
   var data = JSON.parse(document.getElementById("data").textContent);
   var scene = data.scene, objects = scene.objects, unknowns = data.unknowns;
-  var CHI2_95 = [0, 3.841, 5.991];  // 95 % quantiles of chi-square, by degrees of freedom
+  var poses = Poses(objects, unknowns), finite = poses.finite, place = poses.place;
+  var point = poses.point, eachObject = poses.eachObject;
+  var ellipse = poses.ellipse, placedObject = poses.placedObject;
   var TRAIL = 60;        // answers that the trail shows
   var MINUTE = 60;       // seconds that the curves show
   var MOST_POINTS = 3600;
@@ -15,7 +17,6 @@
   var history = [];      // {time_s, presence_probability, pose, latency_ms}
   var look = { log: false, paused: false, all: false };
 
-  function finite(value) { return typeof value === "number" && isFinite(value); }
   function element(parent, tag, className, text) {
     var node = parent.append(tag);
     if (className) node.attr("class", className);
@@ -35,39 +36,10 @@
 
   // ---------------------------------------------------------------- poses
 
-  function place(name, o) { return unknowns.indexOf(objects[o].prefix + name); }
-  function component(vector, name, o) {
-    var i = place(name, o);
-    return i >= 0 && vector && finite(vector[i]) ? vector[i] : objects[o].known[name];
-  }
-  function point(vector, o) { return [component(vector, "x_m", o), component(vector, "y_m", o)]; }
-  function covarianceOf(matrix, a, b, o) {
-    var i = place(a, o), j = place(b, o);
-    return i >= 0 && j >= 0 && matrix && finite(matrix[i][j]) ? matrix[i][j] : 0;
-  }
-  // 95 % ellipse of a mode in the x-y plane: half axes (m) and the long one's angle.
-  function ellipse(mode, o) {
-    var a = covarianceOf(mode.covariance, "x_m", "x_m", o);
-    var b = covarianceOf(mode.covariance, "x_m", "y_m", o);
-    var c = covarianceOf(mode.covariance, "y_m", "y_m", o);
-    var half = Math.sqrt((a - c) * (a - c) / 4 + b * b);
-    var k = CHI2_95[(place("x_m", o) >= 0 ? 1 : 0) + (place("y_m", o) >= 0 ? 1 : 0)];
-    return { long: Math.sqrt(Math.max(0, k * ((a + c) / 2 + half))),
-             short: Math.sqrt(Math.max(0, k * ((a + c) / 2 - half))),
-             angle: Math.atan2(2 * b, a - c) / 2 };
-  }
-  function placedObject(vector, o) {
-    var at = point(vector, o), yaw = component(vector, "yaw_rad", o), size = component(vector, "size", o);
-    var c = Math.cos(yaw) * size, s = Math.sin(yaw) * size;
-    return objects[o].outline.map(function (p) {
-      return [at[0] + c * p[0] - s * p[1], at[1] + s * p[0] + c * p[1]];
-    });
-  }
   function bounds(name, o) {
     var i = place(name, o), known = objects[o].known[name];
     return i >= 0 ? scene.bounds[i] : [known, known];
   }
-  function eachObject(draw) { objects.forEach(function (unused, o) { draw(o); }); }
 
   // ---------------------------------------------------------------- what stands on the page
 

@@ -402,6 +402,29 @@ var DriveMap = (function () {
              forgetGrid: function () { gridFrame = -1; } };
   }
 
+  // Lets a page's clock run while its button says "Pause". `clock` is the page's own: now(),
+  // duration() (s), rate() (seconds in a second), and show(time), which draws.
+  function player(clock, button) {
+    var playing = false, last = null;
+    function tick(stamp) {
+      if (!playing) return;
+      var passed = last !== null ? clock.rate() * (stamp - last) / 1000 : 0;
+      last = stamp;
+      clock.show(Math.min(clock.duration(), clock.now() + passed));
+      if (clock.now() >= clock.duration()) set(false); else window.requestAnimationFrame(tick);
+    }
+    function set(on) {
+      if (on === playing) return;
+      if (on && clock.now() >= clock.duration()) clock.show(0);
+      playing = on; last = null;
+      button.textContent = on ? "Pause" : "Play";
+      if (on) window.requestAnimationFrame(tick);
+    }
+    function toggle() { set(!playing); }
+    button.onclick = toggle;
+    return { set: set, toggle: toggle };
+  }
+
   return { painter: painter, readColours: readColours, dark: dark, element: element, drawn: drawn,
-           explain: explain };
+           explain: explain, player: player };
 })();

@@ -300,7 +300,7 @@
     cursor = drawn(svg, "line", { "class": "cursor", y1: TOP - 14, y2: bottom + 4 });
     svg.onpointerdown = svg.onpointermove = function (event) {
       if (!event.buttons) return;
-      setPlaying(false);
+      player.set(false);
       var x = event.clientX - svg.getBoundingClientRect().left;
       goTo(duration * (x - LEFT) / (width - LEFT - RIGHT));
     };
@@ -348,7 +348,14 @@
 
   // ---------------------------------------------------------------- playing
 
-  var now = 0, playing = false, rate = 1, last = null, shown = -1;
+  var now = 0, rate = 1, shown = -1;
+  var player = DriveMap.player({
+    now: function () { return now; },
+    duration: function () { return duration; },
+    rate: function () { return rate; },
+    show: function (time) { now = time; draw(); }
+  }, play);
+
   function layout() {
     ratio = window.devicePixelRatio || 1;
     var wide = mapCard.clientWidth;
@@ -370,24 +377,9 @@
     slider.value = now;
     clock.textContent = now.toFixed(1) + " / " + duration.toFixed(1) + " s";
   }
-  function tick(stamp) {
-    if (!playing) return;
-    if (last !== null) now = Math.min(duration, now + rate * (stamp - last) / 1000);
-    last = stamp;
-    draw();
-    if (now >= duration) setPlaying(false); else window.requestAnimationFrame(tick);
-  }
-  function setPlaying(on) {
-    if (on === playing) return;
-    if (on && now >= duration) now = 0;
-    playing = on; last = null;
-    play.textContent = on ? "Pause" : "Play";
-    if (on) window.requestAnimationFrame(tick);
-  }
   function goTo(time) { now = Math.max(0, Math.min(duration, time)); draw(); }
-  function jump(time) { setPlaying(false); goTo(time); }
+  function jump(time) { player.set(false); goTo(time); }
 
-  play.onclick = function () { setPlaying(!playing); };
   slider.oninput = function () { jump(+slider.value); };
   speed.onchange = function () { rate = +speed.value; };
   var found = painter.moments();
@@ -404,7 +396,7 @@
   document.onkeydown = function (event) {
     var i = frameAt(now), tag = event.target.tagName;
     if (event.ctrlKey || event.altKey || event.metaKey || tag === "SELECT") return;
-    if (event.key === " " && tag !== "BUTTON") setPlaying(!playing);
+    if (event.key === " " && tag !== "BUTTON") player.toggle();
     else if (event.key === "ArrowRight") jump(frames[Math.min(i + 1, frames.length - 1)].time_s);
     else if (event.key === "ArrowLeft") jump(frames[Math.max(i - 1, 0)].time_s);
     else if (event.key === "Home") jump(0);
@@ -421,5 +413,5 @@
   var wanted = /t=([0-9.]+)/.exec(window.location.hash);
   var still = window.matchMedia("(prefers-reduced-motion: reduce)").matches;
   goTo(wanted ? +wanted[1] : still ? found.matters : 0);
-  if (!wanted && !still) setPlaying(true);
+  if (!wanted && !still) player.set(true);
 })();

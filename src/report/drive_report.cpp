@@ -428,7 +428,7 @@ std::string drive_page(const Drive& drive, const DriveOptions& options, const Dr
                      {"pictures", pictures}};
   return script_page(
       drive.name, data["drive"]["headline"], dump_json(data),
-      {.style = "drive_page.css", .library = "drive_map.js", .script = "drive_page.js"});
+      {.style = "drive_page.css", .libraries = {"drive_map.js"}, .script = "drive_page.js"});
 }
 
 }  // namespace blindcorner

@@ -88,13 +88,18 @@ std::string plain_page(const std::string& title, const std::string& headline,
   return page + with_scrolling_tables(body) + "</body></html>\n";
 }
 
+/// Ends one script after another; the tag of the last stays open for what the data need.
+void add_libraries(const PageAssets& assets, std::string& page) {
+  for (const std::string_view library : assets.libraries) {
+    page += ">\n";
+    page.append(embedded::report_asset(library)) += "\n</script>\n<script";
+  }
+}
+
 std::string script_part(const std::string& id, const std::string& data, const PageAssets& assets) {
   std::string part = "<style>\n";
   part.append(embedded::report_asset(assets.style)) += "</style>\n<script";
-  if (!assets.library.empty()) {
-    part += ">\n";
-    part.append(embedded::report_asset(assets.library)) += "</script>\n<script";
-  }
+  add_libraries(assets, part);
   part += " type=\"application/json\" id=\"" + html_safe(id) + "\">" + script_safe(data);
   part.append("</script>\n<script>\n").append(embedded::report_asset(assets.script));
   return part + "</script>\n";
@@ -107,11 +112,7 @@ std::string script_page(const std::string& title, const std::string& headline,
   page +=
       "</style>\n</head>\n<body>\n<main id=\"page\"></main>\n<noscript>This page draws its "
       "pictures with JavaScript.</noscript>\n<script";
-  if (!assets.library.empty()) {
-    page += ">\n";
-    page += embedded::report_asset(assets.library);
-    page += "\n</script>\n<script";
-  }
+  add_libraries(assets, page);
   page += " type=\"application/json\" id=\"data\">" + script_safe(data);
   page += "</script>\n<script>\n";
   page += embedded::report_asset(assets.script);

@@ -4,6 +4,7 @@
 
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace blindcorner {
 
@@ -21,8 +22,8 @@ std::string plain_page(const std::string& title, const std::string& headline,
 /// Names of the files that are embedded into the program for a page.
 struct PageAssets {
   std::string_view style;
-  std::string_view library;  ///< a script that stands before the data; empty: none
-  std::string_view script;   ///< draws the data into the element "page"
+  std::vector<std::string_view> libraries;  ///< scripts that stand before the data
+  std::string_view script;                  ///< draws the data into the element "page"
 };
 
 /// What stands for a part of a plain page that a script draws: its style, its data (JSON, in an

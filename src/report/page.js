@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Draws the result of a fit: bird's-eye view, histograms, tables. Needs D3 version 3 and the JSON
+// Draws the result of a fit: bird's-eye view, histograms, tables. Needs D3 version 3, poses.js and the JSON
 // in #data; no network. Lengths are metres, angles radians.
 (function () {
   "use strict";
@@ -9,6 +9,9 @@
   var captures = data.result.captures;
   var objects = scene.objects;
   var unknowns = data.result.unknowns;
+  var poses = Poses(objects, unknowns), finite = poses.finite, place = poses.place;
+  var point = poses.point, freeInPlane = poses.freeInPlane;
+  var eachObject = poses.eachObject, ellipse = poses.ellipse, placedObject = poses.placedObject;
   // By meaning, the same on all pages and in the dark (theme.css).
   var COLOUR = {
     heaviest: "var(--found)", rival: "var(--rival)", truth: "var(--truth)", relay: "var(--relay)",
@@ -19,7 +22,6 @@
   };
   // Dark to light through blue and green to yellow: monotone in lightness.
   var TRACK = ["#30123b", "#3b528b", "#21918c", "#5ec962", "#d8c419"];
-  var CHI2_95 = [0, 3.841, 5.991];  // 95 % quantiles of chi-square, by degrees of freedom
 
   var chosen = 0;    // index into captures
   var inJoint = 0;   // capture within a joint fit
@@ -28,7 +30,6 @@
 
   // ---------------------------------------------------------------- numbers and words
 
-  function finite(value) { return typeof value === "number" && isFinite(value); }
   function unit(name) { return /_m$/.test(name) ? "m" : /_rad$/.test(name) ? "rad" : ""; }
   // Readers get degrees.
   function shownUnit(name) { return unit(name) === "rad" ? "°" : unit(name); }
@@ -82,45 +83,13 @@
 
   // ---------------------------------------------------------------- poses
 
-  // Place of an object's component among the unknowns; -1: it is known.
-  function place(name, o) { return unknowns.indexOf(objects[o].prefix + name); }
-  // Value and variance of a component in x, y, ...: of the unknown, or the known placement.
-  function component(vector, name, o) {
-    var i = place(name, o);
-    return i >= 0 && vector && finite(vector[i]) ? vector[i] : objects[o].known[name];
-  }
-  function point(vector, o) { return [component(vector, "x_m", o), component(vector, "y_m", o)]; }
-  function covarianceOf(matrix, a, b, o) {
-    var i = place(a, o), j = place(b, o);
-    return i >= 0 && j >= 0 && matrix && finite(matrix[i][j]) ? matrix[i][j] : 0;
-  }
-  function freeInPlane(o) { return (place("x_m", o) >= 0 ? 1 : 0) + (place("y_m", o) >= 0 ? 1 : 0); }
   // A mode may do without an object of several: its values are null.
   function holds(vector, o) {
     return unknowns.every(function (name, i) {
       return name.indexOf(objects[o].prefix) !== 0 || objects.length === 1 || finite(vector[i]);
     });
   }
-  function eachObject(draw) { objects.forEach(function (unused, o) { draw(o); }); }
 
-  // 95 % ellipse of a mode in the x-y plane: half axes (m) and the long one's angle.
-  function ellipse(mode, o) {
-    var a = covarianceOf(mode.covariance, "x_m", "x_m", o);
-    var b = covarianceOf(mode.covariance, "x_m", "y_m", o);
-    var c = covarianceOf(mode.covariance, "y_m", "y_m", o);
-    var half = Math.sqrt((a - c) * (a - c) / 4 + b * b);
-    var k = CHI2_95[freeInPlane(o)];
-    return { long: Math.sqrt(Math.max(0, k * ((a + c) / 2 + half))),
-             short: Math.sqrt(Math.max(0, k * ((a + c) / 2 - half))),
-             angle: Math.atan2(2 * b, a - c) / 2 };
-  }
-  function placedObject(vector, o) {
-    var at = point(vector, o), yaw = component(vector, "yaw_rad", o), size = component(vector, "size", o);
-    var c = Math.cos(yaw) * size, s = Math.sin(yaw) * size;
-    return objects[o].outline.map(function (p) {
-      return [at[0] + c * p[0] - s * p[1], at[1] + s * p[0] + c * p[1]];
-    });
-  }
   function objectOf(name) {
     for (var o = 0; o < objects.length; ++o) {
       if (objects[o].prefix && name.indexOf(objects[o].prefix) === 0) return o;

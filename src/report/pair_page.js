@@ -49,7 +49,7 @@
 
   // ---------------------------------------------------------------- drives
 
-  var pair, sides, duration, now = 0, playing = false, rate = 1, last = null, cursor;
+  var pair, sides, duration, now = 0, rate = 1, cursor;
 
   // One drive's map, and the line below that says what happens.
   function sideOf(replay, k) {
@@ -70,7 +70,7 @@
   }
   function choose(k) {
     pair = pairs[k];
-    setPlaying(false);
+    player.set(false);
     panels.textContent = "";
     headline.textContent = pair.headline;
     sides = pair.drives.map(sideOf);
@@ -183,6 +183,13 @@
 
   // ---------------------------------------------------------------- playing
 
+  var player = DriveMap.player({
+    now: function () { return now; },
+    duration: function () { return duration; },
+    rate: function () { return rate; },
+    show: function (time) { now = time; draw(); }
+  }, play);
+
   function layout() {
     var ratio = window.devicePixelRatio || 1, lower = pair.lower_m, upper = pair.upper_m;
     sides.forEach(function (side) {
@@ -208,33 +215,18 @@
     cursor.setAttribute("x1", timeX(now)); cursor.setAttribute("x2", timeX(now));
     clock.textContent = now.toFixed(1) + " / " + duration.toFixed(1) + " s";
   }
-  function tick(stamp) {
-    if (!playing) return;
-    if (last !== null) now = Math.min(duration, now + rate * (stamp - last) / 1000);
-    last = stamp;
-    draw();
-    if (now >= duration) setPlaying(false); else window.requestAnimationFrame(tick);
-  }
-  function setPlaying(on) {
-    if (on === playing) return;
-    if (on && now >= duration) now = 0;
-    playing = on; last = null;
-    play.textContent = on ? "Pause" : "Play";
-    if (on) window.requestAnimationFrame(tick);
-  }
   function jump(time) {
-    setPlaying(false);
+    player.set(false);
     now = Math.max(0, Math.min(duration, time));
     draw();
   }
 
-  play.onclick = function () { setPlaying(!playing); };
   slider.oninput = function () { jump(+slider.value); };
   speed.onchange = function () { rate = +speed.value; };
   chooser.onchange = function () { now = 0; choose(+chooser.value); jump(matters()); };
   root.onkeydown = function (event) {
     if (event.key !== " " || /BUTTON|SELECT|A/.test(event.target.tagName)) return;
-    setPlaying(!playing);
+    player.toggle();
     event.preventDefault();
   };
   DriveMap.dark.addEventListener("change", function () { DriveMap.readColours(); draw(); });
@@ -246,5 +238,5 @@
   var wanted = /t=([0-9.]+)/.exec(window.location.hash);
   var still = !data.plays || window.matchMedia("(prefers-reduced-motion: reduce)").matches;
   jump(wanted ? +wanted[1] : still ? matters() : 0);
-  if (!wanted && !still) setPlaying(true);
+  if (!wanted && !still) player.set(true);
 })();

@@ -86,8 +86,9 @@ json replay_pair(json first, json second, const std::pair<std::string, std::stri
 std::string side_by_side_part(const json& pairs) {
   return "<div id=\"side-by-side\" tabindex=\"-1\"></div>\n<noscript>The replay needs "
          "JavaScript.</noscript>\n" +
-         script_part("pairs", dump_json({{"pairs", pairs}, {"plays", false}}),
-                     {.style = "pair.css", .library = "drive_map.js", .script = "pair_page.js"});
+         script_part(
+             "pairs", dump_json({{"pairs", pairs}, {"plays", false}}),
+             {.style = "pair.css", .libraries = {"drive_map.js"}, .script = "pair_page.js"});
 }
 
 std::string side_by_side_page(const std::string& title, const json& pairs) {
@@ -95,8 +96,9 @@ std::string side_by_side_page(const std::string& title, const json& pairs) {
       title, pairs.at(0).at("headline"),
       "<div id=\"side-by-side\" tabindex=\"-1\"></div>\n<noscript>The replay needs "
       "JavaScript.</noscript>\n" +
-          script_part("pairs", dump_json({{"pairs", pairs}, {"plays", true}}),
-                      {.style = "pair.css", .library = "drive_map.js", .script = "pair_page.js"}));
+          script_part(
+              "pairs", dump_json({{"pairs", pairs}, {"plays", true}}),
+              {.style = "pair.css", .libraries = {"drive_map.js"}, .script = "pair_page.js"}));
 }
 
 std::optional<std::pair<std::string, std::string>> telling_perceptions(

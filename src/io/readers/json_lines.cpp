@@ -158,9 +158,7 @@ CaptureReader json_lines_reader() {
           .recognise = recognise,
           .read = read,
           .recognise_line = recognise_line,
-          .lines = [](const LineOptions& options) -> std::unique_ptr<LineReader> {
-            return std::make_unique<LineStream>(options);
-          },
+          .lines = stream_of<LineStream>,
           .print = print};
 }
 

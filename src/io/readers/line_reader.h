@@ -3,6 +3,7 @@
 /// this beside reading a whole file, with the same code for a line.
 #pragma once
 
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -51,5 +52,11 @@ class LineReader {
   /// The stream was interrupted: what comes next does not follow what came before.
   virtual void interrupt(LineYield& yield) = 0;
 };
+
+/// A `CaptureReader::lines` that makes streams of one kind.
+template <typename Stream>
+std::unique_ptr<LineReader> stream_of(const LineOptions& options) {
+  return std::make_unique<Stream>(options);
+}
 
 }  // namespace blindcorner

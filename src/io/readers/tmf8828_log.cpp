@@ -430,9 +430,7 @@ CaptureReader tmf8828_log_reader() {
           .recognise = recognise,
           .read = read,
           .recognise_line = recognise_line,
-          .lines = [](const LineOptions& options) -> std::unique_ptr<LineReader> {
-            return std::make_unique<LogStream>(options);
-          },
+          .lines = stream_of<LogStream>,
           .print = print};
 }
 

@@ -414,9 +414,7 @@ CaptureReader tmf8829_json_reader() {
       .recognise = recognise,
       .read = read,
       .recognise_line = recognise_line,
-      .lines = [](const LineOptions& options) -> std::unique_ptr<LineReader> {
-        return std::make_unique<LineStream>(options);
-      },
+      .lines = stream_of<LineStream>,
       .print = print};
 }
 

@@ -446,9 +446,7 @@ CaptureReader tmf882x_lines_reader() {
           .recognise = recognise,
           .read = read,
           .recognise_line = recognise_line,
-          .lines = [](const LineOptions& options) -> std::unique_ptr<LineReader> {
-            return std::make_unique<LineStream>(options);
-          }};
+          .lines = stream_of<LineStream>};
 }
 
 }  // namespace blindcorner

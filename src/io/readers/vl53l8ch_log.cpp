@@ -306,9 +306,7 @@ CaptureReader vl53l8ch_log_reader() {
           .recognise = recognise,
           .read = read,
           .recognise_line = recognise_line,
-          .lines = [](const LineOptions& options) -> std::unique_ptr<LineReader> {
-            return std::make_unique<LogStream>(options);
-          },
+          .lines = stream_of<LogStream>,
           .print = print};
 }
 
