@@ -215,7 +215,7 @@ struct Limits {
   double rule_share;    ///< of all light: a relay cell that has no more does with next to no points
   double object_angle;  ///< the same of the object
 
-  Limits(const SamplingNeeds& needs, double coarse, const HiddenObject& object)
+  Limits(const SamplingNeeds& needs, double coarse)
       : coarseness(coarse), pulse_sigma(needs.pulse_sigma) {
     // Six axes share each limit: two each of what is lit, what is seen and the object.
     constexpr double kAxes = 6;
@@ -228,11 +228,6 @@ struct Limits {
     rule_spread = coarseness * kRuleSpread * needs.pulse_sigma / std::sqrt(digits);
     rule_share = tolerance * std::pow(coarseness, 3);
     object_angle = coarseness * kObjectRuleAngle / digits;
-    if (needs.kernel == Kernel::retro_pairs) {
-      // A patch stands for a Gaussian within the lobe: it must not be wide against it.
-      const double sigma = std::get<RetroreflectiveMaterial>(object.material).lobe_sigma;
-      aspect = std::min(aspect, coarseness * kLobePatch * sigma);
-    }
   }
 };
 
@@ -247,12 +242,18 @@ class RelaySampler {
  public:
   RelaySampler(const SensorView& view, const SamplingNeeds& needs)
       : view_(view),
-        limits_(needs, needs.sampling_step.relay, view.transport->scene.hidden),
+        limits_(needs, needs.sampling_step.relay),
         objects_(view.transport->T_world_probes),
         single_(needs.kernel == Kernel::retro_single),
         rules_(needs.kernel == Kernel::lambertian),
         pairs_(needs.kernel == Kernel::retro_pairs),
-        negligible_(needs.keep_dim_patches ? 0.0 : kNegligible * needs.tolerance) {}
+        negligible_(needs.keep_dim_patches ? 0.0 : kNegligible * needs.tolerance) {
+    if (!pairs_) return;
+    // A patch stands for a Gaussian within the lobe: it must not be wide against it.
+    const auto& material = std::get<RetroreflectiveMaterial>(view.transport->scene.hidden.material);
+    limits_.aspect =
+        std::min(limits_.aspect, limits_.coarseness * kLobePatch * material.lobe_sigma);
+  }
 
   void sample(Sampling& into) {
     const int zones = view_.transport->scene.sensor.zone_count();
@@ -360,14 +361,17 @@ class RelaySampler {
 /// Patches as the object sees them at a probed placement, in its own frame, in lanes.
 struct SeenFromObject {
   std::vector<double> x, y, z, counts;
+  std::vector<double> nx, ny, nz;  ///< normals
+  std::vector<double> light;       ///< that the patch sends to the detector, up to a constant
   /// m^2: a patch stands for several, which spread by that much. A placement that happens to touch
   /// the one is no nearer to the light.
   std::vector<double> nearest2;
   double size = 1;
 };
 
-/// Light that a cell would exchange, and that times the squared changes of the path and of the
-/// direction over the cell.
+/// Light that a cell with a lobe would exchange, and that times the squared changes of the path and
+/// of the direction over the cell. The lobe sends what comes from a patch back to around it, so one
+/// form factor counts.
 struct CellSums {
   double weight = 0, path = 0, angle = 0;
 };
@@ -388,7 +392,9 @@ BLINDCORNER_MULTIVERSION void add_cell(const SurfaceCell& cell, const SeenFromOb
       const double x = from.x[i + k] - cx, y = from.y[i + k] - cy, z = from.z[i + k] - cz;
       const double inverse2 = 1 / std::max(x * x + y * y + z * z, from.nearest2[i + k]);
       const double along = std::max(x * nx + y * ny + z * nz, 0.0);
-      const double w = from.counts[i + k] * along * along * inverse2 * inverse2 * inverse2;
+      const double below =
+          std::max(-x * from.nx[i + k] - y * from.ny[i + k] - z * from.nz[i + k], 0.0);
+      const double w = from.light[i + k] * along * below * inverse2 * inverse2;
       const double u = x * ux + y * uy + z * uz;
       const double v = x * vx + y * vy + z * vz;
       weight[k] += w;
@@ -418,12 +424,20 @@ std::vector<SeenFromObject> seen_from_probes(const PatchArrays& seen, const Scen
       view.x.push_back(q.x());
       view.y.push_back(q.y());
       view.z.push_back(q.z());
+      const Vector3d normal = to_object.linear() * seen.normal(i);
+      view.nx.push_back(normal.x());
+      view.ny.push_back(normal.y());
+      view.nz.push_back(normal.z());
+      view.light.push_back(seen.weight[static_cast<std::size_t>(i)]);
       view.counts.push_back(1);
       const double area = 4 * seen.half_u(i).cross(seen.half_v(i)).norm();
       view.nearest2.push_back(stride * area / (2 * kPi));  // mean square within a disc
     }
     while (view.counts.size() % kLanes != 0) {
-      for (auto* v : {&view.x, &view.y, &view.z, &view.nearest2}) v->push_back(v->back());
+      for (auto* v : {&view.x, &view.y, &view.z, &view.nx, &view.ny, &view.nz, &view.nearest2}) {
+        v->push_back(v->back());
+      }
+      view.light.push_back(0);
       view.counts.push_back(0);
     }
   }
@@ -493,7 +507,7 @@ PointSpacing spacing_of(const std::vector<SurfaceCell>& cells,
 /// would exchange with the relay sampled.
 void sample_object(const SensorView& view, const SamplingNeeds& needs, Sampling& into) {
   const HiddenObject& hidden = view.transport->scene.hidden;
-  const Limits limits(needs, needs.sampling_step.object, hidden);
+  const Limits limits(needs, needs.sampling_step.object);
   const bool rules = needs.kernel == Kernel::lambertian;
   const double extent = 2 * bounding_radius(hidden.shape, Anchor::center);
   const auto seen_from = seen_from_probes(into.seen, *view.transport);

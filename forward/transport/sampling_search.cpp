@@ -26,8 +26,8 @@ constexpr double kCoarsenessStep = 1.41421356;
 /// The same for rules of points, whose error falls so fast that smaller steps pay: half as long.
 constexpr double kRuleStep = 1.18920712;
 constexpr double kRuleFinest = 0.3;
-/// Change of the worst bin, relative to the peak, for each relative change of all light (L2): 1.5
-/// to 2 on floors and walls.
+/// Change of the worst bin of a usual pose, relative to the peak, for each relative change of all
+/// light (L2): 1.5 to 2 on floors and walls, 2 to 3 of lobes.
 constexpr double kPeakOfL2 = 2;
 /// The coarsest of rules: of the shipped scenes none is coarser, to 10 %. The object's is looked
 /// for with the relay's: shadows' edges hardly change with the object's points.
@@ -39,9 +39,10 @@ constexpr double kMaxPairs = 4e7;
 /// Most legs between patches and the object's points that its single sum takes, for the same time.
 constexpr double kMaxLegs = 4e6;
 
-/// Relative change of a pose's light (L2), root mean square over poses; those that give next to no
-/// light, by judgement a thousandth of the brightest's peak, do not count.
-double l2_change(const std::vector<HistogramCube>& coarse, const std::vector<HistogramCube>& fine) {
+/// What a sampling's error is measured in: twice the relative change of a pose's light (L2), root
+/// mean square over poses. Those that give next to no light, by judgement a thousandth of the
+/// brightest's peak, do not count.
+double change_of(const std::vector<HistogramCube>& coarse, const std::vector<HistogramCube>& fine) {
   constexpr double kDark = 1e-3;
   double brightest = 0;
   for (const HistogramCube& cube : fine) {
@@ -58,27 +59,7 @@ double l2_change(const std::vector<HistogramCube>& coarse, const std::vector<His
     sum += change / light;
     ++poses;
   }
-  return std::sqrt(sum / std::max(poses, 1.0));
-}
-
-/// Largest change of a bin, relative to the peak of its pose; poses that give next to no light, by
-/// judgement a thousandth of the brightest's peak, do not count.
-double largest_change(const std::vector<HistogramCube>& coarse,
-                      const std::vector<HistogramCube>& fine) {
-  constexpr double kDark = 1e-3;
-  std::vector<double> peaks;
-  for (const HistogramCube& cube : fine) {
-    peaks.push_back(*std::max_element(cube.values.begin(), cube.values.end()));
-  }
-  const double brightest = *std::max_element(peaks.begin(), peaks.end());
-  double largest = 0;
-  for (std::size_t i = 0; i < fine.size(); ++i) {
-    if (peaks[i] <= kDark * brightest) continue;
-    for (std::size_t k = 0; k < fine[i].values.size(); ++k) {
-      largest = std::max(largest, std::abs(coarse[i].values[k] - fine[i].values[k]) / peaks[i]);
-    }
-  }
-  return largest;
+  return kPeakOfL2 * std::sqrt(sum / std::max(poses, 1.0));
 }
 
 class SamplingSearch {
@@ -89,10 +70,11 @@ class SamplingSearch {
     kernel_ = model({kCoarsest, kCoarsest})->kernel();
   }
 
-  /// Limits become stricter until going on to at least twice as many cells would change no bin of
-  /// any probed pose by more than the tolerance (of the pose's peak). The error falls with the
-  /// fourth power of a cell's edges, so the change is at least three quarters of the coarser one's
-  /// error. The object takes half of the tolerance at most, the relay what that leaves.
+  /// Limits become stricter until going on to at least twice as many cells would change the light
+  /// (change_of) by no more than the tolerance. The error falls with the fourth power of a cell's
+  /// edges, so the change is at least three quarters of the coarser one's error. Errors of object
+  /// and relay have nothing to do with each other, so their squares add up: the object takes half
+  /// of the tolerance's square at most, the relay what that leaves.
   SamplingStep find() {
     const double tolerance = options_.tolerance;
     // Pairs err by the object's cells the same at a coarser relay.
@@ -104,15 +86,17 @@ class SamplingSearch {
       sampling_step.relay *= kCoarsenessStep;
     }
     const bool rules = kernel_ == Kernel::lambertian;
+    const double most_of_object = tolerance / std::sqrt(2.0);
     const Choice object = coarsest(
-        rules ? kRuleObject : kCoarsest, 0.5 * tolerance, 0.5,
+        rules ? kRuleObject : kCoarsest, most_of_object, 0.5,
         [&](double c) {
           return model({sampling_step.relay, c});
         },
         [](const FastModel& m) { return m.sampling().object_nodes; });
     sampling_step.object = object.coarseness;
     const Choice relay = coarsest(
-        rules ? kRuleRelay : kCoarsest, tolerance - std::min(object.change, 0.5 * tolerance), 1,
+        rules ? kRuleRelay : kCoarsest,
+        std::sqrt(tolerance * tolerance - std::pow(std::min(object.change, most_of_object), 2)), 1,
         [&](double c) {
           return model({c, sampling_step.object});
         },
@@ -154,7 +138,7 @@ class SamplingSearch {
  private:
   struct Choice {
     double coarseness;
-    double change;  ///< of a bin by going on to twice as many cells, as a share of the peak
+    double change;  ///< by going on to twice as many cells
   };
 
   static double pair_count(const FastModel& m) {
@@ -214,8 +198,7 @@ class SamplingSearch {
       while (changes.size() + 1 < candidates.size()) {
         const Candidate& coarse = candidates[changes.size()];
         if (fine.cells < 2 * coarse.cells) break;
-        const double change = rules ? kPeakOfL2 * l2_change(coarse.cubes, fine.cubes)
-                                    : largest_change(coarse.cubes, fine.cubes);
+        const double change = change_of(coarse.cubes, fine.cubes);
         if (change < tolerance) return {coarse.coarseness, change};
         const double before =
             changes.empty() ? std::numeric_limits<double>::infinity() : changes.back();
@@ -260,13 +243,13 @@ FoundSampling find_sampling(const std::shared_ptr<const SensorView>& view,
   if (best->single_sum_bound() < 0.5 * pairs_from) return found;
   const std::vector<HistogramCube> summed = single.probe(*best);
   SamplingSearch pairs(view, options, true);
-  double change = largest_change(summed, pairs.probe(*pairs.model({4, kCoarsest})));
+  double change = change_of(summed, pairs.probe(*pairs.model({4, kCoarsest})));
   if (change > pairs_from) {
     const SamplingStep with_pairs = pairs.find();
     // Of two errors that have nothing to do with each other, the sum's. What a search gave up on is
     // the change of a sampling with at most half of the cells that it took.
     const double own = std::max(pairs.change(), 0.5 * pairs.unresolved());
-    const double both = largest_change(summed, pairs.probe(*pairs.model(with_pairs)));
+    const double both = change_of(summed, pairs.probe(*pairs.model(with_pairs)));
     change = std::sqrt(std::max(both * both - own * own, 0.0));
     if (change > pairs_from) {
       return {with_pairs, pairs.unresolved(),
