@@ -62,6 +62,26 @@ double change_of(const std::vector<HistogramCube>& coarse, const std::vector<His
   return kPeakOfL2 * std::sqrt(sum / std::max(poses, 1.0));
 }
 
+/// What pairs are decided by: the largest change of a bin, relative to the peak of its pose; poses
+/// that give next to no light, by judgement a thousandth of the brightest's peak, do not count.
+double largest_change(const std::vector<HistogramCube>& coarse,
+                      const std::vector<HistogramCube>& fine) {
+  constexpr double kDark = 1e-3;
+  std::vector<double> peaks;
+  for (const HistogramCube& cube : fine) {
+    peaks.push_back(*std::max_element(cube.values.begin(), cube.values.end()));
+  }
+  const double brightest = *std::max_element(peaks.begin(), peaks.end());
+  double largest = 0;
+  for (std::size_t i = 0; i < fine.size(); ++i) {
+    if (peaks[i] <= kDark * brightest) continue;
+    for (std::size_t k = 0; k < fine[i].values.size(); ++k) {
+      largest = std::max(largest, std::abs(coarse[i].values[k] - fine[i].values[k]) / peaks[i]);
+    }
+  }
+  return largest;
+}
+
 class SamplingSearch {
  public:
   SamplingSearch(const std::shared_ptr<const SensorView>& view, const FastModelOptions& options,
@@ -243,13 +263,13 @@ FoundSampling find_sampling(const std::shared_ptr<const SensorView>& view,
   if (best->single_sum_bound() < 0.5 * pairs_from) return found;
   const std::vector<HistogramCube> summed = single.probe(*best);
   SamplingSearch pairs(view, options, true);
-  double change = change_of(summed, pairs.probe(*pairs.model({4, kCoarsest})));
+  double change = largest_change(summed, pairs.probe(*pairs.model({4, kCoarsest})));
   if (change > pairs_from) {
     const SamplingStep with_pairs = pairs.find();
     // Of two errors that have nothing to do with each other, the sum's. What a search gave up on is
     // the change of a sampling with at most half of the cells that it took.
     const double own = std::max(pairs.change(), 0.5 * pairs.unresolved());
-    const double both = change_of(summed, pairs.probe(*pairs.model(with_pairs)));
+    const double both = largest_change(summed, pairs.probe(*pairs.model(with_pairs)));
     change = std::sqrt(std::max(both * both - own * own, 0.0));
     if (change > pairs_from) {
       return {with_pairs, pairs.unresolved(),
