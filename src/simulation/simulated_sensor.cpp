@@ -20,11 +20,10 @@ namespace {
 
 /// Sampling of light by way of a retroreflective object, between the steps of the fit's sampling
 /// densities, which are powers of the square root of two, so that no point is shared. One sum over
-/// the relay: pairs of patches would be nearer by half a per cent, but cost seconds where the
-/// object stands beside what is lit. Where the lobe spreads paths by more than kWideLobe of the
-/// pulse, finer ones gain nothing, because the single sum itself is what is off.
+/// the relay; where the lobe spreads paths by more than kWideLobe of the pulse, one sum is off by
+/// itself, and pairs of patches take its place.
 constexpr SamplingStep kNarrowLobeSampling{0.85, 0.85, false};
-constexpr SamplingStep kWideLobeSampling{1.7, 2.4, false};
+constexpr SamplingStep kWideLobeSampling{2.4, 3.4, true};
 constexpr double kWideLobe = 0.5;
 /// Of other materials: the error at which a sampling is chosen, a share of the light's peak, and
 /// how much coarser than the fit's step it then is.
