@@ -18,9 +18,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::string study_path(const StudyArguments& arguments, const StudyFiles& files,
-                       const char* extension) {
-  return (fs::path(arguments.output) / (files.name + extension)).string();
+std::string study_path(const StudyArguments& arguments, const std::string& name) {
+  return (fs::path(arguments.output) / name).string();
 }
 
 }  // namespace
@@ -69,19 +68,23 @@ void for_each_scene(const StudyArguments& arguments,
   }
 }
 
-void write_study(const StudyArguments& arguments, const StudyFiles& files, const std::string& csv,
-                 const std::vector<Chart>& charts) {
+void write_study(const StudyArguments& arguments, const std::string& name, const std::string& csv,
+                 const std::string& page) {
   make_directory(arguments.output);
-  write_atomically(study_path(arguments, files, ".csv"), csv);
-  write_atomically(
-      study_path(arguments, files, ".html"),
-      plain_page(files.title, "", "<p>" + html_safe(files.text) + "</p>\n" + charts_html(charts)));
+  write_atomically(study_path(arguments, name + ".csv"), csv);
+  write_atomically(study_path(arguments, name + ".html"), page);
 }
 
-void print_study_files(const StudyArguments& arguments, const StudyFiles& files) {
-  arguments.out.file(study_path(arguments, files, ".csv"));
-  arguments.out.text("%s and %s\n", study_path(arguments, files, ".csv").c_str(),
-                     study_path(arguments, files, ".html").c_str());
+std::string study_page(const std::string& title, const std::string& text,
+                       const std::vector<TableRow>& rows, const std::vector<Chart>& charts) {
+  return plain_page(title, "",
+                    "<p>" + html_safe(text) + "</p>\n" + table_html(rows) + charts_html(charts));
+}
+
+void print_study_files(const StudyArguments& arguments, const std::string& name) {
+  const std::string csv = study_path(arguments, name + ".csv");
+  arguments.out.file(csv);
+  arguments.out.text("%s and %s\n", csv.c_str(), study_path(arguments, name + ".html").c_str());
 }
 
 void add_benchmark_command(CLI::App& app, int& exit_code) {
