@@ -40,12 +40,10 @@ std::vector<std::string> scene_files(const std::vector<std::string>& asked) {
 
 void add_study_options(CLI::App& command, StudyArguments& arguments, int most_poses) {
   command.add_option("SCENE", arguments.scenes, "scene files; default: those in scenes/");
-  command.add_option("-o,--output", arguments.output, "directory to write to")
-      ->capture_default_str();
+  command.add_option("-o,--output", arguments.output, "directory to write to");
   command.add_option("--poses", arguments.poses, "poses per scene")
-      ->check(CLI::Range(1, most_poses))
-      ->capture_default_str();
-  command.add_option("--seed", arguments.seed, "of the poses")->capture_default_str();
+      ->check(CLI::Range(1, most_poses));
+  command.add_option("--seed", arguments.seed, "of the poses");
   arguments.out.add_option(command, "the rows of the table (.csv)");
 }
 

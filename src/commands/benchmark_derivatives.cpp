@@ -146,8 +146,7 @@ void add_derivatives_benchmark(CLI::App& benchmark, int& exit_code) {
                                 "derivatives.html");
   const auto arguments = std::make_shared<DerivativeArguments>();
   add_study_options(command, *arguments, 100);
-  command.add_option("--tolerance", arguments->tolerance, "of the fast model")
-      ->capture_default_str();
+  command.add_option("--tolerance", arguments->tolerance, "of the fast model");
   command.callback([arguments, &exit_code] { exit_code = run_derivatives(*arguments); });
 }
 

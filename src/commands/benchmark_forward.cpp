@@ -305,13 +305,11 @@ void add_forward_benchmark(CLI::App& benchmark, int& exit_code) {
   command
       .add_option("--truth", arguments->truth,
                   "sampling of the truth, in units of the reference renderer's default")
-      ->check(CLI::Range(0.1, 10.0))
-      ->capture_default_str();
+      ->check(CLI::Range(0.1, 10.0));
   command
       .add_option("--slowest-ms", arguments->slowest_ms,
                   "finer settings of a model are left out once one takes longer")
-      ->check(positive_number())
-      ->capture_default_str();
+      ->check(positive_number());
   command.callback([arguments, &exit_code] { exit_code = run_forward(*arguments); });
 }
 

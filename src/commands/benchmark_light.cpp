@@ -490,36 +490,29 @@ void add_light_benchmark(CLI::App& benchmark, int& exit_code) {
   arguments->data = data != nullptr ? data : "../shared/data";
   command.add_option("SCENE", arguments->scenes,
                      "scene files, reference_NAME.json; default: those in scenes/");
-  command
-      .add_option("--data", arguments->data,
-                  "directory of the traced light, NAME.npz, or one that holds it in mitransient/; "
-                  "default: what BLINDCORNER_DATA says, else")
-      ->capture_default_str();
-  command.add_option("-o,--output", arguments->output, "directory to write to")
-      ->capture_default_str();
+  command.add_option(
+      "--data", arguments->data,
+      "directory of the traced light, NAME.npz, or one that holds it in mitransient/; "
+      "unless told, what BLINDCORNER_DATA says");
+  command.add_option("-o,--output", arguments->output, "directory to write to");
   command.add_option("--photons", arguments->photons, "of the object, a list with commas")
       ->delimiter(',')
-      ->check(positive_number())
-      ->capture_default_str();
+      ->check(positive_number());
   command.add_option("--poses", arguments->poses, "first poses of each file; 0: all")
-      ->check(number_from_zero())
-      ->capture_default_str();
+      ->check(number_from_zero());
   command.add_option("--seeds", arguments->seeds, "captures of each pose")
-      ->check(positive_number())
-      ->capture_default_str();
-  command.add_option("--seed", arguments->seed, "of the photons")->capture_default_str();
+      ->check(positive_number());
+  command.add_option("--seed", arguments->seed, "of the photons");
   command
       .add_option("--own-light", arguments->own_light,
                   "whose light of the known scene the captures hold: the tracer's, whose time "
                   "discretisation is up to 1 % of a bin off, the reference renderer's, or none")
-      ->check(CLI::IsMember({"tracer", "renderer", "none"}))
-      ->capture_default_str();
+      ->check(CLI::IsMember({"tracer", "renderer", "none"}));
   command
       .add_option("--object-light", arguments->object_light,
                   "whose light of the object they hold: the tracer's, or the reference renderer's "
                   "at the same poses, which has no noise of its own")
-      ->check(CLI::IsMember({"tracer", "renderer"}))
-      ->capture_default_str();
+      ->check(CLI::IsMember({"tracer", "renderer"}));
   command.add_option("--tolerance", arguments->fit.model_tolerance,
                      "of the fit's model; default: as each capture asks for");
   std::vector<std::string> names;
@@ -532,8 +525,7 @@ void add_light_benchmark(CLI::App& benchmark, int& exit_code) {
   command.add_flag("--each-rule", arguments->each_rule,
                    "a further row for each rule of the fit: the same captures without it");
   command.add_option("--threads", arguments->threads, "threads; 0: one per processor")
-      ->check(CLI::Range(0, 1024))
-      ->capture_default_str();
+      ->check(CLI::Range(0, 1024));
   command.add_option("--save-captures", arguments->captures_directory,
                      "directory for the captures, a file for each scene and number of photons");
   arguments->out.add_option(command, "the rows of light.csv");

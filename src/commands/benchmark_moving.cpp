@@ -441,11 +441,9 @@ void add_moving_benchmark(CLI::App& benchmark, int& exit_code) {
       "moving.csv and moving.html");
   const auto arguments = std::make_shared<MovingArguments>();
   command.add_option("SCENE", arguments->scenes, "scene files")->required();
-  command.add_option("-o,--output", arguments->output, "directory to write to")
-      ->capture_default_str();
+  command.add_option("-o,--output", arguments->output, "directory to write to");
   command.add_option("--frames", arguments->frames, "sensor poses along the path")
-      ->check(positive_number())
-      ->capture_default_str();
+      ->check(positive_number());
   CLI::Option* from = command.add_option(
       "--from", arguments->from, "first pose of the sensor, as of `render`; default: the scene's");
   CLI::Option* to = command.add_option(
@@ -461,42 +459,33 @@ void add_moving_benchmark(CLI::App& benchmark, int& exit_code) {
   command
       .add_option("--objects", arguments->objects,
                   "poses of the object drawn from the prior, each for an equal part of the frames")
-      ->check(positive_number())
-      ->capture_default_str();
+      ->check(positive_number());
   command.add_option("--pose", arguments->pose, "one pose of the object for all frames instead");
   command
       .add_option("--photons", arguments->photons,
                   "of the object in each frame, over an equal background; 0: the scene's own "
                   "exposure")
-      ->check(number_from_zero())
-      ->capture_default_str();
+      ->check(number_from_zero());
   command
       .add_option("--truth", arguments->truth,
                   "sampling of the captures, in units of the reference renderer's default")
-      ->check(CLI::Range(0.1, 10.0))
-      ->capture_default_str();
+      ->check(CLI::Range(0.1, 10.0));
   command
       .add_option("--exhaustive-every", arguments->exhaustive_every,
                   "an exhaustive search in one frame of so many; 0: never")
-      ->check(number_from_zero())
-      ->capture_default_str();
-  command
-      .add_option("--density", arguments->exhaustive.density,
-                  "points of the exhaustive grid per grid step of the fit")
-      ->capture_default_str();
-  command.add_option("--max-poses", arguments->exhaustive.max_poses, "of the exhaustive grid")
-      ->capture_default_str();
+      ->check(number_from_zero());
+  command.add_option("--density", arguments->exhaustive.density,
+                     "points of the exhaustive grid per grid step of the fit");
+  command.add_option("--max-poses", arguments->exhaustive.max_poses, "of the exhaustive grid");
   command
       .add_option("--endurance", arguments->endurance,
                   "then so many more sensor poses along the path, for the memory that they take")
-      ->check(number_from_zero())
-      ->capture_default_str();
+      ->check(number_from_zero());
   command.add_option("--tolerance", arguments->fit.model_tolerance,
                      "of the fit's model; default: as each capture asks for");
   command.add_option("--threads", arguments->threads, "threads; 0: one per processor")
-      ->check(CLI::Range(0, 1024))
-      ->capture_default_str();
-  command.add_option("--seed", arguments->seed, "of poses and photons")->capture_default_str();
+      ->check(CLI::Range(0, 1024));
+  command.add_option("--seed", arguments->seed, "of poses and photons");
   add_capture_directories(command, arguments->directories);
   arguments->out.add_option(command, "the rows of moving.csv");
   command.callback([arguments, &exit_code] {

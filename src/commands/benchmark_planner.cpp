@@ -329,8 +329,7 @@ void add_planner_benchmark(CLI::App& benchmark, int& exit_code) {
   const auto arguments = std::make_shared<PlannerArguments>();
   command.add_option("--map", arguments->map, "MovingAI map (.map)")->required();
   command.add_option("--scenario", arguments->scenario, "its problems (.map.scen)")->required();
-  command.add_option("-o,--output", arguments->output, "directory to write to")
-      ->capture_default_str();
+  command.add_option("-o,--output", arguments->output, "directory to write to");
   arguments->out.add_option(command, "the rows of planner.csv");
   command.callback([arguments, &exit_code] { exit_code = run_planner(*arguments); });
 }

@@ -290,39 +290,28 @@ void add_solver_benchmark(CLI::App& benchmark, int& exit_code) {
       "search; prints a table, one row a scene");
   const auto arguments = std::make_shared<SolverArguments>();
   command.add_option("SCENE", arguments->scenes, "scene files");
-  const auto captures =
-      command
-          .add_option("-n,--captures", arguments->captures,
-                      "captures per scene; of a sweep, at each level of light (default: " +
-                          std::to_string(arguments->sweep.options.captures) + ")")
-          ->check(positive_number())
-          ->capture_default_str();
+  const auto captures = command
+                            .add_option("-n,--captures", arguments->captures,
+                                        "captures per scene; unless told, a sweep has " +
+                                            std::to_string(arguments->sweep.options.captures) +
+                                            " at each level of light")
+                            ->check(positive_number());
   command.add_option("--least-photons", arguments->least_photons, "of the third bounce")
-      ->check(positive_number())
-      ->capture_default_str();
+      ->check(positive_number());
   command.add_option("--most-photons", arguments->most_photons, "of the third bounce")
-      ->check(positive_number())
-      ->capture_default_str();
-  command
-      .add_option("--amplitude-spread", arguments->amplitude_spread,
-                  "standard deviation of the log of the object's true brightness")
-      ->capture_default_str();
+      ->check(positive_number());
+  command.add_option("--amplitude-spread", arguments->amplitude_spread,
+                     "standard deviation of the log of the object's true brightness");
   command
       .add_option("--truth", arguments->truth,
                   "sampling of the captures, in units of the reference renderer's default")
-      ->check(CLI::Range(0.1, 10.0))
-      ->capture_default_str();
-  command.add_option("--starts", arguments->fit.max_starts, "refined starts of the fit")
-      ->capture_default_str();
-  command.add_option("--tolerance", arguments->exhaustive.model_tolerance, "of the fast model")
-      ->capture_default_str();
-  command
-      .add_option("--density", arguments->exhaustive.density,
-                  "points of the exhaustive grid per grid step of the fit")
-      ->capture_default_str();
-  command.add_option("--max-poses", arguments->exhaustive.max_poses, "of the exhaustive grid")
-      ->capture_default_str();
-  command.add_option("--seed", arguments->seed, "of poses and photons")->capture_default_str();
+      ->check(CLI::Range(0.1, 10.0));
+  command.add_option("--starts", arguments->fit.max_starts, "refined starts of the fit");
+  command.add_option("--tolerance", arguments->exhaustive.model_tolerance, "of the fast model");
+  command.add_option("--density", arguments->exhaustive.density,
+                     "points of the exhaustive grid per grid step of the fit");
+  command.add_option("--max-poses", arguments->exhaustive.max_poses, "of the exhaustive grid");
+  command.add_option("--seed", arguments->seed, "of poses and photons");
   command.add_option("-o,--output", arguments->output, "directory for solver.json, all trials");
   arguments->out.add_option(command, "solver.json, or sweep.json with --sweep,");
   add_capture_directories(command, arguments->directories);
