@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// `blindcorner benchmark vehicles`: error and run time of the integrators of vehicles, and
-/// vehicles driven by a table of commands.
+/// `blindcorner benchmark vehicles`: error and run time of the integrators of vehicles.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
@@ -9,12 +8,9 @@
 #include <memory>
 #include <random>
 
-#include "blindcorner/forward/error.h"
-#include "blindcorner/io/atomic_file.h"
 #include "blindcorner/planner/vehicles/vehicle.h"
 #include "commands/benchmark.h"
 #include "commands/cpu_clock.h"
-#include "commands/csv_table.h"
 #include "report/formatted.h"
 
 namespace blindcorner {
@@ -27,16 +23,12 @@ constexpr double kSpeeds[] = {0, 0.5, 1, 2, 4, 6, 8, 10, 12};
 /// A run in which any state is off by so much (m, rad, m/s, rad/s) counts as unstable. Friction is
 /// bounded: wheels swing to and fro rather than to infinity.
 constexpr double kUnstable = 1;
-/// What braking leaves of the speed of models that cannot stand, m/s.
-constexpr double kSlowest = 0.5;
 constexpr double kMinDrawn = 1e-6;  ///< mm
 constexpr IntegratorTolerance kReference{1e-10, 1e-10};
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
 
 struct VehicleArguments : StudyArguments {
   std::string vehicle = "car";
-  std::string inputs, trajectory;
-  double speed = 10;  ///< at the start of `inputs`, m/s
 };
 
 struct Method {
@@ -94,15 +86,9 @@ std::vector<StateVector> drive(const VehicleArguments& arguments,
                                double step) {
   Vehicle vehicle(make_vehicle_model(arguments.vehicle), integrator);
   vehicle.place({.speed = speed});
-  // The peers' single tracks cannot stand, nor roll backwards (single_track.h).
-  const bool keeps_rolling = arguments.vehicle.starts_with("single_track");
   std::vector<StateVector> states;
   const auto steps = static_cast<int>(std::lround(kInputPeriod / step));
-  for (VehicleCommand command : harsh_commands(arguments.seed)) {
-    if (keeps_rolling) {
-      const double gentlest = (kSlowest - vehicle.state().speed) / kInputPeriod;
-      command.acceleration = std::max(command.acceleration, gentlest);
-    }
+  for (const VehicleCommand& command : harsh_commands(arguments.seed)) {
     for (int i = 0; i < steps; ++i) vehicle.step(command, step);
     states.push_back(vehicle.states());
   }
@@ -192,44 +178,7 @@ const Study<MethodStep> kStudy{
     charts,
     csv};
 
-double number(const CsvTable& table, std::size_t row, const std::string& column,
-              const std::string& path) {
-  const auto at = std::ranges::find(table.header, column);
-  if (at == table.header.end()) throw Error(path, "has no column " + column);
-  const std::string& cell = table.rows[row][static_cast<std::size_t>(at - table.header.begin())];
-  try {
-    std::size_t read = 0;
-    const double value = std::stod(cell, &read);
-    if (read == cell.size() && std::isfinite(value)) return value;
-  } catch (const std::exception&) {  // said below
-  }
-  throw Error(csv_place(path, row), "found " + column + " '" + cell + "', accepted: a number");
-}
-
-/// A row of states per row of commands, after it.
-void follow_inputs(const VehicleArguments& arguments) {
-  const CsvTable table = read_csv_table(arguments.inputs);
-  Vehicle vehicle(make_vehicle_model(arguments.vehicle));
-  vehicle.place({.speed = arguments.speed});
-  std::string text = "time_s";
-  for (const std::string& name : vehicle.model().state_names()) text += "," + name;
-  text += "\n";
-  double time = 0;
-  for (std::size_t row = 0; row < table.rows.size(); ++row) {
-    const double dt = number(table, row, "dt_s", arguments.inputs);
-    vehicle.step(VehicleCommand{number(table, row, "acceleration_m_per_s2", arguments.inputs),
-                                number(table, row, "steering", arguments.inputs)},
-                 dt);
-    time += dt;
-    text += formatted("%.9g", time);
-    for (const double value : vehicle.states()) text += formatted(",%.12g", value);
-    text += "\n";
-  }
-  write_atomically(arguments.trajectory, text);
-}
-
 void run(const VehicleArguments& arguments) {
-  if (!arguments.inputs.empty()) return follow_inputs(arguments);
   std::vector<std::vector<StateVector>> references;
   for (const double speed : kSpeeds) {
     references.push_back(drive(arguments, make_stiff_integrator(kReference), speed, kInputPeriod));
@@ -256,23 +205,9 @@ void add_vehicles_benchmark(CLI::App& benchmark, int& exit_code) {
       "Kutta's methods; writes vehicles.csv and vehicles.html");
   const auto arguments = std::make_shared<VehicleArguments>();
   command.add_option("--vehicle", arguments->vehicle, "equations of motion")
-      ->check(CLI::IsMember(vehicle_model_names()))
-      ->capture_default_str();
-  command.add_option("-o,--output", arguments->output, "directory to write to")
-      ->capture_default_str();
-  command.add_option("--seed", arguments->seed, "of the commands")->capture_default_str();
-  CLI::Option* inputs = command.add_option(
-      "--inputs", arguments->inputs,
-      "instead: drive by a table (.csv) with columns dt_s, acceleration_m_per_s2 and steering "
-      "(rad/s; robot: rad/s^2)");
-  CLI::Option* trajectory =
-      command.add_option("--trajectory", arguments->trajectory, "table to write the states to")
-          ->needs(inputs);
-  inputs->type_name("FILE")->needs(trajectory);
-  trajectory->type_name("FILE");
-  command.add_option("--speed", arguments->speed, "at the start, with --inputs, m/s")
-      ->needs(inputs)
-      ->capture_default_str();
+      ->check(CLI::IsMember(vehicle_model_names()));
+  command.add_option("-o,--output", arguments->output, "directory to write to");
+  command.add_option("--seed", arguments->seed, "of the commands");
   arguments->out.add_option(command, "the rows of vehicles.csv");
   command.callback([arguments, &exit_code] {
     run(*arguments);
