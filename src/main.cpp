@@ -66,6 +66,7 @@ int main(int argc, char** argv) {
   blindcorner::add_compare_command(app, exit_code);
   blindcorner::add_cnn_command(app, exit_code);
   blindcorner::add_command_tree_commands(app, BLINDCORNER_VERSION);
+  blindcorner::show_defaults(app);
   try {
     app.parse(argc, argv);
     blindcorner::index_output(app);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// What all single-track models do with their settings.
+/// What a single track does with its settings.
 #pragma once
 
 #include "blindcorner/planner/vehicles/single_track_parameters.h"

@@ -9,9 +9,6 @@
 #include "blindcorner/forward/error.h"
 #include "blindcorner/planner/vehicles/car.h"
 #include "blindcorner/planner/vehicles/differential_drive.h"
-#include "blindcorner/planner/vehicles/kinematic_single_track.h"
-#include "blindcorner/planner/vehicles/single_track.h"
-#include "blindcorner/planner/vehicles/single_track_drift.h"
 
 namespace blindcorner {
 namespace {
@@ -19,8 +16,7 @@ namespace {
 using Models = std::vector<std::shared_ptr<const VehicleModel>>;
 
 const Models& all_models() {
-  static const Models models{make_kinematic_single_track(), make_single_track(),
-                             make_single_track_drift(), make_car(), make_differential_drive()};
+  static const Models models{make_car(), make_differential_drive()};
   return models;
 }
 

@@ -18,9 +18,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::string study_path(const StudyArguments& arguments, const StudyFiles& files,
-                       const char* extension) {
-  return (fs::path(arguments.output) / (files.name + extension)).string();
+std::string study_path(const StudyArguments& arguments, const std::string& name) {
+  return (fs::path(arguments.output) / name).string();
 }
 
 }  // namespace
@@ -41,12 +40,10 @@ std::vector<std::string> scene_files(const std::vector<std::string>& asked) {
 
 void add_study_options(CLI::App& command, StudyArguments& arguments, int most_poses) {
   command.add_option("SCENE", arguments.scenes, "scene files; default: those in scenes/");
-  command.add_option("-o,--output", arguments.output, "directory to write to")
-      ->capture_default_str();
+  command.add_option("-o,--output", arguments.output, "directory to write to");
   command.add_option("--poses", arguments.poses, "poses per scene")
-      ->check(CLI::Range(1, most_poses))
-      ->capture_default_str();
-  command.add_option("--seed", arguments.seed, "of the poses")->capture_default_str();
+      ->check(CLI::Range(1, most_poses));
+  command.add_option("--seed", arguments.seed, "of the poses");
   arguments.out.add_option(command, "the rows of the table (.csv)");
 }
 
@@ -69,19 +66,23 @@ void for_each_scene(const StudyArguments& arguments,
   }
 }
 
-void write_study(const StudyArguments& arguments, const StudyFiles& files, const std::string& csv,
-                 const std::vector<Chart>& charts) {
+void write_study(const StudyArguments& arguments, const std::string& name, const std::string& csv,
+                 const std::string& page) {
   make_directory(arguments.output);
-  write_atomically(study_path(arguments, files, ".csv"), csv);
-  write_atomically(
-      study_path(arguments, files, ".html"),
-      plain_page(files.title, "", "<p>" + html_safe(files.text) + "</p>\n" + charts_html(charts)));
+  write_atomically(study_path(arguments, name + ".csv"), csv);
+  write_atomically(study_path(arguments, name + ".html"), page);
 }
 
-void print_study_files(const StudyArguments& arguments, const StudyFiles& files) {
-  arguments.out.file(study_path(arguments, files, ".csv"));
-  arguments.out.text("%s and %s\n", study_path(arguments, files, ".csv").c_str(),
-                     study_path(arguments, files, ".html").c_str());
+std::string study_page(const std::string& title, const std::string& text,
+                       const std::vector<TableRow>& rows, const std::vector<Chart>& charts) {
+  return plain_page(title, "",
+                    "<p>" + html_safe(text) + "</p>\n" + table_html(rows) + charts_html(charts));
+}
+
+void print_study_files(const StudyArguments& arguments, const std::string& name) {
+  const std::string csv = study_path(arguments, name + ".csv");
+  arguments.out.file(csv);
+  arguments.out.text("%s and %s\n", csv.c_str(), study_path(arguments, name + ".html").c_str());
 }
 
 void add_benchmark_command(CLI::App& app, int& exit_code) {

@@ -5,12 +5,14 @@
 #include <cstdint>
 #include <functional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "blindcorner/forward/transport/forward_model.h"
 #include "commands/commands.h"
 #include "commands/printout.h"
 #include "report/chart.h"
+#include "report/table.h"
 
 namespace blindcorner {
 
@@ -46,16 +48,50 @@ std::vector<std::string> scene_files(const std::vector<std::string>& asked);
 void for_each_scene(const StudyArguments& arguments,
                     const std::function<void(const Scene&, const SensorPlacement&)>& study);
 
-/// How a study's files are called, and what its page says above the charts.
-struct StudyFiles {
+/// A study: how its files are called, what its page says above table and charts, and what is said
+/// of each of its units: a scene, a level of light, a way to plan.
+template <class Unit>
+struct Study {
   std::string name;  ///< of the files, without extension
   std::string title, text;
+  TableRow (*row)(const Unit&);
+  std::vector<Chart> (*charts)(const std::vector<Unit>&);
+  std::string (*csv)(const std::vector<Unit>&) = nullptr;  ///< none: the rows
 };
 
-/// Writes the table and the page, each completely or not at all.
-void write_study(const StudyArguments& arguments, const StudyFiles& files, const std::string& csv,
-                 const std::vector<Chart>& charts);
+/// Writes NAME.csv and NAME.html, each completely or not at all.
+void write_study(const StudyArguments& arguments, const std::string& name, const std::string& csv,
+                 const std::string& page);
+/// Text, table and charts.
+std::string study_page(const std::string& title, const std::string& text,
+                       const std::vector<TableRow>& rows, const std::vector<Chart>& charts);
 /// Says on standard output where they are; with --json it prints the table.
-void print_study_files(const StudyArguments& arguments, const StudyFiles& files);
+void print_study_files(const StudyArguments& arguments, const std::string& name);
+
+/// Units of a study as they come: each is printed, and the files hold all that are there.
+template <class Unit>
+class StudyRun {
+ public:
+  StudyRun(const Study<Unit>& study, const StudyArguments& arguments)
+      : study_(study), arguments_(arguments) {}
+
+  void add(Unit unit) {
+    units_.push_back(std::move(unit));
+    rows_.push_back(study_.row(units_.back()));
+    if (units_.size() == 1) arguments_.out.text("%s", table_head(rows_.back()).c_str());
+    arguments_.out.text("%s", table_line(rows_.back()).c_str());
+    write_study(arguments_, study_.name,
+                study_.csv == nullptr ? table_csv(rows_) : study_.csv(units_),
+                study_page(study_.title, study_.text, rows_, study_.charts(units_)));
+  }
+  const std::vector<Unit>& units() const { return units_; }
+  void end() const { print_study_files(arguments_, study_.name); }
+
+ private:
+  const Study<Unit>& study_;
+  const StudyArguments& arguments_;
+  std::vector<Unit> units_;
+  std::vector<TableRow> rows_;
+};
 
 }  // namespace blindcorner

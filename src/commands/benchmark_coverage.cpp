@@ -57,14 +57,12 @@ void add_coverage_benchmark(CLI::App& benchmark, int& exit_code) {
   command
       .add_option("--wrong-captures", options.wrong_captures,
                   "of each wrong assumption, at most as many as -n")
-      ->check(CLI::Range(1, 10'000'000))
-      ->capture_default_str();
+      ->check(CLI::Range(1, 10'000'000));
   command.add_flag("--dense-truth", options.dense_truth,
                    "sampling of the captures as dense as it must be, from half of --truth to 1.4 "
                    "times; scenes of --random have it");
   command.add_option("--importance-samples", options.fit.importance_samples, "of the fit")
-      ->check(number_from_zero())
-      ->capture_default_str();
+      ->check(number_from_zero());
   command.callback([arguments, &options, &exit_code] {
     options.wrong_captures =
         arguments->wrong ? std::min(options.wrong_captures, options.captures) : 0;

@@ -24,11 +24,20 @@ struct DerivativeArguments : StudyArguments {
   double tolerance = 0.1;  ///< where a fit begins
 };
 
-struct Study {
+/// One unknown of a scene.
+struct Derivative {
   std::string scene, unknown;
   double lever = 1;  ///< m per unit of the unknown
   double step = 0;   ///< default one, in the unknown's unit
   std::vector<DerivativeErrors> poses;
+
+  /// Of the pose for which it is largest.
+  template <typename ErrorOf>
+  double worst(ErrorOf error) const {
+    double most = 0;
+    for (const DerivativeErrors& pose : poses) most = std::max(most, error(pose));
+    return most;
+  }
 };
 
 /// How far the farthest point of the object moves per unit of an unknown, m.
@@ -38,19 +47,19 @@ double lever_of(const Scene& scene, const Unknown& unknown) {
   return object.placement.size * bounding_radius(object.shape, Anchor::center);
 }
 
-std::vector<Study> study(const DerivativeArguments& arguments, const Scene& scene,
-                         const SensorPlacement& sensor) {
+std::vector<Derivative> study(const DerivativeArguments& arguments, const Scene& scene,
+                              const SensorPlacement& sensor) {
   const auto model = make_fast_model(scene, sensor, at_tolerance(arguments.tolerance));
   const PoseVector steps = difference_steps(scene, sensor);
   const std::vector<std::string> names = unknown_names(scene);
   std::mt19937_64 random(arguments.seed);
   std::vector<PoseVector> poses;
   for (int i = 0; i < arguments.poses; ++i) poses.push_back(draw_pose(scene, random));
-  std::vector<Study> studies;
+  std::vector<Derivative> studies;
   Progress progress(scene.name + ": derivatives", names.size() * poses.size());
   for (std::size_t i = 0; i < names.size(); ++i) {
     const auto k = static_cast<Eigen::Index>(i);
-    Study s{scene.name, names[i], lever_of(scene, scene.unknowns[i]), steps[k], {}};
+    Derivative s{scene.name, names[i], lever_of(scene, scene.unknowns[i]), steps[k], {}};
     for (const PoseVector& pose : poses) {
       // 1 micrometre to 10 cm, five steps a decade.
       std::vector<double> sizes;
@@ -64,19 +73,9 @@ std::vector<Study> study(const DerivativeArguments& arguments, const Scene& scen
   return studies;
 }
 
-void print(const Printout& out, const Study& s) {
-  double at_default = 0, least = 0;
-  for (const DerivativeErrors& pose : s.poses) {
-    at_default = std::max(at_default, pose.at_default);
-    least = std::max(least, *std::min_element(pose.errors.begin(), pose.errors.end()));
-  }
-  out.text("%-18s %-8s %12.3g mm %10.2g %% %10.2g %%\n", s.scene.c_str(), s.unknown.c_str(),
-           1e3 * s.step * s.lever, 100 * at_default, 100 * least);
-}
-
-std::string csv(const std::vector<Study>& studies) {
+std::string csv(const std::vector<Derivative>& studies) {
   std::string text = "scene,unknown,pose,step,movement_m,relative_error\n";
-  for (const Study& s : studies) {
+  for (const Derivative& s : studies) {
     for (std::size_t p = 0; p < s.poses.size(); ++p) {
       const DerivativeErrors& pose = s.poses[p];
       for (std::size_t n = 0; n < pose.steps.size(); ++n) {
@@ -88,9 +87,9 @@ std::string csv(const std::vector<Study>& studies) {
   return text;
 }
 
-std::vector<Chart> charts(const std::vector<Study>& studies) {
+std::vector<Chart> charts(const std::vector<Derivative>& studies) {
   std::vector<Chart> list;
-  for (const Study& s : studies) {
+  for (const Derivative& s : studies) {
     Chart chart{s.scene + ": " + s.unknown, "step, as movement of the object, m",
                 "relative error of the derivative"};
     chart.logarithmic = true;
@@ -109,24 +108,32 @@ std::vector<Chart> charts(const std::vector<Study>& studies) {
   return list;
 }
 
-const StudyFiles kFiles{
-    "derivatives", "Error of numeric derivatives by step",
+TableRow row_of(const Derivative& d) {
+  return {
+      {{"scene", "scene", "%-18s", d.scene},
+       {"unknown", "unknown", "%-8s", d.unknown},
+       {"", "default step, mm", "%16.3g", d.step * d.lever, 1e3},
+       {"", "error there, %", "%14.2g", d.worst([](const auto& p) { return p.at_default; }), 100},
+       {"", "least error, %", "%14.2g",
+        d.worst([](const auto& p) { return std::ranges::min(p.errors); }), 100}}};
+}
+
+const Study<Derivative> kStudy{
+    "derivatives",
+    "Error of numeric derivatives by step",
     "Central differences of the fast model's histogram against a Richardson extrapolation from "
     "steps about the default one, relative L2. Steps of yaw and size are drawn as the movement of "
-    "the object's farthest point."};
+    "the object's farthest point.",
+    row_of,
+    charts,
+    csv};
 
 int run_derivatives(const DerivativeArguments& arguments) {
-  arguments.out.text("%-18s %-8s %15s %12s %12s\n", "scene", "unknown", "default step",
-                     "error there", "least error");
-  std::vector<Study> all;
+  StudyRun run(kStudy, arguments);
   for_each_scene(arguments, [&](const Scene& scene, const SensorPlacement& sensor) {
-    for (Study& s : study(arguments, scene, sensor)) {
-      print(arguments.out, s);
-      all.push_back(std::move(s));
-    }
-    write_study(arguments, kFiles, csv(all), charts(all));
+    for (Derivative& d : study(arguments, scene, sensor)) run.add(std::move(d));
   });
-  print_study_files(arguments, kFiles);
+  run.end();
   return kAllWell;
 }
 
@@ -139,8 +146,7 @@ void add_derivatives_benchmark(CLI::App& benchmark, int& exit_code) {
                                 "derivatives.html");
   const auto arguments = std::make_shared<DerivativeArguments>();
   add_study_options(command, *arguments, 100);
-  command.add_option("--tolerance", arguments->tolerance, "of the fast model")
-      ->capture_default_str();
+  command.add_option("--tolerance", arguments->tolerance, "of the fast model");
   command.callback([arguments, &exit_code] { exit_code = run_derivatives(*arguments); });
 }
 

@@ -45,13 +45,11 @@ void add_detection_benchmark(CLI::App& benchmark, int& exit_code) {
   add_claim_study_options(command, arguments->study, options);
   command
       .add_option("--empty", options.empty_captures, "captures without one, at each level of light")
-      ->check(CLI::Range(1, 10'000'000))
-      ->capture_default_str();
+      ->check(CLI::Range(1, 10'000'000));
   command
       .add_option("--calibrated-on", options.fit.empty_captures,
                   "empty captures that the fit simulates to calibrate itself")
-      ->check(CLI::Range(16, 1'000'000))
-      ->capture_default_str();
+      ->check(CLI::Range(16, 1'000'000));
   command.callback([arguments, &exit_code] {
     exit_code = run_claim_study(kDetectionStudy, arguments->study, arguments->options);
   });

@@ -180,19 +180,14 @@ void add_drives_benchmark(CLI::App& benchmark, int& exit_code) {
       "how early and how honestly perceptions know of hidden objects on drives; writes drives.csv");
   const auto arguments = std::make_shared<DrivesArguments>();
   command.add_option("DRIVE", arguments->drives, "drive files")->required();
-  command.add_option("-o,--output", arguments->output, "directory to write to")
-      ->capture_default_str();
+  command.add_option("-o,--output", arguments->output, "directory to write to");
   command.add_option("--perception", arguments->perceptions, "a list with commas")
       ->delimiter(',')
-      ->check(CLI::IsMember(perception_names()))
-      ->capture_default_str();
+      ->check(CLI::IsMember(perception_names()));
   command.add_option("--weights", arguments->weights,
                      "weights.pt of cnn train, for perceptions that are networks");
-  command.add_option("-n,--seeds", arguments->seeds, "drives of each")
-      ->check(positive_number())
-      ->capture_default_str();
-  command.add_option("--seed", arguments->seed, "of the first drive; the next ones count on")
-      ->capture_default_str();
+  command.add_option("-n,--seeds", arguments->seeds, "drives of each")->check(positive_number());
+  command.add_option("--seed", arguments->seed, "of the first drive; the next ones count on");
   command
       .add_option("--light", arguments->light,
                   "factors on the laser's light, a list with commas; default: the drive file's")

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 #include <memory>
 #include <random>
 
@@ -31,6 +32,7 @@ constexpr double kTolerances[] = {0.3, 0.1, 0.04, 0.02, 0.01};
 constexpr double kReferenceScales[] = {0.3, 0.45, 0.7, 1.0};
 /// Processor time that the timing of one setting takes at most, s.
 constexpr double kTimingSeconds = 0.2;
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
 struct ForwardArguments : StudyArguments {
   double truth = 1.4;       ///< sampling of the truth, in units of the reference's default
@@ -38,7 +40,7 @@ struct ForwardArguments : StudyArguments {
 };
 
 struct Setting {
-  std::string scene, model, name;
+  std::string model, name;
   double relay = 0, object = 0;
   double microseconds = 0, relative_l2 = 0, worst_bin = 0;
 };
@@ -144,7 +146,6 @@ std::vector<Setting> study(const ForwardArguments& arguments, const Scene& scene
       2 * std::size(kSamplingSteps) + std::size(kTolerances) + std::size(kReferenceScales));
   const auto add = [&](Setting setting, const std::string& model, const std::string& name,
                        const ForwardModel& of) {
-    setting.scene = scene.name;
     setting.model = model;
     setting.name = name;
     const SamplingStep sampling_step = of.sampling_step().value_or(SamplingStep{0, 0});
@@ -185,15 +186,38 @@ std::vector<Setting> study(const ForwardArguments& arguments, const Scene& scene
   return settings;
 }
 
-std::string csv(const std::vector<std::pair<Truth, std::vector<Setting>>>& studies) {
+/// A scene with all its settings.
+struct SceneStudy {
+  std::string scene;
+  Truth truth;
+  std::vector<Setting> settings;
+
+  /// Microseconds of the cheapest setting of a model whose error is at most 1 %; NaN: there is
+  /// none.
+  double cheapest(bool fast) const {
+    double best = kNone;
+    for (const Setting& s : settings) {
+      if ((s.model == "reference") == fast || s.relative_l2 > 0.01) continue;
+      if (!(s.microseconds >= best)) best = s.microseconds;
+    }
+    return best;
+  }
+  /// Of the model that was asked for 1 %; NaN: there is none.
+  double asked(double Setting::*what) const {
+    const auto found = std::ranges::find(settings, "tolerance 0.01", &Setting::name);
+    return found == settings.end() ? kNone : (*found).*what;
+  }
+};
+
+std::string csv(const std::vector<SceneStudy>& studies) {
   std::string text =
       "scene,model,setting,relay_step,object_step,microseconds,relative_l2,worst_bin,"
       "noise_relative_l2,noise_peak_bin\n";
-  for (const auto& [truth, settings] : studies) {
+  for (const auto& [scene, truth, settings] : studies) {
     for (const Setting& s : settings) {
-      text += formatted("%s,%s,%s,%g,%g,%.5g,%.5g,%.5g,%.5g,%.5g\n", s.scene.c_str(),
-                        s.model.c_str(), s.name.c_str(), s.relay, s.object, s.microseconds,
-                        s.relative_l2, s.worst_bin, truth.noise_l2, truth.noise_peak);
+      text += formatted("%s,%s,%s,%g,%g,%.5g,%.5g,%.5g,%.5g,%.5g\n", scene.c_str(), s.model.c_str(),
+                        s.name.c_str(), s.relay, s.object, s.microseconds, s.relative_l2,
+                        s.worst_bin, truth.noise_l2, truth.noise_peak);
     }
   }
   return text;
@@ -202,15 +226,15 @@ std::string csv(const std::vector<std::pair<Truth, std::vector<Setting>>>& studi
 /// A noise this many times the largest error is told, not drawn.
 constexpr double kFarAbove = 10;
 
-std::vector<Chart> charts(const std::vector<std::pair<Truth, std::vector<Setting>>>& studies) {
+std::vector<Chart> charts(const std::vector<SceneStudy>& studies) {
   std::vector<Chart> list;
-  for (const auto& [truth, settings] : studies) {
+  for (const auto& [scene, truth, settings] : studies) {
     for (const bool worst : {false, true}) {
       const auto error = [&](const Setting& s) { return worst ? s.worst_bin : s.relative_l2; };
       double largest = 0;
       for (const Setting& s : settings) largest = std::max(largest, error(s));
       if (largest <= 0) continue;
-      Chart chart{settings.front().scene + (worst ? ": worst bin" : ": relative L2"),
+      Chart chart{scene + (worst ? ": worst bin" : ": relative L2"),
                   "microseconds an evaluation, one core",
                   worst ? "largest error / peak" : "relative L2 error"};
       chart.logarithmic = true;
@@ -237,54 +261,35 @@ std::vector<Chart> charts(const std::vector<std::pair<Truth, std::vector<Setting
   return list;
 }
 
-/// Cheapest setting of a model whose error is at most `most`; null when there is none.
-const Setting* cheapest(const std::vector<Setting>& settings, bool fast, double most) {
-  const Setting* best = nullptr;
-  for (const Setting& s : settings) {
-    if ((s.model == "reference") == fast || s.relative_l2 > most) continue;
-    if (best == nullptr || s.microseconds < best->microseconds) best = &s;
-  }
-  return best;
+TableRow row_of(const SceneStudy& s) {
+  return {{{"", "scene", "%-18s", s.scene},
+           {"", "at 1 %, us", "%12.4g", s.asked(&Setting::microseconds)},
+           {"", "rel. L2, %", "%10.2g", s.asked(&Setting::relative_l2), 100},
+           {"", "fast 1 %, us", "%14.4g", s.cheapest(true)},
+           {"", "reference, us", "%14.4g", s.cheapest(false)},
+           {"", "ratio", "%9.0f", s.cheapest(false) / s.cheapest(true)},
+           {"", "noise, %", "%9.2g", s.truth.noise_l2, 100}}};
 }
 
-void print_row(const Printout& out, const std::string& scene, const Truth& truth,
-               const std::vector<Setting>& settings) {
-  const Setting* fast = cheapest(settings, true, 0.01);
-  const Setting* reference = cheapest(settings, false, 0.01);
-  const auto asked = std::ranges::find(settings, "tolerance 0.01", &Setting::name);
-  const auto text = [](const Setting* s) {
-    return s == nullptr ? std::string("-") : formatted("%.4g", s->microseconds);
-  };
-  const Setting* chosen = asked == settings.end() ? nullptr : &*asked;
-  std::string error = "-", ratio = "-";
-  if (chosen != nullptr) error = formatted("%.2g %%", 100 * chosen->relative_l2);
-  if (fast != nullptr && reference != nullptr) {
-    ratio = formatted("%.0f", reference->microseconds / fast->microseconds);
-  }
-  out.text("%-18s %12s %10s %14s %14s %9s %9.2g %%\n", scene.c_str(), text(chosen).c_str(),
-           error.c_str(), text(fast).c_str(), text(reference).c_str(), ratio.c_str(),
-           100 * truth.noise_l2);
-}
-
-const StudyFiles kFiles{
-    "forward", "Error of the forward model against run time",
+const Study<SceneStudy> kStudy{
+    "forward",
+    "Error of the forward model against run time",
     "Each point is one sampling of the fast model or of the reference renderer, its error measured "
     "against a denser reference. Below the dashed line, the noise of one capture at the scene's "
     "own counts, more time stops paying; where it lies far above all errors, the title tells it. "
-    "Relay points with a measured law are one formula, without an error and a picture."};
+    "Relay points with a measured law are one formula, without an error and a picture.",
+    row_of,
+    charts,
+    csv};
 
 int run_forward(const ForwardArguments& arguments) {
-  arguments.out.text("%-18s %12s %10s %14s %14s %9s %11s\n", "scene", "at 1 %, us", "rel. L2",
-                     "fast 1 %, us", "reference, us", "ratio", "noise");
-  std::vector<std::pair<Truth, std::vector<Setting>>> studies;
+  StudyRun run(kStudy, arguments);
   for_each_scene(arguments, [&](const Scene& scene, const SensorPlacement& sensor) {
     Truth truth = make_truth(arguments, scene, sensor);
     std::vector<Setting> settings = study(arguments, scene, sensor, truth);
-    print_row(arguments.out, scene.name, truth, settings);
-    studies.emplace_back(std::move(truth), std::move(settings));
-    write_study(arguments, kFiles, csv(studies), charts(studies));
+    run.add({scene.name, std::move(truth), std::move(settings)});
   });
-  print_study_files(arguments, kFiles);
+  run.end();
   return kAllWell;
 }
 
@@ -300,13 +305,11 @@ void add_forward_benchmark(CLI::App& benchmark, int& exit_code) {
   command
       .add_option("--truth", arguments->truth,
                   "sampling of the truth, in units of the reference renderer's default")
-      ->check(CLI::Range(0.1, 10.0))
-      ->capture_default_str();
+      ->check(CLI::Range(0.1, 10.0));
   command
       .add_option("--slowest-ms", arguments->slowest_ms,
                   "finer settings of a model are left out once one takes longer")
-      ->check(positive_number())
-      ->capture_default_str();
+      ->check(positive_number());
   command.callback([arguments, &exit_code] { exit_code = run_forward(*arguments); });
 }
 

@@ -124,7 +124,11 @@ struct Row {
   double median_evaluations() const {
     return median_of([](const Trial& t) { return static_cast<double>(t.evaluations); });
   }
-  double share(int successes) const { return static_cast<double>(successes) / fitted(); }
+  template <typename Member>
+  double share(Member member) const {
+    return static_cast<double>(count(member)) / fitted();
+  }
+  ShareInterval held() const { return wilson_interval(count(&Trial::in_region), fitted()); }
 };
 
 bool is_position(const Unknown& unknown) { return unknown.component <= Component::z; }
@@ -249,32 +253,6 @@ void save_captures(const LightArguments& arguments, const Scene& scene, double p
       file);
 }
 
-const char* const kHeader =
-    "scene,without,photons,captures,failed,median_error_m,rms_error_m,claimed_rms_m,"
-    "normalised_error,in_region,in_region_low,in_region_high,in_region_of_heaviest_mode,flagged,"
-    "misfit,"
-    "wrong_optima,wrong_optima_flagged,photon_bound_m,file_limit_m,expected_ratio,first_ms,"
-    "following_median_ms,following_90_ms,following_longest_ms,exact_evaluations\n";
-
-std::string csv(const std::vector<Row>& rows) {
-  std::string text = kHeader;
-  for (const Row& r : rows) {
-    const int inside = r.count(&Trial::in_region);
-    const ShareInterval interval = wilson_interval(inside, r.fitted());
-    text += formatted("%s,%s,%g,%d,%d,%.5g,%.5g,%.5g,%.4g,%.4g,%.4g,%.4g,%.4g,%.4g,%.4g,%d,%d,",
-                      r.scene.c_str(), r.without.c_str(), r.photons, r.captures(), r.failed(),
-                      r.median_error(), r.root_mean(&Trial::squared), r.root_mean(&Trial::claimed),
-                      r.root_mean(&Trial::normalised), r.share(inside), interval.low, interval.high,
-                      r.share(r.count(&Trial::in_heaviest)), r.share(r.count(&Trial::flagged)),
-                      r.share(r.count(&Trial::misfit)), r.count(&Trial::wrong),
-                      r.count([](const Trial& t) { return t.wrong() && t.flagged; }));
-    text += formatted("%.5g,%.5g,%.4g,%.4g,%.4g,%.4g,%.4g,%g\n", r.bound, r.file_limit,
-                      r.expected_ratio, r.first_ms, r.following_ms(0.5), r.following_ms(0.9),
-                      r.following_ms(1), r.median_evaluations());
-  }
-  return text;
-}
-
 nlohmann::json to_json(const std::vector<Row>& rows) {
   nlohmann::json list = nlohmann::json::array();
   for (const Row& r : rows) {
@@ -334,12 +312,10 @@ std::vector<Chart> charts(const std::vector<Row>& rows) {
       error.series[1].points.push_back({r.photons, r.root_mean(&Trial::claimed)});
       error.series[2].points.push_back({r.photons, r.median_error()});
       error.series[3].points.push_back({r.photons, r.bound});
-      const int inside = r.count(&Trial::in_region);
-      const ShareInterval interval = wilson_interval(inside, r.fitted());
       const double x = std::log10(r.photons);
-      share.series[0].points.push_back({x, r.share(inside)});
-      share.series[1].points.push_back({x, interval.low});
-      share.series[2].points.push_back({x, interval.high});
+      share.series[0].points.push_back({x, r.share(&Trial::in_region)});
+      share.series[1].points.push_back({x, r.held().low});
+      share.series[2].points.push_back({x, r.held().high});
     }
     list.push_back(std::move(error));
     list.push_back(std::move(share));
@@ -347,7 +323,37 @@ std::vector<Chart> charts(const std::vector<Row>& rows) {
   return list;
 }
 
-const StudyFiles kFiles{
+TableRow row_of(const Row& r) {
+  return {{{"scene", "", "", r.scene},
+           {"without", "", "", r.without},
+           {"", "scene", "%-28s", r.without.empty() ? r.scene : "  without " + r.without},
+           {"photons", "photons", "%8g", r.photons},
+           {"captures", "fits", "%5d", r.captures()},
+           {"failed", "fail", "%4d", r.failed()},
+           {"median_error_m", "median mm", "%9.1f", r.median_error(), 1e3},
+           {"rms_error_m", "RMS mm", "%9.1f", r.root_mean(&Trial::squared), 1e3},
+           {"claimed_rms_m", "claimed", "%9.1f", r.root_mean(&Trial::claimed), 1e3},
+           {"normalised_error", "ratio", "%6.2f", r.root_mean(&Trial::normalised)},
+           {"expected_ratio", "(file)", "%6.2f", r.expected_ratio},
+           {"in_region", "in 95%", "%6.3f", r.share(&Trial::in_region)},
+           {"in_region_low", "", "", r.held().low},
+           {"in_region_high", "", "", r.held().high},
+           {"in_region_of_heaviest_mode", "mode", "%6.3f", r.share(&Trial::in_heaviest)},
+           {"flagged", "flag", "%6.3f", r.share(&Trial::flagged)},
+           {"misfit", "misfit", "%6.3f", r.share(&Trial::misfit)},
+           {"wrong_optima", "wrong", "%5d", r.count(&Trial::wrong)},
+           {"wrong_optima_flagged", "flag", "%4d",
+            r.count([](const Trial& t) { return t.wrong() && t.flagged; })},
+           {"photon_bound_m", "bound mm", "%9.2f", r.bound, 1e3},
+           {"file_limit_m", "file mm", "%9.2f", r.file_limit, 1e3},
+           {"first_ms", "first ms", "%9.0f", r.first_ms},
+           {"following_median_ms", "median", "%8.1f", r.following_ms(0.5)},
+           {"following_90_ms", "90 %", "%8.1f", r.following_ms(0.9)},
+           {"following_longest_ms", "longest", "%8.0f", r.following_ms(1)},
+           {"exact_evaluations", "exact", "%6.0f", r.median_evaluations()}}};
+}
+
+const Study<Row> kStudy{
     "light", "Errors and claims at every level of light",
     "Captures of scenes whose light an independent path tracer computed, photon noise added; "
     "photons are those of the object, averaged over the poses, over an equal background. The "
@@ -356,30 +362,8 @@ const StudyFiles kFiles{
     "what the static background may be off by. The noise of the traced light is the error that the "
     "files' own "
     "standard errors cause, which no number of photons averages out. The 95 % region is that of "
-    "highest density of the whole posterior, its interval Wilson's."};
-
-void print_head(const Printout& out) {
-  out.text(
-      "%-28s %8s %5s %4s %9s %9s %9s %6s %6s %6s %6s %6s %6s %10s %9s %9s %9s %8s %8s %8s %6s\n",
-      "scene", "photons", "fits", "fail", "median mm", "RMS mm", "claimed", "ratio", "(file)",
-      "in 95%", "mode", "flag", "misfit", "wrong flag", "bound mm", "file mm", "first ms", "median",
-      "90 %", "longest", "exact");
-}
-
-void print_row(const Printout& out, const Row& r) {
-  const std::string name = r.without.empty() ? r.scene : "  without " + r.without;
-  out.text(
-      "%-28s %8g %5d %4d %9.1f %9.1f %9.1f %6.2f %6.2f %6.3f %6.3f %6.3f %6.3f %5d %4d %9.2f "
-      "%9.2f %9.0f %8.1f %8.1f %8.0f %6.0f\n",
-      name.c_str(), r.photons, r.captures(), r.failed(), 1e3 * r.median_error(),
-      1e3 * r.root_mean(&Trial::squared), 1e3 * r.root_mean(&Trial::claimed),
-      r.root_mean(&Trial::normalised), r.expected_ratio, r.share(r.count(&Trial::in_region)),
-      r.share(r.count(&Trial::in_heaviest)), r.share(r.count(&Trial::flagged)),
-      r.share(r.count(&Trial::misfit)), r.count(&Trial::wrong),
-      r.count([](const Trial& t) { return t.wrong() && t.flagged; }), 1e3 * r.bound,
-      1e3 * r.file_limit, r.first_ms, r.following_ms(0.5), r.following_ms(0.9), r.following_ms(1),
-      r.median_evaluations());
-}
+    "highest density of the whole posterior, its interval Wilson's.",
+    row_of, charts};
 
 TracedCaptures traced_captures(const LightArguments& arguments, const Scene& scene,
                                const std::string& path) {
@@ -433,42 +417,30 @@ Row study(const LightArguments& arguments, const Scene& scene, const TracedCaptu
   row.scene = scene.name;
   row.photons = photons;
   const std::size_t count = captures.size();
-  row.trials.resize(count);
   FitOptions options = arguments.fit;
   leave_out(without, options);
   const Fitter fitter(scene, options);
   Progress progress(scene.name + formatted(", %g photons", photons), count);
-  std::vector<char> done(count);
-  const auto run = [&](std::size_t i) {
-    if (Interruptible::asked()) return;
-    done[i] = 1;
-    row.trials[i] = run_trial(fitter, judge, captures[i], truth.traced().poses[i % poses]);
-    progress.advance();
-  };
-  run(0);
-  row.first_ms = row.trials[0].time_ms;  // 0 where that was not begun
   // One after the other: a fit's time is that of one that has the machine for itself.
-  for (std::size_t i = 1; i < count; ++i) run(i);
-  progress.finish();
-  std::vector<Trial> finished;
-  for (std::size_t i = 0; i < count; ++i) {
-    if (done[i] != 0) finished.push_back(std::move(row.trials[i]));
+  for (std::size_t i = 0; i < count && !Interruptible::asked(); ++i) {
+    row.trials.push_back(run_trial(fitter, judge, captures[i], truth.traced().poses[i % poses]));
+    progress.advance();
   }
-  if (finished.size() < count) {
-    tell_interrupted(finished.size(), count,
+  progress.finish();
+  if (!row.trials.empty()) row.first_ms = row.trials.front().time_ms;
+  if (row.trials.size() < count) {
+    tell_interrupted(row.trials.size(), count,
                      "captures of " + scene.name + formatted(" at %g photons", photons),
                      "the table holds these");
   }
-  row.trials = std::move(finished);
   return row;
 }
 
 int run_light(const LightArguments& arguments) {
   const ThreadLimit threads(arguments.threads);
   if (!arguments.captures_directory.empty()) make_directory(arguments.captures_directory);
-  std::vector<Row> rows;
+  StudyRun run(kStudy, arguments);
   int failed = 0;
-  print_head(arguments.out);
   const Interruptible interruptible;
   for (const std::string& path : light_scenes(arguments)) {
     Scene scene = read_scene(path);
@@ -487,24 +459,22 @@ int run_light(const LightArguments& arguments) {
       const std::vector<Capture> captures = captures_of(arguments, scene, truth, poses, photons);
       for (const std::string& without : rules_to_leave_out(arguments)) {
         if (Interruptible::asked()) return kSomeFailed;
-        rows.push_back(study(arguments, scene, truth, poses, judge, captures, photons, without));
-        Row& row = rows.back();
+        Row row = study(arguments, scene, truth, poses, judge, captures, photons, without);
         if (row.trials.empty()) return kSomeFailed;
         row.bound = bounds.photon;
         row.file_limit = bounds.file;
         row.expected_ratio = std::sqrt(1 + bounds.against);
-        print_row(arguments.out, row);
         failed += row.failed();
         for (const Trial& t : row.trials) {
           if (!t.error.empty()) std::fprintf(stderr, "blindcorner: %s\n", t.error.c_str());
         }
-        write_study(arguments, kFiles, csv(rows), charts(rows));
+        run.add(std::move(row));
         write_atomically((fs::path(arguments.output) / "light.json").string(),
-                         to_json(rows).dump(1) + "\n");
+                         to_json(run.units()).dump(1) + "\n");
       }
     }
   }
-  print_study_files(arguments, kFiles);
+  run.end();
   return failed > 0 || Interruptible::asked() ? kSomeFailed : kAllWell;
 }
 
@@ -520,36 +490,29 @@ void add_light_benchmark(CLI::App& benchmark, int& exit_code) {
   arguments->data = data != nullptr ? data : "../shared/data";
   command.add_option("SCENE", arguments->scenes,
                      "scene files, reference_NAME.json; default: those in scenes/");
-  command
-      .add_option("--data", arguments->data,
-                  "directory of the traced light, NAME.npz, or one that holds it in mitransient/; "
-                  "default: what BLINDCORNER_DATA says, else")
-      ->capture_default_str();
-  command.add_option("-o,--output", arguments->output, "directory to write to")
-      ->capture_default_str();
+  command.add_option(
+      "--data", arguments->data,
+      "directory of the traced light, NAME.npz, or one that holds it in mitransient/; "
+      "default: what BLINDCORNER_DATA says, else");
+  command.add_option("-o,--output", arguments->output, "directory to write to");
   command.add_option("--photons", arguments->photons, "of the object, a list with commas")
       ->delimiter(',')
-      ->check(positive_number())
-      ->capture_default_str();
+      ->check(positive_number());
   command.add_option("--poses", arguments->poses, "first poses of each file; 0: all")
-      ->check(number_from_zero())
-      ->capture_default_str();
+      ->check(number_from_zero());
   command.add_option("--seeds", arguments->seeds, "captures of each pose")
-      ->check(positive_number())
-      ->capture_default_str();
-  command.add_option("--seed", arguments->seed, "of the photons")->capture_default_str();
+      ->check(positive_number());
+  command.add_option("--seed", arguments->seed, "of the photons");
   command
       .add_option("--own-light", arguments->own_light,
                   "whose light of the known scene the captures hold: the tracer's, whose time "
                   "discretisation is up to 1 % of a bin off, the reference renderer's, or none")
-      ->check(CLI::IsMember({"tracer", "renderer", "none"}))
-      ->capture_default_str();
+      ->check(CLI::IsMember({"tracer", "renderer", "none"}));
   command
       .add_option("--object-light", arguments->object_light,
                   "whose light of the object they hold: the tracer's, or the reference renderer's "
                   "at the same poses, which has no noise of its own")
-      ->check(CLI::IsMember({"tracer", "renderer"}))
-      ->capture_default_str();
+      ->check(CLI::IsMember({"tracer", "renderer"}));
   command.add_option("--tolerance", arguments->fit.model_tolerance,
                      "of the fit's model; default: as each capture asks for");
   std::vector<std::string> names;
@@ -562,8 +525,7 @@ void add_light_benchmark(CLI::App& benchmark, int& exit_code) {
   command.add_flag("--each-rule", arguments->each_rule,
                    "a further row for each rule of the fit: the same captures without it");
   command.add_option("--threads", arguments->threads, "threads; 0: one per processor")
-      ->check(CLI::Range(0, 1024))
-      ->capture_default_str();
+      ->check(CLI::Range(0, 1024));
   command.add_option("--save-captures", arguments->captures_directory,
                      "directory for the captures, a file for each scene and number of photons");
   arguments->out.add_option(command, "the rows of light.csv");

@@ -308,18 +308,16 @@ std::vector<double> values_of(const Run& run, double Frame::*member, bool follow
   return values;
 }
 
-void print_head(const Printout& out) {
-  out.text("%-18s %6s %4s %8s | %8s %8s %8s | %8s %8s %8s | %9s | %8s %8s %8s | %7s %7s\n", "scene",
-           "frames", "fail", "first ms", "fit ms", "90 %", "longest", "track ms", "90 %", "longest",
-           "optimum", "fit m", "(bound)", "track m", "MB", "peak");
+/// A quantile of what was measured; NaN: nothing was.
+double quantile_or_none(const std::vector<double>& values, double share) {
+  return values.empty() ? kNone : quantile(values, share);
 }
 
-void print_row(const Printout& out, const Run& run) {
-  const auto quantiles = [](const std::vector<double>& values) {
-    return values.empty() ? formatted("%8s %8s %8s", "-", "-", "-")
-                          : formatted("%8.1f %8.1f %8.1f", quantile(values, 0.5),
-                                      quantile(values, 0.9), quantile(values, 1));
-  };
+TableRow row_of(const Run& run) {
+  const auto failed =
+      std::ranges::count_if(run.frames, [](const Frame& f) { return !f.error.empty(); });
+  const std::vector<double> fits = values_of(run, &Frame::fit_ms);
+  const std::vector<double> tracks = values_of(run, &Frame::tracked_ms, true);
   const std::vector<double> missed = values_of(run, &Frame::missed);
   const auto reached = std::ranges::count_if(missed, [](double m) { return m <= kReached; });
   // Errors beside the exhaustive search's are those of the same frames.
@@ -329,19 +327,22 @@ void print_row(const Printout& out, const Run& run) {
       fit_errors.push_back(frame.fit_error);
     }
   }
-  const auto failed =
-      std::ranges::count_if(run.frames, [](const Frame& f) { return !f.error.empty(); });
-  out.text("%-18s %6zu %4td %8.1f | %s | %s | %4td/%-4zu | %8.3f %8.3f %8.3f | %7.0f %7.0f\n",
-           run.scene.c_str(), run.frames.size(), failed, median(run.first_ms),
-           quantiles(values_of(run, &Frame::fit_ms)).c_str(),
-           quantiles(values_of(run, &Frame::tracked_ms, true)).c_str(), reached, missed.size(),
-           median(fit_errors), median(values_of(run, &Frame::exhaustive_error)),
-           median(values_of(run, &Frame::tracked_error, true)), run.memory_before, run.memory_peak);
-  for (const Endurance& e : run.endurance) {
-    if (std::isnan(e.tracked_ms)) continue;
-    out.text("  %7d poses: %6.0f MB, peak %6.0f MB, tracked %7.1f ms, fit %7.1f ms\n", e.frames,
-             e.resident, e.peak, e.tracked_ms, e.fit_ms);
-  }
+  return {{{"", "scene", "%-18s", run.scene},
+           {"", "frames", "%6d", run.frames.size()},
+           {"", "fail", "%4d", failed},
+           {"", "first ms", "%8.1f", median(run.first_ms)},
+           {"", "fit ms", "%8.1f", quantile_or_none(fits, 0.5)},
+           {"", "90 %", "%8.1f", quantile_or_none(fits, 0.9)},
+           {"", "longest", "%8.1f", quantile_or_none(fits, 1)},
+           {"", "track ms", "%8.1f", quantile_or_none(tracks, 0.5)},
+           {"", "90 %", "%8.1f", quantile_or_none(tracks, 0.9)},
+           {"", "longest", "%8.1f", quantile_or_none(tracks, 1)},
+           {"", "optimum", "%9s", formatted("%td/%zu", reached, missed.size())},
+           {"", "fit m", "%8.3f", median(fit_errors)},
+           {"", "(bound)", "%8.3f", median(values_of(run, &Frame::exhaustive_error))},
+           {"", "track m", "%8.3f", median(values_of(run, &Frame::tracked_error, true))},
+           {"", "MB", "%7.0f", run.memory_before},
+           {"", "peak", "%7.0f", run.memory_peak}}};
 }
 
 std::string csv(const std::vector<Run>& runs) {
@@ -398,34 +399,36 @@ std::vector<Chart> charts(const std::vector<Run>& runs) {
   return list;
 }
 
-StudyFiles files_of(const MovingArguments& arguments) {
-  std::string text =
-      "Captures of the reference renderer along a path of the sensor, photon noise added, each "
-      "fitted by itself and tracked, one after the other in one process on all its cores. Times "
-      "count everything that a new pose of the sensor costs.";
-  if (arguments.exhaustive_every > 0) {
-    text += " Errors of the exhaustive search are those of its heaviest mode.";
-  }
-  return {"moving", "A sensor that stands elsewhere in every frame", text};
-}
+const Study<Run> kStudy{
+    "moving",
+    "A sensor that stands elsewhere in every frame",
+    "Captures of the reference renderer along a path of the sensor, photon noise added, each "
+    "fitted by itself and tracked, one after the other in one process on all its cores. Times "
+    "count everything that a new pose of the sensor costs. Errors of the exhaustive search, in "
+    "frames where there was one, are those of its heaviest mode.",
+    row_of,
+    charts,
+    csv};
 
 int run_moving(const MovingArguments& arguments) {
   const ThreadLimit threads(arguments.threads);
-  std::vector<Run> runs;
+  StudyRun study(kStudy, arguments);
   int failed = 0;
-  print_head(arguments.out);
   for (const std::string& path : arguments.scenes) {
-    runs.push_back(measure(arguments, path));
-    print_row(arguments.out, runs.back());
-    for (std::size_t i = 0; i < runs.back().frames.size(); ++i) {
-      const std::string& error = runs.back().frames[i].error;
-      if (error.empty()) continue;
-      std::fprintf(stderr, "blindcorner: frame %zu: %s\n", i, error.c_str());
+    study.add(measure(arguments, path));
+    const Run& run = study.units().back();
+    for (const Endurance& e : run.endurance) {
+      if (std::isnan(e.tracked_ms)) continue;
+      arguments.out.text("  %7d poses: %6.0f MB, peak %6.0f MB, tracked %7.1f ms, fit %7.1f ms\n",
+                         e.frames, e.resident, e.peak, e.tracked_ms, e.fit_ms);
+    }
+    for (std::size_t i = 0; i < run.frames.size(); ++i) {
+      if (run.frames[i].error.empty()) continue;
+      std::fprintf(stderr, "blindcorner: frame %zu: %s\n", i, run.frames[i].error.c_str());
       ++failed;
     }
-    write_study(arguments, files_of(arguments), csv(runs), charts(runs));
   }
-  print_study_files(arguments, files_of(arguments));
+  study.end();
   return failed > 0 ? kSomeFailed : kAllWell;
 }
 
@@ -438,11 +441,9 @@ void add_moving_benchmark(CLI::App& benchmark, int& exit_code) {
       "moving.csv and moving.html");
   const auto arguments = std::make_shared<MovingArguments>();
   command.add_option("SCENE", arguments->scenes, "scene files")->required();
-  command.add_option("-o,--output", arguments->output, "directory to write to")
-      ->capture_default_str();
+  command.add_option("-o,--output", arguments->output, "directory to write to");
   command.add_option("--frames", arguments->frames, "sensor poses along the path")
-      ->check(positive_number())
-      ->capture_default_str();
+      ->check(positive_number());
   CLI::Option* from = command.add_option(
       "--from", arguments->from, "first pose of the sensor, as of `render`; default: the scene's");
   CLI::Option* to = command.add_option(
@@ -458,42 +459,33 @@ void add_moving_benchmark(CLI::App& benchmark, int& exit_code) {
   command
       .add_option("--objects", arguments->objects,
                   "poses of the object drawn from the prior, each for an equal part of the frames")
-      ->check(positive_number())
-      ->capture_default_str();
+      ->check(positive_number());
   command.add_option("--pose", arguments->pose, "one pose of the object for all frames instead");
   command
       .add_option("--photons", arguments->photons,
                   "of the object in each frame, over an equal background; 0: the scene's own "
                   "exposure")
-      ->check(number_from_zero())
-      ->capture_default_str();
+      ->check(number_from_zero());
   command
       .add_option("--truth", arguments->truth,
                   "sampling of the captures, in units of the reference renderer's default")
-      ->check(CLI::Range(0.1, 10.0))
-      ->capture_default_str();
+      ->check(CLI::Range(0.1, 10.0));
   command
       .add_option("--exhaustive-every", arguments->exhaustive_every,
                   "an exhaustive search in one frame of so many; 0: never")
-      ->check(number_from_zero())
-      ->capture_default_str();
-  command
-      .add_option("--density", arguments->exhaustive.density,
-                  "points of the exhaustive grid per grid step of the fit")
-      ->capture_default_str();
-  command.add_option("--max-poses", arguments->exhaustive.max_poses, "of the exhaustive grid")
-      ->capture_default_str();
+      ->check(number_from_zero());
+  command.add_option("--density", arguments->exhaustive.density,
+                     "points of the exhaustive grid per grid step of the fit");
+  command.add_option("--max-poses", arguments->exhaustive.max_poses, "of the exhaustive grid");
   command
       .add_option("--endurance", arguments->endurance,
                   "then so many more sensor poses along the path, for the memory that they take")
-      ->check(number_from_zero())
-      ->capture_default_str();
+      ->check(number_from_zero());
   command.add_option("--tolerance", arguments->fit.model_tolerance,
                      "of the fit's model; default: as each capture asks for");
   command.add_option("--threads", arguments->threads, "threads; 0: one per processor")
-      ->check(CLI::Range(0, 1024))
-      ->capture_default_str();
-  command.add_option("--seed", arguments->seed, "of poses and photons")->capture_default_str();
+      ->check(CLI::Range(0, 1024));
+  command.add_option("--seed", arguments->seed, "of poses and photons");
   add_capture_directories(command, arguments->directories);
   arguments->out.add_option(command, "the rows of moving.csv");
   command.callback([arguments, &exit_code] {

@@ -43,17 +43,30 @@ struct Solution {
   std::size_t expansions = 0;
 };
 
+struct Problems {
+  std::vector<MovingAiProblem> all;
+  std::vector<std::size_t> longest;  ///< by their optimum
+};
+
 /// One way to plan, over all problems in the file's order.
 struct Variant {
   std::string name;
-  std::vector<Solution> solutions;
-};
+  const Problems* problems = nullptr;
+  std::vector<Solution> solutions{};
 
-struct Study {
-  std::vector<MovingAiProblem> problems;
-  std::vector<std::size_t> longest;  ///< of the problems, by their optimum
-  std::vector<Variant> variants;     ///< the first one is A* with weight 1
-  std::vector<std::size_t> missed;
+  auto unsolved() const {
+    return std::ranges::count_if(solutions, [](const auto& s) { return std::isnan(s.length); });
+  }
+  /// Values of the longest problems, of the problem and its solution; those without a path, and
+  /// values that are not numbers, are left out.
+  std::vector<double> of_longest(double (*value)(const MovingAiProblem&, const Solution&)) const {
+    std::vector<double> values;
+    for (const std::size_t i : problems->longest) {
+      const double v = value(problems->all[i], solutions[i]);
+      if (std::isfinite(solutions[i].length) && std::isfinite(v)) values.push_back(v);
+    }
+    return values;
+  }
 };
 
 /// A grid whose cells are squares of `factor` by `factor` of another one's, and as occupied as the
@@ -95,11 +108,12 @@ class TerrainGrids {
 
 /// Solves all problems in one way. `solve(grid, problem)` gives the length and the expansions.
 template <typename Solve>
-Variant solve_all(const Study& study, TerrainGrids& grids, const std::string& name, Solve solve) {
-  Variant variant{name, {}};
-  Progress progress(name, study.problems.size());
+Variant solve_all(const Problems& problems, TerrainGrids& grids, const std::string& name,
+                  Solve solve) {
+  Variant variant{name, &problems};
+  Progress progress(name, problems.all.size());
   tbb::task_arena one_thread(1);  // whose processor time is measured
-  for (const MovingAiProblem& problem : study.problems) {
+  for (const MovingAiProblem& problem : problems.all) {
     const PlanningGrid& grid = grids.of(problem);
     const double begin = cpu_seconds();
     Solution solution = one_thread.execute([&] { return solve(grid, problem); });
@@ -110,11 +124,12 @@ Variant solve_all(const Study& study, TerrainGrids& grids, const std::string& na
   return variant;
 }
 
-void search_all(const PlannerArguments& arguments, Study& study, TerrainGrids& grids) {
+void search_all(const PlannerArguments& arguments, const Problems& problems, TerrainGrids& grids,
+                StudyRun<Variant>& run) {
   for (const double weight : arguments.weights) {
     GridSearch search({.heuristic_weight = weight});
-    study.variants.push_back(
-        solve_all(study, grids, formatted("A*, weight %g", weight),
+    run.add(
+        solve_all(problems, grids, formatted("A*, weight %g", weight),
                   [&](const PlanningGrid& grid, const MovingAiProblem& problem) {
                     const CellPath path = search.search(grid, problem.start, problem.goal);
                     if (path.status != PathStatus::found)
@@ -126,22 +141,21 @@ void search_all(const PlannerArguments& arguments, Study& study, TerrainGrids& g
 
 /// Straight lines at any angle in place of steps between cells, and with rounded corners, for a
 /// point.
-void smooth_all(Study& study, TerrainGrids& grids) {
+void smooth_all(const Problems& problems, TerrainGrids& grids, StudyRun<Variant>& run) {
   PathPlanner planner;
   const auto request = [](const PlanningGrid& grid, const MovingAiProblem& problem) {
     return PathRequest{.start = grid.geometry().center(problem.start),
                        .start_heading = {},
                        .goal = {grid.geometry().center(problem.goal), {}, {}}};
   };
-  study.variants.push_back(
-      solve_all(study, grids, "rounded", [&](const PlanningGrid& grid, const auto& problem) {
-        const Path path = planner.plan(grid, request(grid, problem));
-        if (!path.found()) return Solution{.expansions = path.expansions};
-        return Solution{path.length / grid.geometry().cell_size, 0, path.expansions};
-      }));
+  run.add(solve_all(problems, grids, "rounded", [&](const PlanningGrid& grid, const auto& problem) {
+    const Path path = planner.plan(grid, request(grid, problem));
+    if (!path.found()) return Solution{.expansions = path.expansions};
+    return Solution{path.length / grid.geometry().cell_size, 0, path.expansions};
+  }));
   GridSearch search;
-  study.variants.push_back(
-      solve_all(study, grids, "any-angle", [&](const PlanningGrid& grid, const auto& problem) {
+  run.add(
+      solve_all(problems, grids, "any-angle", [&](const PlanningGrid& grid, const auto& problem) {
         const CellPath cells = search.search(grid, problem.start, problem.goal);
         if (cells.status != PathStatus::found) return Solution{.expansions = cells.expansions};
         std::vector<Eigen::Vector2d> points;
@@ -158,12 +172,12 @@ void smooth_all(Study& study, TerrainGrids& grids) {
 /// The same with larger cells. Problems whose ends lie in cells that are not all free, or whose
 /// only passages are narrower than two of them, have no path; the ways to the first and from the
 /// last cell's centre count.
-void search_coarser(const MovingAiMap& map, Study& study) {
+void search_coarser(const MovingAiMap& map, const Problems& problems, StudyRun<Variant>& run) {
   for (const int factor : {2, 4}) {
     TerrainGrids grids(map, factor);
     GridSearch search;
-    study.variants.push_back(solve_all(
-        study, grids, formatted("cells of %d", factor),
+    run.add(solve_all(
+        problems, grids, formatted("cells of %d", factor),
         [&](const PlanningGrid& grid, const MovingAiProblem& problem) {
           const Eigen::Vector2d from = map.geometry.center(problem.start);
           const Eigen::Vector2d to = map.geometry.center(problem.goal);
@@ -190,18 +204,6 @@ std::vector<std::size_t> longest_problems(const std::vector<MovingAiProblem>& pr
   return order;
 }
 
-/// Values of the longest problems; those without a path, and values that are not numbers, are left
-/// out.
-template <typename Value>
-std::vector<double> of_longest(const Study& study, const Variant& variant, Value value) {
-  std::vector<double> values;
-  for (const std::size_t i : study.longest) {
-    const double v = value(study.problems[i], variant.solutions[i]);
-    if (std::isfinite(variant.solutions[i].length) && std::isfinite(v)) values.push_back(v);
-  }
-  return values;
-}
-
 double ratio_of(const MovingAiProblem& problem, const Solution& solution) {
   return problem.length > 0 ? solution.length / problem.length
                             : std::numeric_limits<double>::quiet_NaN();
@@ -213,30 +215,15 @@ double expansions_of(const MovingAiProblem& /*problem*/, const Solution& solutio
   return static_cast<double>(solution.expansions);
 }
 
-void print_table(const Printout& out, const Study& study) {
-  out.text("%-16s %8s | longest %zu: %9s %9s %9s | %9s %9s %12s\n", "", "unsolved",
-           study.longest.size(), "length", "90 %", "longest", "ms", "90 %", "expansions");
-  for (const Variant& variant : study.variants) {
-    const auto unsolved = std::ranges::count_if(
-        variant.solutions, [](const Solution& s) { return std::isnan(s.length); });
-    const auto ratios = of_longest(study, variant, ratio_of);
-    const auto times = of_longest(study, variant, time_of);
-    out.text("%-16s %8td | %12s %9.4f %9.4f %9.4f | %9.2f %9.2f %12.0f\n", variant.name.c_str(),
-             unsolved, "", quantile(ratios, 0.5), quantile(ratios, 0.9), quantile(ratios, 1),
-             quantile(times, 0.5), quantile(times, 0.9),
-             quantile(of_longest(study, variant, expansions_of), 0.5));
-  }
-}
-
-std::string csv(const Study& study) {
+std::string csv(const std::vector<Variant>& variants) {
   std::string text = "problem,bucket,optimum_cells,variant,length_cells,time_ms,expansions\n";
-  for (const Variant& variant : study.variants) {
-    for (std::size_t i = 0; i < study.problems.size(); ++i) {
+  for (const Variant& variant : variants) {
+    const std::vector<MovingAiProblem>& problems = variant.problems->all;
+    std::string name = variant.name;
+    std::erase(name, ',');
+    for (std::size_t i = 0; i < problems.size(); ++i) {
       const Solution& s = variant.solutions[i];
-      std::string name = variant.name;
-      std::erase(name, ',');
-      text += formatted("%zu,%d,%.8f,%s,", i, study.problems[i].bucket, study.problems[i].length,
-                        name.c_str());
+      text += formatted("%zu,%d,%.8f,%s,", i, problems[i].bucket, problems[i].length, name.c_str());
       text += std::isnan(s.length) ? "" : formatted("%.8f", s.length);
       text += formatted(",%.4f,%zu\n", s.time, s.expansions);
     }
@@ -244,28 +231,29 @@ std::string csv(const Study& study) {
   return text;
 }
 
-std::vector<Chart> charts(const Study& study) {
+std::vector<Chart> charts(const std::vector<Variant>& variants) {
   Chart trade{"the longest problems: medians", "planning time, ms", "length over optimum"};
   Chart each{"the longest problems, each", "planning time, ms", "length over optimum"};
   Chart time{"all problems", "optimum, cells", "planning time, ms"};
-  for (const Variant& variant : study.variants) {
+  for (const Variant& variant : variants) {
     trade.series.push_back({variant.name,
-                            {{median(of_longest(study, variant, time_of)),
-                              median(of_longest(study, variant, ratio_of)), variant.name}},
+                            {{median(variant.of_longest(time_of)),
+                              median(variant.of_longest(ratio_of)), variant.name}},
                             SeriesStyle::circles});
     ChartSeries dots{variant.name, {}, SeriesStyle::dots};
-    for (const std::size_t i : study.longest) {
+    for (const std::size_t i : variant.problems->longest) {
       dots.points.push_back(
-          {variant.solutions[i].time, ratio_of(study.problems[i], variant.solutions[i])});
+          {variant.solutions[i].time, ratio_of(variant.problems->all[i], variant.solutions[i])});
     }
     each.series.push_back(std::move(dots));
   }
   constexpr std::size_t kMaxDots = 1000;
-  for (const std::size_t v : {std::size_t{0}, study.variants.size() - 1}) {
-    ChartSeries dots{study.variants[v].name, {}, SeriesStyle::dots};
-    const std::size_t step = 1 + study.problems.size() / kMaxDots;
-    for (std::size_t i = 0; i < study.problems.size(); i += step) {
-      dots.points.push_back({study.problems[i].length, study.variants[v].solutions[i].time});
+  for (const Variant* variant : {&variants.front(), &variants.back()}) {
+    ChartSeries dots{variant->name, {}, SeriesStyle::dots};
+    const std::vector<MovingAiProblem>& problems = variant->problems->all;
+    const std::size_t step = 1 + problems.size() / kMaxDots;
+    for (std::size_t i = 0; i < problems.size(); i += step) {
+      dots.points.push_back({problems[i].length, variant->solutions[i].time});
     }
     time.series.push_back(std::move(dots));
   }
@@ -274,46 +262,61 @@ std::vector<Chart> charts(const Study& study) {
   return list;
 }
 
-const StudyFiles kFiles{
-    "planner", "Paths of published problems",
+TableRow row_of(const Variant& v) {
+  return {{{"", "way to plan", "%-16s", v.name},
+           {"", "unsolved", "%8d", v.unsolved()},
+           {"", "length", "%9.4f", median(v.of_longest(ratio_of))},
+           {"", "90 %", "%9.4f", quantile(v.of_longest(ratio_of), 0.9)},
+           {"", "longest", "%9.4f", quantile(v.of_longest(ratio_of), 1)},
+           {"", "ms", "%9.2f", median(v.of_longest(time_of))},
+           {"", "90 %", "%9.2f", quantile(v.of_longest(time_of), 0.9)},
+           {"", "expansions", "%12.0f", median(v.of_longest(expansions_of))}}};
+}
+
+const Study<Variant> kStudy{
+    "planner",
+    "Paths of published problems",
     "Problems of the MovingAI benchmark, one after the other. Time is that of one processor for "
     "everything a new problem costs on a known map. Weights multiply the heuristic: the path is at "
     "most that much longer than the optimum. Cells of 2 and 4: those of the map joined to squares, "
     "free where all of them are. Any-angle: straight lines in place of steps between "
     "cells. Rounded: the same with rounded corners. Both can be "
-    "shorter than the optimum, which moves between centres of neighbouring cells."};
+    "shorter than the optimum, which moves between centres of neighbouring cells. Columns after "
+    "the "
+    "second: of the longest problems.",
+    row_of,
+    charts,
+    csv};
 
 int run_planner(const PlannerArguments& arguments) {
   const MovingAiMap map = read_movingai_map(arguments.map);
-  Study study;
-  study.problems = read_movingai_scenario(arguments.scenario, map.geometry);
-  study.longest = longest_problems(study.problems);
+  Problems problems{read_movingai_scenario(arguments.scenario, map.geometry), {}};
+  problems.longest = longest_problems(problems.all);
   TerrainGrids grids(map);
-  search_all(arguments, study, grids);
-  search_coarser(map, study);
-  smooth_all(study, grids);
-  print_table(arguments.out, study);
-  write_study(arguments, kFiles, csv(study), charts(study));
-  print_study_files(arguments, kFiles);
-  const std::vector<Solution>& optimal = study.variants.front().solutions;
+  StudyRun run(kStudy, arguments);
+  search_all(arguments, problems, grids, run);
+  search_coarser(map, problems, run);
+  smooth_all(problems, grids, run);
+  run.end();
+  const std::vector<Solution>& optimal = run.units().front().solutions;
   std::size_t count = 0, rounded = 0;
   double greatest = 0;  // difference of those that met their optimum, cells
-  for (std::size_t i = 0; i < study.problems.size(); ++i) {
-    if (met(study.problems[i], optimal[i])) {
-      const double difference = std::abs(optimal[i].length - study.problems[i].length);
+  for (std::size_t i = 0; i < problems.all.size(); ++i) {
+    if (met(problems.all[i], optimal[i])) {
+      const double difference = std::abs(optimal[i].length - problems.all[i].length);
       ++count;
       rounded += difference > kTolerance ? 1 : 0;
       greatest = std::max(greatest, difference);
       continue;
     }
     std::fprintf(stderr, "blindcorner: problem %zu: found %.8f cells, published: %.8f\n", i,
-                 optimal[i].length, study.problems[i].length);
+                 optimal[i].length, problems.all[i].length);
   }
   arguments.out.text(
       "%zu of %zu problems met their optimum: %zu within %g cells, %zu only within the rounding of "
       "the file's lengths; largest difference: %.4f cells\n",
-      count, study.problems.size(), count - rounded, kTolerance, rounded, greatest);
-  return count == study.problems.size() ? kAllWell : kSomeFailed;
+      count, problems.all.size(), count - rounded, kTolerance, rounded, greatest);
+  return count == problems.all.size() ? kAllWell : kSomeFailed;
 }
 
 }  // namespace
@@ -326,8 +329,7 @@ void add_planner_benchmark(CLI::App& benchmark, int& exit_code) {
   const auto arguments = std::make_shared<PlannerArguments>();
   command.add_option("--map", arguments->map, "MovingAI map (.map)")->required();
   command.add_option("--scenario", arguments->scenario, "its problems (.map.scen)")->required();
-  command.add_option("-o,--output", arguments->output, "directory to write to")
-      ->capture_default_str();
+  command.add_option("-o,--output", arguments->output, "directory to write to");
   arguments->out.add_option(command, "the rows of planner.csv");
   command.callback([arguments, &exit_code] { exit_code = run_planner(*arguments); });
 }

@@ -28,6 +28,7 @@
 #include "commands/progress.h"
 #include "commands/synthetic_trials.h"
 #include "forward/support/quantile.h"
+#include "report/table.h"
 
 namespace blindcorner {
 namespace {
@@ -120,42 +121,31 @@ struct Study {
   std::size_t planned = 0;  ///< trials, of which fewer are there after an interruption
 };
 
-struct Row {
-  std::string scene;
-  int captures = 0, failures = 0;
-  double reached = 0, right = 0, exhaustive_right = 0;
-  double median_error = 0, p90_error = 0;
-  double first_ms = 0, median_ms = 0, most_ms = 0;
-};
-
-Row summarise(const std::string& name, const Study& study) {
-  const std::vector<Trial>& trials = study.trials;
-  Row row;
-  row.first_ms = quantile(study.first_ms, 0.5);
-  row.scene = name;
-  row.captures = static_cast<int>(trials.size());
-  std::vector<double> errors;
-  std::vector<double> times;
-  for (const Trial& t : trials) {
-    row.failures += t.failed ? 1 : 0;
-    row.reached += t.reached ? 1 : 0;
-    row.right += t.right ? 1 : 0;
-    row.exhaustive_right += t.exhaustive_right ? 1 : 0;
+TableRow summary(const std::string& scene, const Study& study) {
+  std::vector<double> errors, times;
+  for (const Trial& t : study.trials) {
     if (t.failed) continue;
     errors.push_back(t.error_m);
     times.push_back(t.time_ms);
   }
-  for (double* share : {&row.reached, &row.right, &row.exhaustive_right}) {
-    *share /= static_cast<double>(trials.size());
-  }
   for (auto* none : {&errors, &times}) {
     if (none->empty()) none->push_back(std::nan(""));
   }
-  row.median_error = quantile(errors, 0.5);
-  row.p90_error = quantile(errors, 0.9);
-  row.median_ms = quantile(times, 0.5);
-  row.most_ms = quantile(times, 1.0);
-  return row;
+  const auto count = [&](bool Trial::*what) {
+    return static_cast<double>(std::ranges::count(study.trials, true, what));
+  };
+  const auto all = static_cast<double>(study.trials.size());
+  return {{{"", "scene", "%-18s", scene},
+           {"", "captures", "%8d", study.trials.size()},
+           {"", "failed", "%8.0f", count(&Trial::failed)},
+           {"", "optimum %", "%8.1f", count(&Trial::reached) / all, 100},
+           {"", "right %", "%7.1f", count(&Trial::right) / all, 100},
+           {"", "(bound) %", "%7.1f", count(&Trial::exhaustive_right) / all, 100},
+           {"", "median m", "%9.3f", quantile(errors, 0.5)},
+           {"", "90 % m", "%9.3f", quantile(errors, 0.9)},
+           {"", "first ms", "%9.1f", quantile(study.first_ms, 0.5)},
+           {"", "median ms", "%9.1f", quantile(times, 0.5)},
+           {"", "most ms", "%9.1f", quantile(times, 1)}}};
 }
 
 nlohmann::json to_json(const std::string& scene, const Study& study) {
@@ -264,9 +254,6 @@ Study run_study(const SolverArguments& arguments, const std::string& path) {
 
 int run_solver(const SolverArguments& arguments) {
   if (!arguments.output.empty()) make_directory(arguments.output);
-  arguments.out.text("%-18s %8s %8s %9s %8s %8s %9s %9s %9s %9s %9s\n", "scene", "captures",
-                     "failed", "optimum", "right", "(bound)", "median m", "90 % m", "first ms",
-                     "median ms", "most ms");
   nlohmann::json all = nlohmann::json::array();
   const Interruptible interruptible;
   for (const std::string& path : arguments.scenes) {
@@ -276,11 +263,8 @@ int run_solver(const SolverArguments& arguments) {
       return kSomeFailed;
     }
     const std::string name = std::filesystem::path(path).stem().string();
-    const Row row = summarise(name, study);
-    arguments.out.text("%-18s %8d %8d %8.1f%% %7.1f%% %7.1f%% %9.3f %9.3f %9.1f %9.1f %9.1f\n",
-                       row.scene.c_str(), row.captures, row.failures, 100 * row.reached,
-                       100 * row.right, 100 * row.exhaustive_right, row.median_error, row.p90_error,
-                       row.first_ms, row.median_ms, row.most_ms);
+    const TableRow row = summary(name, study);
+    arguments.out.text("%s%s", all.empty() ? table_head(row).c_str() : "", table_line(row).c_str());
     all.push_back(to_json(name, study));
     if (!arguments.output.empty()) {
       write_atomically((std::filesystem::path(arguments.output) / "solver.json").string(),
@@ -311,34 +295,23 @@ void add_solver_benchmark(CLI::App& benchmark, int& exit_code) {
           .add_option("-n,--captures", arguments->captures,
                       "captures per scene; of a sweep, at each level of light (default: " +
                           std::to_string(arguments->sweep.options.captures) + ")")
-          ->check(positive_number())
-          ->capture_default_str();
+          ->check(positive_number());
   command.add_option("--least-photons", arguments->least_photons, "of the third bounce")
-      ->check(positive_number())
-      ->capture_default_str();
+      ->check(positive_number());
   command.add_option("--most-photons", arguments->most_photons, "of the third bounce")
-      ->check(positive_number())
-      ->capture_default_str();
-  command
-      .add_option("--amplitude-spread", arguments->amplitude_spread,
-                  "standard deviation of the log of the object's true brightness")
-      ->capture_default_str();
+      ->check(positive_number());
+  command.add_option("--amplitude-spread", arguments->amplitude_spread,
+                     "standard deviation of the log of the object's true brightness");
   command
       .add_option("--truth", arguments->truth,
                   "sampling of the captures, in units of the reference renderer's default")
-      ->check(CLI::Range(0.1, 10.0))
-      ->capture_default_str();
-  command.add_option("--starts", arguments->fit.max_starts, "refined starts of the fit")
-      ->capture_default_str();
-  command.add_option("--tolerance", arguments->exhaustive.model_tolerance, "of the fast model")
-      ->capture_default_str();
-  command
-      .add_option("--density", arguments->exhaustive.density,
-                  "points of the exhaustive grid per grid step of the fit")
-      ->capture_default_str();
-  command.add_option("--max-poses", arguments->exhaustive.max_poses, "of the exhaustive grid")
-      ->capture_default_str();
-  command.add_option("--seed", arguments->seed, "of poses and photons")->capture_default_str();
+      ->check(CLI::Range(0.1, 10.0));
+  command.add_option("--starts", arguments->fit.max_starts, "refined starts of the fit");
+  command.add_option("--tolerance", arguments->exhaustive.model_tolerance, "of the fast model");
+  command.add_option("--density", arguments->exhaustive.density,
+                     "points of the exhaustive grid per grid step of the fit");
+  command.add_option("--max-poses", arguments->exhaustive.max_poses, "of the exhaustive grid");
+  command.add_option("--seed", arguments->seed, "of poses and photons");
   command.add_option("-o,--output", arguments->output, "directory for solver.json, all trials");
   arguments->out.add_option(command, "solver.json, or sweep.json with --sweep,");
   add_capture_directories(command, arguments->directories);

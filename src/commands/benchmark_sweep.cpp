@@ -114,13 +114,11 @@ void add_sweep_options(CLI::App& command, SweepArguments& arguments) {
       command.add_option("--photons", arguments.options.photons,
                          "of the object on average over the search region, a list with commas"))
       ->delimiter(',')
-      ->check(positive_number())
-      ->capture_default_str();
+      ->check(positive_number());
   of_sweep(command.add_option("--light", arguments.light,
                               "whose light the captures hold: the reference renderer's or the "
                               "simulated sensor's"))
-      ->check(CLI::IsMember({"reference", "sensor"}))
-      ->capture_default_str();
+      ->check(CLI::IsMember({"reference", "sensor"}));
   of_sweep(command.add_option("--wrong", arguments.options.wrong,
                               "an effect that no method is told of, such as 'relay tilted by 2 "
                               "degrees'; another name lists them all"));

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// `blindcorner benchmark vehicles`: error and run time of the integrators of vehicles, and
-/// vehicles driven by a table of commands.
+/// `blindcorner benchmark vehicles`: error and run time of the integrators of vehicles.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
@@ -9,12 +8,9 @@
 #include <memory>
 #include <random>
 
-#include "blindcorner/forward/error.h"
-#include "blindcorner/io/atomic_file.h"
 #include "blindcorner/planner/vehicles/vehicle.h"
 #include "commands/benchmark.h"
 #include "commands/cpu_clock.h"
-#include "commands/csv_table.h"
 #include "report/formatted.h"
 
 namespace blindcorner {
@@ -22,19 +18,17 @@ namespace {
 
 constexpr double kInputPeriod = 0.1;  ///< commands are drawn anew every so many seconds
 constexpr double kDuration = 2;       ///< of a run, s
+/// At the start of runs, m/s.
+constexpr double kSpeeds[] = {0, 0.5, 1, 2, 4, 6, 8, 10, 12};
 /// A run in which any state is off by so much (m, rad, m/s, rad/s) counts as unstable. Friction is
 /// bounded: wheels swing to and fro rather than to infinity.
 constexpr double kUnstable = 1;
-/// What braking leaves of the speed of models that cannot stand, m/s.
-constexpr double kSlowest = 0.5;
 constexpr double kMinDrawn = 1e-6;  ///< mm
 constexpr IntegratorTolerance kReference{1e-10, 1e-10};
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
 
 struct VehicleArguments : StudyArguments {
   std::string vehicle = "car";
-  std::string inputs, trajectory;
-  double speed = 10;  ///< at the start of `inputs`, m/s
 };
 
 struct Method {
@@ -43,12 +37,24 @@ struct Method {
   std::vector<double> steps;  ///< s
 };
 
-struct Measurement {
-  std::string method;
+struct Run {
   double speed = 0;  ///< at the start, m/s
-  double step = 0;   ///< s
   double error = 0;  ///< largest of the position at the inputs' changes, m; infinite: unstable
   double cost = 0;   ///< processor time per second of driving, us
+};
+
+/// A method at a step, from all speeds.
+struct MethodStep {
+  std::string method;
+  double step = 0;  ///< s
+  std::vector<Run> runs;
+
+  double worst_error() const { return std::ranges::max(runs, {}, &Run::error).error; }
+  double mean_cost() const {
+    double sum = 0;
+    for (const Run& run : runs) sum += run.cost;
+    return sum / static_cast<double>(runs.size());
+  }
 };
 
 std::vector<Method> all_methods() {
@@ -80,23 +86,17 @@ std::vector<StateVector> drive(const VehicleArguments& arguments,
                                double step) {
   Vehicle vehicle(make_vehicle_model(arguments.vehicle), integrator);
   vehicle.place({.speed = speed});
-  // The peers' single tracks cannot stand, nor roll backwards (single_track.h).
-  const bool keeps_rolling = arguments.vehicle.starts_with("single_track");
   std::vector<StateVector> states;
   const auto steps = static_cast<int>(std::lround(kInputPeriod / step));
-  for (VehicleCommand command : harsh_commands(arguments.seed)) {
-    if (keeps_rolling) {
-      const double gentlest = (kSlowest - vehicle.state().speed) / kInputPeriod;
-      command.acceleration = std::max(command.acceleration, gentlest);
-    }
+  for (const VehicleCommand& command : harsh_commands(arguments.seed)) {
     for (int i = 0; i < steps; ++i) vehicle.step(command, step);
     states.push_back(vehicle.states());
   }
   return states;
 }
 
-Measurement measure(const VehicleArguments& arguments, const Method& method, double speed,
-                    double step, const std::vector<StateVector>& reference) {
+Run measure(const VehicleArguments& arguments, const Method& method, double speed, double step,
+            const std::vector<StateVector>& reference) {
   const double start = cpu_seconds();
   const std::vector<StateVector> states = drive(arguments, method.integrator, speed, step);
   const double spent = 1e6 * (cpu_seconds() - start);
@@ -107,92 +107,48 @@ Measurement measure(const VehicleArguments& arguments, const Method& method, dou
     error = stable ? std::max(error, off.head<2>().norm()) : kInfinite;
     if (!stable) break;
   }
-  return {method.name, speed, step, error, spent / kDuration};
+  return {speed, error, spent / kDuration};
 }
 
-std::vector<Measurement> measure_all(const VehicleArguments& arguments) {
-  std::vector<Measurement> measured;
-  const std::vector<Method> methods = all_methods();
-  for (const double speed : {0.0, 0.5, 1.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0}) {
-    const auto reference = drive(arguments, make_stiff_integrator(kReference), speed, kInputPeriod);
-    for (const Method& method : methods) {
-      for (const double step : method.steps) {
-        measured.push_back(measure(arguments, method, speed, step, reference));
-      }
-    }
-  }
-  return measured;
+/// An error, or a word where a run was unstable.
+TableCell error_cell(double error) {
+  return std::isfinite(error) ? TableCell(error) : TableCell("unstable");
 }
 
-/// Over the speeds: worst error, mean cost.
-Measurement summary(const std::vector<Measurement>& measured, const std::string& method,
-                    double step) {
-  Measurement result{.method = method, .step = step};
-  int runs = 0;
-  for (const Measurement& m : measured) {
-    if (m.method != method || m.step != step) continue;
-    result.error = std::max(result.error, m.error);
-    result.cost += m.cost, ++runs;
-  }
-  result.cost /= std::max(runs, 1);
-  return result;
-}
-
-void print(const Printout& out, const std::vector<Measurement>& measured) {
-  out.text("%-12s %9s %14s %18s\n", "method", "step ms", "worst error mm", "us per s driven");
-  for (const Method& method : all_methods()) {
-    for (const double step : method.steps) {
-      const Measurement m = summary(measured, method.name, step);
-      const std::string error =
-          std::isfinite(m.error) ? formatted("%14.3g", 1e3 * m.error) : "      unstable";
-      out.text("%-12s %9.3g %s %18.0f\n", m.method.c_str(), 1e3 * step, error.c_str(), m.cost);
-    }
-  }
-}
-
-std::string csv(const std::vector<Measurement>& measured) {
+std::string csv(const std::vector<MethodStep>& measured) {
   std::string text = "method,speed_m_per_s,step_s,error_m,us_per_second\n";
-  for (const Measurement& m : measured) {
-    text += formatted("%s,%g,%g,", m.method.c_str(), m.speed, m.step);
-    text += (std::isfinite(m.error) ? formatted("%.4g", m.error) : std::string("unstable")) +
-            formatted(",%.4g\n", m.cost);
+  for (const MethodStep& m : measured) {
+    for (const Run& run : m.runs) {
+      text += formatted("%s,%g,%g,", m.method.c_str(), run.speed, m.step) +
+              (std::isfinite(run.error) ? formatted("%.4g", run.error) : "unstable") +
+              formatted(",%.4g\n", run.cost);
+    }
   }
   return text;
 }
 
-/// Longest step of a method that is stable at a speed and at all shorter steps, s; 0: none.
-double longest_stable(const std::vector<Measurement>& measured, const Method& method,
-                      double speed) {
-  double longest = 0;
-  for (const double step : method.steps) {
-    for (const Measurement& m : measured) {
-      if (m.method != method.name || m.speed != speed || m.step != step) continue;
-      if (!std::isfinite(m.error)) return longest;
-      longest = step;
-    }
-  }
-  return longest;
-}
-
-std::vector<Chart> charts(const std::vector<Measurement>& measured) {
+std::vector<Chart> charts(const std::vector<MethodStep>& measured) {
   Chart by_step{"Error against step", "step, ms", "worst error of the position, mm"};
   Chart by_time{"Error against run time", "processor time per second of driving, us",
                 "worst error of the position, mm"};
   Chart stable{"Longest stable step", "speed at the start, m/s (standing drawn at 0.1)",
                "longest stable step, ms"};
-  for (const Method& method : all_methods()) {
-    const ChartSeries empty{method.name, {}, SeriesStyle::marked_line};
-    ChartSeries steps = empty, times = empty, limits = empty;
-    for (const double step : method.steps) {
-      const Measurement m = summary(measured, method.name, step);
-      const double error = std::max(1e3 * m.error, kMinDrawn);
-      const std::string label = formatted("%g ms", 1e3 * step);
-      steps.points.push_back({1e3 * step, error, label});
-      times.points.push_back({m.cost, error, label});
+  for (std::size_t first = 0, end = 0; first < measured.size(); first = end) {
+    ChartSeries steps{measured[first].method, {}, SeriesStyle::marked_line};
+    ChartSeries times = steps, limits = steps;
+    for (; end < measured.size() && measured[end].method == measured[first].method; ++end) {
+      const MethodStep& m = measured[end];
+      const double error = std::max(1e3 * m.worst_error(), kMinDrawn);
+      const std::string label = formatted("%g ms", 1e3 * m.step);
+      steps.points.push_back({1e3 * m.step, error, label});
+      times.points.push_back({m.mean_cost(), error, label});
     }
-    for (const double speed : {0.0, 0.5, 1.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0}) {
-      limits.points.push_back(
-          {std::max(speed, 0.1), 1e3 * longest_stable(measured, method, speed)});
+    for (std::size_t v = 0; v < std::size(kSpeeds); ++v) {
+      double longest = 0;  // of the steps that are stable, all shorter ones too
+      for (std::size_t i = first; i < end && std::isfinite(measured[i].runs[v].error); ++i) {
+        longest = measured[i].step;
+      }
+      limits.points.push_back({std::max(kSpeeds[v], 0.1), 1e3 * longest});
     }
     by_step.series.push_back(std::move(steps));
     by_time.series.push_back(std::move(times));
@@ -203,56 +159,41 @@ std::vector<Chart> charts(const std::vector<Measurement>& measured) {
   return list;
 }
 
-const StudyFiles kFiles{
-    "vehicles", "Integration of vehicles' equations of motion",
+TableRow row_of(const MethodStep& m) {
+  return {{{"", "method", "%-12s", m.method},
+           {"", "step ms", "%9.3g", m.step, 1e3},
+           {"", "worst error mm", "%14.3g", error_cell(m.worst_error()), 1e3},
+           {"", "us per s driven", "%18.0f", m.mean_cost()}}};
+}
+
+const Study<MethodStep> kStudy{
+    "vehicles",
+    "Integration of vehicles' equations of motion",
     "Two seconds of full braking, throttle and steering in any order, from standstill to 12 m/s. "
     "Worst errors over the speeds, against the same equations at a tolerance of 1e-10. Runs in "
     "which any state (m, rad, m/s, rad/s) is off by 1 or more count as unstable and are not drawn. "
     "The stiff method (Rosenbrock, order 4) chooses inner steps by its "
-    "tolerance; Euler's and Runge and Kutta's take the step as it is."};
-
-double number(const CsvTable& table, std::size_t row, const std::string& column,
-              const std::string& path) {
-  const auto at = std::ranges::find(table.header, column);
-  if (at == table.header.end()) throw Error(path, "has no column " + column);
-  const std::string& cell = table.rows[row][static_cast<std::size_t>(at - table.header.begin())];
-  try {
-    std::size_t read = 0;
-    const double value = std::stod(cell, &read);
-    if (read == cell.size() && std::isfinite(value)) return value;
-  } catch (const std::exception&) {  // said below
-  }
-  throw Error(csv_place(path, row), "found " + column + " '" + cell + "', accepted: a number");
-}
-
-/// A row of states per row of commands, after it.
-void follow_inputs(const VehicleArguments& arguments) {
-  const CsvTable table = read_csv_table(arguments.inputs);
-  Vehicle vehicle(make_vehicle_model(arguments.vehicle));
-  vehicle.place({.speed = arguments.speed});
-  std::string text = "time_s";
-  for (const std::string& name : vehicle.model().state_names()) text += "," + name;
-  text += "\n";
-  double time = 0;
-  for (std::size_t row = 0; row < table.rows.size(); ++row) {
-    const double dt = number(table, row, "dt_s", arguments.inputs);
-    vehicle.step(VehicleCommand{number(table, row, "acceleration_m_per_s2", arguments.inputs),
-                                number(table, row, "steering", arguments.inputs)},
-                 dt);
-    time += dt;
-    text += formatted("%.9g", time);
-    for (const double value : vehicle.states()) text += formatted(",%.12g", value);
-    text += "\n";
-  }
-  write_atomically(arguments.trajectory, text);
-}
+    "tolerance; Euler's and Runge and Kutta's take the step as it is.",
+    row_of,
+    charts,
+    csv};
 
 void run(const VehicleArguments& arguments) {
-  if (!arguments.inputs.empty()) return follow_inputs(arguments);
-  const std::vector<Measurement> measured = measure_all(arguments);
-  print(arguments.out, measured);
-  write_study(arguments, kFiles, csv(measured), charts(measured));
-  print_study_files(arguments, kFiles);
+  std::vector<std::vector<StateVector>> references;
+  for (const double speed : kSpeeds) {
+    references.push_back(drive(arguments, make_stiff_integrator(kReference), speed, kInputPeriod));
+  }
+  StudyRun run(kStudy, arguments);
+  for (const Method& method : all_methods()) {
+    for (const double step : method.steps) {
+      MethodStep measured{method.name, step, {}};
+      for (std::size_t v = 0; v < std::size(kSpeeds); ++v) {
+        measured.runs.push_back(measure(arguments, method, kSpeeds[v], step, references[v]));
+      }
+      run.add(std::move(measured));
+    }
+  }
+  run.end();
 }
 
 }  // namespace
@@ -264,23 +205,9 @@ void add_vehicles_benchmark(CLI::App& benchmark, int& exit_code) {
       "Kutta's methods; writes vehicles.csv and vehicles.html");
   const auto arguments = std::make_shared<VehicleArguments>();
   command.add_option("--vehicle", arguments->vehicle, "equations of motion")
-      ->check(CLI::IsMember(vehicle_model_names()))
-      ->capture_default_str();
-  command.add_option("-o,--output", arguments->output, "directory to write to")
-      ->capture_default_str();
-  command.add_option("--seed", arguments->seed, "of the commands")->capture_default_str();
-  CLI::Option* inputs = command.add_option(
-      "--inputs", arguments->inputs,
-      "instead: drive by a table (.csv) with columns dt_s, acceleration_m_per_s2 and steering "
-      "(rad/s; robot: rad/s^2)");
-  CLI::Option* trajectory =
-      command.add_option("--trajectory", arguments->trajectory, "table to write the states to")
-          ->needs(inputs);
-  inputs->type_name("FILE")->needs(trajectory);
-  trajectory->type_name("FILE");
-  command.add_option("--speed", arguments->speed, "at the start, with --inputs, m/s")
-      ->needs(inputs)
-      ->capture_default_str();
+      ->check(CLI::IsMember(vehicle_model_names()));
+  command.add_option("-o,--output", arguments->output, "directory to write to");
+  command.add_option("--seed", arguments->seed, "of the commands");
   arguments->out.add_option(command, "the rows of vehicles.csv");
   command.callback([arguments, &exit_code] {
     run(*arguments);

@@ -190,8 +190,7 @@ void add_bound_command(CLI::App& app, int& exit_code) {
   command.add_option("-o,--output", arguments->output,
                      "directory for bound.json, bound.csv and a page; default: the headline alone");
   command.add_option("--grid", arguments->grid, "places along the longer side of the map")
-      ->check(CLI::Range(1, 500))
-      ->capture_default_str();
+      ->check(CLI::Range(1, 500));
   command
       .add_option("--photons", arguments->photons,
                   "choose the exposure so that the third bounce gives this many photons on average "
@@ -210,15 +209,12 @@ void add_bound_command(CLI::App& app, int& exit_code) {
   command
       .add_option("--test-poses", arguments->options.test_poses,
                   "poses that each place may be mistaken for")
-      ->check(CLI::Range(1, 100'000))
-      ->capture_default_str();
+      ->check(CLI::Range(1, 100'000));
   command.add_flag("!--no-prior", arguments->options.prior,
                    "leave what the scene says about the pose out of the Cramer-Rao bound");
-  command.add_option("--tolerance", arguments->options.model_tolerance, "of the fast model")
-      ->capture_default_str();
+  command.add_option("--tolerance", arguments->options.model_tolerance, "of the fast model");
   arguments->out.add_option(command, "bound.json");
-  command.add_option("--seed", arguments->options.seed, "of simulated empty captures")
-      ->capture_default_str();
+  command.add_option("--seed", arguments->options.seed, "of simulated empty captures");
   command.callback([arguments, &exit_code] {
     arguments->options.validate();
     exit_code = run_bound(*arguments);

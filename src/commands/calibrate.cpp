@@ -112,30 +112,18 @@ void add_calibrate_command(CLI::App& app, int& exit_code) {
                    "do not estimate static background, nor look for bins that cannot be used");
   command.add_flag("--no-variance-scale", arguments->no_scale,
                    "do not scale the noise until fits of these captures are honest");
-  command.add_option("--time-zero-sigma", options.time_zero_bins, "prior, bins")
-      ->capture_default_str();
-  command.add_option("--zone-time-zero-sigma", options.zone_time_zero_bins, "of each zone, bins")
-      ->capture_default_str();
-  command.add_option("--bin-width-sigma", options.bin_width_relative, "prior, relative")
-      ->capture_default_str();
-  command.add_option("--pulse-sigma", options.pulse_log, "prior of the pulse's widths, logarithm")
-      ->capture_default_str();
-  command.add_option("--zone-gain-sigma", options.zone_gain_log, "of each zone's gain, logarithm")
-      ->capture_default_str();
-  command.add_option("--spot-sigma", options.spot_m, "prior of the relay spots, m")
-      ->capture_default_str();
-  command
-      .add_option("--law-axis-sigma", options.law_axis,
-                  "of a measured law's axis against the relay's normal, tangent")
-      ->capture_default_str();
-  command
-      .add_option("--outlier-sigmas", options.outlier_sigmas,
-                  "captures whose deviance is this far off are left out")
-      ->capture_default_str();
-  command
-      .add_option("--outlier-probability", options.outlier_probability,
-                  "share of captures that something unknown disturbs")
-      ->capture_default_str();
+  command.add_option("--time-zero-sigma", options.time_zero_bins, "prior, bins");
+  command.add_option("--zone-time-zero-sigma", options.zone_time_zero_bins, "of each zone, bins");
+  command.add_option("--bin-width-sigma", options.bin_width_relative, "prior, relative");
+  command.add_option("--pulse-sigma", options.pulse_log, "prior of the pulse's widths, logarithm");
+  command.add_option("--zone-gain-sigma", options.zone_gain_log, "of each zone's gain, logarithm");
+  command.add_option("--spot-sigma", options.spot_m, "prior of the relay spots, m");
+  command.add_option("--law-axis-sigma", options.law_axis,
+                     "of a measured law's axis against the relay's normal, tangent");
+  command.add_option("--outlier-sigmas", options.outlier_sigmas,
+                     "captures whose deviance is this far off are left out");
+  command.add_option("--outlier-probability", options.outlier_probability,
+                     "share of captures that something unknown disturbs");
   command.callback([arguments, &exit_code] { exit_code = run_calibrate(*arguments); });
 }
 

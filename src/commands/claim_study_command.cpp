@@ -41,42 +41,32 @@ void add_claim_study_options(CLI::App& command, ClaimStudyArguments& arguments,
       .add_option("--random", arguments.random,
                   "scenes drawn at random by --seed, each with a light of its own from 10 to 10^7 "
                   "photons; their files go to DIR/scenes")
-      ->check(CLI::Range(0, 10'000))
-      ->capture_default_str();
+      ->check(CLI::Range(0, 10'000));
   command
       .add_option("-n,--captures", options.captures,
                   "captures with an object, of each scene and level of light")
-      ->check(CLI::Range(1, 10'000'000))
-      ->capture_default_str();
-  command.add_option("-o,--output", arguments.output, "directory to write to")
-      ->capture_default_str();
-  CLI::Option& photons =
-      *command
-           .add_option(
-               "--photons", options.photons,
-               "of the object on average over the search region, a list with commas" +
-                   std::string(options.photons.empty() ? "; default: the scene's own exposure"
-                                                       : ""))
-           ->delimiter(',')
-           ->check(positive_number());
-  if (!options.photons.empty()) photons.capture_default_str();
+      ->check(CLI::Range(1, 10'000'000));
+  command.add_option("-o,--output", arguments.output, "directory to write to");
+  command
+      .add_option(
+          "--photons", options.photons,
+          "of the object on average over the search region, a list with commas" +
+              std::string(options.photons.empty() ? "; default: the scene's own exposure" : ""))
+      ->delimiter(',')
+      ->check(positive_number());
   command
       .add_option("--light", arguments.light,
                   "whose light the captures hold: the reference renderer's or the simulated "
                   "sensor's")
-      ->check(CLI::IsMember({"reference", "sensor"}))
-      ->capture_default_str();
+      ->check(CLI::IsMember({"reference", "sensor"}));
   command
       .add_option("--truth", options.sampling,
                   "sampling of the captures, in units of the reference renderer's default")
-      ->check(CLI::Range(0.1, 10.0))
-      ->capture_default_str();
-  command.add_option("--seed", options.seed, "of poses, brightness and photons")
-      ->capture_default_str();
+      ->check(CLI::Range(0.1, 10.0));
+  command.add_option("--seed", options.seed, "of poses, brightness and photons");
   arguments.out.add_option(command, "the study's .json file");
   command.add_option("--threads", arguments.threads, "0: one per processor")
-      ->check(CLI::Range(0, 1024))
-      ->capture_default_str();
+      ->check(CLI::Range(0, 1024));
 }
 
 }  // namespace blindcorner

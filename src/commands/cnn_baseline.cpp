@@ -141,8 +141,7 @@ void add_cnn_baseline(CLI::App& cnn, int& exit_code) {
       .add_option("--network", arguments->network,
                   "published; or wide: an ensemble of five wider ones that states a covariance, "
                   "trained on ten times the data")
-      ->check(CLI::IsMember(cnn_architecture_names()))
-      ->capture_default_str();
+      ->check(CLI::IsMember(cnn_architecture_names()));
   command.add_option("--epochs", arguments->epochs, "as of cnn train")
       ->check(CLI::Range(1, 10000000));
   command
@@ -157,8 +156,7 @@ void add_cnn_baseline(CLI::App& cnn, int& exit_code) {
                   "of a drive file: captures of each frame, the first of what is there, the others "
                   "of hidden objects elsewhere; default: 1, of wide 10")
       ->check(CLI::Range(1, 100));
-  command.add_option("--seed", arguments->seed, "of data, weights and split")
-      ->capture_default_str();
+  command.add_option("--seed", arguments->seed, "of data, weights and split");
   command.callback([arguments, &exit_code] { exit_code = run_baseline(*arguments); });
 }
 

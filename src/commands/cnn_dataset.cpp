@@ -156,8 +156,7 @@ void add_cnn_dataset(CLI::App& cnn, int& exit_code) {
       .add_option("--objects", arguments->options.objects,
                   "places of the object, a square number: a grid over the ranges of x and y; other "
                   "unknowns are drawn from the prior")
-      ->check(CLI::Range(1, 1000000))
-      ->capture_default_str();
+      ->check(CLI::Range(1, 1000000));
   command
       .add_option(
           "--random", arguments->options.random,
@@ -167,8 +166,7 @@ void add_cnn_dataset(CLI::App& cnn, int& exit_code) {
   command
       .add_option("--sensors", arguments->options.sensors,
                   "poses of the sensor: the scene's own and others drawn around it")
-      ->check(CLI::Range(1, 100000))
-      ->capture_default_str();
+      ->check(CLI::Range(1, 100000));
   command
       .add_option("--sensor-spread-m", arguments->sensor_spread,
                   "half the range of the sensor's x and of its y; default: 5 % of the distance to "
@@ -177,13 +175,11 @@ void add_cnn_dataset(CLI::App& cnn, int& exit_code) {
   command
       .add_option("--sensor-yaw-spread-deg", arguments->sensor_yaw_spread_deg,
                   "half the range of the sensor's yaw")
-      ->check(CLI::Range(0.0, 180.0))
-      ->capture_default_str();
+      ->check(CLI::Range(0.0, 180.0));
   command
       .add_option("--exposures", arguments->options.exposures,
                   "exposures that are averaged in each capture")
-      ->check(CLI::Range(1, 1000000))
-      ->capture_default_str();
+      ->check(CLI::Range(1, 1000000));
   command
       .add_option(
           "--environments", arguments->environments,
@@ -194,13 +190,10 @@ void add_cnn_dataset(CLI::App& cnn, int& exit_code) {
       .add_option("--places", arguments->places,
                   "with --environments: captures of each frame, the first of what is there, the "
                   "others of hidden objects elsewhere")
-      ->check(CLI::Range(1, 100))
-      ->capture_default_str();
-  command.add_option("--seed", arguments->options.seed, "of poses and photons")
-      ->capture_default_str();
+      ->check(CLI::Range(1, 100));
+  command.add_option("--seed", arguments->options.seed, "of poses and photons");
   command.add_option("--threads", arguments->threads, "0: one per processor")
-      ->check(CLI::Range(0, 1024))
-      ->capture_default_str();
+      ->check(CLI::Range(0, 1024));
   command.callback([arguments, &exit_code] { exit_code = run_cnn_dataset(*arguments); });
 }
 

@@ -180,8 +180,7 @@ void add_cnn_train(CLI::App& cnn, int& exit_code) {
   command
       .add_option("--network", arguments->network,
                   "published; or wide: an ensemble of five wider ones that states a covariance")
-      ->check(CLI::IsMember(cnn_architecture_names()))
-      ->capture_default_str();
+      ->check(CLI::IsMember(cnn_architecture_names()));
   command
       .add_option("--epochs", arguments->epochs,
                   "passes over the captures; default: 2000, of wide at most 60")
@@ -199,8 +198,7 @@ void add_cnn_train(CLI::App& cnn, int& exit_code) {
   command
       .add_option("--validation-share", arguments->options.validation_share,
                   "share of the captures that is held back")
-      ->check(CLI::Range(0.0, 0.99))
-      ->capture_default_str();
+      ->check(CLI::Range(0.0, 0.99));
   command.add_flag("--standardise,!--no-standardise", arguments->options.standardise,
                    "each bin enters as its difference from the mean over the standard deviation "
                    "(default), or as published");
@@ -208,10 +206,8 @@ void add_cnn_train(CLI::App& cnn, int& exit_code) {
       .add_option("--input-bound", arguments->options.input_bound,
                   "standard deviations at which standardised bins and sensor poses are clipped; 0: "
                   "they are not")
-      ->check(number_from_zero())
-      ->capture_default_str();
-  command.add_option("--seed", arguments->options.seed, "of weights, order and dropout")
-      ->capture_default_str();
+      ->check(number_from_zero());
+  command.add_option("--seed", arguments->options.seed, "of weights, order and dropout");
   command.add_option("--split-seed", arguments->split_seed,
                      "of which captures are held back; default: what the data set says, else "
                      "--seed");
@@ -220,8 +216,7 @@ void add_cnn_train(CLI::App& cnn, int& exit_code) {
                    "the same weights");
   command
       .add_option("--checkpoint-every", arguments->checkpoint_every, "epochs between checkpoints")
-      ->check(CLI::Range(1, 1000000))
-      ->capture_default_str();
+      ->check(CLI::Range(1, 1000000));
   arguments->out.add_option(command, "training.json");
   command.callback([arguments, &exit_code] { exit_code = run_cnn_train(*arguments); });
 }

@@ -209,6 +209,16 @@ std::string roff_option(const OptionText& option) {
 
 }  // namespace
 
+void show_defaults(CLI::App& app) {
+  for (CLI::Option* option : app.get_options()) {
+    const bool told = option->get_description().find("default") != std::string::npos;
+    if (told || option->get_required() || option->get_items_expected_max() == 0) continue;
+    option->capture_default_str();
+    if (option->get_default_str() == "[]") option->default_str("");  // an empty list
+  }
+  for (CLI::App* command : app.get_subcommands({})) show_defaults(*command);
+}
+
 std::string completion_script(const CLI::App& app, const std::string& shell) {
   const std::vector<CommandText> commands = all_commands(app);
   if (shell == "zsh") return zsh_script(commands);

@@ -10,6 +10,9 @@ class App;
 
 namespace blindcorner {
 
+/// Lets --help show the default of every option whose description does not tell it.
+void show_defaults(CLI::App& app);
+
 /// Script that completes commands, options and files in "bash", "zsh" or "fish".
 std::string completion_script(const CLI::App& app, const std::string& shell);
 

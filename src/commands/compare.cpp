@@ -16,7 +16,6 @@
 #include "blindcorner/io/atomic_file.h"
 #include "blindcorner/io/scene_file.h"
 #include "blindcorner/simulation/comparison.h"
-#include "blindcorner/simulation/hybrid_methods.h"
 #include "commands/commands.h"
 #include "commands/output_directory.h"
 #include "commands/progress.h"
@@ -98,8 +97,6 @@ std::vector<ComparedMethod> methods_of(const Scene& scene, const std::vector<Net
     network.cnn.check_scene(scene);
     const std::string name = name_of(networks, i);
     methods.push_back(network_method(scene, network.cnn, name, training_text(network), seed));
-    if (!arguments.hybrid) continue;
-    std::ranges::move(hybrid_methods(scene, network.cnn, name, seed), std::back_inserter(methods));
   }
   return methods;
 }
@@ -234,17 +231,14 @@ void add_dataset_options(CLI::App& command, DatasetOptions& options) {
   command
       .add_option("--objects", options.objects,
                   "of the data set that networks learnt: places of the object, a square number")
-      ->check(CLI::Range(1, 1000000))
-      ->capture_default_str();
+      ->check(CLI::Range(1, 1000000));
   command.add_option("--sensors", options.sensors, "of that data set: poses of the sensor")
-      ->check(CLI::Range(1, 100000))
-      ->capture_default_str();
+      ->check(CLI::Range(1, 100000));
   command
       .add_option("--exposures", options.exposures,
                   "exposures that are averaged in each capture, there and here")
-      ->check(CLI::Range(1, 1000000))
-      ->capture_default_str();
-  command.add_option("--dataset-seed", options.seed, "of that data set")->capture_default_str();
+      ->check(CLI::Range(1, 1000000));
+  command.add_option("--dataset-seed", options.seed, "of that data set");
 }
 
 }  // namespace
@@ -262,12 +256,8 @@ void add_compare_command(CLI::App& app, int& exit_code) {
       ->type_name("DIR");
   command.add_option("--network", arguments->networks,
                      "weights.pt of cnn train, each for one of the scenes");
-  command.add_flag("--hybrid", arguments->hybrid,
-                   "also the solver's descent from each network's answer alone, and the solver "
-                   "with that as one more start");
   command.add_option("-n,--captures", arguments->options.captures, "captures of each condition")
-      ->check(CLI::Range(2, 1000000))
-      ->capture_default_str();
+      ->check(CLI::Range(2, 1000000));
   command
       .add_option("--conditions", arguments->options.conditions,
                   "names of conditions or how they begin, a list with commas; default: all, "
@@ -275,14 +265,11 @@ void add_compare_command(CLI::App& app, int& exit_code) {
                       comma_list(condition_names()))
       ->delimiter(',');
   add_dataset_options(command, arguments->options.dataset);
-  command
-      .add_option("--seed", arguments->options.seed,
-                  "of places, sensor poses and photons of the comparison")
-      ->capture_default_str();
+  command.add_option("--seed", arguments->options.seed,
+                     "of places, sensor poses and photons of the comparison");
   arguments->out.add_option(command, "comparison.json");
   command.add_option("--threads", arguments->threads, "0: one per processor")
-      ->check(CLI::Range(0, 1024))
-      ->capture_default_str();
+      ->check(CLI::Range(0, 1024));
   add_measured_options(command, *arguments);
   command.callback([arguments, &exit_code] {
     const ThreadLimit threads(arguments->threads);

@@ -19,7 +19,6 @@ namespace blindcorner {
 struct CompareArguments {
   std::vector<std::string> scenes;
   std::vector<std::string> networks;  ///< weights
-  bool hybrid = false;                ///< solver and network together
   std::string output;
   int threads = 0;
   Printout out;

@@ -64,23 +64,18 @@ void add_measured_options(CLI::App& command, CompareArguments& arguments) {
       ->delimiter(',');
   of_measured(command.add_option("--folds", arguments.of_measured.splits.folds,
                                  "folds, by a hash of the true position"))
-      ->check(CLI::Range(2, 1000))
-      ->capture_default_str();
+      ->check(CLI::Range(2, 1000));
   of_measured(command.add_option("--few", arguments.of_measured.splits.few,
                                  "positions of the scheme `few`"))
-      ->check(CLI::Range(1, 1000000))
-      ->capture_default_str();
+      ->check(CLI::Range(1, 1000000));
   of_measured(command.add_option("--train", arguments.trained, "networks that are trained"))
       ->check(CLI::IsMember(cnn_architecture_names()))
-      ->delimiter(',')
-      ->capture_default_str();
+      ->delimiter(',');
   of_measured(command.add_option("--epochs", arguments.epochs, "most epochs of their training"))
-      ->check(CLI::Range(1, 10000000))
-      ->capture_default_str();
+      ->check(CLI::Range(1, 10000000));
   of_measured(command.add_option("--early-stopping", arguments.early_stopping,
                                  "epochs without a smaller loss after which training ends"))
-      ->check(number_from_zero())
-      ->capture_default_str();
+      ->check(number_from_zero());
   of_measured(command.add_option_function<std::vector<std::string>>(
                   "--published",
                   [&arguments](const std::vector<std::string>& texts) {

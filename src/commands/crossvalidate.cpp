@@ -131,18 +131,13 @@ void add_crossvalidate_command(CLI::App& app, int& exit_code) {
       ->check(CLI::IsMember({"folds", "few", "halves"}))
       ->delimiter(',');
   command.add_option("--folds", arguments->splits.folds, "folds, by a hash of the true position")
-      ->check(CLI::Range(2, 1000))
-      ->capture_default_str();
+      ->check(CLI::Range(2, 1000));
   command.add_option("--few", arguments->splits.few, "positions of the scheme `few`")
-      ->check(CLI::Range(1, 1000000))
-      ->capture_default_str();
-  command
-      .add_option("--importance-samples", arguments->fit.importance_samples, "as `fit` takes it")
-      ->capture_default_str();
-  command
-      .add_option("--outlier-probability", arguments->calibration.outlier_probability,
-                  "as `calibrate` takes it")
-      ->capture_default_str();
+      ->check(CLI::Range(1, 1000000));
+  command.add_option("--importance-samples", arguments->fit.importance_samples,
+                     "as `fit` takes it");
+  command.add_option("--outlier-probability", arguments->calibration.outlier_probability,
+                     "as `calibrate` takes it");
   arguments->out.add_option(command, "evaluation.json");
   command.callback([arguments, &exit_code] { exit_code = run_crossvalidate(*arguments); });
 }

@@ -252,10 +252,8 @@ void add_drive_command(CLI::App& app, int& exit_code) {
   command
       .add_option("--injected-error", arguments->options.injected_error,
                   "m, by which oracle_disc and oracle_covariance miss the truth")
-      ->check(number_from_zero())
-      ->capture_default_str();
-  command.add_option("--seed", arguments->options.seed, "of hidden objects, photons and faults")
-      ->capture_default_str();
+      ->check(number_from_zero());
+  command.add_option("--seed", arguments->options.seed, "of hidden objects, photons and faults");
   command
       .add_option("--speed,--speed-m-per-s", arguments->speed,
                   "wanted speed, m/s; default: the drive file's")

@@ -277,13 +277,10 @@ void add_evaluate_command(CLI::App& app, int& exit_code) {
       .add_option("--estimator", arguments->estimator,
                   "mean: posterior mean and covariance; mode: optimum and covariance of the "
                   "heaviest mode")
-      ->check(CLI::IsMember({"mean", "mode"}))
-      ->capture_default_str();
+      ->check(CLI::IsMember({"mean", "mode"}));
   arguments->out.add_option(command, "the figures");
-  command.add_option("--resamples", arguments->options.resamples, "of the bootstrap")
-      ->capture_default_str();
-  command.add_option("--seed", arguments->options.seed, "seed of the bootstrap")
-      ->capture_default_str();
+  command.add_option("--resamples", arguments->options.resamples, "of the bootstrap");
+  command.add_option("--seed", arguments->options.seed, "seed of the bootstrap");
   command.callback([arguments, &exit_code] { exit_code = run_evaluate(*arguments); });
 }
 

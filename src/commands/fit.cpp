@@ -267,31 +267,23 @@ int run_fit(const FitArguments& arguments) {
 
 void add_fit_options(CLI::App& command, FitArguments& arguments) {
   FitOptions& options = arguments.options;
-  command.add_option("--seed", options.seed, "seed of everything random")->capture_default_str();
+  command.add_option("--seed", options.seed, "seed of everything random");
   command.add_option("--threads", arguments.threads, "threads; 0: one per processor")
-      ->check(CLI::Range(0, 1024))
-      ->capture_default_str();
-  command.add_option("--starts", options.max_starts, "most candidates that are refined")
-      ->capture_default_str();
-  command
-      .add_option("--scored-poses", options.max_scored_poses, "most poses scored before refinement")
-      ->capture_default_str();
+      ->check(CLI::Range(0, 1024));
+  command.add_option("--starts", options.max_starts, "most candidates that are refined");
+  command.add_option("--scored-poses", options.max_scored_poses,
+                     "most poses scored before refinement");
   command.add_option(
       "--tolerance", options.model_tolerance,
       "tolerated error of the fast model, relative to the peak of the signal; default: as "
       "each capture asks for");
-  command
-      .add_option("--cache-bytes", options.cache_bytes,
-                  "most memory for compiled sensor placements; the least recently used go first")
-      ->capture_default_str();
-  command
-      .add_option("--importance-samples", options.importance_samples,
-                  "samples where Laplace's approximation fails; 0: never")
-      ->capture_default_str();
-  command
-      .add_option("--empty-captures", options.empty_captures,
-                  "empty captures simulated for the false-alarm probability; 0: leave it out")
-      ->capture_default_str();
+  command.add_option(
+      "--cache-bytes", options.cache_bytes,
+      "most memory for compiled sensor placements; the least recently used go first");
+  command.add_option("--importance-samples", options.importance_samples,
+                     "samples where Laplace's approximation fails; 0: never");
+  command.add_option("--empty-captures", options.empty_captures,
+                     "empty captures simulated for the false-alarm probability; 0: leave it out");
 }
 
 }  // namespace

@@ -90,20 +90,16 @@ void add_array_options(CLI::App& command, ImportOptions& options) {
       .add_option("--sensor-positions", options.sensor_positions,
                   "array of the .npz with the sensor's position in each capture, m")
       ->type_name("ARRAY");
-  command
-      .add_option(
-          "--axes-world", options.axes_world,
-          "world axes in terms of the positions' axes, as z,-x,y; write --axes-world=-x,y,z "
-          "when it begins with a minus")
-      ->capture_default_str();
+  command.add_option(
+      "--axes-world", options.axes_world,
+      "world axes in terms of the positions' axes, as z,-x,y; write --axes-world=-x,y,z "
+      "when it begins with a minus");
   const std::map<std::string, PublishedFilter> filters = {
       {"none", PublishedFilter::none},
       {"nomirrors", PublishedFilter::without_mirrors},
       {"mirrors", PublishedFilter::with_mirrors}};
-  command
-      .add_option("--repeats", options.repeats_per_sample,
-                  "CheapSPAD: consecutive repeats averaged into one capture; 0: all")
-      ->capture_default_str();
+  command.add_option("--repeats", options.repeats_per_sample,
+                     "CheapSPAD: consecutive repeats averaged into one capture; 0: all");
   command
       .add_option("--published-filter", options.published_filter,
                   "CheapSPAD: keep the positions that the publication evaluates: none, nomirrors "

@@ -219,12 +219,9 @@ void add_info_command(CLI::App& app, int& exit_code) {
       .add_option("-o,--output", arguments->output,
                   "draw each scene as a page DIR/NAME.html; the directory is made if missing")
       ->type_name("DIR");
-  command
-      .add_option("--capture", arguments->options.capture,
-                  "capture whose histograms are drawn; -1: none")
-      ->capture_default_str();
-  command.add_option("--width", arguments->options.width, "characters per histogram")
-      ->capture_default_str();
+  command.add_option("--capture", arguments->options.capture,
+                     "capture whose histograms are drawn; -1: none");
+  command.add_option("--width", arguments->options.width, "characters per histogram");
   arguments->out.add_option(command, "a list of objects, one for each file,");
   command.add_flag("--log", arguments->options.logarithmic, "draw the logarithm of the counts");
   command.callback([arguments, &exit_code] { exit_code = run_info(*arguments); });

@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "report/claim_table.h"
 
-#include "report/formatted.h"
-#include "report/html.h"
-
 namespace blindcorner {
 
 const char* const kJudgedTogether =
@@ -11,58 +8,26 @@ const char* const kJudgedTogether =
     "confidence (Bonferroni's) with which all rows of this page together hold in 95 of 100 such "
     "studies if all claims are true.";
 
-std::string verdict_row(bool holds) {
-  return holds ? "<tr>" : "<tr style=\"background:var(--alarm);font-weight:600\">";
-}
-
-std::string claim_table_html(std::span<const ClaimTest> claims) {
-  std::string html =
-      "<div style=\"overflow-x:auto\"><table><tr><th>claim<th>trials<th>claimed<th>found<th>allowed"
-      "<th>verdict</tr>\n";
-  for (const ClaimTest& c : claims) {
-    html += verdict_row(c.holds) + "<td>" + html_safe(c.what) +
-            formatted("<td>%d<td>%.3f<td>%.4f<td>%.4f to %.4f<td>%s</tr>\n", c.trials, c.claimed,
-                      c.found, c.low, c.high, c.holds ? "holds" : "fails");
-  }
-  return html + "</table></div>\n";
-}
-
-std::string claim_table_text(std::span<const ClaimTest> claims) {
-  std::string text =
-      formatted("  %-32s %7s %8s %8s  %-18s\n", "claim", "trials", "claimed", "found", "allowed");
-  for (const ClaimTest& c : claims) {
-    text += formatted("  %-32s %7d %8.4f %8.4f  %.4f to %.4f   %s\n", c.what.c_str(), c.trials,
-                      c.claimed, c.found, c.low, c.high, c.holds ? "holds" : "FAILS");
-  }
-  return text;
-}
-
-nlohmann::ordered_json claims_json(std::span<const ClaimTest> claims) {
-  nlohmann::ordered_json json = nlohmann::ordered_json::array();
-  for (const ClaimTest& c : claims) {
-    json.push_back({{"claim", c.what},
-                    {"trials", c.trials},
-                    {"claimed", c.claimed},
-                    {"found", c.found},
-                    {"allowed_low", c.low},
-                    {"allowed_high", c.high},
-                    {"holds", c.holds}});
-  }
-  return json;
-}
-
-std::string photons_csv(const ClaimLevel& level) {
-  return level.photons ? formatted("%g", *level.photons) : std::string();
-}
-
-std::string claim_rows_csv(const Scene& scene, const ClaimLevel& level) {
-  std::string csv;
+std::vector<TableRow> claim_rows(const Scene& scene, const ClaimLevel& level) {
+  std::vector<TableRow> rows;
   for (const ClaimTest& c : level.claims) {
-    csv += "\"" + scene.name + "\"," + photons_csv(level) + ",\"" + c.what + "\"" +
-           formatted(",%d,%.6g,%.6g,%.6g,%.6g,%d\n", c.trials, c.claimed, c.found, c.low, c.high,
-                     c.holds ? 1 : 0);
+    rows.push_back({{{"scene", "", "", scene.name},
+                     {"photons", "", "", photons_cell(level)},
+                     {"claim", "claim", "%-34s", c.what},
+                     {"trials", "trials", "%7d", c.trials},
+                     {"claimed", "claimed", "%8.4f", c.claimed},
+                     {"found", "found", "%8.4f", c.found},
+                     {"allowed_low", "allowed from", "%8.4f", c.low},
+                     {"allowed_high", "to", "%8.4f", c.high},
+                     {"holds", "", "", c.holds},
+                     {"", "verdict", "%8s", c.holds ? "holds" : "FAILS"}},
+                    !c.holds});
   }
-  return csv;
+  return rows;
+}
+
+TableCell photons_cell(const ClaimLevel& level) {
+  return level.photons ? TableCell(*level.photons) : TableCell(nullptr);
 }
 
 nlohmann::ordered_json study_json(const std::string& format, const ClaimStudyOptions& options,

@@ -3,32 +3,32 @@
 #pragma once
 
 #include <nlohmann/json.hpp>
-#include <span>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "blindcorner/simulation/claim_study.h"
+#include "report/table.h"
 
 namespace blindcorner {
 
-/// The beginning of a table's row; one that fails is marked.
-std::string verdict_row(bool holds);
-/// A table with a verdict in each row; rows that fail are marked.
-std::string claim_table_html(std::span<const ClaimTest> claims);
-std::string claim_table_text(std::span<const ClaimTest> claims);
-nlohmann::ordered_json claims_json(std::span<const ClaimTest> claims);
+/// What is claimed of a scene at a level of light, and what was found. On the terminal and on pages
+/// scene and light stand above the table.
+std::vector<TableRow> claim_rows(const Scene& scene, const ClaimLevel& level);
 
 /// A number, or nothing for the scene's own exposure.
-std::string photons_csv(const ClaimLevel& level);
-/// `claim,trials,claimed,found,allowed_low,allowed_high,holds`, a row each.
-std::string claim_rows_csv(const Scene& scene, const ClaimLevel& level);
-/// A row for each claim of a study, with its head.
-template <class Level>
-std::string claims_csv(const std::vector<StudyScene<Level>>& scenes) {
-  std::string csv = "scene,photons,claim,trials,claimed,found,allowed_low,allowed_high,holds\n";
+TableCell photons_cell(const ClaimLevel& level);
+/// Rows of all levels of all scenes, as `rows` has them of one.
+template <class Level, class Base>
+std::vector<TableRow> all_rows(const std::vector<StudyScene<Level>>& scenes,
+                               std::vector<TableRow> (*rows)(const Scene&, const Base&)) {
+  std::vector<TableRow> all;
   for (const StudyScene<Level>& scene : scenes) {
-    for (const Level& level : scene.levels) csv += claim_rows_csv(scene.scene, level);
+    for (const Level& level : scene.levels) {
+      for (TableRow& row : rows(scene.scene, level)) all.push_back(std::move(row));
+    }
   }
-  return csv;
+  return all;
 }
 
 /// Format, options and headline of a study, which begin its JSON file.
@@ -39,11 +39,11 @@ nlohmann::ordered_json level_json(const ClaimLevel& level);
 /// Scenes with their levels, each as `level` writes it.
 template <class Level>
 nlohmann::ordered_json scenes_json(const std::vector<StudyScene<Level>>& scenes,
-                                   nlohmann::ordered_json (*level)(const Level&)) {
+                                   nlohmann::ordered_json (*level)(const Scene&, const Level&)) {
   nlohmann::ordered_json json = nlohmann::ordered_json::array();
   for (const StudyScene<Level>& scene : scenes) {
     nlohmann::ordered_json levels = nlohmann::ordered_json::array();
-    for (const Level& one : scene.levels) levels.push_back(level(one));
+    for (const Level& one : scene.levels) levels.push_back(level(scene.scene, one));
     json.push_back(
         {{"scene", scene.scene.name}, {"file", scene.scene.path}, {"levels", std::move(levels)}});
   }

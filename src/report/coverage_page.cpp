@@ -111,34 +111,57 @@ Chart level_chart(const CoverageLevel& level) {
   return chart;
 }
 
-std::string wrong_html(const CoverageLevel& level) {
-  if (level.wrong.empty()) return {};
-  std::string html =
-      "<p>With a wrong assumption, on the first of these objects. <i>Growth</i> is the median "
-      "ratio "
-      "of the claimed uncertainty to that under the right assumption.</p>\n"
-      "<div style=\"overflow-x:auto\"><table><tr><th>what the scene is wrong "
-      "about<th>captures<th>50 "
-      "%<th>90 %<th>95 %<th>growth<th>median error, m<th>with the right one, "
-      "m<th>misfit<th>unexplained light<th>any "
-      "warning<th>outside of 95 % without a warning<th>grows or warns<th>any warning by the best "
-      "test<th>outside of 95 % without one</tr>\n";
+/// Of the wrong assumptions that were not left out.
+std::vector<TableRow> wrong_rows(const Scene& scene, const CoverageLevel& level) {
+  std::vector<TableRow> rows;
   for (const WrongFigures& w : level.wrong) {
-    html += "<tr><td>" + html_safe(w.assumption.name);
-    if (w.captures == 0) {
-      html += "<td colspan=\"14\">left out: " + html_safe(w.assumption.left_out) + "</tr>\n";
-      continue;
-    }
-    html += formatted("<td>%d", w.captures);
-    for (const int held : w.held) html += formatted("<td>%.3f", 1.0 * held / w.captures);
-    html += formatted("<td>%.2f<td>%.4f<td>%.4f<td>%.2f<td>%.2f<td>%.2f<td>", w.claimed_growth,
-                      w.median_error, w.right_median_error, w.warnings.misfit,
-                      w.warnings.unexplained, w.warnings.warned) +
-            share_text(w.unwarned, w.captures) +
-            (w.holds ? "<td>yes" : "<td style=\"background:var(--alarm);font-weight:600\">no") +
-            formatted("<td>%.2f<td>%.3f</tr>\n", w.best_warned, w.best_unwarned);
+    if (w.captures == 0) continue;
+    const double n = w.captures;
+    rows.push_back({{{"scene", "", "", scene.name},
+                     {"photons", "", "", photons_cell(level)},
+                     {"wrong", "wrong", "%-30s", w.assumption.name},
+                     {"captures", "captures", "%8d", w.captures},
+                     {"failures", "", "", w.failures},
+                     {"in_50", "", "", w.held[0]},
+                     {"in_90", "", "", w.held[1]},
+                     {"in_95", "", "", w.held[2]},
+                     {"", "in 50 %", "%6.3f", w.held[0] / n},
+                     {"", "90 %", "%6.3f", w.held[1] / n},
+                     {"", "95 %", "%6.3f", w.held[2] / n},
+                     {"claimed_growth", "growth", "%7.2f", w.claimed_growth},
+                     {"median_error_m", "error m", "%9.4f", w.median_error},
+                     {"right_median_error_m", "(right) m", "%9.4f", w.right_median_error},
+                     {"misfit", "misfit", "%7.2f", w.warnings.misfit},
+                     {"unexplained_light", "light", "%7.2f", w.warnings.unexplained},
+                     {"flagged", "warned", "%7.2f", w.warnings.warned},
+                     {"outside_of_95_without_warning", "", "", w.unwarned},
+                     {"", "unwarned (95 %)", "%22s", share_text(w.unwarned, w.captures)},
+                     {"holds", "", "", w.holds},
+                     {"flagged_by_the_best_test", "best", "%7.2f", w.best_warned},
+                     {"outside_of_95_without_the_best_test", "unwarned", "%9.3f", w.best_unwarned},
+                     {"", "verdict", "%7s", w.holds ? "holds" : "FAILS"}},
+                    !w.holds});
   }
-  return html + "</table></div>\n";
+  return rows;
+}
+
+/// What was left out and why, a line each between the two texts.
+std::string left_out(const CoverageLevel& level, const char* before, const char* after) {
+  std::string text;
+  for (const WrongFigures& w : level.wrong) {
+    if (w.captures > 0) continue;
+    text += before + w.assumption.name + " left out: " + w.assumption.left_out + after;
+  }
+  return text;
+}
+
+std::string wrong_html(const Scene& scene, const CoverageLevel& level) {
+  if (level.wrong.empty()) return {};
+  return "<p>With a wrong assumption, on the first of these objects. <i>Growth</i> is the median "
+         "ratio of the claimed uncertainty to that under the right assumption; <i>light</i> stands "
+         "for unexplained light, <i>unwarned</i> for outside of the 95 % region without any "
+         "warning, <i>best</i> for the best test that knows what is wrong.</p>\n" +
+         table_html(wrong_rows(scene, level)) + left_out(level, "<p>", "</p>\n");
 }
 
 /// Samples of a posterior over two unknowns.
@@ -179,7 +202,8 @@ std::string level_html(const CoverageScene& scene, const CoverageLevel& level) {
   if (level.example) charts.push_back(posterior_chart(scene.scene, *level.example));
   return "<h2>" + html_safe(scene.scene.name) + ", " + light_of(level) + "</h2>\n<p>" +
          level_text(level) + "Captures show " + warnings_text(level.warnings) + ".</p>\n" +
-         claim_table_html(level.claims) + charts_html(charts) + wrong_html(level);
+         table_html(claim_rows(scene.scene, level)) + charts_html(charts) +
+         wrong_html(scene.scene, level);
 }
 
 nlohmann::ordered_json warnings_json(const WarningShares& w) {
@@ -220,59 +244,41 @@ double found(const CoverageLevel& level, const char* claim) {
   return it == level.claims.end() ? std::numeric_limits<double>::quiet_NaN() : it->found;
 }
 
-/// Scenes and levels of light, a row each: what a reader of many scenes looks at first.
-struct SummaryRow {
-  std::string scene, sensor, object, unknowns, photons;
-  double in_50 = 0, in_95 = 0, square = 0, truth_error = 0, warned = 0;
-  bool holds = false;
-};
-
-SummaryRow summary_row(const Scene& scene, const CoverageLevel& level) {
-  SummaryRow row;
-  row.scene = scene.name;
-  row.sensor = scene.sensor.name;
+std::string objects_text(const Scene& scene) {
+  std::string text;
   for (int i = 0; i < object_count(scene); ++i) {
     const HiddenObject& object = hidden_object(scene, i);
-    if (i > 0) row.object += ", ";
-    if (std::holds_alternative<RetroreflectiveMaterial>(object.material)) row.object += "retro ";
-    row.object += shape_name(object.shape);
+    if (i > 0) text += ", ";
+    if (std::holds_alternative<RetroreflectiveMaterial>(object.material)) text += "retro ";
+    text += shape_name(object.shape);
   }
+  return text;
+}
+
+std::string unknowns_text(const Scene& scene) {
+  std::string text;
   for (const std::string& name : unknown_names(scene)) {
-    row.unknowns += (row.unknowns.empty() ? "" : " ") + name.substr(0, name.find_last_of('_'));
+    text += (text.empty() ? "" : " ") + name.substr(0, name.find_last_of('_'));
   }
-  row.photons = level.photons ? formatted("%.3g", *level.photons) : "own";
-  row.in_50 = found(level, "truth in the 50 % region");
-  row.in_95 = found(level, "truth in the 95 % region");
-  row.square = found(level, "mean squared normalised error");
-  row.truth_error = level.truth_error.value_or(std::numeric_limits<double>::quiet_NaN());
-  row.warned = level.warnings.warned;
-  row.holds = std::ranges::all_of(level.claims, &ClaimTest::holds);
-  return row;
+  return text;
 }
 
-std::vector<SummaryRow> summary_rows(const CoverageReport& report) {
-  std::vector<SummaryRow> rows;
-  for (const CoverageScene& scene : report.scenes) {
-    for (const CoverageLevel& level : scene.levels) rows.push_back(summary_row(scene.scene, level));
-  }
-  return rows;
-}
-
-std::string summary_html(const std::vector<SummaryRow>& rows) {
-  std::string html =
-      "<div style=\"overflow-x:auto\"><table><tr><th>scene<th>sensor<th>object<th>unknowns"
-      "<th>photons<th>in 50 %<th>in 95 %<th>squared error<th>truth's "
-      "sampling<th>warned<th>verdict</tr>"
-      "\n";
-  for (const SummaryRow& r : rows) {
-    html +=
-        std::string(r.holds ? "<tr>" : "<tr style=\"background:var(--alarm);font-weight:600\">") +
-        "<td>" + html_safe(r.scene) + "<td>" + html_safe(r.sensor) + "<td>" + html_safe(r.object) +
-        "<td>" + html_safe(r.unknowns) +
-        formatted("<td>%s<td>%.3f<td>%.3f<td>%.3f<td>%.3f<td>%.2f<td>%s</tr>\n", r.photons.c_str(),
-                  r.in_50, r.in_95, r.square, r.truth_error, r.warned, r.holds ? "holds" : "fails");
-  }
-  return html + "</table></div>\n";
+/// Of each scene and level of light: what a reader of many scenes looks at first.
+std::vector<TableRow> summary_rows(const Scene& scene, const CoverageLevel& level) {
+  const bool holds = std::ranges::all_of(level.claims, &ClaimTest::holds);
+  return {
+      {{{"", "scene", "%-14s", scene.name},
+        {"", "sensor", "%-18s", scene.sensor.name},
+        {"", "object", "%-16s", objects_text(scene)},
+        {"", "unknowns", "%-14s", unknowns_text(scene)},
+        {"", "photons", "%8.3g", photons_cell(level)},
+        {"", "in 50 %", "%7.3f", found(level, "truth in the 50 % region")},
+        {"", "in 95 %", "%7.3f", found(level, "truth in the 95 % region")},
+        {"", "square", "%8.3f", found(level, "mean squared normalised error")},
+        {"", "of truth", "%8.3f", level.truth_error ? TableCell(*level.truth_error) : TableCell()},
+        {"", "warned", "%7.2f", level.warnings.warned},
+        {"", "verdict", "%7s", holds ? "holds" : "FAILS"}},
+       !holds}};
 }
 
 nlohmann::ordered_json trial_json(const ClaimTrial& t) {
@@ -291,7 +297,7 @@ nlohmann::ordered_json trial_json(const ClaimTrial& t) {
           {"flags", t.flags}};
 }
 
-nlohmann::ordered_json coverage_level_json(const CoverageLevel& level) {
+nlohmann::ordered_json coverage_level_json(const Scene& scene, const CoverageLevel& level) {
   nlohmann::ordered_json json = level_json(level);
   json["median_photons"] = level.median_photons;
   json["median_error_m"] = number_or_null(level.median_error);
@@ -300,7 +306,7 @@ nlohmann::ordered_json coverage_level_json(const CoverageLevel& level) {
   json["mean_square_high"] = number_or_null(level.mean_square_high);
   json["truth_sampling"] = level.sampling;
   if (level.truth_error) json["truth_error"] = number_or_null(*level.truth_error);
-  json["claims"] = claims_json(level.claims);
+  json["claims"] = table_json(claim_rows(scene, level));
   json["flagged"] = warnings_json(level.warnings);
   json["wrong"] = nlohmann::ordered_json::array();
   for (const WrongFigures& w : level.wrong) json["wrong"].push_back(wrong_json(w));
@@ -338,64 +344,23 @@ std::string coverage_text(const CoverageScene& scene) {
   std::string text;
   for (const CoverageLevel& level : scene.levels) {
     text += scene.scene.name + ", " + light_of(level) + "\n" + level_text(level) + "\n" +
-            warnings_text(level.warnings) + "\n" + claim_table_text(level.claims);
+            warnings_text(level.warnings) + "\n" + table_text(claim_rows(scene.scene, level));
     if (level.wrong.empty()) continue;
-    text += formatted("%-30s %8s %6s %6s %6s %7s %9s %9s %7s %7s %7s %9s %7s %9s\n", "wrong",
-                      "captures", "50 %", "90 %", "95 %", "growth", "error m", "(right) m",
-                      "misfit", "light", "warned", "unwarned", "best", "unwarned");
-    for (const WrongFigures& w : level.wrong) {
-      if (w.captures == 0) {
-        text += formatted("%-30s left out: %s\n", w.assumption.name.c_str(),
-                          w.assumption.left_out.c_str());
-        continue;
-      }
-      const double n = w.captures;
-      text += formatted(
-          "%-30s %8d %6.3f %6.3f %6.3f %7.2f %9.4f %9.4f %7.2f %7.2f %7.2f %9.3f %7.2f %9.3f %s\n",
-          w.assumption.name.c_str(), w.captures, w.held[0] / n, w.held[1] / n, w.held[2] / n,
-          w.claimed_growth, w.median_error, w.right_median_error, w.warnings.misfit,
-          w.warnings.unexplained, w.warnings.warned, w.unwarned / n, w.best_warned, w.best_unwarned,
-          w.holds ? "" : "FAILS");
-    }
+    text += table_text(wrong_rows(scene.scene, level)) + left_out(level, "", "\n");
   }
   return text;
 }
 
 std::string coverage_summary(const CoverageReport& report) {
-  std::string text =
-      formatted("%-14s %-18s %-16s %-14s %8s %6s %6s %8s %8s %7s\n", "scene", "sensor", "object",
-                "unknowns", "photons", "in 50%", "in 95%", "square", "of truth", "warned");
-  for (const SummaryRow& r : summary_rows(report)) {
-    text += formatted("%-14s %-18s %-16s %-14s %8s %6.3f %6.3f %8.3f %8.3f %7.2f  %s\n",
-                      r.scene.c_str(), r.sensor.c_str(), r.object.c_str(), r.unknowns.c_str(),
-                      r.photons.c_str(), r.in_50, r.in_95, r.square, r.truth_error, r.warned,
-                      r.holds ? "holds" : "FAILS");
-  }
-  return text;
+  return table_text(all_rows(report.scenes, summary_rows));
 }
 
-std::string coverage_csv(const CoverageReport& report) { return claims_csv(report.scenes); }
+std::string coverage_csv(const CoverageReport& report) {
+  return table_csv(all_rows(report.scenes, claim_rows));
+}
 
 std::string wrong_assumptions_csv(const CoverageReport& report) {
-  std::string csv =
-      "scene,photons,wrong,captures,failures,in_50,in_90,in_95,claimed_growth,median_error_m,"
-      "right_median_error_m,misfit,unexplained_light,flagged,outside_of_95_without_warning,holds,"
-      "flagged_by_the_best_test,outside_of_95_without_the_best_test\n";
-  for (const CoverageScene& scene : report.scenes) {
-    for (const CoverageLevel& level : scene.levels) {
-      for (const WrongFigures& w : level.wrong) {
-        if (w.captures == 0) continue;
-        csv += "\"" + scene.scene.name + "\"," + photons_csv(level) + ",\"" + w.assumption.name +
-               "\"" +
-               formatted(",%d,%d,%d,%d,%d,%.4g,%.5g,%.5g,%.4g,%.4g,%.4g,%d,%d,%.4g,%.4g\n",
-                         w.captures, w.failures, w.held[0], w.held[1], w.held[2], w.claimed_growth,
-                         w.median_error, w.right_median_error, w.warnings.misfit,
-                         w.warnings.unexplained, w.warnings.warned, w.unwarned, w.holds ? 1 : 0,
-                         w.best_warned, w.best_unwarned);
-      }
-    }
-  }
-  return csv;
+  return table_csv(all_rows(report.scenes, wrong_rows));
 }
 
 nlohmann::ordered_json coverage_json(const CoverageReport& report) {
@@ -419,8 +384,8 @@ std::string coverage_page(const CoverageReport& report) {
           " Captures without an answer count as outside. A mode is right where the truth most "
           "likely comes from it and lies in its 99.9 % region, by Student's t: modes need not be "
           "normal.</p>\n";
-  const std::vector<SummaryRow> rows = summary_rows(report);
-  if (rows.size() > 1) body += summary_html(rows);
+  const std::vector<TableRow> rows = all_rows(report.scenes, summary_rows);
+  if (rows.size() > 1) body += table_html(rows);
   for (const CoverageScene& scene : report.scenes) {
     for (const CoverageLevel& level : scene.levels) body += level_html(scene, level);
   }

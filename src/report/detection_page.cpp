@@ -61,52 +61,50 @@ Chart light_chart(const DetectionScene& scene) {
   return chart;
 }
 
-std::string share_html(int part, std::size_t whole) {
+/// "0.950 (0.899 to 0.980)".
+std::string share_text(int part, std::size_t whole) {
   const int n = static_cast<int>(whole);
   const ShareInterval i = exact_interval(part, n);
   return formatted("%.3f (%.3f to %.3f)", n > 0 ? 1.0 * part / n : 0.0, i.low, i.high);
 }
 
-std::string level_table(const DetectionScene& scene) {
-  std::string html =
-      "<div style=\"overflow-x:auto\"><table><tr><th>photons<th>with an "
-      "object<th>empty<th>reported "
-      "with an object (95 %)<th>reported in empty ones (95 %)<th>area, presence<th>area, false "
-      "alarm";
-  for (const double told : kToldShares) html += formatted("<th>detected at %g %%", 100 * told);
-  html += "<th>failed</tr>\n";
-  for (const DetectionLevel& l : scene.levels) {
-    html += formatted("<tr><td>%g<td>%d<td>%d<td>", *l.photons, static_cast<int>(l.with.size()),
-                      static_cast<int>(l.without.size())) +
-            share_html(l.reported_with, l.with.size()) + "<td>" +
-            share_html(l.reported_without, l.without.size()) +
-            formatted("<td>%.3f<td>%.3f", area_below(l.by_presence), area_below(l.by_false_alarm));
-    for (const double told : kToldShares) {
-      html += formatted("<td>%.3f", true_share_at(l.by_false_alarm, told));
-    }
-    html += formatted("<td>%d</tr>\n", l.failures);
-  }
-  return html + "</table></div>\n";
+std::vector<TableRow> light_rows(const Scene& scene, const DetectionLevel& l) {
+  return {{{{"scene", "", "", scene.name},
+            {"photons", "photons", "%9g", *l.photons},
+            {"with", "with", "%6d", l.with.size()},
+            {"empty", "empty", "%6d", l.without.size()},
+            {"failures", "failed", "%6d", l.failures},
+            {"reported_with", "", "", l.reported_with},
+            {"", "reported with (95 %)", "%22s", share_text(l.reported_with, l.with.size())},
+            {"reported_empty", "", "", l.reported_without},
+            {"", "in empty ones (95 %)", "%22s", share_text(l.reported_without, l.without.size())},
+            {"area_presence", "area, presence", "%8.3f", area_below(l.by_presence)},
+            {"area_false_alarm", "area, false alarm", "%8.3f", area_below(l.by_false_alarm)},
+            {"detected_at_0.01", "at 1 %", "%8.3f", true_share_at(l.by_false_alarm, 0.01)},
+            {"detected_at_0.05", "at 5 %", "%8.3f", true_share_at(l.by_false_alarm, 0.05)},
+            {"detected_at_0.1", "at 10 %", "%8.3f", true_share_at(l.by_false_alarm, 0.1)}}}};
 }
 
 std::string detection_scene_html(const DetectionScene& scene) {
   std::vector<Chart> charts{light_chart(scene)};
   for (const DetectionLevel& level : scene.levels) charts.push_back(roc_chart(level));
-  std::string html = "<h2>" + html_safe(scene.scene.name) + "</h2>\n" + level_table(scene) +
+  std::string html = "<h2>" + html_safe(scene.scene.name) + "</h2>\n" +
+                     table_html(all_rows<DetectionLevel>({scene}, light_rows)) +
                      charts_html(charts) + "<p>Stated false-alarm probabilities:</p>\n";
   for (const DetectionLevel& level : scene.levels) {
-    html += formatted("<p>%g photons:</p>\n", *level.photons) + claim_table_html(level.claims);
+    html += formatted("<p>%g photons:</p>\n", *level.photons) +
+            table_html(claim_rows(scene.scene, level));
   }
   return html;
 }
 
-nlohmann::ordered_json detection_level_json(const DetectionLevel& level) {
+nlohmann::ordered_json detection_level_json(const Scene& scene, const DetectionLevel& level) {
   nlohmann::ordered_json json = level_json(level);
   json["reported_with"] = level.reported_with;
   json["reported_empty"] = level.reported_without;
   json["area_presence"] = area_below(level.by_presence);
   json["area_false_alarm"] = area_below(level.by_false_alarm);
-  json["false_alarms"] = claims_json(level.claims);
+  json["false_alarms"] = table_json(claim_rows(scene, level));
   return json;
 }
 
@@ -121,46 +119,21 @@ std::string detection_headline(const DetectionReport& report) {
 }
 
 std::string detection_text(const DetectionScene& scene) {
-  std::string text = formatted("%s\n%9s %8s %8s %10s %10s %8s %8s %8s %8s %8s\n",
-                               scene.scene.name.c_str(), "photons", "with", "empty", "reported",
-                               "in empty", "area p", "area f", "at 1 %", "at 5 %", "at 10 %");
+  std::string text =
+      scene.scene.name + "\n" + table_text(all_rows<DetectionLevel>({scene}, light_rows));
   for (const DetectionLevel& l : scene.levels) {
-    text += formatted("%9g %8d %8d %10.3f %10.3f %8.3f %8.3f", *l.photons,
-                      static_cast<int>(l.with.size()), static_cast<int>(l.without.size()),
-                      l.reported_with / static_cast<double>(l.with.size()),
-                      l.reported_without / static_cast<double>(l.without.size()),
-                      area_below(l.by_presence), area_below(l.by_false_alarm));
-    for (const double told : kToldShares) {
-      text += formatted(" %8.3f", true_share_at(l.by_false_alarm, told));
-    }
-    text += "\n";
-  }
-  for (const DetectionLevel& l : scene.levels) {
-    text += formatted("%g photons\n", *l.photons) + claim_table_text(l.claims);
+    text += formatted("%g photons\n", *l.photons) + table_text(claim_rows(scene.scene, l));
   }
   return text;
 }
 
 std::string detection_csv(const DetectionReport& report) {
-  std::string csv =
-      "scene,photons,with,empty,failures,reported_with,reported_empty,area_presence,"
-      "area_false_alarm,detected_at_0.01,detected_at_0.05,detected_at_0.1\n";
-  for (const DetectionScene& scene : report.scenes) {
-    for (const DetectionLevel& l : scene.levels) {
-      csv += "\"" + scene.scene.name + "\"" +
-             formatted(",%g,%d,%d,%d,%d,%d,%.5g,%.5g", *l.photons, static_cast<int>(l.with.size()),
-                       static_cast<int>(l.without.size()), l.failures, l.reported_with,
-                       l.reported_without, area_below(l.by_presence), area_below(l.by_false_alarm));
-      for (const double told : kToldShares) {
-        csv += formatted(",%.5g", true_share_at(l.by_false_alarm, told));
-      }
-      csv += "\n";
-    }
-  }
-  return csv;
+  return table_csv(all_rows(report.scenes, light_rows));
 }
 
-std::string false_alarms_csv(const DetectionReport& report) { return claims_csv(report.scenes); }
+std::string false_alarms_csv(const DetectionReport& report) {
+  return table_csv(all_rows(report.scenes, claim_rows));
+}
 
 std::string roc_csv(const DetectionReport& report) {
   std::string csv = "scene,photons,statistic,false_share,true_share\n";

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <utility>
 
 #include "blindcorner/simulation/credible_level.h"
 #include "blindcorner/simulation/pareto_front.h"
@@ -11,6 +13,7 @@
 #include "report/formatted.h"
 #include "report/html.h"
 #include "report/json_values.h"
+#include "report/table.h"
 
 namespace blindcorner {
 namespace {
@@ -22,12 +25,7 @@ const char* const kFrontColour = colour::kTruth;
 
 /// Methods that take a smaller share of the default's time than this do not look at the capture.
 constexpr double kMinShownTime = 1e-2;
-
-/// A figure of a method at a level of light, by name.
-struct SweepColumn {
-  const char* name;
-  double (*value)(const SweepCell&, const SweepFigures&);
-};
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
 double share_of(int part, int whole) {
   return whole > 0 ? static_cast<double>(part) / whole : std::nan("");
@@ -35,37 +33,44 @@ double share_of(int part, int whole) {
 
 ShareInterval held_interval(const SweepFigures& f) { return wilson_interval(f.held, f.claims); }
 
-const SweepColumn kSweepColumns[] = {
-    {"answers", [](const SweepCell&, const SweepFigures& f) { return 1.0 * f.answers; }},
-    {"failures", [](const SweepCell&, const SweepFigures& f) { return 1.0 * f.failures; }},
-    {"median_m", [](const SweepCell&, const SweepFigures& f) { return f.median; }},
-    {"p90_m", [](const SweepCell&, const SweepFigures& f) { return f.p90; }},
-    {"rms_m", [](const SweepCell&, const SweepFigures& f) { return f.rms; }},
-    {"right_mode",
-     [](const SweepCell&, const SweepFigures& f) { return share_of(f.right, f.claims); }},
-    {"right_mode_rms_m", [](const SweepCell&, const SweepFigures& f) { return f.right_rms; }},
-    {"coverage_95",
-     [](const SweepCell&, const SweepFigures& f) { return share_of(f.held, f.claims); }},
-    {"coverage_95_low",
-     [](const SweepCell&, const SweepFigures& f) {
-       return f.claims > 0 ? held_interval(f).low : std::nan("");
-     }},
-    {"coverage_95_high",
-     [](const SweepCell&, const SweepFigures& f) {
-       return f.claims > 0 ? held_interval(f).high : std::nan("");
-     }},
-    {"efficiency", [](const SweepCell&, const SweepFigures& f) { return f.efficiency; }},
-    {"efficiency_low", [](const SweepCell&, const SweepFigures& f) { return f.efficiency_low; }},
-    {"efficiency_high", [](const SweepCell&, const SweepFigures& f) { return f.efficiency_high; }},
-    {"efficiency_captures",
-     [](const SweepCell&, const SweepFigures& f) { return 1.0 * f.efficiency_captures; }},
-    {"first_cpu_ms", [](const SweepCell& c, const SweepFigures&) { return 1e3 * c.first_cpu; }},
-    {"first_wall_ms", [](const SweepCell& c, const SweepFigures&) { return 1e3 * c.first_wall; }},
-    {"following_cpu_ms",
-     [](const SweepCell&, const SweepFigures& f) { return 1e3 * f.following_cpu; }},
-    {"following_wall_ms",
-     [](const SweepCell&, const SweepFigures& f) { return 1e3 * f.following_wall; }},
-};
+/// Of each method at each level of light.
+std::vector<TableRow> figure_rows(const SweepScene& scene, const std::string& wrong) {
+  std::vector<TableRow> rows;
+  for (const SweepLevel& level : scene.levels) {
+    for (std::size_t m = 0; m < scene.methods.size(); ++m) {
+      const SweepCell& cell = level.cells[m];
+      const SweepFigures& f = level.figures[m];
+      const bool claims = f.claims > 0;
+      rows.push_back({{{"scene", "", "", scene.name},
+                       {"wrong", "", "", wrong},
+                       {"photons", "photons", "%9g", level.photons},
+                       {"bound_median_m", "", "", level.bound_median},
+                       {"bound_p90_m", "", "", level.bound_p90},
+                       {"bound_rms_m", "", "", level.bound_rms},
+                       {"method", "method", "%-28s", scene.methods[m].name},
+                       {"varies", "", "", scene.methods[m].varies},
+                       {"answers", "", "", f.answers},
+                       {"failures", "", "", f.failures},
+                       {"median_m", "median m", "%9.4f", f.median},
+                       {"p90_m", "90 % m", "%9.4f", f.p90},
+                       {"rms_m", "rms m", "%9.4f", f.rms},
+                       {"right_mode", "right", "%7.3f", share_of(f.right, f.claims)},
+                       {"right_mode_rms_m", "in right", "%9.3f", f.right_rms},
+                       {"coverage_95", "in 95%", "%7.3f", share_of(f.held, f.claims)},
+                       {"coverage_95_low", "", "", claims ? held_interval(f).low : kNone},
+                       {"coverage_95_high", "", "", claims ? held_interval(f).high : kNone},
+                       {"efficiency", "efficiency", "%10.3f", f.efficiency},
+                       {"efficiency_low", "", "", f.efficiency_low},
+                       {"efficiency_high", "", "", f.efficiency_high},
+                       {"efficiency_captures", "", "", f.efficiency_captures},
+                       {"first_cpu_ms", "first ms", "%9.3g", 1e3 * cell.first_cpu},
+                       {"first_wall_ms", "", "", 1e3 * cell.first_wall},
+                       {"following_cpu_ms", "next ms", "%9.3g", 1e3 * f.following_cpu},
+                       {"following_wall_ms", "", "", 1e3 * f.following_wall}}});
+    }
+  }
+  return rows;
+}
 
 /// Time (ms) and error (m) of a method in one picture.
 using TimeOf = double (*)(const SweepCell&, const SweepFigures&);
@@ -174,10 +179,6 @@ Chart ratio_chart(const SweepVerdict& verdict) {
   return chart;
 }
 
-std::string ratio_or_dash(double value) {
-  return std::isfinite(value) ? formatted("%.3f", value) : std::string("-");
-}
-
 /// What the intervals say of a method beside the default.
 std::string beside_default(const SweepRatio& r) {
   const std::string time = r.cheaper() ? "cheaper" : r.time_low > 1 ? "dearer" : "as dear";
@@ -187,41 +188,35 @@ std::string beside_default(const SweepRatio& r) {
   return time + ", " + error + (r.holds_less() ? ", holds the truth less often" : "");
 }
 
-std::string ratio_table(const SweepVerdict& verdict) {
-  std::string html =
-      "<div style=\"overflow-x:auto\"><table><tr><th>method<th>varies<th>time, following (95 % of "
-      "all rows together)<th>time, first<th>wall, following<th>error (likewise)<th>coverage of "
-      "95 %<th>right mode<th>captures<th>beside the default</tr>\n";
-  for (std::size_t i = 0; i < verdict.ratios.size(); ++i) {
-    const SweepRatio& r = verdict.ratios[i];
-    html += (i == 0 ? "<tr style=\"font-weight:600\"><td>" : "<tr><td>") + html_safe(r.name) +
-            "<td>" + html_safe(r.varies) +
-            formatted("<td>%.3f (%.3f to %.3f)<td>%.3f<td>%.3f<td>%.3f (%.3f to %.3f)<td>", r.time,
-                      r.time_low, r.time_high, r.first_time, r.wall, r.error, r.error_low,
-                      r.error_high) +
-            ratio_or_dash(r.coverage) + "<td>" + ratio_or_dash(r.right) +
-            formatted("<td>%d<td>", r.captures) + (i == 0 ? "" : beside_default(r)) + "</tr>\n";
-  }
-  return html + "</table></div>\n";
+std::string with_interval(double value, double low, double high) {
+  return formatted("%.3f (%.3f to %.3f)", value, low, high);
 }
 
-std::string figure_table(const SweepScene& scene) {
-  std::string html =
-      "<div style=\"overflow-x:auto\"><table style=\"white-space:nowrap;font-size:11px\">"
-      "<tr><th>method<th>photons";
-  for (const SweepColumn& column : kSweepColumns) html += std::string("<th>") + column.name;
-  html += "</tr>\n";
-  for (const SweepLevel& level : scene.levels) {
-    for (std::size_t m = 0; m < scene.methods.size(); ++m) {
-      html += "<tr><td>" + html_safe(scene.methods[m].name) + formatted("<td>%g", level.photons);
-      for (const SweepColumn& column : kSweepColumns) {
-        const double value = column.value(level.cells[m], level.figures[m]);
-        html += std::isfinite(value) ? formatted("<td>%.4g", value) : std::string("<td>-");
-      }
-      html += "</tr>\n";
-    }
+/// Of each method beside the default, which is the first. Intervals are 95 % of all rows together.
+std::vector<TableRow> ratio_rows(const SweepVerdict& verdict) {
+  std::vector<TableRow> rows;
+  for (const SweepRatio& r : verdict.ratios) {
+    rows.push_back(
+        {{{"method", "method", "%s", r.name},
+          {"varies", "varies", "%s", r.varies},
+          {"", "time, following (95 %)", "%s", with_interval(r.time, r.time_low, r.time_high)},
+          {"time", "", "", r.time},
+          {"time_low", "", "", r.time_low},
+          {"time_high", "", "", r.time_high},
+          {"first_time", "time, first", "%.3f", r.first_time},
+          {"wall", "wall, following", "%.3f", r.wall},
+          {"", "error (95 %)", "%s", with_interval(r.error, r.error_low, r.error_high)},
+          {"error", "", "", r.error},
+          {"error_low", "", "", r.error_low},
+          {"error_high", "", "", r.error_high},
+          {"coverage_95", "coverage of 95 %", "%.3f", r.coverage},
+          {"right_mode", "right mode", "%.3f", r.right},
+          {"held_alone", "", "", r.held_alone},
+          {"default_alone", "", "", r.default_alone},
+          {"captures", "captures", "%d", r.captures},
+          {"", "beside the default", "%s", rows.empty() ? "" : beside_default(r)}}});
   }
-  return html + "</table></div>\n";
+  return rows;
 }
 
 std::string scene_html(const SweepScene& scene) {
@@ -238,71 +233,27 @@ std::string scene_html(const SweepScene& scene) {
          "</details>\n<details open><summary>Median error against the time of a first capture, all "
          "that the method prepares included</summary>\n" +
          pictures(scene, first_ms, median_of, &SweepLevel::bound_median, "median error, m") +
-         "</details>\n<details><summary>All figures</summary>\n" + figure_table(scene) +
-         "</details>\n";
-}
-
-nlohmann::ordered_json ratio_json(const SweepRatio& r) {
-  return {{"method", r.name},
-          {"varies", r.varies},
-          {"time", number_or_null(r.time)},
-          {"time_low", number_or_null(r.time_low)},
-          {"time_high", number_or_null(r.time_high)},
-          {"first_time", number_or_null(r.first_time)},
-          {"wall", number_or_null(r.wall)},
-          {"error", number_or_null(r.error)},
-          {"error_low", number_or_null(r.error_low)},
-          {"error_high", number_or_null(r.error_high)},
-          {"coverage_95", number_or_null(r.coverage)},
-          {"right_mode", number_or_null(r.right)},
-          {"held_alone", r.held_alone},
-          {"default_alone", r.default_alone},
-          {"captures", r.captures}};
+         "</details>\n<details><summary>All figures</summary>\n" +
+         table_html(figure_rows(scene, "")) + "</details>\n";
 }
 
 }  // namespace
 
 std::string sweep_text(const SweepScene& scene) {
-  std::string text =
-      formatted("%s\n%9s  %-28s %9s %9s %9s %7s %9s %7s %10s %9s %9s\n", scene.name.c_str(),
-                "photons", "method", "median m", "90 % m", "rms m", "right", "in right", "in 95%",
-                "efficiency", "first ms", "next ms");
+  std::string text = scene.name + "\n" + table_text(figure_rows(scene, ""));
   for (const SweepLevel& level : scene.levels) {
-    text += formatted("%9g  %-28s %9.4f %9.4f %9.4f\n", level.photons, "Cramer-Rao bound",
-                      level.bound_median, level.bound_p90, level.bound_rms);
-    for (std::size_t m = 0; m < scene.methods.size(); ++m) {
-      const SweepFigures& f = level.figures[m];
-      text += formatted(
-          "%9g  %-28s %9.4f %9.4f %9.4f %7s %9s %7s %10s %9.3g %9.3g\n", level.photons,
-          scene.methods[m].name.c_str(), f.median, f.p90, f.rms,
-          ratio_or_dash(share_of(f.right, f.claims)).c_str(), ratio_or_dash(f.right_rms).c_str(),
-          ratio_or_dash(share_of(f.held, f.claims)).c_str(), ratio_or_dash(f.efficiency).c_str(),
-          1e3 * level.cells[m].first_cpu, 1e3 * f.following_cpu);
-    }
+    text += formatted("Cramer-Rao bound at %g photons: median %.4f m, 90 %% %.4f m, rms %.4f m\n",
+                      level.photons, level.bound_median, level.bound_p90, level.bound_rms);
   }
   return text;
 }
 
 std::string sweep_csv(const SweepReport& report) {
-  std::string csv = "scene,wrong,photons,bound_median_m,bound_p90_m,bound_rms_m,method,varies";
-  for (const SweepColumn& column : kSweepColumns) csv += std::string(",") + column.name;
-  csv += "\n";
+  std::vector<TableRow> all;
   for (const SweepScene& scene : report.scenes) {
-    for (const SweepLevel& level : scene.levels) {
-      for (std::size_t m = 0; m < scene.methods.size(); ++m) {
-        csv += "\"" + scene.name + "\",\"" + report.options.wrong + "\"" +
-               formatted(",%g,%.6g,%.6g,%.6g", level.photons, level.bound_median, level.bound_p90,
-                         level.bound_rms) +
-               ",\"" + scene.methods[m].name + "\",\"" + scene.methods[m].varies + "\"";
-        for (const SweepColumn& column : kSweepColumns) {
-          const double value = column.value(level.cells[m], level.figures[m]);
-          csv += std::isfinite(value) ? formatted(",%.6g", value) : std::string(",");
-        }
-        csv += "\n";
-      }
-    }
+    for (TableRow& row : figure_rows(scene, report.options.wrong)) all.push_back(std::move(row));
   }
-  return csv;
+  return table_csv(all);
 }
 
 nlohmann::ordered_json sweep_json(const SweepReport& report) {
@@ -320,12 +271,13 @@ nlohmann::ordered_json sweep_json(const SweepReport& report) {
   json["default_on_front"] = verdict.better.empty();
   json["pictures"] = verdict.pictures;
   json["pictures_with_default_on_front"] = verdict.on_front;
-  json["ratios"] = Json::array();
-  for (const SweepRatio& r : verdict.ratios) json["ratios"].push_back(ratio_json(r));
+  json["ratios"] = table_json(ratio_rows(verdict));
   json["scenes"] = Json::array();
   for (const SweepScene& scene : report.scenes) {
     Json entry{{"scene", scene.name}, {"file", scene.file}, {"pulse_m", scene.pulse}};
     entry["levels"] = Json::array();
+    const std::vector<TableRow> rows = figure_rows(scene, report.options.wrong);
+    std::size_t next = 0;
     for (const SweepLevel& level : scene.levels) {
       Json one{{"photons", level.photons},
                {"exposures", level.exposure.exposures},
@@ -335,10 +287,7 @@ nlohmann::ordered_json sweep_json(const SweepReport& report) {
                {"bound_rms_m", number_or_null(level.bound_rms)}};
       one["methods"] = Json::array();
       for (std::size_t m = 0; m < scene.methods.size(); ++m) {
-        Json method{{"method", scene.methods[m].name}, {"varies", scene.methods[m].varies}};
-        for (const SweepColumn& column : kSweepColumns) {
-          method[column.name] = number_or_null(column.value(level.cells[m], level.figures[m]));
-        }
+        Json method = table_json(rows[next++]);
         nlohmann::json distances = nlohmann::json::array();
         for (const SweepTrial& t : level.cells[m].trials) {
           distances.push_back(number_or_null(t.error.empty() ? t.distance : std::nan("")));
@@ -381,7 +330,7 @@ std::string sweep_page(const SweepReport& report) {
       "their intervals. The bound's line is what errors would be that are normal with Cramer "
       "and Rao's bound, the prior counted, as their covariance. Point at a mark to see its "
       "name.</p>\n";
-  body += charts_html({ratio_chart(report.verdict)}) + ratio_table(report.verdict);
+  body += charts_html({ratio_chart(report.verdict)}) + table_html(ratio_rows(report.verdict));
   for (const SweepScene& scene : report.scenes) body += scene_html(scene);
   return plain_page("Error against run time", report.verdict.headline(), body);
 }

@@ -12,8 +12,8 @@
 #include "blindcorner/io/atomic_file.h"
 #include "blindcorner/io/scene_file.h"
 #include "report/chart.h"
-#include "report/formatted.h"
 #include "report/html.h"
+#include "report/table.h"
 
 namespace blindcorner {
 namespace {
@@ -34,16 +34,18 @@ double position_bound(const Scene& scene, double exposures) {
 void run(const BoundArguments& arguments) {
   const Scene scene = read_scene(arguments.scene);
   ChartSeries series{"Cramer-Rao bound"};
-  std::string csv = "exposures,position_m\n";
+  std::vector<TableRow> rows;
   for (const double exposures : arguments.exposures) {
-    series.points.push_back({exposures, position_bound(scene, exposures)});
-    csv += formatted("%g,%.6g\n", exposures, series.points.back().y);
+    const double bound = position_bound(scene, exposures);
+    series.points.push_back({exposures, bound});
+    rows.push_back({{{"exposures", "exposures", "%9g", exposures},
+                     {"position_m", "position, mm", "%12.3g", bound, 1e3}}});
   }
   const Chart chart{"Error of the position", "exposures", "m", {series}, {}, true};
   std::filesystem::create_directories(arguments.output);
-  write_atomically(arguments.output + "/bound.csv", csv);
+  write_atomically(arguments.output + "/bound.csv", table_csv(rows));
   write_atomically(arguments.output + "/bound.html",
-                   plain_page("Bound by exposures", "", chart_svg(chart)));
+                   plain_page("Bound by exposures", "", table_html(rows) + chart_svg(chart)));
 }
 
 void add_bound_benchmark(CLI::App& benchmark, int& exit_code) {

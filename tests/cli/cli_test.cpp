@@ -1432,24 +1432,6 @@ TEST_F(Cli, PlannerBenchmarkCountsOptimaAndFailsWhereOneIsMissed) {
   EXPECT_THAT(missed.err, HasSubstr("problem 0"));
 }
 
-TEST_F(Cli, VehiclesBenchmarkDrivesATableOfCommands) {
-  write_text("in.csv", "dt_s,acceleration_m_per_s2,steering\n0.1,-2,0\n0.1,-2,0\n");
-  const std::string command = "benchmark vehicles --inputs '" + path("in.csv") + "' ";
-  const Outcome outcome =
-      run(command + "--vehicle kinematic_single_track --speed 5 --trajectory '" + path("out.csv") +
-          "'");
-  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
-  EXPECT_THAT(text_of(path("out.csv")),
-              AllOf(StartsWith("time_s,x_m,y_m,steering_rad,speed_m_per_s,yaw_rad\n"),
-                    HasSubstr("\n0.2,0.96,0,0,4.6,0\n")));
-  EXPECT_EQ(run(command + "--vehicle tank --trajectory '" + path("no.csv") + "'").exit_code, 2);
-  EXPECT_EQ(run(command).exit_code, 2);
-  write_text("in.csv", "dt_s,acceleration_m_per_s2,steering\n0.1,fast,0\n");
-  const Outcome wrong = run(command + "--trajectory '" + path("no.csv") + "'");
-  EXPECT_EQ(wrong.exit_code, 2);
-  EXPECT_THAT(wrong.err, HasSubstr("acceleration_m_per_s2 'fast'"));
-}
-
 TEST_F(Cli, DriveWritesWhatHappenedAndAPageThatPlaysIt) {
   const std::string drive = std::string(SOURCE_DIR) + "/scenes/robot_drive.json";
   const Outcome outcome = run("drive '" + drive + "' -o " + path("out") +

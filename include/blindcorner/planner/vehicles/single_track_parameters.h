@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Measures of a car as single-track models see it.
+/// Measures of a car as a single track.
 #pragma once
 
 namespace blindcorner {
@@ -7,7 +7,7 @@ namespace blindcorner {
 inline constexpr double kGravity = 9.81;  ///< m/s^2, as in the CommonRoad models
 
 /// Defaults: BMW 320i, vehicle 2 of Althoff and Wuersching, "CommonRoad: Vehicle Models" (2020),
-/// table 6, as in release 3.0.2 of its package. The models compared with it use them unchanged.
+/// table 6, as in release 3.0.2 of its package.
 struct SingleTrackParameters {
   double length = 4.508, width = 1.610;       ///< m
   double mass = 1093.2952334674046;           ///< kg
@@ -17,7 +17,6 @@ struct SingleTrackParameters {
   double gravity_center_height = 0.61373004;  ///< of the sprung mass, as the models use it, m
   double wheel_inertia = 1.7;                 ///< of an axle's wheels, kg m^2
   double wheel_radius = 0.344;                ///< m
-  double front_brake_share = 0.66;            ///< of the brakes' torque, for the drift model
   double front_drive_share = 0;               ///< of the engine's torque: rear wheels drive
   double steering_angle = 1.066;              ///< largest, rad
   double steering_rate = 0.4;                 ///< largest, rad/s

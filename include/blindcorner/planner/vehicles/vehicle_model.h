@@ -41,8 +41,8 @@ class VehicleModel {
   virtual double energy(const StateVector& x) const;
 };
 
-/// "kinematic_single_track", "single_track", "single_track_drift", "car" and "robot", with their
-/// default parameters. Throws Error for other names.
+/// "car" and "robot", with their default parameters.
+/// Throws Error for other names.
 std::shared_ptr<const VehicleModel> make_vehicle_model(const std::string& name);
 std::vector<std::string> vehicle_model_names();
 
