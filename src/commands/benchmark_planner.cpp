@@ -249,10 +249,14 @@ std::vector<Chart> charts(const Study& study) {
   Chart each{"the longest problems, each", "planning time, ms", "length over optimum"};
   Chart time{"all problems", "optimum, cells", "planning time, ms"};
   for (const Variant& variant : study.variants) {
-    trade.series.push_back({variant.name,
-                            {{median(of_longest(study, variant, time_of)),
-                              median(of_longest(study, variant, ratio_of)), variant.name}},
-                            SeriesStyle::circles});
+    // What solves none of them has no medians.
+    const std::vector<double> times = of_longest(study, variant, time_of);
+    if (!times.empty()) {
+      trade.series.push_back(
+          {variant.name,
+           {{median(times), median(of_longest(study, variant, ratio_of)), variant.name}},
+           SeriesStyle::circles});
+    }
     ChartSeries dots{variant.name, {}, SeriesStyle::dots};
     for (const std::size_t i : study.longest) {
       dots.points.push_back(

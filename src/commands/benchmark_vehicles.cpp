@@ -186,7 +186,8 @@ std::vector<Chart> charts(const std::vector<Measurement>& measured) {
     for (const double step : method.steps) {
       const Measurement m = summary(measured, method.name, step);
       const double error = std::max(1e3 * m.error, kMinDrawn);
-      const std::string label = formatted("%g ms", 1e3 * step);
+      std::string label = formatted("%g ms", 1e3 * step);
+      if (1e3 * m.error < kMinDrawn) label += formatted(", below %g mm", kMinDrawn);
       steps.points.push_back({1e3 * step, error, label});
       times.points.push_back({m.cost, error, label});
     }

@@ -70,7 +70,7 @@
    ["--relay", "relay and walls"]]
     .forEach(function (entry) {
       var item = element(legend, "span");
-      element(item, "i").style("background", "var(" + entry[0] + ")");
+      element(item, "i", "swatch").style("background", "var(" + entry[0] + ")");
       element(item, "span", "", entry[1]);
     });
   var numbers = element(right, "dl", "numbers");
@@ -89,7 +89,7 @@
   latencyHolder = element(latencyHolder, "div");
   var countSection = element(right, "section");
   element(countSection, "h2", "", "Counts");
-  var countList = element(countSection, "dl", "counts");
+  var countList = element(countSection, "dl", "facts counts");
   var lightSection = element(root, "section");
   element(lightSection, "h2", "", "Light in each zone");
   var lightNote = element(lightSection, "p", "soft", "");
@@ -97,7 +97,7 @@
   [["--measured", "measured"], ["--model", "fitted"], ["--object", "of the object"]]
     .forEach(function (entry) {
       var item = element(lightLegend, "span");
-      element(item, "i").style("background", "var(" + entry[0] + ")");
+      element(item, "i", "swatch").style("background", "var(" + entry[0] + ")");
       element(item, "span", "", entry[1]);
     });
   var zonesHolder = element(lightSection, "div", "zones");

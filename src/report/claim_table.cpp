@@ -17,14 +17,14 @@ std::string verdict_row(bool holds) {
 
 std::string claim_table_html(std::span<const ClaimTest> claims) {
   std::string html =
-      "<div style=\"overflow-x:auto\"><table><tr><th>claim<th>trials<th>claimed<th>found<th>allowed"
+      "<table><tr><th>claim<th>trials<th>claimed<th>found<th>allowed"
       "<th>verdict</tr>\n";
   for (const ClaimTest& c : claims) {
     html += verdict_row(c.holds) + "<td>" + html_safe(c.what) +
             formatted("<td>%d<td>%.3f<td>%.4f<td>%.4f to %.4f<td>%s</tr>\n", c.trials, c.claimed,
                       c.found, c.low, c.high, c.holds ? "holds" : "fails");
   }
-  return html + "</table></div>\n";
+  return html + "</table>\n";
 }
 
 std::string claim_table_text(std::span<const ClaimTest> claims) {

@@ -117,7 +117,7 @@ std::string wrong_html(const CoverageLevel& level) {
       "<p>With a wrong assumption, on the first of these objects. <i>Growth</i> is the median "
       "ratio "
       "of the claimed uncertainty to that under the right assumption.</p>\n"
-      "<div style=\"overflow-x:auto\"><table><tr><th>what the scene is wrong "
+      "<table><tr><th>what the scene is wrong "
       "about<th>captures<th>50 "
       "%<th>90 %<th>95 %<th>growth<th>median error, m<th>with the right one, "
       "m<th>misfit<th>unexplained light<th>any "
@@ -138,7 +138,7 @@ std::string wrong_html(const CoverageLevel& level) {
             (w.holds ? "<td>yes" : "<td style=\"background:var(--alarm);font-weight:600\">no") +
             formatted("<td>%.2f<td>%.3f</tr>\n", w.best_warned, w.best_unwarned);
   }
-  return html + "</table></div>\n";
+  return html + "</table>\n";
 }
 
 /// Samples of a posterior over two unknowns.
@@ -260,7 +260,7 @@ std::vector<SummaryRow> summary_rows(const CoverageReport& report) {
 
 std::string summary_html(const std::vector<SummaryRow>& rows) {
   std::string html =
-      "<div style=\"overflow-x:auto\"><table><tr><th>scene<th>sensor<th>object<th>unknowns"
+      "<table><tr><th>scene<th>sensor<th>object<th>unknowns"
       "<th>photons<th>in 50 %<th>in 95 %<th>squared error<th>truth's "
       "sampling<th>warned<th>verdict</tr>"
       "\n";
@@ -272,7 +272,7 @@ std::string summary_html(const std::vector<SummaryRow>& rows) {
         formatted("<td>%s<td>%.3f<td>%.3f<td>%.3f<td>%.3f<td>%.2f<td>%s</tr>\n", r.photons.c_str(),
                   r.in_50, r.in_95, r.square, r.truth_error, r.warned, r.holds ? "holds" : "fails");
   }
-  return html + "</table></div>\n";
+  return html + "</table>\n";
 }
 
 nlohmann::ordered_json trial_json(const ClaimTrial& t) {

@@ -69,7 +69,7 @@ std::string share_html(int part, std::size_t whole) {
 
 std::string level_table(const DetectionScene& scene) {
   std::string html =
-      "<div style=\"overflow-x:auto\"><table><tr><th>photons<th>with an "
+      "<table><tr><th>photons<th>with an "
       "object<th>empty<th>reported "
       "with an object (95 %)<th>reported in empty ones (95 %)<th>area, presence<th>area, false "
       "alarm";
@@ -86,7 +86,7 @@ std::string level_table(const DetectionScene& scene) {
     }
     html += formatted("<td>%d</tr>\n", l.failures);
   }
-  return html + "</table></div>\n";
+  return html + "</table>\n";
 }
 
 std::string detection_scene_html(const DetectionScene& scene) {

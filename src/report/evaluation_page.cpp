@@ -191,9 +191,10 @@ std::string evaluation_page(const std::string& title, const std::vector<Evaluati
   std::string body =
       "<p>Lengths in m, angles in degrees; bootstrap intervals (95 %) over positions, where there "
       "are several. Honest: coverage 0.683 and 0.954, normalised error 1.</p>\n"
-      "<table><tr><th>&nbsp;";
+      "<table><tr><th>figure";
   for (const EvaluationRow& row : rows) {
-    body += "<th style=\"white-space:normal;overflow-wrap:anywhere\">" + html_safe(row.name);
+    body += "<th style=\"white-space:normal;overflow-wrap:anywhere;min-width:8em\">" +
+            html_safe(row.name);
   }
   body += "</tr>\n<tr><td>estimates (positions)";
   for (const EvaluationRow& row : rows) {

@@ -27,6 +27,7 @@
   var inJoint = 0;   // capture within a joint fit
   var look = { log: false, window: true, background: true, shared: false, axis: "ns" };
   var LIGHT_M_PER_NS = 0.299792458;
+  var printing = false;
 
   // ---------------------------------------------------------------- numbers and words
 
@@ -162,8 +163,12 @@
     return all;
   }
   function button(parent, text, on, action) {
-    return element(parent, "button", on ? "on" : "", text).attr("type", "button").on("click", action);
+    var made = element(parent, "button", "", text).attr("type", "button").on("click", action);
+    if (typeof on === "boolean") made.attr("aria-pressed", on);
+    return made;
   }
+  // What scrolls by itself is reached by keyboard.
+  function scrolling(box, label) { return box.attr({ tabindex: 0, role: "group", "aria-label": label }); }
   // Pixels that a picture in `parent` may be wide, at most `most`.
   function widthIn(parent, most) {
     return Math.max(260, Math.min(most, Math.floor(parent.node().clientWidth || most)));
@@ -228,7 +233,9 @@
     var margin = { left: 58, right: 10, top: 10, bottom: 34 };
     var width = options.width, height = options.height;
     var inner = { w: width - margin.left - margin.right, h: height - margin.top - margin.bottom };
-    var svg = parent.append("svg").attr("class", "map").attr("width", width).attr("height", height);
+    var svg = parent.append("svg").attr("class", "map").attr("width", width).attr("height", height)
+      .attr({ tabindex: 0, role: "group", "aria-roledescription": "map", "aria-label": options.label +
+              ": arrows move it, plus and minus change its scale" });
     var clipId = "clip" + Map.count++;
     svg.append("clipPath").attr("id", clipId).append("rect")
       .attr("width", inner.w).attr("height", inner.h);
@@ -287,6 +294,22 @@
                                   "stroke-width": 1.6, fill: "none" });
       group.append("text").attr({ x: w / 2, y: -7, "text-anchor": "middle" }).text(text);
     }
+    // Arrows move by a tenth of the picture, plus and minus change the scale by a quarter.
+    var KEYS = { 37: [-1, 0], 38: [0, 1], 39: [1, 0], 40: [0, -1] };
+    svg.on("keydown", function () {
+      var key = d3.event.key, move = KEYS[d3.event.keyCode];
+      var factor = key === "+" || key === "=" ? 0.8 : key === "-" ? 1.25 : 1;
+      if ((!move && factor === 1) || d3.event.ctrlKey || d3.event.altKey || d3.event.metaKey) return;
+      d3.event.preventDefault();
+      d3.event.stopPropagation();
+      [x, y].forEach(function (scale, axis) {
+        var d = scale.domain(), middle = (d[0] + d[1]) / 2, half = (d[1] - d[0]) / 2;
+        middle += move ? 0.2 * half * move[axis] : 0;
+        scale.domain([middle - factor * half, middle + factor * half]);
+      });
+      zoom.x(x).y(y);
+      render();
+    });
     this.show = function (extent) {
       var w = extent[1][0] - extent[0][0], h = extent[1][1] - extent[0][1];
       var perPixel = Math.max(w / inner.w, h / inner.h);
@@ -600,7 +623,7 @@
     element(parent, "h2", "", "Modes").append("small").text((found(capture) ? ""
       : "nothing was found: these are only what the search region and the light leave open; ") +
       "mean ± standard deviation; “open”: the data left this unknown to its prior");
-    var table = element(parent, "div", "wide").append("table").attr("class", "stacked"), head = table.append("thead").append("tr");
+    var table = scrolling(element(parent, "div", "wide"), "table of modes").append("table").attr("class", "stacked"), head = table.append("thead").append("tr");
     var titles = ["mode", "weight"].concat(unknowns.map(titleOf), "log likelihood");
     if (capture.truth) eachObject(function (o) {
       titles.push(objects.length > 1 ? objects[o].name + " to truth" : "distance to truth");
@@ -749,7 +772,8 @@
     var w = size.w - margin.left - margin.right;
     var top = size.h - margin.top - margin.bottom - residual - gap;
     var range = binRange(h), limits = limitsFirst;
-    var svg = box.append("svg").attr({ width: size.w, height: size.h });
+    var svg = box.append("svg").attr({ width: size.w, height: size.h, role: "img",
+      "aria-label": "zone " + zone.zone + ": measured and fitted counts" });
     var g = svg.append("g").attr("transform", "translate(" + margin.left + "," + margin.top + ")");
     var x = d3.scale.linear().domain(range).range([0, w]);
     var y = (look.log ? d3.scale.log() : d3.scale.linear()).domain(limits).range([top, 0]).clamp(true);
@@ -911,7 +935,7 @@
     // A narrow screen shows fewer zones beside each other, in reading order.
     across = Math.max(1, Math.min(across, Math.floor((total + gap) / (narrowest + gap))));
     var width = Math.min(660, Math.floor((total - gap * (across - 1)) / across));
-    var height = across > 4 ? 150 : across > 2 ? 190 : 230;
+    var height = across > 4 ? 150 : across > 2 ? (printing ? 160 : 190) : 230;
     var grid = element(parent, "div", "zones")
       .style("grid-template-columns", "repeat(" + across + ", " + width + "px)");
     var shared = look.shared ? yRange(h, h.zones, binRange(h)) : null;
@@ -938,13 +962,13 @@
   function drawJointSelector(parent, capture) {
     var tools = element(parent, "div", "tools");
     tools.append("span").text("capture");
-    var select = tools.append("select").on("change", function () { inJoint = +this.value; redraw(); });
+    var select = tools.append("select").attr("aria-label", "capture of the joint fit").on("change", function () { inJoint = +this.value; redraw(); });
     capture.source.forEach(function (_, j) {
       select.append("option").attr("value", j).property("selected", j === inJoint)
         .text((j + 1) + ": " + sourceOf(capture, j));
     });
-    button(tools, "‹", false, function () { inJoint = Math.max(0, inJoint - 1); redraw(); });
-    button(tools, "›", false, function () {
+    button(tools, "‹", null, function () { inJoint = Math.max(0, inJoint - 1); redraw(); });
+    button(tools, "›", null, function () {
       inJoint = Math.min(capture.source.length - 1, inJoint + 1);
       redraw();
     });
@@ -1016,7 +1040,8 @@
     var width = options.width, height = options.height;
     var margin = { left: 52, right: 8, top: 20, bottom: 30 };
     var w = width - margin.left - margin.right, h = height - margin.top - margin.bottom;
-    var svg = parent.append("svg").attr({ width: width, height: height });
+    var svg = parent.append("svg").attr({ width: width, height: height, role: "img",
+      "aria-label": options.title + " of each capture" });
     var g = svg.append("g").attr("transform", "translate(" + margin.left + "," + margin.top + ")");
     var x = d3.scale.linear().domain([0.5, captures.length + 0.5]).range([0, w]);
     var y = options.y.range([h, 0]).clamp(true);
@@ -1115,7 +1140,7 @@
     }
   }
   function drawCaptureTable(parent) {
-    var box = element(parent, "div", "scroll"), table = box.append("table");
+    var box = scrolling(element(parent, "div", "scroll"), "table of captures"), table = box.append("table");
     var head = table.append("thead").append("tr");
     ["capture", "source"].concat(unknowns.map(titleOf),
       ["weight", "present", "false alarm"], objects.map(function (object) {
@@ -1127,7 +1152,11 @@
     captures.forEach(function (c, i) {
       var row = body.append("tr").attr("class", "pick" + (i === chosen ? " chosen" : ""))
         .on("click", function () { choose(i); });
-      row.append("td").text(i + 1);
+      button(row.append("td"), i + 1, i === chosen, function () {
+        d3.event.stopPropagation();
+        choose(i);
+        d3.select("tr.chosen button").node().focus();
+      }).attr("aria-label", "capture " + (i + 1));
       row.append("td").attr("class", "text").text(nameOf(c));
       var mode = heaviest(c);
       if (!mode) {
@@ -1157,17 +1186,17 @@
     var views = distinct(d3.merge(data.view_of));
     var extent = sceneExtent(views, false), width = widthIn(left, 720), height = heightFor(extent, width, 300, 560);
     var tools = element(left, "div", "tools");
-    var map = new Map(left, { width: width, height: height,
+    var map = new Map(left, { width: width, height: height, label: "All captures from above",
       draw: function (g, x, y, perMetre) { drawTrack(g, x, y, perMetre, views.length > 12 ? [data.view_of[chosen][0]] : views); } });
     var poses = [];
     captures.forEach(function (c) {
       if (found(c)) poses = poses.concat(placesOf(heaviest(c).pose));
       if (c.truth) poses = poses.concat(placesOf(c.truth));
     });
-    button(tools, "overview", false, function () { map.show(extent); });
-    button(tools, "whole scene", false, function () { map.show(sceneExtent(views, true)); });
-    if (poses.length) button(tools, "track", false, function () { map.show(extentOf(poses, 0.12, 0.01)); });
-    tools.append("span").attr("class", "soft").text("drag to move, double-click to enlarge");
+    button(tools, "overview", null, function () { map.show(extent); });
+    button(tools, "whole scene", null, function () { map.show(sceneExtent(views, true)); });
+    if (poses.length) button(tools, "track", null, function () { map.show(extentOf(poses, 0.12, 0.01)); });
+    tools.append("span").attr("class", "soft").text("drag or arrows to move, double-click or + to enlarge");
     map.show(extent);
     drawIndexScale(left);
     drawCharts(right, widthIn(right, 590), Math.max(190, Math.round(height / 2) - 10));
@@ -1199,13 +1228,13 @@
     var extent = sceneExtent([0], false), width = widthIn(left, 760), height = heightFor(extent, width, 300, 640);
     element(left, "h2", "", "From above");
     var tools = element(left, "div", "tools");
-    var map = new Map(left, { width: width, height: height, draw: function (g, x, y, perMetre) {
+    var map = new Map(left, { width: width, height: height, label: "The scene from above", draw: function (g, x, y, perMetre) {
       drawSurroundings(g, x, y, perMetre, [0]);
       drawStated(g, x, y);
     } });
-    button(tools, "overview", false, function () { map.show(extent); });
-    button(tools, "whole scene", false, function () { map.show(sceneExtent([0], true)); });
-    tools.append("span").attr("class", "soft").text("drag to move, double-click to enlarge");
+    button(tools, "overview", null, function () { map.show(extent); });
+    button(tools, "whole scene", null, function () { map.show(sceneExtent([0], true)); });
+    tools.append("span").attr("class", "soft").text("drag or arrows to move, double-click or + to enlarge");
     map.show(extent);
     mapLegend(left, { modes: [], flags: [] }, [["rect", merged(AREA, { fill: COLOUR.object,
       "fill-opacity": 0.3, stroke: COLOUR.object }), "the object as the scene file puts it; what is unknown, in mid-range"]]);
@@ -1223,28 +1252,29 @@
     var columns = element(parent, "div", "columns");
     var left = columns.append("div").attr("class", "picture"), right = columns.append("div").attr("class", "rest");
     var views = distinct(data.view_of[number]);
-    var extent = sceneExtent(views, false), width = widthIn(left, 760), height = heightFor(extent, width, 300, 640);
+    var extent = sceneExtent(views, false), width = widthIn(left, 760);
+    var height = heightFor(extent, width, 300, printing ? 405 : 640);
     var tools = element(left, "div", "tools");
-    var map = new Map(left, { width: width, height: height, draw: function (g, x, y, perMetre) {
+    var map = new Map(left, { width: width, height: height, label: "The result from above", draw: function (g, x, y, perMetre) {
       drawSurroundings(g, x, y, perMetre, views);
       if (capture.truth) drawTruth(g, x, y, capture.truth);
       drawModes(g, x, y, perMetre, capture);
     } });
-    button(tools, "overview", false, function () { map.show(extent); });
-    button(tools, "whole scene", false, function () { map.show(sceneExtent(views, true)); });
+    button(tools, "overview", null, function () { map.show(extent); });
+    button(tools, "whole scene", null, function () { map.show(sceneExtent(views, true)); });
     if (found(capture)) {
-      button(tools, "all modes", false, function () {
+      button(tools, "all modes", null, function () {
         var points = capture.truth ? placesOf(capture.truth) : [];
         capture.modes.forEach(function (m) { points = points.concat(placesOf(m.pose)); });
         map.show(extentOf(points, 0.25, 1.5 * ellipse(capture.modes[0], 0).long + 0.01));
       });
       eachObject(function (o) {
-        button(tools, objects.length > 1 ? objects[o].name : "heaviest mode", false, function () {
+        button(tools, objects.length > 1 ? objects[o].name : "heaviest mode", null, function () {
           map.show(around(capture.modes[0], capture.truth, o));
         });
       });
     }
-    tools.append("span").attr("class", "soft").text("drag to move, double-click to enlarge");
+    tools.append("span").attr("class", "soft").text("drag or arrows to move, double-click or + to enlarge");
     map.show(extent);
     mapLegend(left, capture);
     drawAnswer(right, capture);
@@ -1261,7 +1291,7 @@
   function drawCloseUp(parent, capture, o) {
     element(parent, "h2", "", "Close-up of " + (objects.length > 1 ? objects[o].name : "the heaviest mode"))
       .style("margin-top", "16px");
-    var map = new Map(parent, { width: widthIn(parent, 460), height: 300, draw: function (g, x, y, perMetre) {
+    var map = new Map(parent, { width: widthIn(parent, 460), height: printing ? 210 : 300, label: "Close-up", draw: function (g, x, y, perMetre) {
       var mode = capture.modes[0];
       drawEllipse(g, x, y, perMetre, mode, { fill: COLOUR.heaviest, "fill-opacity": 0.2, stroke: COLOUR.heaviest,
                                              "stroke-width": 2 }, o);
@@ -1279,11 +1309,12 @@
   function drawControls(parent) {
     if (captures.length < 2) return;
     var box = element(parent, "div", "controls");
-    button(box, "‹ previous", false, function () { choose(chosen - 1); });
-    button(box, "next ›", false, function () { choose(chosen + 1); });
+    button(box, "‹ previous", null, function () { choose(chosen - 1); });
+    button(box, "next ›", null, function () { choose(chosen + 1); });
     box.append("input").attr({ type: "range", min: 1, max: captures.length, value: chosen + 1, "aria-label": "capture" })
       .on("change", function () { choose(+this.value - 1); });
-    var select = box.append("select").on("change", function () { choose(+this.value); });
+    var select = box.append("select").attr("aria-label", "capture by name")
+      .on("change", function () { choose(+this.value); });
     captures.forEach(function (c, i) {
       select.append("option").attr("value", i).property("selected", i === chosen)
         .text((i + 1) + ": " + nameOf(c) + (c.error ? " (failed)" : ""));
@@ -1329,6 +1360,13 @@
     [overview, controls, detail, histograms].forEach(function (part) { part.style("min-height", null); });
     window.scrollTo(window.pageXOffset, top);
   }
+  // A sheet of paper is narrower than most windows, so that it has pictures of its own.
+  d3.select(window).on("beforeprint", function () { printing = true; redrawForPaper(); });
+  d3.select(window).on("afterprint", function () { printing = false; redrawForPaper(); });
+  function redrawForPaper() {
+    d3.select("body").classed("printed", printing);
+    redraw();
+  }
   var lastWidth = window.innerWidth;
   d3.select(window).on("resize", function () {
     if (window.innerWidth === lastWidth) return;
@@ -1336,7 +1374,7 @@
     redraw();
   });
   d3.select(window).on("keydown", function () {
-    if (/^(INPUT|SELECT)$/.test(document.activeElement.tagName)) return;
+    if (/^(INPUT|SELECT|svg)$/.test(document.activeElement.tagName)) return;
     if (d3.event.keyCode === 37) choose(chosen - 1);
     if (d3.event.keyCode === 39) choose(chosen + 1);
   });

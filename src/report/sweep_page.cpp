@@ -174,8 +174,15 @@ Chart ratio_chart(const SweepVerdict& verdict) {
   return chart;
 }
 
-std::string ratio_or_dash(double value) {
-  return std::isfinite(value) ? formatted("%.3f", value) : std::string("-");
+/// Ends of intervals may be so large that only their order counts.
+std::string ratio_text(double value) {
+  constexpr double kLarge = 1000;
+  if (!std::isfinite(value)) return "-";
+  return formatted(value < kLarge ? "%.3f" : "%.1e", value);
+}
+
+std::string interval_text(double value, double low, double high) {
+  return ratio_text(value) + " (" + ratio_text(low) + " to " + ratio_text(high) + ")";
 }
 
 /// What the intervals say of a method beside the default.
@@ -189,25 +196,24 @@ std::string beside_default(const SweepRatio& r) {
 
 std::string ratio_table(const SweepVerdict& verdict) {
   std::string html =
-      "<div style=\"overflow-x:auto\"><table><tr><th>method<th>varies<th>time, following (95 % of "
+      "<table><tr><th>method<th>varies<th>time, following (95 % of "
       "all rows together)<th>time, first<th>wall, following<th>error (likewise)<th>coverage of "
       "95 %<th>right mode<th>captures<th>beside the default</tr>\n";
   for (std::size_t i = 0; i < verdict.ratios.size(); ++i) {
     const SweepRatio& r = verdict.ratios[i];
     html += (i == 0 ? "<tr style=\"font-weight:600\"><td>" : "<tr><td>") + html_safe(r.name) +
-            "<td>" + html_safe(r.varies) +
-            formatted("<td>%.3f (%.3f to %.3f)<td>%.3f<td>%.3f<td>%.3f (%.3f to %.3f)<td>", r.time,
-                      r.time_low, r.time_high, r.first_time, r.wall, r.error, r.error_low,
-                      r.error_high) +
-            ratio_or_dash(r.coverage) + "<td>" + ratio_or_dash(r.right) +
-            formatted("<td>%d<td>", r.captures) + (i == 0 ? "" : beside_default(r)) + "</tr>\n";
+            "<td>" + html_safe(r.varies) + "<td>" + interval_text(r.time, r.time_low, r.time_high) +
+            "<td>" + ratio_text(r.first_time) + "<td>" + ratio_text(r.wall) + "<td>" +
+            interval_text(r.error, r.error_low, r.error_high) + "<td>" + ratio_text(r.coverage) +
+            "<td>" + ratio_text(r.right) + formatted("<td>%d<td>", r.captures) +
+            (i == 0 ? "" : beside_default(r)) + "</tr>\n";
   }
-  return html + "</table></div>\n";
+  return html + "</table>\n";
 }
 
 std::string figure_table(const SweepScene& scene) {
   std::string html =
-      "<div style=\"overflow-x:auto\"><table style=\"white-space:nowrap;font-size:11px\">"
+      "<table style=\"white-space:nowrap;font-size:11px\">"
       "<tr><th>method<th>photons";
   for (const SweepColumn& column : kSweepColumns) html += std::string("<th>") + column.name;
   html += "</tr>\n";
@@ -221,7 +227,7 @@ std::string figure_table(const SweepScene& scene) {
       html += "</tr>\n";
     }
   }
-  return html + "</table></div>\n";
+  return html + "</table>\n";
 }
 
 std::string scene_html(const SweepScene& scene) {
@@ -275,8 +281,8 @@ std::string sweep_text(const SweepScene& scene) {
       text += formatted(
           "%9g  %-28s %9.4f %9.4f %9.4f %7s %9s %7s %10s %9.3g %9.3g\n", level.photons,
           scene.methods[m].name.c_str(), f.median, f.p90, f.rms,
-          ratio_or_dash(share_of(f.right, f.claims)).c_str(), ratio_or_dash(f.right_rms).c_str(),
-          ratio_or_dash(share_of(f.held, f.claims)).c_str(), ratio_or_dash(f.efficiency).c_str(),
+          ratio_text(share_of(f.right, f.claims)).c_str(), ratio_text(f.right_rms).c_str(),
+          ratio_text(share_of(f.held, f.claims)).c_str(), ratio_text(f.efficiency).c_str(),
           1e3 * level.cells[m].first_cpu, 1e3 * f.following_cpu);
     }
   }
