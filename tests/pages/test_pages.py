@@ -155,7 +155,7 @@ def nameless(page):
 
 
 @pytest.mark.parametrize("name", NUMBERS)
-def test_numbers_are_those_of_the_files(browser, gallery, name):
+def test_numbers_are_those_of_the_files(browser, gallery, request, name):
     with Opened(browser, address_of(name, gallery, request)) as opened:
         NUMBERS[name](opened.page, gallery[name])
         assert opened.faults == []
