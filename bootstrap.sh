@@ -12,6 +12,8 @@ usage: ./bootstrap.sh fit     install what is missing, build, fit the bundled ca
        ./bootstrap.sh live    install what is missing, build, play a bundled recording and track it in the
                               browser until Ctrl-C, as with a sensor
        ./bootstrap.sh test    install what is missing, build, run the tests
+       ./bootstrap.sh pages   install what is missing, also Chromium, build, open every page in it and
+                              look for faults (with Playwright and axe-core from PyPI)
        ./bootstrap.sh python  install what is missing, build, test the Python package in a virtual
                               environment of its own (from PyPI; skipped where that cannot be reached),
                               also the tests with Dask, ROS bags and the notebook that `test` leaves out
@@ -116,6 +118,18 @@ build() {
   cmake --build --preset release --parallel "$1" --target "$2"
 }
 
+# What opens pages, from PyPI, in a virtual environment of its own. Playwright uses Debian's Chromium
+# and downloads none.
+page_tools() {
+  local venv=build/pages
+  if [[ -e "$venv/ready" ]]; then return; fi
+  rm -rf "$venv"
+  python3 -m venv "$venv" || die "no virtual environment (Debian: python3-venv)"
+  "$venv/bin/pip" install --quiet --disable-pip-version-check playwright axe-playwright-python pytest ||
+    die "PyPI has not given playwright, axe-playwright-python and pytest"
+  touch "$venv/ready"
+}
+
 # Plays the bundled recording of a person who comes and goes, and tracks it: one sensor after another
 # would be read in the same way. Ctrl-C ends both.
 live() {
@@ -142,7 +156,7 @@ live() {
 
 main() {
   case "${1:-}" in
-    fit | live | test | python) (($# == 1)) || { usage >&2; exit 2; } ;;
+    fit | live | test | pages | python) (($# == 1)) || { usage >&2; exit 2; } ;;
     '' | -h | --help) usage; exit 0 ;;
     *) usage >&2; exit 2 ;;
   esac
@@ -157,6 +171,12 @@ main() {
   elif [[ "$1" == live ]]; then
     build "$jobs" blindcorner_program
     live
+  elif [[ "$1" == pages ]]; then
+    # A browser without a font draws boxes.
+    install_packages chromium fonts-dejavu-core python3-venv
+    page_tools
+    build "$jobs" blindcorner_program -DBLINDCORNER_PAGES_PYTHON="$PWD/build/pages/bin/python"
+    ctest --preset release -R pages.chromium --verbose
   elif [[ "$1" == python ]]; then
     install_packages python3-dev python3-venv
     build "$jobs" blindcorner_program -DBLINDCORNER_PYTHON_TEST=ON -DBLINDCORNER_PYTHON_EXTRAS=ON

@@ -164,7 +164,7 @@ std::vector<Setting> study(const ForwardArguments& arguments, const Scene& scene
       if (pairs && model->plan().kernel != Kernel::retro_pairs) break;  // there is no lobe
       narrow_lobe = narrow_lobe || model->plan().kernel == Kernel::retro_single;
       const std::string name = formatted("sampling step %g", sampling_step);
-      if (!add(run(*model, truth), pairs ? "fast, lobe pairs" : "fast", name, *model)) break;
+      if (!add(run(*model, truth), pairs ? "fast with lobe pairs" : "fast", name, *model)) break;
     }
   };
   add_sampling_steps(false);

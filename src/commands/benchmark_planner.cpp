@@ -236,10 +236,13 @@ std::vector<Chart> charts(const std::vector<Variant>& variants) {
   Chart each{"the longest problems, each", "planning time, ms", "length over optimum"};
   Chart time{"all problems", "optimum, cells", "planning time, ms"};
   for (const Variant& variant : variants) {
-    trade.series.push_back({variant.name,
-                            {{median(variant.of_longest(time_of)),
-                              median(variant.of_longest(ratio_of)), variant.name}},
-                            SeriesStyle::circles});
+    // What solves none of them has no medians.
+    const std::vector<double> times = variant.of_longest(time_of);
+    if (!times.empty()) {
+      trade.series.push_back({variant.name,
+                              {{median(times), median(variant.of_longest(ratio_of)), variant.name}},
+                              SeriesStyle::circles});
+    }
     ChartSeries dots{variant.name, {}, SeriesStyle::dots};
     for (const std::size_t i : variant.problems->longest) {
       dots.points.push_back(

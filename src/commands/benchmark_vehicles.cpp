@@ -139,7 +139,8 @@ std::vector<Chart> charts(const std::vector<MethodStep>& measured) {
     for (; end < measured.size() && measured[end].method == measured[first].method; ++end) {
       const MethodStep& m = measured[end];
       const double error = std::max(1e3 * m.worst_error(), kMinDrawn);
-      const std::string label = formatted("%g ms", 1e3 * m.step);
+      std::string label = formatted("%g ms", 1e3 * m.step);
+      if (1e3 * m.worst_error() < kMinDrawn) label += formatted(", below %g mm", kMinDrawn);
       steps.points.push_back({1e3 * m.step, error, label});
       times.points.push_back({m.mean_cost(), error, label});
     }

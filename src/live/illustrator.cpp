@@ -99,7 +99,7 @@ std::string live_page(const Scene& scene, const std::string& input) {
   const std::string name = scene.name.empty() ? "scene" : scene.name;
   return script_page(
       name + " live", "", dump_json(data, -1),
-      {.style = "live_page.css", .libraries = {"d3.js", "poses.js"}, .script = "live_page.js"});
+      {.styles = {"live_page.css"}, .libraries = {"d3.js", "poses.js", "scene_parts.js"}, .script = "live_page.js"});
 }
 
 Illustrator::Illustrator(EventHub& hub, const Tally& tally)

@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // Draws what `blindcorner live` sends: bird's-eye view, presence, light, counts. Needs D3 version 3,
-// poses.js, the JSON in #data and server-sent events from the same server; no other network. Lengths are
+// poses.js, scene_parts.js, the JSON in #data and server-sent events from the same server; no other network. Lengths are
 // metres, angles radians.
 (function () {
   "use strict";
 
   var data = JSON.parse(document.getElementById("data").textContent);
   var scene = data.scene, objects = scene.objects, unknowns = data.unknowns;
-  var poses = Poses(objects, unknowns), finite = poses.finite, place = poses.place;
-  var point = poses.point, eachObject = poses.eachObject;
-  var ellipse = poses.ellipse, placedObject = poses.placedObject;
+  var parts = SceneParts(scene, unknowns), element = parts.element, fixed = parts.fixed;
+  var widthIn = parts.widthIn, SWATCH = parts.SWATCH;
+  var poses = parts.poses, finite = poses.finite, place = poses.place, point = poses.point;
+  var eachObject = poses.eachObject, ellipse = poses.ellipse;
   var TRAIL = 60;        // answers that the trail shows
   var MINUTE = 60;       // seconds that the curves show
   var MOST_POINTS = 3600;
@@ -17,30 +18,11 @@
   var history = [];      // {time_s, presence_probability, pose, latency_ms}
   var look = { log: false, paused: false, all: false };
 
-  function element(parent, tag, className, text) {
-    var node = parent.append(tag);
-    if (className) node.attr("class", className);
-    if (text !== undefined) node.text(text);
-    return node;
-  }
   function percent(p) {
     if (!finite(p)) return "–";
     if (p > 0.999 && p < 1) return "> 99.9 %";
-    return (100 * p).toFixed(p < 0.1 ? 1 : 0) + " %";
+    return (100 * p).toFixed(p < 0.1 || (p > 0.99 && p < 1) ? 1 : 0) + " %";
   }
-  function fixed(value, sigma) {
-    var digits = finite(sigma) && sigma > 0
-      ? Math.max(0, Math.min(4, 1 - Math.floor(Math.log(sigma) / Math.LN10))) : 2;
-    return finite(value) ? value.toFixed(digits).replace("-", "−") : "–";
-  }
-
-  // ---------------------------------------------------------------- poses
-
-  function bounds(name, o) {
-    var i = place(name, o), known = objects[o].known[name];
-    return i >= 0 ? scene.bounds[i] : [known, known];
-  }
-
   // ---------------------------------------------------------------- what stands on the page
 
   var root = d3.select("#page");
@@ -64,15 +46,13 @@
   var left = element(columns, "section", "picture"), right = element(columns, "section", "rest");
   element(left, "h2", "", "From above");
   var mapHolder = element(left, "div");
-  var legend = element(left, "div", "legend");
-  [["--found", "heaviest mode, 95 %"], ["--rival", "rival modes"], ["--occupied", "cells that may be occupied"],
-   ["--model", "where it was"], ["--search", "search region"], ["--field", "what the sensor sees"],
-   ["--relay", "relay and walls"]]
-    .forEach(function (entry) {
-      var item = element(legend, "span");
-      element(item, "i").style("background", "var(" + entry[0] + ")");
-      element(item, "span", "", entry[1]);
-    });
+  var several = objects.length > 1;
+  parts.legend(left, [
+    SWATCH.heaviest.slice(0, 2).concat("heaviest mode, 95 %" + (several ? ", of each object" : "")),
+    SWATCH.rival.slice(0, 2).concat("rival modes"),
+    ["rect", parts.merged(parts.AREA, { fill: "var(--occupied)" }), "cells that may be occupied"],
+    ["path", { d: "M2,7H24", stroke: parts.COLOUR.model, "stroke-width": 2 }, "where it was"],
+    SWATCH.sensor, SWATCH.field].concat(parts.surfaceEntries(), [SWATCH.search]));
   var numbers = element(right, "dl", "numbers");
   var shown = {};
   ["Presence", "Position (m)", "Speed (m/s)", "Answers / s", "Latency (ms)", "Frames", "Skipped", "Time (s)"]
@@ -89,36 +69,26 @@
   latencyHolder = element(latencyHolder, "div");
   var countSection = element(right, "section");
   element(countSection, "h2", "", "Counts");
-  var countList = element(countSection, "dl", "counts");
+  var countList = element(countSection, "dl", "facts counts");
   var lightSection = element(root, "section");
   element(lightSection, "h2", "", "Light in each zone");
   var lightNote = element(lightSection, "p", "soft", "");
-  var lightLegend = element(lightSection, "div", "legend");
-  [["--measured", "measured"], ["--model", "fitted"], ["--object", "of the object"]]
-    .forEach(function (entry) {
-      var item = element(lightLegend, "span");
-      element(item, "i").style("background", "var(" + entry[0] + ")");
-      element(item, "span", "", entry[1]);
-    });
+  parts.legend(lightSection, [
+    ["path", { d: "M2,10h6v-6h8v4h8", fill: "none", stroke: parts.COLOUR.measured }, "measured"],
+    ["path", { d: "M2,7H24", stroke: parts.COLOUR.model, "stroke-width": 2 }, "fitted"],
+    ["rect", parts.merged(parts.AREA, { fill: parts.COLOUR.object, "fill-opacity": 0.55 }), "of the object"]]);
   var zonesHolder = element(lightSection, "div", "zones");
 
   // ---------------------------------------------------------------- map
 
   function extent() {
-    var points = [data.view.position.slice(0, 2)];
+    var points = [data.view.position];
     eachObject(function (o) {
-      var x = bounds("x_m", o), y = bounds("y_m", o);
       var reach = d3.max(objects[o].outline, function (p) { return Math.sqrt(p[0] * p[0] + p[1] * p[1]); }) || 0;
-      points.push([x[0] - reach, y[0] - reach], [x[1] + reach, y[1] + reach]);
+      points = points.concat(parts.extentOf(parts.searchRegion(o), 0, reach));
     });
     data.view.zones.forEach(function (zone) { points = points.concat(d3.merge(zone)); });
-    var x = d3.extent(points, function (p) { return p[0]; });
-    var y = d3.extent(points, function (p) { return p[1]; });
-    var pad = 0.06 * Math.max(x[1] - x[0], y[1] - y[0]);
-    return [[x[0] - pad, y[0] - pad], [x[1] + pad, y[1] + pad]];
-  }
-  function widthIn(parent, most) {
-    return Math.max(240, Math.min(most, Math.floor(parent.node().clientWidth || most)));
+    return parts.extentOf(points, 0.06, 0);
   }
   function path(points, x, y, open) {
     return "M" + points.map(function (p) { return x(p[0]) + "," + y(p[1]); }).join("L") +
@@ -145,57 +115,30 @@
     return canvas.toDataURL();
   }
 
-  function drawMap() {
+  var map = null, picture = { grid: null, address: null };
+  // The map keeps what was moved or enlarged until the page has another width.
+  function makeMap() {
     var box = extent(), width = widthIn(mapHolder, 760);
-    var spanX = box[1][0] - box[0][0], spanY = box[1][1] - box[0][1];
-    var height = Math.max(220, Math.min(width * spanY / spanX, 620));
-    var perMetre = Math.min(width / spanX, height / spanY);
-    var cx = (box[0][0] + box[1][0]) / 2, cy = (box[0][1] + box[1][1]) / 2;
-    var x = function (v) { return width / 2 + (v - cx) * perMetre; };
-    var y = function (v) { return height / 2 - (v - cy) * perMetre; };
     mapHolder.html("");
-    var svg = mapHolder.append("svg").attr("class", "map").attr("width", width).attr("height", height)
-      .attr("role", "img").attr("aria-label", "The scene from above, with the tracked object");
-    drawGridLines(svg, x, y, perMetre, width, height, cx, cy);
-    svg.append("path").attr("d", path(data.view.field_of_view, x, y)).style("fill", "var(--field)")
-      .style("opacity", 0.25);
-    scene.surfaces.forEach(function (s) {
-      svg.append("path").attr("d", path(s.outline, x, y)).style("fill", s.occluder ? "var(--occluder)" : "none")
-        .style("stroke", "var(--relay)").style("stroke-width", s.relay ? 3 : 1.5);
-    });
-    eachObject(function (o) {
-      var bx = bounds("x_m", o), by = bounds("y_m", o);
-      svg.append("rect").attr("x", x(bx[0])).attr("y", y(by[1])).attr("width", x(bx[1]) - x(bx[0]))
-        .attr("height", y(by[0]) - y(by[1])).style("fill", "none").style("stroke", "var(--search)")
-        .style("stroke-dasharray", "4 3");
-    });
+    map = new parts.Map(mapHolder, { width: width, height: parts.heightFor(box, width, 260, 620),
+      label: "The scene from above, with the tracked object", draw: drawContent });
+    map.show(box);
+  }
+  function drawContent(group, x, y, perMetre) {
     if (light && light.grid) {
       var g = light.grid;
-      svg.append("image").attr("x", x(g.origin_m[0])).attr("y", y(g.origin_m[1] + g.rows * g.cell_size_m))
-        .attr("width", g.columns * g.cell_size_m * perMetre).attr("height", g.rows * g.cell_size_m * perMetre)
-        .attr("preserveAspectRatio", "none").attr("xlink:href", gridPicture(g));
+      if (g !== picture.grid) picture = { grid: g, address: gridPicture(g) };
+      group.append("image").attr({ x: x(g.origin_m[0]), y: y(g.origin_m[1] + g.rows * g.cell_size_m),
+        width: g.columns * g.cell_size_m * perMetre, height: g.rows * g.cell_size_m * perMetre,
+        preserveAspectRatio: "none", "xlink:href": picture.address });
     }
-    drawTrail(svg, x, y);
-    drawModes(svg, x, y, perMetre);
-    svg.append("circle").attr("cx", x(data.view.position[0])).attr("cy", y(data.view.position[1])).attr("r", 5)
-      .style("fill", "var(--sensor)");
-    svg.append("text").attr("x", x(data.view.position[0]) + 8).attr("y", y(data.view.position[1]) + 4).text("sensor");
-  }
-
-  function drawGridLines(svg, x, y, perMetre, width, height, cx, cy) {
-    var raw = 70 / perMetre, power = Math.pow(10, Math.floor(Math.log(raw) / Math.LN10));
-    var step = [1, 2, 5, 10].map(function (f) { return f * power; }).filter(function (s) { return s >= raw * 0.999; })[0];
-    var lines = svg.append("g");
-    var halfX = width / perMetre / 2, halfY = height / perMetre / 2;
-    d3.range(Math.ceil((cx - halfX) / step), (cx + halfX) / step).forEach(function (i) {
-      lines.append("line").attr("x1", x(i * step)).attr("x2", x(i * step)).attr("y2", height).style("stroke", "var(--grid)");
-      lines.append("text").attr("class", "soft").attr("x", x(i * step) + 3).attr("y", height - 5)
-        .text(String(+(i * step).toFixed(6)).replace("-", "−") + " m");
-    });
-    d3.range(Math.ceil((cy - halfY) / step), (cy + halfY) / step).forEach(function (i) {
-      lines.append("line").attr("y1", y(i * step)).attr("y2", y(i * step)).attr("x2", width).style("stroke", "var(--grid)");
-      lines.append("text").attr("class", "soft").attr("x", 4).attr("y", y(i * step) - 3)
-        .text(String(+(i * step).toFixed(6)).replace("-", "−") + " m");
+    parts.drawSurroundings(group, x, y, [data.view]);
+    drawTrail(group, x, y);
+    if (!latest) return;
+    latest.modes.map(function (mode, i) { return [mode, i]; }).reverse().forEach(function (pair) {
+      eachObject(function (o) {
+        if (parts.holds(pair[0].pose, o)) parts.drawMode(group, x, y, perMetre, pair[0], pair[1] === 0, o);
+      });
     });
   }
 
@@ -208,22 +151,6 @@
           .style("fill", "none").style("stroke", "var(--model)").style("stroke-width", 2)
           .style("opacity", 0.15 + 0.75 * i / recent.length);
       }
-    });
-  }
-
-  function drawModes(svg, x, y, perMetre) {
-    if (!latest) return;
-    latest.modes.slice().reverse().forEach(function (mode, k) {
-      var colour = k === latest.modes.length - 1 ? "var(--found)" : "var(--rival)";
-      eachObject(function (o) {
-        var at = point(mode.pose, o), e = ellipse(mode, o);
-        svg.append("path").attr("d", path(placedObject(mode.pose, o), x, y)).style("fill", colour)
-          .style("fill-opacity", 0.25).style("stroke", colour).style("opacity", 0.3 + 0.7 * mode.weight);
-        svg.append("ellipse").attr("rx", Math.max(1.5, e.long * perMetre)).attr("ry", Math.max(1.5, e.short * perMetre))
-          .attr("transform", "translate(" + x(at[0]) + "," + y(at[1]) + ") rotate(" + (-e.angle * 180 / Math.PI) + ")")
-          .style("fill", "none").style("stroke", colour).style("stroke-width", 2)
-          .style("opacity", 0.35 + 0.65 * mode.weight);
-      });
     });
   }
 
@@ -281,7 +208,7 @@
     h.zones.forEach(function (zone) { drawZone(zone, width, height); });
   }
   function drawZone(zone, width, height) {
-    var panel = element(zonesHolder, "div", "wide-axis" + (zone.used ? "" : " unused"));
+    var panel = element(zonesHolder, "div", "zone-panel" + (zone.used ? "" : " unused"));
     var svg = panel.append("svg").attr("width", width).attr("height", height).attr("role", "img")
       .attr("aria-label", "Zone " + zone.zone + ": measured and fitted counts");
     var first = zone.first_bin, end = Math.max(zone.end_bin, first + 1);
@@ -359,7 +286,7 @@
 
   // ---------------------------------------------------------------- events
 
-  function drawAll() { drawMap(); drawCurves(); drawNumbers(); drawLight(); }
+  function drawAll() { map.draw(); drawCurves(); drawNumbers(); drawLight(); }
   var due = {};
   // At most one drawing of a kind in a picture of the screen, and none where nobody looks.
   function draw(kind, action) {
@@ -385,7 +312,7 @@
     events.addEventListener("answer", function (e) {
       latest = JSON.parse(e.data);
       remember(latest);
-      draw("map", function () { drawMap(); drawCurves(); drawNumbers(); });
+      draw("map", function () { map.draw(); drawCurves(); drawNumbers(); });
     });
     events.addEventListener("light", function (e) {
       light = JSON.parse(e.data);
@@ -399,8 +326,9 @@
   var resize = null;
   window.addEventListener("resize", function () {
     window.clearTimeout(resize);
-    resize = window.setTimeout(drawAll, 150);
+    resize = window.setTimeout(function () { makeMap(); drawAll(); }, 150);
   });
+  makeMap();
   drawAll();
   listen();
 }());

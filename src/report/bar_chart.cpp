@@ -85,12 +85,14 @@ std::string scale_svg() {
 
 std::string bars_svg(const std::string& title, const std::string& x_label,
                      const std::vector<BarGroup>& groups) {
-  std::string svg = formatted(
-      "<div class=\"wide\"><svg xmlns=\"http://www.w3.org/2000/svg\" width=\"%.0f\" "
-      "height=\"%.0f\" "
-      "font-family=\"sans-serif\" font-size=\"11\"><text x=\"%.0f\" y=\"14\" font-size=\"12\" "
-      "font-weight=\"600\">",
-      kWidth, kHeight, kLeft);
+  std::string svg =
+      scroll_box("chart: " + html_safe(title)) +
+      formatted(
+          "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"%.0f\" height=\"%.0f\" role=\"img\" "
+          "aria-label=\"%s\" font-family=\"sans-serif\" font-size=\"11\"><text x=\"%.0f\" y=\"14\" "
+          "font-size=\"12\" "
+          "font-weight=\"600\">",
+          kWidth, kHeight, html_safe(title).c_str(), kLeft);
   svg += html_safe(title) + "</text>" + legend_svg(groups) + scale_svg();
   const double step = (kWidth - kLeft) / static_cast<double>(groups.size());
   for (std::size_t g = 0; g < groups.size(); ++g) {

@@ -70,7 +70,8 @@ std::string path_of(const View& view, const Outline& outline, bool closed) {
 std::string begin_svg(const View& view, const std::string& id) {
   return formatted(
              "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %.0f %.0f\" width=\"%.0f\" "
-             "height=\"%.0f\" font-family=\"sans-serif\" font-size=\"11\">",
+             "height=\"%.0f\" role=\"img\" aria-label=\"error to expect, from above\" "
+             "font-family=\"sans-serif\" font-size=\"11\">",
              view.width, view.height, view.width, view.height) +
          "<defs><pattern id=\"unseen\" width=\"7\" height=\"7\" patternUnits=\"userSpaceOnUse\" "
          "patternTransform=\"rotate(45)\"><rect width=\"7\" height=\"7\" fill=\"#fff\" "

@@ -299,8 +299,9 @@ void add_series(const Chart& chart, std::size_t i, const Axis& x, const Axis& y,
 std::string chart_svg(const Chart& chart) {
   std::string svg = formatted(
       "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %d %d\" width=\"%d\" height=\"%d\" "
-      "font-family=\"sans-serif\" font-size=\"12\">",
-      chart.width, chart.height, chart.width, chart.height);
+      "role=\"img\" aria-label=\"%s\" font-family=\"sans-serif\" font-size=\"12\">",
+      chart.width, chart.height, chart.width, chart.height,
+      html_safe(chart.title.empty() ? chart.y_label : chart.title).c_str());
   svg += formatted("<text x=\"%.0f\" y=\"14\" font-size=\"13\" font-weight=\"600\">", kLeft) +
          html_safe(chart.title) + "</text>";
   const double top = kTop + add_legend(chart, svg);
@@ -324,7 +325,14 @@ std::string chart_svg(const Chart& chart) {
 
 std::string charts_html(const std::vector<Chart>& charts) {
   std::string html = "<div class=\"charts\">\n";
-  for (const Chart& chart : charts) html += chart_svg(chart) + "\n";
+  // A telephone shows these at three quarters of their size; letters of wider ones would be too
+  // small.
+  constexpr int kShrinks = 470;  // pixels
+  for (const Chart& chart : charts) {
+    const bool scrolls = chart.width > kShrinks;
+    if (scrolls) html += scroll_box("chart: " + html_safe(chart.title));
+    html += chart_svg(chart) + (scrolls ? "</div>\n" : "\n");
+  }
   return html + "</div>\n";
 }
 

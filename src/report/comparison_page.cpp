@@ -133,8 +133,7 @@ std::string table_html(const SceneComparison& scene) {
   if (!yaw_is_known(scene)) head += "<th>|yaw_deg| less the solver's";
   head += "<th>ms a capture<th>failed</tr>\n";
   const auto columns = std::ranges::count(head, '<') - 2;
-  std::string html =
-      "<div style=\"overflow-x:auto\"><table style=\"white-space:nowrap;font-size:11px\">" + head;
+  std::string html = "<table style=\"white-space:nowrap;font-size:11px\">" + head;
   for (const ConditionFigures& c : scene.conditions) {
     html += formatted("<tr><th colspan=\"%td\" style=\"text-align:left\">", columns) +
             html_safe(c.condition.name) +
@@ -154,7 +153,7 @@ std::string table_html(const SceneComparison& scene) {
       html += cell(milliseconds(m.time), "%.3g") + formatted("<td>%d</tr>\n", m.failures);
     }
   }
-  return html + "</table></div>\n";
+  return html + "</table>\n";
 }
 
 std::string published_html(const std::vector<PublishedFigure>& published) {

@@ -402,6 +402,29 @@ var DriveMap = (function () {
              forgetGrid: function () { gridFrame = -1; } };
   }
 
+  // What plays, in a bar of the page: a button, the time as a slider with this label and in words,
+  // and how fast.
+  function controls(bar, label) {
+    var play = element(bar, "button", "play", "Play"), slider = element(bar, "input");
+    play.type = "button";
+    slider.type = "range"; slider.min = 0;
+    slider.setAttribute("aria-label", label);
+    var clock = element(bar, "span", "clock"), speed = element(bar, "select");
+    speed.setAttribute("aria-label", "speed of the replay");
+    [0.25, 0.5, 1, 2].forEach(function (r) {
+      var option = element(speed, "option", "", r + "×");
+      option.value = r; option.selected = r === 1;
+    });
+    return { play: play, slider: slider, clock: clock, speed: speed };
+  }
+  // A canvas that says what it shows.
+  function picture(parent, label) {
+    var canvas = element(parent, "canvas");
+    canvas.setAttribute("role", "img");
+    canvas.setAttribute("aria-label", label);
+    return canvas;
+  }
+
   // Lets a page's clock run while its button says "Pause". `clock` is the page's own: now(),
   // duration() (s), rate() (seconds in a second), and show(time), which draws.
   function player(clock, button) {
@@ -426,5 +449,5 @@ var DriveMap = (function () {
   }
 
   return { painter: painter, readColours: readColours, dark: dark, element: element, drawn: drawn,
-           explain: explain, player: player };
+           explain: explain, controls: controls, picture: picture, player: player };
 })();

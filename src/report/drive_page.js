@@ -20,28 +20,20 @@
   element(title, "span", "outcome " + drive.outcome, drive.outcome);
   element(title, "small", "", "perception: " + drive.perception + " · seed " + drive.seed);
   element(page, "p", "headline", drive.headline);
-  var columns = element(page, "div", "columns");
+  var columns = element(page, "div", "columns player");
   var mapCard = element(columns, "div", "card map");
-  var map = element(mapCard, "canvas");
+  var map = DriveMap.picture(mapCard, "the drive from above");
   var bar = element(mapCard, "div", "bar");
-  var play = element(bar, "button", "play", "Play");
-  var slider = element(bar, "input");
-  slider.type = "range"; slider.min = 0; slider.max = duration; slider.step = step;
-  slider.setAttribute("aria-label", "time");
-  var clock = element(bar, "span", "clock");
-  var speed = element(bar, "select");
-  speed.setAttribute("aria-label", "speed of the replay");
-  [0.25, 0.5, 1, 2].forEach(function (r) {
-    var option = element(speed, "option", "", r + "×");
-    option.value = r; option.selected = r === 1;
-  });
+  var controls = DriveMap.controls(bar, "time"), play = controls.play, slider = controls.slider;
+  var clock = controls.clock, speed = controls.speed;
+  slider.max = duration; slider.step = step;
   var moments = element(mapCard, "div", "moments");
   var timelines = element(mapCard, "div", "timelines");
-    var side = element(columns, "div", "card side");
+  var side = element(columns, "div", "card side");
   element(side, "h2", "", "Now");
-  var facts = element(side, "dl");
+  var facts = element(side, "dl", "facts");
   var heading = element(side, "h2", "plots");
-  var plots = element(side, "canvas");
+  var plots = DriveMap.picture(side, "histograms of zones, or a close-up");
   var plotLegend = element(side, "div", "legend");
   element(side, "h2", "", "Map");
   var mapLegend = element(side, "div", "legend");
@@ -239,13 +231,13 @@
       return d;
     }
     var ink = "var(--" + strip.colour + ")";
-    var scale = drawn(svg, "g", { "class": "axis" });
+    var scale = drawn(svg, "g", {});
     var ticks = strip.logarithmic
       ? [0.001, 0.01, 0.1, 1, 10, 100].filter(function (t) { return t >= least && t <= most; })
       : [0, strip.top || +(most / 1.05).toPrecision(2)];
     ticks.forEach(function (tick) {
-      drawn(scale, "line", { x1: LEFT, x2: width - RIGHT, y1: at(tick), y2: at(tick) });
-      drawn(scale, "text", { x: LEFT - 5, y: +at(tick) + 4, "text-anchor": "end" }, tick);
+      drawn(scale, "line", { "class": "grid", x1: LEFT, x2: width - RIGHT, y1: at(tick), y2: at(tick) });
+      drawn(scale, "text", { "class": "soft", x: LEFT - 5, y: +at(tick) + 4, "text-anchor": "end" }, tick);
     });
     if (strip.band) {
       drawn(svg, "path", { d: path(valuesOf(strip.band), true), fill: ink, "fill-opacity": 0.18 });

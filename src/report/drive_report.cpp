@@ -426,9 +426,10 @@ std::string drive_page(const Drive& drive, const DriveOptions& options, const Dr
                      {"world", world_json(drive, result)},
                      {"zones", zones},
                      {"pictures", pictures}};
-  return script_page(
-      drive.name, data["drive"]["headline"], dump_json(data),
-      {.style = "drive_page.css", .libraries = {"drive_map.js"}, .script = "drive_page.js"});
+  return script_page(drive.name, data["drive"]["headline"], dump_json(data),
+                     {.styles = {"player.css", "drive_page.css"},
+                      .libraries = {"drive_map.js"},
+                      .script = "drive_page.js"});
 }
 
 }  // namespace blindcorner

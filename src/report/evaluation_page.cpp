@@ -18,6 +18,14 @@
 namespace blindcorner {
 namespace {
 
+/// A file by its folder and name: a whole path is longer than a chart is wide.
+std::string short_name(const std::string& name) {
+  const std::size_t last = name.rfind('/');
+  if (last == std::string::npos || last == 0) return name;
+  const std::size_t folder = name.rfind('/', last - 1);
+  return folder == std::string::npos ? name : name.substr(folder + 1);
+}
+
 /// One position says nothing about how much the figure varies.
 std::string figure_text(const Figure& figure, const Evaluation& evaluation) {
   const double unit = reading_unit(figure.name);
@@ -71,7 +79,7 @@ Chart error_chart(const std::vector<EvaluationRow>& rows, const std::vector<std:
   for (const EvaluationRow& row : rows) {
     std::vector<double> lengths = distances_of(row, names);
     std::sort(lengths.begin(), lengths.end());
-    ChartSeries series{row.name, {{0, 0}}};
+    ChartSeries series{short_name(row.name), {{0, 0}}};
     const std::size_t count = lengths.size();
     const auto add = [&](std::size_t n) {
       series.points.push_back(
@@ -105,7 +113,7 @@ Chart coverage_chart(const std::vector<EvaluationRow>& rows) {
       }
     }
     std::sort(units.begin(), units.end());
-    chart.series.push_back(coverage_series(row.name, [&](double sigmas) {
+    chart.series.push_back(coverage_series(short_name(row.name), [&](double sigmas) {
       const auto within = std::upper_bound(units.begin(), units.end(), sigmas) - units.begin();
       return static_cast<double>(within) / static_cast<double>(units.size());
     }));
@@ -120,7 +128,7 @@ Chart coverage_chart(const std::vector<EvaluationRow>& rows) {
 
 /// Errors of one unknown against their claimed standard deviations.
 Chart unknown_chart(const EvaluationRow& row, const std::string& unknown, Eigen::Index k) {
-  Chart chart{row.name + ": " + reading_name(unknown),
+  Chart chart{short_name(row.name) + ": " + reading_name(unknown),
               "claimed standard deviation" + unit_of(unknown), "error" + unit_of(unknown)};
   ChartSeries dots{"", {}, SeriesStyle::dots, colour::kFound};
   double most = 0;
@@ -191,9 +199,10 @@ std::string evaluation_page(const std::string& title, const std::vector<Evaluati
   std::string body =
       "<p>Lengths in m, angles in degrees; bootstrap intervals (95 %) over positions, where there "
       "are several. Honest: coverage 0.683 and 0.954, normalised error 1.</p>\n"
-      "<table><tr><th>&nbsp;";
+      "<table><tr><th>figure";
   for (const EvaluationRow& row : rows) {
-    body += "<th style=\"white-space:normal;overflow-wrap:anywhere\">" + html_safe(row.name);
+    body += "<th style=\"white-space:normal;overflow-wrap:anywhere;min-width:8em\">" +
+            html_safe(short_name(row.name));
   }
   body += "</tr>\n<tr><td>estimates (positions)";
   for (const EvaluationRow& row : rows) {
@@ -202,7 +211,9 @@ std::string evaluation_page(const std::string& title, const std::vector<Evaluati
   body += "</tr>\n";
   if (std::ranges::none_of(rows, [](const auto& row) { return row.mode_distances.empty(); })) {
     body += "<tr><td>heaviest mode to truth";
-    for (const EvaluationRow& row : rows) body += "<td>" + mode_distance_text(row);
+    for (const EvaluationRow& row : rows) {
+      body += "<td style=\"white-space:normal\">" + mode_distance_text(row);
+    }
     body += "</tr>\n";
   }
   if (!rows.front().estimator.empty()) {

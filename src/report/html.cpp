@@ -11,6 +11,20 @@ std::string_view report_asset(std::string_view name);
 
 namespace {
 
+/// What the latest heading before a place says, without the elements inside of it.
+std::string heading_before(const std::string& body, std::size_t place) {
+  const std::size_t begin = body.rfind("<h2", place);
+  if (begin == std::string::npos) return {};
+  std::string text;
+  bool inside = false;
+  for (const char character : body.substr(begin, body.find("</h2", begin) - begin)) {
+    if (character == '<') inside = true;
+    if (!inside) text += character == '"' ? '\'' : character;
+    if (character == '>') inside = false;
+  }
+  return text;
+}
+
 /// Tables scroll by themselves where the page is narrower than they are.
 std::string with_scrolling_tables(const std::string& body) {
   constexpr std::string_view kBegin = "<table", kEnd = "</table>";
@@ -21,7 +35,12 @@ std::string with_scrolling_tables(const std::string& body) {
     const std::size_t next = std::min(begin, end);
     if (next == std::string::npos) break;
     wrapped.append(body, from, next - from);
-    wrapped += next == begin ? "<div class=\"wide\"><table" : "</table></div>";
+    if (next == begin) {
+      const std::string heading = heading_before(body, begin);
+      wrapped += scroll_box("table" + (heading.empty() ? "" : ": " + heading)) + "<table";
+    } else {
+      wrapped += "</table></div>";
+    }
     from = next + (next == begin ? kBegin.size() : kEnd.size());
   }
   return wrapped.append(body, from);
@@ -79,13 +98,21 @@ std::string html_safe(const std::string& text) {
   return safe;
 }
 
+std::string scroll_box(const std::string& label) {
+  return "<div class=\"wide\" tabindex=\"0\" role=\"group\" aria-label=\"" + label + "\">";
+}
+
 std::string plain_page(const std::string& title, const std::string& headline,
                        const std::string& body) {
   std::string page = head_of(title, headline);
   page += embedded::report_asset("plain_page.css");
-  page += "</style></head>\n<body><h1>" + html_safe(title) + "</h1>\n";
+  page += "</style></head>\n<body><main>\n<h1>" + html_safe(title) + "</h1>\n";
   if (!headline.empty()) page += "<p class=\"headline\">" + html_safe(headline) + "</p>\n";
-  return page + with_scrolling_tables(body) + "</body></html>\n";
+  return page + with_scrolling_tables(body) + "</main></body></html>\n";
+}
+
+void add_styles(const PageAssets& assets, std::string& page) {
+  for (const std::string_view style : assets.styles) page += embedded::report_asset(style);
 }
 
 /// Ends one script after another; the tag of the last stays open for what the data need.
@@ -98,7 +125,8 @@ void add_libraries(const PageAssets& assets, std::string& page) {
 
 std::string script_part(const std::string& id, const std::string& data, const PageAssets& assets) {
   std::string part = "<style>\n";
-  part.append(embedded::report_asset(assets.style)) += "</style>\n<script";
+  add_styles(assets, part);
+  part += "</style>\n<script";
   add_libraries(assets, part);
   part += " type=\"application/json\" id=\"" + html_safe(id) + "\">" + script_safe(data);
   part.append("</script>\n<script>\n").append(embedded::report_asset(assets.script));
@@ -108,7 +136,7 @@ std::string script_part(const std::string& id, const std::string& data, const Pa
 std::string script_page(const std::string& title, const std::string& headline,
                         const std::string& data, const PageAssets& assets) {
   std::string page = head_of(title, headline);
-  page += embedded::report_asset(assets.style);
+  add_styles(assets, page);
   page +=
       "</style>\n</head>\n<body>\n<main id=\"page\"></main>\n<noscript>This page draws its "
       "pictures with JavaScript.</noscript>\n<script";

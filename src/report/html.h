@@ -19,9 +19,13 @@ std::string html_safe(const std::string& text);
 std::string plain_page(const std::string& title, const std::string& headline,
                        const std::string& body);
 
+/// Opens an element that scrolls sideways where the page is narrower than what stands in it, also
+/// by keyboard; the label (HTML already) says what that is. The caller ends it with </div>.
+std::string scroll_box(const std::string& label);
+
 /// Names of the files that are embedded into the program for a page.
 struct PageAssets {
-  std::string_view style;
+  std::vector<std::string_view> styles;     ///< beside theme.css, which all pages have
   std::vector<std::string_view> libraries;  ///< scripts that stand before the data
   std::string_view script;                  ///< draws the data into the element "page"
 };

@@ -128,15 +128,17 @@ std::string intervals_svg(const std::string& axis_label, const std::vector<Inter
     marks += formatted("<path stroke=\"var(--grid,#e7ebee)\" d=\"M0 %.1fH%.0f\"/>",
                        y - 0.5 * kRowGap - 4, kWidth - kRight);
   }
-  return formatted(
-             "<div class=\"wide\"><svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %.0f "
-             "%.0f\" "
-             "width=\"%.0f\" font-family=\"sans-serif\" font-size=\"11\">",
-             kWidth, y + kBottom, kWidth) +
+  const std::string label = html_safe(axis_label);
+  return scroll_box("chart: " + label) +
+         formatted(
+             "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %.0f %.0f\" "
+             "width=\"%.0f\" role=\"img\" aria-label=\"%s\" font-family=\"sans-serif\" "
+             "font-size=\"11\">",
+             kWidth, y + kBottom, kWidth, label.c_str()) +
          head.svg + grid(axis, top - 10, y) + marks +
          formatted("<text x=\"%.0f\" y=\"%.1f\" text-anchor=\"middle\">", 0.5 * (kLeft + kWidth),
                    y + 32) +
-         html_safe(axis_label) + "</text></svg></div>\n";
+         label + "</text></svg></div>\n";
 }
 
 }  // namespace blindcorner

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Draws the result of a fit: bird's-eye view, histograms, tables. Needs D3 version 3, poses.js and the JSON
-// in #data; no network. Lengths are metres, angles radians.
+// Draws the result of a fit: bird's-eye view, histograms, tables. Needs D3 version 3, poses.js,
+// scene_parts.js and the JSON in #data; no network. Lengths are metres, angles radians.
 (function () {
   "use strict";
 
@@ -9,17 +9,16 @@
   var captures = data.result.captures;
   var objects = scene.objects;
   var unknowns = data.result.unknowns;
-  var poses = Poses(objects, unknowns), finite = poses.finite, place = poses.place;
+  var parts = SceneParts(scene, unknowns), poses = parts.poses, finite = poses.finite, place = poses.place;
   var point = poses.point, freeInPlane = poses.freeInPlane;
   var eachObject = poses.eachObject, ellipse = poses.ellipse, placedObject = poses.placedObject;
-  // By meaning, the same on all pages and in the dark (theme.css).
-  var COLOUR = {
-    heaviest: "var(--found)", rival: "var(--rival)", truth: "var(--truth)", relay: "var(--relay)",
-    occluder: "var(--relay)", body: "var(--occluder)", sensor: "var(--sensor)", field: "var(--field)",
-    fieldEdge: "var(--field-edge)", search: "var(--search)", object: "var(--object)", model: "var(--model)",
-    measured: "var(--measured)", paper: "var(--paper)", grid: "var(--grid)", line: "var(--line)",
-    shade: "var(--shade)", ink: "var(--ink)", edge: "var(--edge)"
-  };
+  var COLOUR = parts.COLOUR, AREA = parts.AREA, SWATCH = parts.SWATCH, Map = parts.Map;
+  var digits = parts.digits, fixed = parts.fixed, compact = parts.compact;
+  var element = parts.element, merged = parts.merged, button = parts.button, scrolling = parts.scrolling;
+  var widthIn = parts.widthIn, polygon = parts.polygon, legend = parts.legend, holds = parts.holds;
+  var extentOf = parts.extentOf, searchRegion = parts.searchRegion, heightFor = parts.heightFor;
+  var surfaceEntries = parts.surfaceEntries, drawEllipse = parts.drawEllipse;
+  var arrowLength = parts.arrowLength, facing = parts.facing, drawMode = parts.drawMode;
   // Dark to light through blue and green to yellow: monotone in lightness.
   var TRACK = ["#30123b", "#3b528b", "#21918c", "#5ec962", "#d8c419"];
 
@@ -27,6 +26,7 @@
   var inJoint = 0;   // capture within a joint fit
   var look = { log: false, window: true, background: true, shared: false, axis: "ns" };
   var LIGHT_M_PER_NS = 0.299792458;
+  var printing = false;
 
   // ---------------------------------------------------------------- numbers and words
 
@@ -36,14 +36,6 @@
   function shown(name, value) { return unit(name) === "rad" && finite(value) ? value * 180 / Math.PI : value; }
   function titleOf(name) { return bare(name) + (unit(name) ? " (" + shownUnit(name) + ")" : ""); }
   function bare(name) { return name.replace(/_(m|rad)$/, "").replace(".", " "); }
-
-  function digits(sigma) {
-    if (!finite(sigma) || sigma <= 0) return 3;
-    return Math.max(0, Math.min(6, 1 - Math.floor(Math.log(sigma) / Math.LN10)));
-  }
-  function fixed(value, sigma) {
-    return finite(value) ? value.toFixed(digits(sigma)).replace("-", "−") : "–";
-  }
 
   function probability(p) {
     if (!finite(p)) return "–";
@@ -62,12 +54,6 @@
     if (metres < 0.1) return (metres * 1000).toFixed(metres < 0.01 ? 2 : 1) + " mm";
     return metres.toFixed(3) + " m";
   }
-  function compact(value) {
-    if (value === 0) return "0";
-    var size = Math.abs(value);
-    if (size >= 1e4 || size < 1e-3) return value.toExponential(1).replace("e+", "e");
-    return String(+value.toPrecision(3));
-  }
   function sourceOf(capture, j) {
     var source = Array.isArray(capture.source) ? capture.source[j] : capture.source;
     var index = Array.isArray(capture.index) ? capture.index[j] : capture.index;
@@ -82,13 +68,6 @@
   function quantile(sorted, p) { return sorted.length ? d3.quantile(sorted, p) : NaN; }
 
   // ---------------------------------------------------------------- poses
-
-  // A mode may do without an object of several: its values are null.
-  function holds(vector, o) {
-    return unknowns.every(function (name, i) {
-      return name.indexOf(objects[o].prefix) !== 0 || objects.length === 1 || finite(vector[i]);
-    });
-  }
 
   function objectOf(name) {
     for (var o = 0; o < objects.length; ++o) {
@@ -140,12 +119,6 @@
 
   // ---------------------------------------------------------------- small helpers
 
-  function element(parent, tag, className, text) {
-    var node = parent.append(tag);
-    if (className) node.attr("class", className);
-    if (text !== undefined) node.text(text);
-    return node;
-  }
   var tip = d3.select("body").append("div").attr("class", "tip");
   function showTip(lines) {
     tip.html("").style("display", "block");
@@ -155,41 +128,10 @@
     tip.style("left", x + "px").style("top", y + "px");
   }
   function hideTip() { tip.style("display", "none"); }
-  // The keys of both; `b` has the last word.
-  function merged(a, b) {
-    var all = {};
-    [a, b].forEach(function (part) { Object.keys(part).forEach(function (key) { all[key] = part[key]; }); });
-    return all;
-  }
-  function button(parent, text, on, action) {
-    return element(parent, "button", on ? "on" : "", text).attr("type", "button").on("click", action);
-  }
-  // Pixels that a picture in `parent` may be wide, at most `most`.
-  function widthIn(parent, most) {
-    return Math.max(260, Math.min(most, Math.floor(parent.node().clientWidth || most)));
-  }
-  function polygon(points, x, y) {
-    return "M" + points.map(function (p) { return x(p[0]) + "," + y(p[1]); }).join("L") +
-      (points.length > 2 ? "Z" : "");
-  }
 
   // ---------------------------------------------------------------- map
 
-  // Extent [[x0, y0], [x1, y1]] of points, with a margin (share of the larger side, at least in m).
-  function extentOf(points, margin, least) {
-    var x = d3.extent(points, function (p) { return p[0]; });
-    var y = d3.extent(points, function (p) { return p[1]; });
-    var pad = Math.max(least || 0, margin * Math.max(x[1] - x[0], y[1] - y[0]));
-    return [[x[0] - pad, y[0] - pad], [x[1] + pad, y[1] + pad]];
-  }
-  function searchRegion(o) {
-    var bounds = ["x_m", "y_m"].map(function (name) {
-      var i = place(name, o), known = objects[o].known[name];
-      return i >= 0 ? scene.bounds[i] : [known, known];
-    });
-    return [[bounds[0][0], bounds[1][0]], [bounds[0][1], bounds[1][0]],
-            [bounds[0][1], bounds[1][1]], [bounds[0][0], bounds[1][1]]];
-  }
+  function viewsOf(numbers) { return numbers.map(function (v) { return data.views[v]; }); }
   // Places of a pose's objects.
   function placesOf(vector) {
     var list = [];
@@ -223,135 +165,6 @@
     return extentOf(points, 0.08, 0);
   }
 
-  // A map to scale in `parent`. draw(group, x, y, metresPerPixel) is called again after each zoom.
-  function Map(parent, options) {
-    var margin = { left: 58, right: 10, top: 10, bottom: 34 };
-    var width = options.width, height = options.height;
-    var inner = { w: width - margin.left - margin.right, h: height - margin.top - margin.bottom };
-    var svg = parent.append("svg").attr("class", "map").attr("width", width).attr("height", height);
-    var clipId = "clip" + Map.count++;
-    svg.append("clipPath").attr("id", clipId).append("rect")
-      .attr("width", inner.w).attr("height", inner.h);
-    var root = svg.append("g").attr("transform", "translate(" + margin.left + "," + margin.top + ")");
-    root.append("rect").attr("width", inner.w).attr("height", inner.h).attr("fill", COLOUR.paper);
-    var grid = root.append("g");
-    var content = root.append("g").attr("clip-path", "url(#" + clipId + ")");
-    var axes = root.append("g");
-    var x = d3.scale.linear().range([0, inner.w]);
-    var y = d3.scale.linear().range([inner.h, 0]);
-    var zoom = d3.behavior.zoom().on("zoom", function () { render(); });
-    svg.call(zoom).on("wheel.zoom", null).on("mousewheel.zoom", null).on("DOMMouseScroll.zoom", null);
-
-    // Lines at round metres, no closer than 70 pixels (45 in a small map).
-    function step(pixelsPerMetre) {
-      var raw = (height < 350 ? 45 : 70) / pixelsPerMetre, power = Math.pow(10, Math.floor(Math.log(raw) / Math.LN10));
-      return [1, 2, 5, 10].map(function (f) { return f * power; })
-        .filter(function (s) { return s >= raw * 0.999; })[0];
-    }
-    function render() {
-      var perMetre = inner.w / (x.domain()[1] - x.domain()[0]);
-      var distance = step(perMetre);
-      grid.html("");
-      axes.html("");
-      content.html("");
-      var shown = Math.max(0, Math.ceil(-Math.log(distance) / Math.LN10 - 1e-9));
-      function ticks(domain) {
-        return d3.range(Math.ceil(domain[0] / distance - 1e-6), Math.floor(domain[1] / distance + 1e-6) + 1)
-          .map(function (k) { return k * distance; });
-      }
-      ticks(x.domain()).forEach(function (t) {
-        grid.append("line").attr({ x1: x(t), x2: x(t), y1: 0, y2: inner.h, stroke: COLOUR.grid });
-        axes.append("text").attr({ x: x(t), y: inner.h + 15, "text-anchor": "middle", "class": "soft" })
-          .text(t.toFixed(shown));
-      });
-      ticks(y.domain()).forEach(function (t) {
-        grid.append("line").attr({ x1: 0, x2: inner.w, y1: y(t), y2: y(t), stroke: COLOUR.grid });
-        axes.append("text").attr({ x: -6, y: y(t) + 4, "text-anchor": "end", "class": "soft" })
-          .text(t.toFixed(shown));
-      });
-      axes.append("rect").attr({ width: inner.w, height: inner.h, fill: "none", stroke: COLOUR.line,
-                                 "shape-rendering": "crispEdges" });
-      axes.append("text").attr({ x: inner.w / 2, y: inner.h + 30, "text-anchor": "middle" }).text("x (m)");
-      axes.append("text").attr({ transform: "translate(-46," + inner.h / 2 + ")rotate(-90)",
-                                 "text-anchor": "middle" }).text("y (m)");
-      options.draw(content, x, y, perMetre);
-      drawScaleBar(axes.append("g"), distance, perMetre);
-    }
-    function drawScaleBar(group, distance, perMetre) {
-      var w = distance * perMetre;
-      var text = distance >= 1 ? distance + " m" : distance >= 0.01 ? +(distance * 100).toPrecision(2) + " cm"
-        : distance >= 1e-3 ? +(distance * 1000).toPrecision(2) + " mm" : +(distance * 1e6).toPrecision(2) + " µm";
-      group.attr("transform", "translate(" + (inner.w - w - 14) + "," + (inner.h - 14) + ")");
-      group.append("rect").attr({ x: -7, y: -20, width: w + 14, height: 28, fill: COLOUR.paper, opacity: 0.8 });
-      group.append("path").attr({ d: "M0,-4V4M0,0H" + w + "M" + w + ",-4V4", stroke: COLOUR.sensor,
-                                  "stroke-width": 1.6, fill: "none" });
-      group.append("text").attr({ x: w / 2, y: -7, "text-anchor": "middle" }).text(text);
-    }
-    this.show = function (extent) {
-      var w = extent[1][0] - extent[0][0], h = extent[1][1] - extent[0][1];
-      var perPixel = Math.max(w / inner.w, h / inner.h);
-      var cx = (extent[0][0] + extent[1][0]) / 2, cy = (extent[0][1] + extent[1][1]) / 2;
-      x.domain([cx - perPixel * inner.w / 2, cx + perPixel * inner.w / 2]);
-      y.domain([cy - perPixel * inner.h / 2, cy + perPixel * inner.h / 2]);
-      zoom.x(x).y(y);
-      render();
-    };
-  }
-  Map.count = 0;
-
-  // Height that shows an extent to scale in a map of the given width, within limits.
-  function heightFor(extent, width, least, most) {
-    var ratio = (extent[1][1] - extent[0][1]) / (extent[1][0] - extent[0][0]);
-    return Math.round(Math.min(most, Math.max(least, (width - 68) * ratio + 44)));
-  }
-
-  // Seen from above an upright plane is a line; all else is an area.
-  function isThin(surface) { return surface.outline.length < 3; }
-  // How a known surface looks, in the picture and in its legend.
-  function surfaceStyle(surface) {
-    var thin = isThin(surface);
-    return {
-      fill: thin ? "none" : COLOUR.body,
-      "fill-opacity": surface.occluder ? 0.9 : 0.25,
-      stroke: surface.relay || surface.occluder ? COLOUR.relay : COLOUR.line,
-      "stroke-width": thin ? (surface.relay ? 4 : 3) : 1,
-      "stroke-dasharray": thin && surface.occluder && !surface.relay ? "8,2" : null
-    };
-  }
-  function drawSurroundings(group, x, y, perMetre, viewNumbers) {
-    eachObject(function (o) {
-      group.append("path").attr("d", polygon(searchRegion(o), x, y)).attr(SEARCH);
-    });
-    viewNumbers.forEach(function (v) {
-      var view = data.views[v];
-      group.append("path").attr({ d: polygon(view.field_of_view, x, y), fill: COLOUR.field,
-                                  "fill-opacity": 0.22, stroke: COLOUR.fieldEdge, "stroke-opacity": 0.7 });
-    });
-    scene.surfaces.forEach(function (surface) {
-      group.append("path").attr("d", polygon(surface.outline, x, y)).attr(surfaceStyle(surface))
-        .append("title").text(surface.name + (surface.relay ? ", relay" : "") +
-                              (surface.occluder ? ", occluder" : ""));
-    });
-    viewNumbers.forEach(function (v) {
-      data.views[v].zones.forEach(function (outlines, z) {
-        if (viewNumbers.length > 3) return;
-        outlines.forEach(function (zone) {
-          var g = zone.length === 1
-            ? group.append("circle").attr({ cx: x(zone[0][0]), cy: y(zone[0][1]), r: 2.2, fill: COLOUR.fieldEdge })
-            : group.append("path").attr({ d: polygon(zone, x, y), fill: COLOUR.fieldEdge, "fill-opacity": 0.12,
-                                          stroke: COLOUR.fieldEdge, "stroke-width": 1.2, "stroke-opacity": 0.8 });
-          g.append("title").text("zone " + z);
-        });
-      });
-    });
-    viewNumbers.forEach(function (v) {
-      var view = data.views[v], p = view.position, f = view.forward;
-      var angle = -Math.atan2(f[1], f[0]) * 180 / Math.PI;
-      group.append("path").attr({ d: "M11,0L-6,7L-3,0L-6,-7Z", fill: COLOUR.sensor, stroke: COLOUR.paper,
-        transform: "translate(" + x(p[0]) + "," + y(p[1]) + ")rotate(" + angle + ")" })
-        .append("title").text("sensor at " + p.map(function (c) { return c.toFixed(3); }).join(", ") + " m");
-    });
-  }
   function drawTruth(group, x, y, vector) {
     eachObject(function (o) {
       if (!holds(vector, o)) return;
@@ -363,46 +176,6 @@
                                     stroke: colour, "stroke-width": i ? 2.4 : 5, fill: "none" });
       });
     });
-  }
-  function drawEllipse(group, x, y, perMetre, mode, style, o) {
-    var e = ellipse(mode, o), p = point(mode.pose, o);
-    return group.append("ellipse").attr({
-      rx: Math.max(3, e.long * perMetre), ry: Math.max(3, e.short * perMetre),
-      transform: "translate(" + x(p[0]) + "," + y(p[1]) + ")rotate(" + -e.angle * 180 / Math.PI + ")"
-    }).attr(style);
-  }
-  function arrowLength(perMetre) { return Math.max(34, Math.min(120, 0.35 * perMetre)); }  // pixels
-  function facing(mode, o) {
-    var i = place("yaw_rad", o);
-    return i >= 0 && mode.undetermined.indexOf(unknowns[i]) < 0 && objects[o].yaw_period > 0;
-  }
-  // Where the object faces: an arrow, with a fan of 95 % where yaw is an unknown.
-  function drawYaw(group, x, y, perMetre, mode, colour, opacity, o) {
-    if (!facing(mode, o)) return;
-    var i = place("yaw_rad", o);
-    var p = point(mode.pose, o), yaw = mode.pose[i], spread = 1.96 * Math.sqrt(mode.covariance[i][i]);
-    var r = arrowLength(perMetre);
-    if (spread < Math.PI / 2) {
-      group.append("path").attr({ fill: colour, opacity: 0.16 * opacity, d: d3.svg.arc().innerRadius(0)
-        .outerRadius(r).startAngle(Math.PI / 2 - yaw - spread).endAngle(Math.PI / 2 - yaw + spread)(),
-        transform: "translate(" + x(p[0]) + "," + y(p[1]) + ")" });
-    }
-    group.append("path").attr({ d: "M0,0H" + r + "m-7,-4l7,4l-7,4", fill: "none", stroke: colour,
-      "stroke-width": 1.6, opacity: opacity,
-      transform: "translate(" + x(p[0]) + "," + y(p[1]) + ")rotate(" + -yaw * 180 / Math.PI + ")" });
-  }
-  function drawMode(group, x, y, perMetre, mode, first, o) {
-    var colour = first ? COLOUR.heaviest : COLOUR.rival;
-    var opacity = 0.3 + 0.7 * Math.sqrt(Math.max(0, Math.min(1, mode.weight)));
-    var p = point(mode.pose, o);
-    drawYaw(group, x, y, perMetre, mode, colour, opacity, o);
-    group.append("path").attr({ d: polygon(placedObject(mode.pose, o), x, y), fill: colour,
-      "fill-opacity": first ? 0.16 : 0.06, stroke: colour, "stroke-opacity": opacity,
-      "stroke-width": objects[o].outline.length < 3 ? 3 : 1.2 });
-    drawEllipse(group, x, y, perMetre, mode, { fill: colour, "fill-opacity": 0.28 * opacity,
-      stroke: colour, "stroke-opacity": opacity, "stroke-width": first ? 2 : 1.3 }, o);
-    group.append("circle").attr({ cx: x(p[0]), cy: y(p[1]), r: first ? 3.2 : 2.4, fill: colour,
-                                  opacity: opacity, stroke: COLOUR.paper, "stroke-width": 0.7 });
   }
   // Where nothing was found there is nothing to be drawn as if it were known.
   function drawModes(group, x, y, perMetre, capture) {
@@ -487,44 +260,6 @@
     });
   }
 
-  // Entries are lists of an element's name, its attributes and what it means.
-  function legend(parent, entries) {
-    var box = element(parent, "div", "legend");
-    entries.forEach(function (entry) {
-      var span = box.append("span");
-      span.append("svg").attr({ width: 26, height: 14 }).append(entry[0]).attr(entry[1]);
-      span.append("span").text(entry[2]);
-    });
-  }
-  var AREA = { x: 2, y: 2, width: 22, height: 10 };
-  // Known surfaces of each kind, with the symbol that the picture has for it.
-  function surfaceEntries() {
-    var seen = {}, entries = [];
-    scene.surfaces.forEach(function (surface) {
-      var roles = [surface.relay ? "relay surface" : "", surface.occluder ? "occluder" : ""].filter(String);
-      var name = roles.join(" and ") || "other surface", key = name + isThin(surface);
-      if (seen[key]) return;
-      seen[key] = true;
-      var shape = isThin(surface) ? ["path", { d: "M2,7H24" }] : ["rect", AREA];
-      entries.push([shape[0], merged(shape[1], surfaceStyle(surface)), name + (isThin(surface) ? ", edge on" : "")]);
-    });
-    return entries;
-  }
-  var SEARCH = { fill: COLOUR.search, "fill-opacity": 0.07, stroke: COLOUR.search, "stroke-dasharray": "5,4",
-                 "stroke-width": 1.2 };
-  var SWATCH = {
-    sensor: ["path", { d: "M21,7L7,12L10,7L7,2Z", fill: COLOUR.sensor }, "sensor"],
-    field: ["rect", merged(AREA, { fill: COLOUR.field, "fill-opacity": 0.22, stroke: COLOUR.fieldEdge }),
-            "field of view, zones on the surfaces"],
-    search: ["rect", merged(AREA, SEARCH), "search region"],
-    heaviest: ["ellipse", { cx: 13, cy: 7, rx: 10, ry: 5, fill: COLOUR.heaviest, "fill-opacity": 0.28,
-                            stroke: COLOUR.heaviest, "stroke-width": 2 }, ""],
-    rival: ["ellipse", { cx: 13, cy: 7, rx: 10, ry: 5, fill: COLOUR.rival, "fill-opacity": 0.2,
-                         stroke: COLOUR.rival }, "other places that explain the light, fainter with less weight"],
-    yaw: ["path", { d: "M2,7H23m-6,-4l6,4l-6,4", stroke: COLOUR.heaviest, "stroke-width": 1.6, fill: "none" },
-          "which way it faces; fan: 95 %"],
-    truth: ["path", { d: "M5,7H21M13,0V14", stroke: COLOUR.truth, "stroke-width": 2.4 }, "truth"]
-  };
   function region(o) { return "95 % " + (freeInPlane(o || 0) === 1 ? "interval" : "ellipse"); }
   function mapLegend(parent, capture, first) {
     var entries = first || [];
@@ -600,7 +335,7 @@
     element(parent, "h2", "", "Modes").append("small").text((found(capture) ? ""
       : "nothing was found: these are only what the search region and the light leave open; ") +
       "mean ± standard deviation; “open”: the data left this unknown to its prior");
-    var table = element(parent, "div", "wide").append("table").attr("class", "stacked"), head = table.append("thead").append("tr");
+    var table = scrolling(element(parent, "div", "wide"), "table of modes").append("table").attr("class", "stacked"), head = table.append("thead").append("tr");
     var titles = ["mode", "weight"].concat(unknowns.map(titleOf), "log likelihood");
     if (capture.truth) eachObject(function (o) {
       titles.push(objects.length > 1 ? objects[o].name + " to truth" : "distance to truth");
@@ -749,7 +484,8 @@
     var w = size.w - margin.left - margin.right;
     var top = size.h - margin.top - margin.bottom - residual - gap;
     var range = binRange(h), limits = limitsFirst;
-    var svg = box.append("svg").attr({ width: size.w, height: size.h });
+    var svg = box.append("svg").attr({ width: size.w, height: size.h, role: "img",
+      "aria-label": "zone " + zone.zone + ": measured and fitted counts" });
     var g = svg.append("g").attr("transform", "translate(" + margin.left + "," + margin.top + ")");
     var x = d3.scale.linear().domain(range).range([0, w]);
     var y = (look.log ? d3.scale.log() : d3.scale.linear()).domain(limits).range([top, 0]).clamp(true);
@@ -911,7 +647,7 @@
     // A narrow screen shows fewer zones beside each other, in reading order.
     across = Math.max(1, Math.min(across, Math.floor((total + gap) / (narrowest + gap))));
     var width = Math.min(660, Math.floor((total - gap * (across - 1)) / across));
-    var height = across > 4 ? 150 : across > 2 ? 190 : 230;
+    var height = across > 4 ? 150 : across > 2 ? (printing ? 160 : 190) : 230;
     var grid = element(parent, "div", "zones")
       .style("grid-template-columns", "repeat(" + across + ", " + width + "px)");
     var shared = look.shared ? yRange(h, h.zones, binRange(h)) : null;
@@ -938,13 +674,13 @@
   function drawJointSelector(parent, capture) {
     var tools = element(parent, "div", "tools");
     tools.append("span").text("capture");
-    var select = tools.append("select").on("change", function () { inJoint = +this.value; redraw(); });
+    var select = tools.append("select").attr("aria-label", "capture of the joint fit").on("change", function () { inJoint = +this.value; redraw(); });
     capture.source.forEach(function (_, j) {
       select.append("option").attr("value", j).property("selected", j === inJoint)
         .text((j + 1) + ": " + sourceOf(capture, j));
     });
-    button(tools, "‹", false, function () { inJoint = Math.max(0, inJoint - 1); redraw(); });
-    button(tools, "›", false, function () {
+    button(tools, "‹", null, function () { inJoint = Math.max(0, inJoint - 1); redraw(); });
+    button(tools, "›", null, function () {
       inJoint = Math.min(capture.source.length - 1, inJoint + 1);
       redraw();
     });
@@ -956,7 +692,7 @@
     .domain(d3.range(TRACK.length).map(function (i) { return i * Math.max(1, captures.length - 1) / (TRACK.length - 1); }));
 
   function drawTrack(group, x, y, perMetre, viewNumbers) {
-    drawSurroundings(group, x, y, perMetre, viewNumbers);
+    parts.drawSurroundings(group, x, y, viewsOf(viewNumbers));
     eachObject(function (o) { drawTrackOf(group, x, y, perMetre, o); });
   }
   function drawTrackOf(group, x, y, perMetre, o) {
@@ -1016,7 +752,8 @@
     var width = options.width, height = options.height;
     var margin = { left: 52, right: 8, top: 20, bottom: 30 };
     var w = width - margin.left - margin.right, h = height - margin.top - margin.bottom;
-    var svg = parent.append("svg").attr({ width: width, height: height });
+    var svg = parent.append("svg").attr({ width: width, height: height, role: "img",
+      "aria-label": options.title + " of each capture" });
     var g = svg.append("g").attr("transform", "translate(" + margin.left + "," + margin.top + ")");
     var x = d3.scale.linear().domain([0.5, captures.length + 0.5]).range([0, w]);
     var y = options.y.range([h, 0]).clamp(true);
@@ -1115,7 +852,7 @@
     }
   }
   function drawCaptureTable(parent) {
-    var box = element(parent, "div", "scroll"), table = box.append("table");
+    var box = scrolling(element(parent, "div", "scroll"), "table of captures"), table = box.append("table");
     var head = table.append("thead").append("tr");
     ["capture", "source"].concat(unknowns.map(titleOf),
       ["weight", "present", "false alarm"], objects.map(function (object) {
@@ -1127,7 +864,11 @@
     captures.forEach(function (c, i) {
       var row = body.append("tr").attr("class", "pick" + (i === chosen ? " chosen" : ""))
         .on("click", function () { choose(i); });
-      row.append("td").text(i + 1);
+      button(row.append("td"), i + 1, i === chosen, function () {
+        d3.event.stopPropagation();
+        choose(i);
+        d3.select("tr.chosen button").node().focus();
+      }).attr("aria-label", "capture " + (i + 1));
       row.append("td").attr("class", "text").text(nameOf(c));
       var mode = heaviest(c);
       if (!mode) {
@@ -1157,17 +898,17 @@
     var views = distinct(d3.merge(data.view_of));
     var extent = sceneExtent(views, false), width = widthIn(left, 720), height = heightFor(extent, width, 300, 560);
     var tools = element(left, "div", "tools");
-    var map = new Map(left, { width: width, height: height,
+    var map = new Map(left, { width: width, height: height, label: "All captures from above",
       draw: function (g, x, y, perMetre) { drawTrack(g, x, y, perMetre, views.length > 12 ? [data.view_of[chosen][0]] : views); } });
     var poses = [];
     captures.forEach(function (c) {
       if (found(c)) poses = poses.concat(placesOf(heaviest(c).pose));
       if (c.truth) poses = poses.concat(placesOf(c.truth));
     });
-    button(tools, "overview", false, function () { map.show(extent); });
-    button(tools, "whole scene", false, function () { map.show(sceneExtent(views, true)); });
-    if (poses.length) button(tools, "track", false, function () { map.show(extentOf(poses, 0.12, 0.01)); });
-    tools.append("span").attr("class", "soft").text("drag to move, double-click to enlarge");
+    button(tools, "overview", null, function () { map.show(extent); });
+    button(tools, "whole scene", null, function () { map.show(sceneExtent(views, true)); });
+    if (poses.length) button(tools, "track", null, function () { map.show(extentOf(poses, 0.12, 0.01)); });
+    tools.append("span").attr("class", "soft").text("drag or arrows to move, double-click or + to enlarge");
     map.show(extent);
     drawIndexScale(left);
     drawCharts(right, widthIn(right, 590), Math.max(190, Math.round(height / 2) - 10));
@@ -1199,13 +940,13 @@
     var extent = sceneExtent([0], false), width = widthIn(left, 760), height = heightFor(extent, width, 300, 640);
     element(left, "h2", "", "From above");
     var tools = element(left, "div", "tools");
-    var map = new Map(left, { width: width, height: height, draw: function (g, x, y, perMetre) {
-      drawSurroundings(g, x, y, perMetre, [0]);
+    var map = new Map(left, { width: width, height: height, label: "The scene from above", draw: function (g, x, y, perMetre) {
+      parts.drawSurroundings(g, x, y, viewsOf([0]));
       drawStated(g, x, y);
     } });
-    button(tools, "overview", false, function () { map.show(extent); });
-    button(tools, "whole scene", false, function () { map.show(sceneExtent([0], true)); });
-    tools.append("span").attr("class", "soft").text("drag to move, double-click to enlarge");
+    button(tools, "overview", null, function () { map.show(extent); });
+    button(tools, "whole scene", null, function () { map.show(sceneExtent([0], true)); });
+    tools.append("span").attr("class", "soft").text("drag or arrows to move, double-click or + to enlarge");
     map.show(extent);
     mapLegend(left, { modes: [], flags: [] }, [["rect", merged(AREA, { fill: COLOUR.object,
       "fill-opacity": 0.3, stroke: COLOUR.object }), "the object as the scene file puts it; what is unknown, in mid-range"]]);
@@ -1223,28 +964,29 @@
     var columns = element(parent, "div", "columns");
     var left = columns.append("div").attr("class", "picture"), right = columns.append("div").attr("class", "rest");
     var views = distinct(data.view_of[number]);
-    var extent = sceneExtent(views, false), width = widthIn(left, 760), height = heightFor(extent, width, 300, 640);
+    var extent = sceneExtent(views, false), width = widthIn(left, 760);
+    var height = heightFor(extent, width, 300, printing ? 405 : 640);
     var tools = element(left, "div", "tools");
-    var map = new Map(left, { width: width, height: height, draw: function (g, x, y, perMetre) {
-      drawSurroundings(g, x, y, perMetre, views);
+    var map = new Map(left, { width: width, height: height, label: "The result from above", draw: function (g, x, y, perMetre) {
+      parts.drawSurroundings(g, x, y, viewsOf(views));
       if (capture.truth) drawTruth(g, x, y, capture.truth);
       drawModes(g, x, y, perMetre, capture);
     } });
-    button(tools, "overview", false, function () { map.show(extent); });
-    button(tools, "whole scene", false, function () { map.show(sceneExtent(views, true)); });
+    button(tools, "overview", null, function () { map.show(extent); });
+    button(tools, "whole scene", null, function () { map.show(sceneExtent(views, true)); });
     if (found(capture)) {
-      button(tools, "all modes", false, function () {
+      button(tools, "all modes", null, function () {
         var points = capture.truth ? placesOf(capture.truth) : [];
         capture.modes.forEach(function (m) { points = points.concat(placesOf(m.pose)); });
         map.show(extentOf(points, 0.25, 1.5 * ellipse(capture.modes[0], 0).long + 0.01));
       });
       eachObject(function (o) {
-        button(tools, objects.length > 1 ? objects[o].name : "heaviest mode", false, function () {
+        button(tools, objects.length > 1 ? objects[o].name : "heaviest mode", null, function () {
           map.show(around(capture.modes[0], capture.truth, o));
         });
       });
     }
-    tools.append("span").attr("class", "soft").text("drag to move, double-click to enlarge");
+    tools.append("span").attr("class", "soft").text("drag or arrows to move, double-click or + to enlarge");
     map.show(extent);
     mapLegend(left, capture);
     drawAnswer(right, capture);
@@ -1261,7 +1003,7 @@
   function drawCloseUp(parent, capture, o) {
     element(parent, "h2", "", "Close-up of " + (objects.length > 1 ? objects[o].name : "the heaviest mode"))
       .style("margin-top", "16px");
-    var map = new Map(parent, { width: widthIn(parent, 460), height: 300, draw: function (g, x, y, perMetre) {
+    var map = new Map(parent, { width: widthIn(parent, 460), height: printing ? 210 : 300, label: "Close-up", draw: function (g, x, y, perMetre) {
       var mode = capture.modes[0];
       drawEllipse(g, x, y, perMetre, mode, { fill: COLOUR.heaviest, "fill-opacity": 0.2, stroke: COLOUR.heaviest,
                                              "stroke-width": 2 }, o);
@@ -1279,11 +1021,12 @@
   function drawControls(parent) {
     if (captures.length < 2) return;
     var box = element(parent, "div", "controls");
-    button(box, "‹ previous", false, function () { choose(chosen - 1); });
-    button(box, "next ›", false, function () { choose(chosen + 1); });
+    button(box, "‹ previous", null, function () { choose(chosen - 1); });
+    button(box, "next ›", null, function () { choose(chosen + 1); });
     box.append("input").attr({ type: "range", min: 1, max: captures.length, value: chosen + 1, "aria-label": "capture" })
       .on("change", function () { choose(+this.value - 1); });
-    var select = box.append("select").on("change", function () { choose(+this.value); });
+    var select = box.append("select").attr("aria-label", "capture by name")
+      .on("change", function () { choose(+this.value); });
     captures.forEach(function (c, i) {
       select.append("option").attr("value", i).property("selected", i === chosen)
         .text((i + 1) + ": " + nameOf(c) + (c.error ? " (failed)" : ""));
@@ -1329,6 +1072,13 @@
     [overview, controls, detail, histograms].forEach(function (part) { part.style("min-height", null); });
     window.scrollTo(window.pageXOffset, top);
   }
+  // A sheet of paper is narrower than most windows, so that it has pictures of its own.
+  d3.select(window).on("beforeprint", function () { printing = true; redrawForPaper(); });
+  d3.select(window).on("afterprint", function () { printing = false; redrawForPaper(); });
+  function redrawForPaper() {
+    d3.select("body").classed("printed", printing);
+    redraw();
+  }
   var lastWidth = window.innerWidth;
   d3.select(window).on("resize", function () {
     if (window.innerWidth === lastWidth) return;
@@ -1336,7 +1086,7 @@
     redraw();
   });
   d3.select(window).on("keydown", function () {
-    if (/^(INPUT|SELECT)$/.test(document.activeElement.tagName)) return;
+    if (/^(INPUT|SELECT|svg)$/.test(document.activeElement.tagName)) return;
     if (d3.event.keyCode === 37) choose(chosen - 1);
     if (d3.event.keyCode === 39) choose(chosen + 1);
   });

@@ -13,7 +13,7 @@
 
   // ---------------------------------------------------------------- page
 
-  root.className = "pair";
+  root.className = "pair player";
   var chooserLine = element(root, "label", "chooser", "Seed ");
   var chooser = element(chooserLine, "select");
   pairs.forEach(function (pair, k) {
@@ -25,20 +25,12 @@
     element(root, "p", "headline");
   var panels = element(root, "div", "panels");
   var bar = element(root, "div", "card bar");
-  var play = element(bar, "button", "play", "Play");
-  var slider = element(bar, "input");
-  slider.type = "range"; slider.min = 0; slider.step = 0.02;
-  slider.setAttribute("aria-label", "time of both drives");
-  var clock = element(bar, "span", "clock");
-  var speed = element(bar, "select");
-  speed.setAttribute("aria-label", "speed of the replay");
-  [0.25, 0.5, 1, 2].forEach(function (r) {
-    var option = element(speed, "option", "", r + "×");
-    option.value = r; option.selected = r === 1;
-  });
-  var controls = element(root, "div", "card controls");
-  var moments = element(controls, "div", "moments");
-  var timelines = element(controls, "div", "timelines");
+  var controls = DriveMap.controls(bar, "time of both drives"), play = controls.play, slider = controls.slider;
+  var clock = controls.clock, speed = controls.speed;
+  slider.step = 0.02;
+  var lower = element(root, "div", "card controls");
+  var moments = element(lower, "div", "moments");
+  var timelines = element(lower, "div", "timelines");
   var legend = element(root, "div", "legend");
   [["fill", "vehicle", "the vehicle, and its way"], ["line", "path", "its plan"],
    ["line", "goal", "goal"], ["fill", "field", "field of view"],
@@ -54,12 +46,12 @@
   // One drive's map, and the line below that says what happens.
   function sideOf(replay, k) {
     var card = element(panels, "div", "card panel");
-    var title = element(card, "h3");
+    var title = element(card, data.plays ? "h2" : "h3");
     element(title, "i", "swatch").style.background = "var(--" + INKS[k] + ")";
     title.appendChild(document.createTextNode(replay.name));
     var side = { replay: replay, painter: DriveMap.painter(replay), ink: INKS[k] };
     side.chip = element(title, "span", "outcome");
-    side.canvas = element(card, "canvas");
+    side.canvas = DriveMap.picture(card, replay.name + ", from above");
     side.line = element(card, "p", "now");
     var more = element(card, "p", "story", replay.drive.headline);
     if (replay.page) {
@@ -150,7 +142,7 @@
         }
         open = known(value);
       });
-      drawn(svg, "path", { d: d, "class": "line", stroke: "var(--" + side.ink + ")" });
+      drawn(svg, "path", { d: d, "class": "line strong", stroke: "var(--" + side.ink + ")" });
     });
     drawn(svg, "text", { x: LEFT, y: y + 11 }, strip.name);
   }
@@ -221,7 +213,10 @@
     draw();
   }
 
-  slider.oninput = function () { jump(+slider.value); };
+  // Its steps may leave a rest before the end.
+  slider.oninput = function () {
+    jump(+slider.value > duration - slider.step ? duration : +slider.value);
+  };
   speed.onchange = function () { rate = +speed.value; };
   chooser.onchange = function () { now = 0; choose(+chooser.value); jump(matters()); };
   root.onkeydown = function (event) {

@@ -96,7 +96,8 @@ std::string picture(const PlannedPath& planned, std::span<const double> occupanc
   const double height = geometry.rows * geometry.cell_size;
   const Eigen::Vector2d corner = geometry.origin;
   std::string svg = formatted(
-      "<svg viewBox=\"%.9g %.9g %.9g %.9g\" style=\"width:100%%;max-height:90vh;border:1px solid "
+      "<svg role=\"img\" aria-label=\"the map with the path\" viewBox=\"%.9g %.9g %.9g %.9g\" "
+      "style=\"width:100%%;max-height:90vh;border:1px solid "
       "var(--faint,#d9dee3)\"><g transform=\"scale(1,-1)\">\n<g transform=\"translate(%.9g,%.9g) "
       "scale(%.9g)\" "
       "shape-rendering=\"crispEdges\">\n",

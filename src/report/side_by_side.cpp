@@ -83,22 +83,22 @@ json replay_pair(json first, json second, const std::pair<std::string, std::stri
   return pair;
 }
 
-std::string side_by_side_part(const json& pairs) {
-  return "<div id=\"side-by-side\" tabindex=\"-1\"></div>\n<noscript>The replay needs "
-         "JavaScript.</noscript>\n" +
-         script_part(
-             "pairs", dump_json({{"pairs", pairs}, {"plays", false}}),
-             {.style = "pair.css", .libraries = {"drive_map.js"}, .script = "pair_page.js"});
+namespace {
+
+std::string part_of(const json& pairs, bool plays) {
+  return "<div id=\"side-by-side\"></div>\n<noscript>The replay needs JavaScript.</noscript>\n" +
+         script_part("pairs", dump_json({{"pairs", pairs}, {"plays", plays}}),
+                     {.styles = {"player.css", "pair.css"},
+                      .libraries = {"drive_map.js"},
+                      .script = "pair_page.js"});
 }
 
+}  // namespace
+
+std::string side_by_side_part(const json& pairs) { return part_of(pairs, false); }
+
 std::string side_by_side_page(const std::string& title, const json& pairs) {
-  return plain_page(
-      title, pairs.at(0).at("headline"),
-      "<div id=\"side-by-side\" tabindex=\"-1\"></div>\n<noscript>The replay needs "
-      "JavaScript.</noscript>\n" +
-          script_part(
-              "pairs", dump_json({{"pairs", pairs}, {"plays", true}}),
-              {.style = "pair.css", .libraries = {"drive_map.js"}, .script = "pair_page.js"}));
+  return plain_page(title, pairs.at(0).at("headline"), part_of(pairs, true));
 }
 
 std::optional<std::pair<std::string, std::string>> telling_perceptions(

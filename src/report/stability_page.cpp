@@ -14,10 +14,9 @@ namespace blindcorner {
 namespace {
 
 const char* const kStyle =
-    "<style>.wide{overflow-x:auto}.wide td,.wide "
-    "th{text-align:left;vertical-align:top;white-space:normal}"
-    ".wide td.number{text-align:right;white-space:nowrap}.wide td:first-child{white-space:nowrap}"
-    ".wide td:nth-child(2),.wide td:nth-child(5){min-width:220px}"
+    "<style>td,th{text-align:left;white-space:normal}"
+    "td.number{text-align:right;white-space:nowrap}td:first-child{white-space:nowrap}"
+    "td:nth-child(2),td:nth-child(5){min-width:220px}"
     ".margin{display:grid;grid-template-columns:fit-content(340px) 90px minmax(90px,1fr);"
     "gap:2px 12px;align-items:center;font-size:13px;max-width:1000px;margin-bottom:1.5em}"
     ".margin>div:nth-child(3n+2){text-align:right;font-variant-numeric:tabular-nums}"
@@ -130,16 +129,15 @@ std::string stability_page(const std::vector<StabilityResult>& results) {
   std::string theme;
   for (const StabilityResult& result : results) {
     if (result.row->theme != theme) {
-      if (!theme.empty()) body += "</table></div>\n";
+      if (!theme.empty()) body += "</table>\n";
       theme = result.row->theme;
-      body +=
-          "<h2>" + html_safe(theme) +
-          "</h2>\n<div class=\"wide\"><table><tr><th>case</th><th>what is done and measured</th>"
-          "<th>measured</th><th>limit</th><th>limit from</th><th>verdict</th></tr>\n";
+      body += "<h2>" + html_safe(theme) +
+              "</h2>\n<table><tr><th>case</th><th>what is done and measured</th>"
+              "<th>measured</th><th>limit</th><th>limit from</th><th>verdict</th></tr>\n";
     }
     body += row_html(result);
   }
-  if (!theme.empty()) body += "</table></div>\n";
+  if (!theme.empty()) body += "</table>\n";
   return plain_page("Stiff and extreme cases",
                     formatted("%d of %d stiff and extreme cases hold.", static_cast<int>(holding),
                               static_cast<int>(results.size())),

@@ -125,7 +125,10 @@ TEST(Pages, CarryTheSentenceDarkColoursAndTablesThatScroll) {
       plain_page("A <title>", "Found & lost.", "<table><tr><td>1</tr></table>");
   EXPECT_THAT(page, HasSubstr("<p class=\"headline\">Found &amp; lost.</p>"));
   EXPECT_THAT(page, HasSubstr("prefers-color-scheme: dark"));
-  EXPECT_THAT(page, HasSubstr("<div class=\"wide\"><table><tr><td>1</tr></table></div>"));
+  EXPECT_THAT(page, HasSubstr("<div class=\"wide\" tabindex=\"0\" role=\"group\" "
+                              "aria-label=\"table\"><table><tr><td>1</tr></table></div>"));
+  EXPECT_THAT(plain_page("", "", "<h2>All <i>\"errors\"</i></h2><table></table>"),
+              HasSubstr("aria-label=\"table: All 'errors'\""));
   const std::string fit = result_page(plane_scene(), {result_to_say({mode_at(0.3, 0.5, 0.02, 1)})});
   EXPECT_THAT(fit, AllOf(HasSubstr("\"headline\":\"Found at x 0.30 m"),
                          HasSubstr("prefers-color-scheme: dark")));
