@@ -48,8 +48,8 @@ LAP_S = 4  # around the search region, 1.7 m: a slow walk
 class Case:
     """A sensor in front of the wall of scenes/person_vl53l8ch.json, and how many frames it sends in a second."""
 
-    def __init__(self, name, preset, rate, ambient, gain=None):
-        self.name, self.rate = name, rate
+    def __init__(self, name, preset, rate, ambient, gain=None, empty=False):
+        self.name, self.rate, self.empty = name, rate, empty
         self.lap = int(LAP_S * rate)  # different frames, played in a circle
         sensor = {"preset": preset}
         if gain:
@@ -68,6 +68,7 @@ CASES = [
     Case("TMF8828 3x3, 30 Hz", "tmf8828_3x3_long", 30, PHOTONS),
     Case("VL53L8CH 4x4, 20 Hz", "vl53l8ch_4x4", 20, {"mode": "fixed", "counts_per_bin": 0}),
     Case("TMF8829 16x16, 10 Hz", "tmf8829_16x16", 10, PHOTONS, gain=1e8),
+    Case("the same, nobody there", "tmf8829_16x16", 10, PHOTONS, gain=1e8, empty=True),
 ]
 
 
@@ -93,7 +94,8 @@ def frames_of(program, case, folder):
     scene.write_text(json.dumps(case.scene))
     captures = scene.with_suffix(".exr")
     poses = [word for pose in walk(lap) for word in ("--pose", pose)]
-    check([program, "render", scene, *poses, "--model", "fast", "--seed", "1", "-o", captures])
+    what = ["--empty", "--frames", str(lap)] if case.empty else poses
+    check([program, "render", scene, *what, "--model", "fast", "--seed", "1", "-o", captures])
     text = check([program, "replay", captures, "--stdout", "--pace", "0"])
     lines = text.splitlines(keepends=True)
     each = len(lines) // lap
