@@ -636,7 +636,7 @@ TEST_F(CaptureLikelihood, TheLookAtAllPlacesPromisesNoLessThanASearchFinds) {
   unknown.covariance(2, 2) = brightness.sigma_log * brightness.sigma_log;
   int doubtful = 0;
   for (const double amplitude : {1e-6, 0.003, 0.01, 0.03, 0.1}) {
-    for (std::uint64_t seed = 0; seed < 3; ++seed) {
+    for (std::uint64_t seed = 0; seed < 6; ++seed) {
       Capture capture = noiseless(scene, pose_at(0.2 + 0.1 * static_cast<double>(seed)), amplitude);
       capture.counts = draw_counts(scene, capture.counts, 1, seed);
       const auto frame = fitter.frame(capture);
@@ -650,7 +650,7 @@ TEST_F(CaptureLikelihood, TheLookAtAllPlacesPromisesNoLessThanASearchFinds) {
       doubtful += promised < 0 ? 1 : 0;
     }
   }
-  EXPECT_GT(doubtful, 1);  // or it would promise something everywhere
+  EXPECT_GT(doubtful, 3);  // or it would promise something everywhere
 }
 
 }  // namespace
