@@ -15,8 +15,10 @@ usage: ./bootstrap.sh fit     install what is missing, build, fit the bundled ca
        ./bootstrap.sh pages   install what is missing, also Chromium, build, open every page in it and
                               look for faults (with Playwright and axe-core from PyPI)
        ./bootstrap.sh python  install what is missing, build, test the Python package in a virtual
-                              environment of its own (from PyPI; skipped where that cannot be reached),
-                              also the tests with Dask, ROS bags and the notebook that `test` leaves out
+                              environment of its own (from PyPI; skipped where that cannot be reached)
+                              with all its extras, whose tests `test` leaves out: Dask, the notebook
+                              (Matplotlib, a kernel) and robots' libraries (ROS bags, Foxglove's SDK,
+                              CommonRoad, MCAP readers, WebSockets)
 
 Missing packages are installed with apt-get, as root or through sudo. All else stays in this folder.
 JOBS=N ./bootstrap.sh ...     compile and test with N processes (default: one per processor, at most
@@ -35,8 +37,9 @@ packages=(
   libgtest-dev libgmock-dev libbenchmark-dev
 )
 
-# What the program does without: the learned baseline (cnn train, cnn evaluate).
-optional_packages=(libtorch-dev)
+# What the program does without: the learned baseline (cnn train, cnn evaluate), and the TMF8829
+# makers' publisher (live --input zmq://...).
+optional_packages=(libtorch-dev libzmq3-dev)
 
 die() {
   echo "bootstrap.sh: $*" >&2

@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Measures `blindcorner live`: latency, memory, and what browsers and damaged lines cost it.
 
-usage: tests/live_study.py PROGRAM [--frames N] [--memory-frames N] [--browsers N] [--quick] [--json FILE]
+usage: tests/live_study.py PROGRAM [--only latency|disturbances|cuts|memory] [--frames N] [--memory-frames N]
+                           [--cut-seconds N] [--browsers N] [--quick] [--json FILE]
 
 Frames are rendered by the program, printed as each sensor prints them (`replay --stdout --pace 0`) and
 sent by this script at the sensor's rate through a pipe, so that it knows when the last byte of each
@@ -15,6 +16,7 @@ import contextlib
 import json
 import os
 import random
+import signal
 import socket
 import statistics
 import subprocess
@@ -46,8 +48,8 @@ LAP_S = 4  # around the search region, 1.7 m: a slow walk
 class Case:
     """A sensor in front of the wall of scenes/person_vl53l8ch.json, and how many frames it sends in a second."""
 
-    def __init__(self, name, preset, rate, ambient, gain=None):
-        self.name, self.rate = name, rate
+    def __init__(self, name, preset, rate, ambient, gain=None, empty=False):
+        self.name, self.rate, self.empty = name, rate, empty
         self.lap = int(LAP_S * rate)  # different frames, played in a circle
         sensor = {"preset": preset}
         if gain:
@@ -66,6 +68,7 @@ CASES = [
     Case("TMF8828 3x3, 30 Hz", "tmf8828_3x3_long", 30, PHOTONS),
     Case("VL53L8CH 4x4, 20 Hz", "vl53l8ch_4x4", 20, {"mode": "fixed", "counts_per_bin": 0}),
     Case("TMF8829 16x16, 10 Hz", "tmf8829_16x16", 10, PHOTONS, gain=1e8),
+    Case("the same, nobody there", "tmf8829_16x16", 10, PHOTONS, gain=1e8, empty=True),
 ]
 
 
@@ -91,7 +94,8 @@ def frames_of(program, case, folder):
     scene.write_text(json.dumps(case.scene))
     captures = scene.with_suffix(".exr")
     poses = [word for pose in walk(lap) for word in ("--pose", pose)]
-    check([program, "render", scene, *poses, "--model", "fast", "--seed", "1", "-o", captures])
+    what = ["--empty", "--frames", str(lap)] if case.empty else poses
+    check([program, "render", scene, *what, "--model", "fast", "--seed", "1", "-o", captures])
     text = check([program, "replay", captures, "--stdout", "--pace", "0"])
     lines = text.splitlines(keepends=True)
     each = len(lines) // lap
@@ -101,9 +105,9 @@ def frames_of(program, case, folder):
 class Live:
     """A running `blindcorner live` with its answers as they come: `answers` maps a frame's number to (time, line)."""
 
-    def __init__(self, program, scene, *options):
+    def __init__(self, program, scene, *options, address="-"):
         self.process = subprocess.Popen(
-            [str(program), "live", str(scene), "--input", "-", "--port", "0", *options],
+            [str(program), "live", str(scene), "--input", address, "--port", "0", *options],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, bufsize=0)
         self.answers, self.messages, self.port = {}, [], None
         self.threads = [threading.Thread(target=self._read_answers), threading.Thread(target=self._read_messages)]
@@ -122,7 +126,8 @@ class Live:
             for line in lines:
                 answer = json.loads(line)
                 if "frame" in answer:
-                    self.answers[answer["frame"]] = (now, answer["skipped"], answer["presence_probability"])
+                    self.answers[answer["frame"]] = (now, answer["skipped"], answer["presence_probability"],
+                                                      answer["latency_ms"])
 
     def _read_messages(self):
         for line in self.process.stderr:
@@ -223,23 +228,15 @@ def summary(latencies):
             "p90_ms": ordered[int(0.9 * (len(ordered) - 1))], "longest_ms": ordered[-1]}
 
 
-def play(live, frames, count, rate, damage=None):
+def play(live, frames, count, rate):
     """Sends frames at a rate; returns when the last byte of each was sent, by its number."""
-    sent, number = {}, 0
+    sent = {}
     begin = time.monotonic()
     for i in range(count):
         pause = begin + i / rate - time.monotonic()
         if pause > 0:
             time.sleep(pause)
-        data = frames[i % len(frames)]
-        whole = damage is None or damage.random() > 0.1
-        if not whole:
-            at = damage.randrange(len(data))
-            data = data[:at] + data[at + damage.randrange(1, 400):]
-        now = live.send(data)
-        if whole:
-            sent[number] = now
-        number += 1
+        sent[i] = live.send(frames[i % len(frames)])
     return sent
 
 
@@ -292,22 +289,100 @@ def study_disturbances(program, folder, arguments):
     return rows
 
 
+class Cable:
+    """A TCP port that sends a sensor's frames, and damages some of them in one of four ways."""
+
+    KINDS = {"cut": 4, "corrupt": 4, "repeated": 4, "closed": 1}  # with these weights
+
+    def __init__(self, seed):
+        self.chance, self.damaged = random.Random(seed), dict.fromkeys(self.KINDS, 0)
+        self.listener = socket.create_server(("127.0.0.1", 0))
+        self.listener.settimeout(30)
+        self.address = f"tcp://127.0.0.1:{self.listener.getsockname()[1]}"
+        self.peer, self.sent = None, 0
+
+    def connect(self):
+        if self.peer is None:
+            self.peer = self.listener.accept()[0]
+            self.peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+    def close(self):
+        self.peer.close()
+        self.peer = None
+
+    def send(self, frame, share):
+        """A frame, which is damaged with the probability `share`."""
+        kind = None
+        if self.chance.random() < share:
+            kind = self.chance.choices(list(self.KINDS), self.KINDS.values())[0]
+            frame = getattr(self, "_" + kind)(frame)
+            self.damaged[kind] += 1
+        self.connect()
+        self.peer.sendall(frame)
+        self.sent += 1
+        if kind == "closed":
+            self.close()
+
+    def _cut(self, frame):
+        at = self.chance.randrange(len(frame))
+        return frame[:at] + frame[at + self.chance.randrange(1, 400):]
+
+    def _corrupt(self, frame):
+        at, length = self.chance.randrange(len(frame)), self.chance.randrange(1, 40)
+        return frame[:at] + self.chance.randbytes(length) + frame[at + length:]
+
+    def _repeated(self, frame):
+        lines = frame.splitlines(keepends=True)
+        at = self.chance.randrange(len(lines))
+        return b"".join(lines[:at + 1] + [lines[at]] * self.chance.randrange(1, 4) + lines[at + 1:])
+
+    def _closed(self, frame):
+        return frame[:self.chance.randrange(len(frame))]
+
+
+def send_for(cable, frames, rate, seconds, share):
+    """Frames at a rate; what a closed connection holds up is not made up for. Returns how many."""
+    begun = due = time.monotonic()
+    count = 0
+    while due - begun < seconds:
+        pause = due - time.monotonic()
+        if pause > 0:
+            time.sleep(pause)
+        elif pause < -1 / rate:
+            due -= pause
+        cable.send(frames[count % len(frames)], share)
+        count, due = count + 1, due + 1 / rate
+    return count
+
+
 def study_cuts(program, folder, arguments):
-    """One frame in ten is cut somewhere: all others are answered or passed over for a newer one."""
-    case = CASES[0]
+    """Latency before, during and after a time in which one frame in ten is damaged or the connection is closed."""
+    case = CASES[1]
     scene, frames = frames_of(program, case, folder)
-    live = Live(program, scene, "--no-page")
-    sent = play(live, frames, arguments.frames, 2 * case.rate, random.Random(9))
-    time.sleep(0.5)
+    cable = Cable(9)
+    live = Live(program, scene, "--no-page", address=cable.address)
+    around = max(1, min(120, arguments.cut_seconds / 10))
+    send_for(cable, frames, case.rate, 2, 0)  # prepares
+    rows = []
+    for name, seconds, share in [("before", around, 0), ("during", arguments.cut_seconds, 0.1), ("after", around, 0)]:
+        begun, load = set(live.answers), os.getloadavg()[0]
+        sent = send_for(cable, frames, case.rate, seconds, share)
+        time.sleep(0.5)
+        said = [answer[3] / 1e3 for frame, answer in list(live.answers.items()) if frame not in begun]
+        rows.append({"case": name, "seconds": seconds, "frames": sent, "load": [load, os.getloadavg()[0]],
+                     "memory_kb": live.memory_kb(), **summary(said)})
+        s = rows[-1]
+        print(f"cuts, {name:6}  {sent:6} frames sent  {s['answers']:6} answers  median {s['median_ms']:5.1f}  "
+              f"90 % {s['p90_ms']:5.1f}  longest {s['longest_ms']:6.1f} ms of {1e3 / case.rate:.0f}  "
+              f"{s['memory_kb'] / 1024:.1f} MiB  load {load:.1f} to {s['load'][1]:.1f}", flush=True)
+    live.process.send_signal(signal.SIGINT)
     code, counts = live.end(), live.counts()
-    touched = arguments.frames - len(sent)
-    row = {"frames": arguments.frames, "cut": touched, "whole_frames_read": counts["frames"], "counts": counts,
-           "exit_code": code}
-    print(f"random cuts            {touched} of {arguments.frames} frames cut, {counts['frames']} whole ones read, "
-          f"{counts.get('damaged_lines', 0)} lines damaged", flush=True)
-    # A cut over the end of a frame costs the next one too.
-    row["met"] = code == 0 and counts["frames"] >= arguments.frames - 2 * touched
-    return row
+    print("cuts, damaged:", ", ".join(f"{name} {count}" for name, count in cable.damaged.items()),
+          "- counted:", ", ".join(f"{name} {count}" for name, count in counts.items()), flush=True)
+    # A cut over the end of a frame costs the next one too; so may a closed connection.
+    touched = sum(cable.damaged.values())
+    met = code == 0 and counts["frames"] >= cable.sent - 2 * touched
+    return {"rows": rows, "damaged": cable.damaged, "counts": counts, "exit_code": code, "sent": cable.sent, "met": met}
 
 
 def study_memory(program, folder, arguments):
@@ -321,10 +396,14 @@ def study_memory(program, folder, arguments):
         live.send(frames[i % len(frames)])
         if i + 1 in marks:
             wait_for(lambda: len(live.answers) >= i - 2, f"the answer to frame {i}", 600)
-            rows.append({"frames": i + 1, "memory_kb": live.memory_kb(), "seconds": time.monotonic() - begun})
+            rows.append({"frames": i + 1, "fitted": len(live.answers), "memory_kb": live.memory_kb(),
+                         "seconds": time.monotonic() - begun})
             print(f"memory after {i + 1:7} frames  {rows[-1]['memory_kb'] / 1024:.1f} MiB  "
-                  f"({rows[-1]['seconds']:.0f} s)", flush=True)
+                  f"({rows[-1]['fitted']} answers, {rows[-1]['seconds']:.0f} s)", flush=True)
     live.end()
+    counts = live.counts()
+    print(f"memory, counted: {counts}", flush=True)
+    rows[-1]["fitted"] = counts["answers"] - counts.get("failed_frames", 0)
     return rows
 
 
@@ -333,13 +412,14 @@ def main():
     parser.add_argument("program")
     parser.add_argument("--frames", type=int, default=1000, help="of each sensor")
     parser.add_argument("--memory-frames", type=int, default=100_000)
+    parser.add_argument("--cut-seconds", type=float, default=60, help="in which frames are damaged")
     parser.add_argument("--browsers", type=int, default=50)
     parser.add_argument("--only", choices=["latency", "disturbances", "cuts", "memory"], action="append")
     parser.add_argument("--quick", action="store_true", help="few frames: whether it works, not how fast")
     parser.add_argument("--json", help="file for the figures")
     arguments = parser.parse_args()
     if arguments.quick:
-        arguments.frames, arguments.memory_frames, arguments.browsers = 20, 100, 5
+        arguments.frames, arguments.memory_frames, arguments.browsers, arguments.cut_seconds = 20, 100, 5, 3
     program = Path(arguments.program).resolve()
     studies = {"latency": study_latency, "disturbances": study_disturbances, "cuts": study_cuts,
                "memory": study_memory}

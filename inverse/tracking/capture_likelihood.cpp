@@ -108,6 +108,26 @@ class CaptureLikelihood final : public FrameLikelihood {
     return empty_.log_likelihood / inflation + empty_.log_prior + empty_.log_volume;
   }
 
+  double log_evidence_anywhere(double inflation) const override {
+    if (!compiled_.objects().empty() || compiled_.scene.linear.amplitude == LinearMode::per_zone) {
+      return std::numeric_limits<double>::infinity();
+    }
+    LinearSolution empty;
+    objective_.evaluate_empty(empty);
+    const MatchedFilter filter(objective_, empty, MatchedFilter::Weights::expected,
+                               MatchedFilter::Priors::used);
+    // Of each place the log posterior at its best amplitude: never less than what the amplitudes
+    // amount to together, nor than what a larger inflation leaves of it.
+    const Eigen::ArrayXd gain = filter.scores().cast<double>().array() / inflation;
+    const Eigen::ArrayXd prior = Eigen::Map<const Eigen::ArrayXf>(compiled_.log_prior.data(),
+                                                                  std::ssize(compiled_.log_prior))
+                                     .cast<double>();
+    const auto log_sum = [](const Eigen::ArrayXd& logs) {
+      return logs.maxCoeff() + std::log((logs - logs.maxCoeff()).exp().sum());
+    };
+    return log_evidence_empty(inflation) + log_sum(gain + prior) - log_sum(prior);
+  }
+
   void describe(const Eigen::VectorXd& at, FitResult& result) const override {
     Refined fitted;
     fitted.pose = at.head(poses());

@@ -124,6 +124,7 @@ void TrackerOptions::validate() const {
   require(probability(lost_probability), "lost_probability", "between 0 and 1");
   require(probability(gate_probability), "gate_probability", "between 0 and 1");
   require(search_interval > 0, "search_interval", "above 0");
+  require(worth_a_search >= 0 && worth_a_search < 1, "worth_a_search", "0 to below 1");
   require(merge_distance2 >= 0, "merge_distance2", "at least 0");
   require(negligible_weight >= 0 && negligible_weight < 1, "negligible_weight", "0 to below 1");
   require(max_modes >= 1, "max_modes", "at least 1");
@@ -272,9 +273,23 @@ bool Tracker::search_is_due() const {
   return since_search_ >= std::min(options_.search_interval, heaviest_age_ / 2);
 }
 
+/// Of presence after a frame, whose evidences with an object and without these are. With a prior of
+/// one there is no doubt; logs of zero are meant.
+double Tracker::log_odds(double log_present, double log_empty) const {
+  return std::log(presence_) + log_present - std::log(1 - presence_) - log_empty;
+}
+
 /// All explanations of a frame with their weights; updates the probability of presence.
 std::vector<Tracker::Hypothesis> Tracker::explain(const FrameLikelihood& frame, TrackPoint& point) {
   const double log_empty = frame.log_evidence_empty(inflation_);
+  if (modes_.empty() && options_.worth_a_search > 0) {
+    const double odds = log_odds(frame.log_evidence_anywhere(inflation_), log_empty);
+    const double presence = 1 / (1 + std::exp(-odds));
+    if (presence < options_.worth_a_search) {
+      presence_ = presence;
+      return {};
+    }
+  }
   std::vector<Hypothesis> shown;
   bool surprised = false;
   std::vector<FrameLikelihood::Update> updates(modes_.size());
@@ -335,9 +350,7 @@ std::vector<Tracker::Hypothesis> Tracker::explain(const FrameLikelihood& frame, 
   }
   double log_present = -std::numeric_limits<double>::infinity();
   for (const Hypothesis& h : all) log_present = log_sum(log_present, h.log_weight);
-  // With a prior of one there is no doubt; logs of zero are meant.
-  const double odds = std::log(1 - presence_) + log_empty - std::log(presence_) - log_present;
-  presence_ = 1 / (1 + std::exp(odds));
+  presence_ = 1 / (1 + std::exp(-log_odds(log_present, log_empty)));
   return all;
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// `blindcorner live SCENE --input DEVICE|FILE|-|tcp://host:port`.
+/// `blindcorner live SCENE --input DEVICE|FILE|-|tcp://host:port|zmq://host:port`.
 #include "commands/live.h"
 
 #include <unistd.h>
@@ -218,7 +218,8 @@ int run_live(LiveArguments arguments) {
 void add_input_options(CLI::App& command, LiveArguments& arguments) {
   command
       .add_option("-i,--input", arguments.input.address,
-                  "serial device, file, - (standard input) or tcp://host:port")
+                  "serial device, file, - (standard input), tcp://host:port, or zmq://host:port "
+                  "(the TMF8829 makers' publisher)")
       ->required()
       ->type_name("INPUT");
   command.add_option("--baud", arguments.input.baud, "speed of a serial device")

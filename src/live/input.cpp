@@ -19,13 +19,14 @@
 #include <utility>
 
 #include "blindcorner/forward/error.h"
+#include "io/readers/tmf8829_message.h"
 
 namespace blindcorner::live {
 namespace {
 
 using namespace std::chrono_literals;
 
-constexpr std::string_view kTcp = "tcp://";
+constexpr std::string_view kTcp = "tcp://", kZeroMq = "zmq://";
 /// Between two attempts to open what is not there.
 constexpr auto kRetry = 300ms;
 constexpr auto kConnectPatience = 1000ms;
@@ -70,8 +71,10 @@ bool connect_in_time(int fd, const addrinfo& to) {
 
 bool is_tcp_address(const std::string& text) { return text.starts_with(kTcp); }
 
-TcpAddress parse_tcp_address(const std::string& text, const std::string& field) {
-  const std::string rest = is_tcp_address(text) ? text.substr(kTcp.size()) : std::string{};
+TcpAddress parse_tcp_address(const std::string& text, const std::string& field,
+                             const std::string& scheme) {
+  const std::string before = scheme + "://";
+  const std::string rest = text.starts_with(before) ? text.substr(before.size()) : std::string{};
   const std::size_t colon = rest.rfind(':');
   TcpAddress address;
   if (colon != std::string::npos) {
@@ -83,7 +86,7 @@ TcpAddress parse_tcp_address(const std::string& text, const std::string& field) 
   const bool digits = !address.port.empty() && address.port.size() <= 5 &&
                       address.port.find_first_not_of("0123456789") == std::string::npos;
   if (address.host.empty() || !digits || std::stoi(address.port) > 65535) {
-    throw Error(field, "found '" + text + "', accepted: tcp://host:port");
+    throw Error(field, "found '" + text + "', accepted: " + before + "host:port");
   }
   return address;
 }
@@ -98,13 +101,23 @@ Input::Input(InputOptions options, Tally& tally) : options_(std::move(options)),
     if (fd_ < 0) throw Error("standard input", std::strerror(errno));
     return;
   }
+  if (options_.address.starts_with(kZeroMq)) {
+    parse_tcp_address(options_.address, "input", "zmq");
+    kind_ = Kind::zeromq;
+    publisher_ = std::make_unique<ZeroMqSubscriber>(
+        std::string(kTcp) + options_.address.substr(kZeroMq.size()), "input");
+    if (!options_.waits && !publisher_->connected_within(kConnectPatience)) {
+      throw Error(options_.address, "no ZeroMQ publisher answers");
+    }
+    return;
+  }
   if (is_tcp_address(options_.address)) {
     parse_tcp_address(options_.address, "input");
     kind_ = Kind::tcp;
   } else if (::stat(options_.address.c_str(), &status) == 0) {
     if (S_ISDIR(status.st_mode)) {
       throw Error(options_.address,
-                  "is a folder, accepted: a device, a file, - or tcp://host:port");
+                  "is a folder, accepted: a device, a file, -, tcp://host:port or zmq://host:port");
     }
     kind_ = S_ISREG(status.st_mode) ? Kind::file : Kind::device;
   } else if (options_.address.starts_with("/dev/")) {
@@ -190,8 +203,31 @@ Input::Event Input::pause(std::chrono::milliseconds patience) {
   return Event::nothing;
 }
 
+/// A message becomes the line that a log would have. ZeroMQ itself connects again.
+Input::Event Input::read_published(std::string& into, std::chrono::milliseconds patience) {
+  std::string message;
+  switch (publisher_->receive(message, patience)) {
+    case ZeroMqSubscriber::Event::message:
+      try {
+        into = tmf8829_line(message);
+      } catch (const Error& damage) {
+        tally_.note(Count::damaged_lines, options_.address + ": " + damage.what());
+        return Event::nothing;
+      }
+      return Event::bytes;
+    case ZeroMqSubscriber::Event::disconnected:
+      if (!options_.waits) return Event::ended;
+      tally_.note(Count::interruptions,
+                  options_.address + ": the connection was closed; waiting for it");
+      return Event::interrupted;
+    default:
+      return Event::nothing;
+  }
+}
+
 Input::Event Input::read(std::string& into, std::chrono::milliseconds patience) {
   into.clear();
+  if (kind_ == Kind::zeromq) return read_published(into, patience);
   if (fd_ < 0) return pause(patience);
   if (!has_bytes(fd_, POLLIN, patience)) return Event::nothing;
   into.resize(kMostBytes);

@@ -1,24 +1,28 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Where a stream comes from: a serial device, a file, standard input, a TCP port.
+/// Where a stream comes from: a serial device, a file, standard input, a TCP port, a ZeroMQ
+/// publisher.
 #pragma once
 
 #include <chrono>
+#include <memory>
 #include <string>
 
 #include "live/tally.h"
+#include "live/zeromq.h"
 
 namespace blindcorner::live {
 
-/// tcp://host:port, taken apart. Throws Error naming `field`.
+/// scheme://host:port, taken apart. Throws Error naming `field`.
 struct TcpAddress {
   std::string host;
   std::string port;
 };
-TcpAddress parse_tcp_address(const std::string& text, const std::string& field);
+TcpAddress parse_tcp_address(const std::string& text, const std::string& field,
+                             const std::string& scheme = "tcp");
 bool is_tcp_address(const std::string& text);
 
 struct InputOptions {
-  std::string address;  ///< DEVICE, FILE, "-" or tcp://host:port
+  std::string address;  ///< DEVICE, FILE, "-", tcp://host:port or zmq://host:port
   int baud = 115200;    ///< of a serial device; a pseudo-terminal or USB device takes any
   bool waits = true;    ///< for a device or port that is not there, or goes away
 };
@@ -41,11 +45,12 @@ class Input {
   bool is_file() const { return kind_ == Kind::file; }
 
  private:
-  enum class Kind { file, pipe, device, tcp };
+  enum class Kind { file, pipe, device, tcp, zeromq };
 
   bool open();
   int connect_tcp(std::string& problem) const;
   void set_up_serial() const;
+  Event read_published(std::string& into, std::chrono::milliseconds patience);
   Event lost(const std::string& reason);
   Event pause(std::chrono::milliseconds patience);
 
@@ -53,6 +58,7 @@ class Input {
   Tally& tally_;
   Kind kind_ = Kind::file;
   int fd_ = -1;
+  std::unique_ptr<ZeroMqSubscriber> publisher_;
   bool told_waiting_ = false;
   std::chrono::steady_clock::time_point next_try_{};
 };

@@ -206,6 +206,11 @@ struct PageServer::Impl {
 
   void serve_events(httplib::Response& response) {
     const std::shared_ptr<EventHub::Queue> queue = hub.join();
+    if (queue == nullptr && hub.closed()) {  // the program ends, nothing was wrong
+      response.status = 503;
+      response.set_content("live has ended\n", "text/plain");
+      return;
+    }
     if (queue == nullptr) {
       tally.note(Count::refused_requests, "a request was refused: too many browsers");
       response.status = 503;

@@ -144,9 +144,11 @@ void TrackingLoop::calibrate(const TellState& tell) {
 void TrackingLoop::prepare(const Capture& capture) {
   try {
     Clock::time_point begun{};
+    TrackerOptions searching = tracker_options();
+    searching.worth_a_search = 0;  // in any case
     for (int i = 0; i < 2; ++i) {  // the first compiles
       begun = Clock::now();
-      Tracker(*scene_, motion_, tracker_options()).advance(0, fitter_->frame(capture));
+      Tracker(*scene_, motion_, searching).advance(0, fitter_->frame(capture));
     }
     tracker_.emplace(*scene_, motion_, tracker_options_for(seconds(Clock::now() - begun)));
   } catch (const std::exception&) {  // the answer says so

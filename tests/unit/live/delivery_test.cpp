@@ -276,6 +276,13 @@ TEST_F(Server, ServesThePageToThoseWithTheTokenOnly) {
               StartsWith("HTTP/1.1 403"));
 }
 
+TEST_F(Server, ABrowserThatComesBackWhileTheProgramEndsIsNoFault) {
+  hub_.close();
+  EXPECT_THAT(get("/events?token=secret"),
+              AllOf(StartsWith("HTTP/1.1 503"), HasSubstr("live has ended")));
+  EXPECT_EQ(tally_.of(Count::refused_requests), 0);
+}
+
 TEST_F(Server, EventsComeAsTheyArePublished) {
   std::thread publisher([&] {
     while (hub_.clients() == 0) std::this_thread::sleep_for(5ms);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <limits>
 #include <vector>
 
 #include "blindcorner/inverse/fit.h"
@@ -39,6 +40,12 @@ class FrameLikelihood {
 
   /// Log evidence of a scene without the object, on the scale of Update::log_evidence.
   virtual double log_evidence_empty(double inflation) const = 0;
+
+  /// Log evidence of an object that may be anywhere in the search region, on the same scale, as far
+  /// as a look at all places tells that follows none of them. Infinity: it cannot be told so.
+  virtual double log_evidence_anywhere(double /*inflation*/) const {
+    return std::numeric_limits<double>::infinity();
+  }
 
   /// Adds to a result what a page shows of this frame: histograms and goodness of fit.
   virtual void describe(const Eigen::VectorXd& at, FitResult& result) const = 0;

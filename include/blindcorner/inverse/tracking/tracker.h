@@ -34,6 +34,10 @@ struct TrackerOptions {
   /// Time after which the whole region is searched in any case, s. While a track is young, that is
   /// done each time its age has doubled.
   double search_interval = 2.0;
+  /// While nothing is tracked, the region is searched where FrameLikelihood::log_evidence_anywhere
+  /// leaves an object this probability at least; 0: in every frame. A track begins at one half: the
+  /// rest is what that may be off, a factor of twenty.
+  double worth_a_search = 0.05;
   /// Hypotheses closer than this (squared Mahalanobis distance under the wider one) are one: two
   /// equal Gaussians have one summit until they are two standard deviations apart.
   double merge_distance2 = 1.0;
@@ -147,6 +151,7 @@ class Tracker {
 
   void predict_all(double dt);
   bool search_is_due() const;
+  double log_odds(double log_present, double log_empty) const;
   std::vector<Hypothesis> explain(const FrameLikelihood& frame, TrackPoint& point);
   void search(const FrameLikelihood& frame, std::span<const Eigen::VectorXd> starts, double share,
               std::vector<Hypothesis>& hypotheses) const;

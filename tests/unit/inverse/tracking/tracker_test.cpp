@@ -109,6 +109,25 @@ class EmptyFrame final : public FrameLikelihood {
   void describe(const VectorXd&, FitResult&) const override {}
 };
 
+/// A frame of which the look at all places says so much; a search would find `place`.
+class LookedAtFrame final : public FrameLikelihood {
+ public:
+  LookedAtFrame(double log_anywhere, VectorXd place)
+      : log_anywhere_(log_anywhere), place_(std::move(place)) {}
+
+  Update update(const Gaussian&, const VectorXd&, double) const override {
+    return {{place_, 0.01 * MatrixXd::Identity(2, 2)}, 20, 20};
+  }
+  std::vector<VectorXd> starts() const override { return {place_}; }
+  double log_evidence_empty(double) const override { return 0; }
+  double log_evidence_anywhere(double) const override { return log_anywhere_; }
+  void describe(const VectorXd&, FitResult&) const override {}
+
+ private:
+  double log_anywhere_;
+  VectorXd place_;
+};
+
 /// Never surprised and never in doubt: the Kalman filter's own assumptions.
 TrackerOptions certain() {
   TrackerOptions options;
@@ -376,6 +395,32 @@ TEST(Tracker, EndsWhenTheObjectHasLeftAndStartsAgain) {
   EXPECT_TRUE(smoothed.back().has_value());
 }
 
+TEST(Tracker, SearchesWhereTheLookAtAllPlacesLeavesADoubt) {
+  const Scene scene = floor_scene();  // presence has a prior of one half
+  const VectorXd place = vector({1, 1});
+  const double odds = TrackerOptions{}.worth_a_search / (1 - TrackerOptions{}.worth_a_search);
+  // Just too little: no search, and presence is what the look says.
+  Tracker dark(scene, walking());
+  TrackPoint point = dark.advance(0, std::make_shared<LookedAtFrame>(std::log(0.9 * odds), place));
+  EXPECT_FALSE(point.searched);
+  EXPECT_TRUE(point.modes.empty());
+  EXPECT_NEAR(point.presence_probability, 0.9 * odds / (1 + 0.9 * odds), 1e-12);
+  // Just enough: searched, and the search decides.
+  Tracker bright(scene, walking());
+  point = bright.advance(0, std::make_shared<LookedAtFrame>(std::log(1.1 * odds), place));
+  EXPECT_TRUE(point.searched);
+  ASSERT_EQ(point.modes.size(), 1U);
+  EXPECT_GT(point.presence_probability, 0.99);
+  // What frame after frame says in favour adds up until it is worth a search.
+  point = dark.advance(0.1, std::make_shared<LookedAtFrame>(1, place));
+  EXPECT_TRUE(point.searched);
+  // Asked to, it searches in any case.
+  TrackerOptions always;
+  always.worth_a_search = 0;
+  Tracker thorough(scene, walking(), always);
+  EXPECT_TRUE(thorough.advance(0, std::make_shared<LookedAtFrame>(-50, place)).searched);
+}
+
 TEST(Tracker, OneFrameElsewhereDoesNotMoveTheTrackButSeveralDo) {
   const Scene scene = floor_scene();
   const MatrixXd noise = 1e-4 * MatrixXd::Identity(2, 2);
@@ -575,6 +620,37 @@ TEST_F(CaptureLikelihood, StartsHoldTheTruth) {
   const auto starts = fitter.frame(noiseless(scene, pose, 1.0))->starts();
   ASSERT_FALSE(starts.empty());
   EXPECT_LT((starts.front().head(2) - pose).norm(), 0.01);
+}
+
+TEST_F(CaptureLikelihood, TheLookAtAllPlacesPromisesNoLessThanASearchFinds) {
+  // What it may lack is what TrackerOptions::worth_a_search leaves it.
+  const double lacks = std::log(0.5 / TrackerOptions{}.worth_a_search);
+  Gaussian unknown{VectorXd::Zero(3), MatrixXd::Identity(3, 3)};
+  for (Eigen::Index i = 0; i < 2; ++i) {
+    const Unknown& range = scene.unknowns[static_cast<std::size_t>(i)];
+    unknown.mean[i] = range.lower + 0.5 * range.range();
+    unknown.covariance(i, i) = range.range() * range.range() / 12;
+  }
+  const AmplitudePrior& brightness = scene.linear.amplitude_prior;
+  unknown.mean[2] = std::log(brightness.median);
+  unknown.covariance(2, 2) = brightness.sigma_log * brightness.sigma_log;
+  int doubtful = 0;
+  for (const double amplitude : {1e-6, 0.003, 0.01, 0.03, 0.1}) {
+    for (std::uint64_t seed = 0; seed < 6; ++seed) {
+      Capture capture = noiseless(scene, pose_at(0.2 + 0.1 * static_cast<double>(seed)), amplitude);
+      capture.counts = draw_counts(scene, capture.counts, 1, seed);
+      const auto frame = fitter.frame(capture);
+      const double empty = frame->log_evidence_empty(1);
+      const double promised = frame->log_evidence_anywhere(1) - empty;
+      double found = 0;
+      for (const VectorXd& start : frame->starts()) {
+        found += std::exp(frame->update(unknown, start, 1).log_evidence - empty);
+      }
+      EXPECT_LT(std::log(found), promised + lacks) << amplitude << ", seed " << seed;
+      doubtful += promised < 0 ? 1 : 0;
+    }
+  }
+  EXPECT_GT(doubtful, 3);  // or it would promise something everywhere
 }
 
 }  // namespace

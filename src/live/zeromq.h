@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+/// What a ZeroMQ publisher sends. Without libzmq at build time, a subscriber cannot be made.
+#pragma once
+
+#include <chrono>
+#include <memory>
+#include <string>
+
+namespace blindcorner::live {
+
+class ZeroMqSubscriber {
+ public:
+  enum class Event { message, nothing, connected, disconnected };
+
+  /// Connects to tcp://host:port in the background, again and again. Throws Error for what ZeroMQ
+  /// refuses, or where the program was built without it; `field` is what the user called it.
+  ZeroMqSubscriber(const std::string& address, const std::string& field);
+  ~ZeroMqSubscriber();
+
+  /// Whether the publisher answers within `patience`.
+  bool connected_within(std::chrono::milliseconds patience);
+
+  /// Waits at most `patience`. A message replaces what `into` holds.
+  Event receive(std::string& into, std::chrono::milliseconds patience);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace blindcorner::live
