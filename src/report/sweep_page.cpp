@@ -78,21 +78,26 @@ double p90_of(const SweepFigures& f) { return f.p90; }
 double rms_of_right(const SweepFigures& f) { return f.right_rms; }
 
 /// Settings, other methods, the default and the front, as series of a chart.
-void add_front(const std::vector<ChartPoint>& points, const std::vector<bool>& solver,
+void add_front(const std::vector<ChartPoint>& points, const std::vector<std::string>& kinds,
                bool label_front, Chart& chart) {
   ChartSeries settings{"settings of the solver", {}, SeriesStyle::marks, kSettingColour};
+  ChartSeries old{"old solver", {}, SeriesStyle::marks, colour::kTruth};
   ChartSeries others{"other methods", {}, SeriesStyle::marks, kOtherColour};
   ChartSeries chosen{"default", {}, SeriesStyle::circles, kDefaultColour};
   ChartSeries front{
       "front", {}, label_front ? SeriesStyle::labelled_line : SeriesStyle::line, kFrontColour};
   std::vector<CostAndError> places;
   for (std::size_t i = 0; i < points.size(); ++i) {
-    (solver[i] ? settings : others).points.push_back(points[i]);
+    ChartSeries& own = kinds[i] == "old solver"      ? old
+                       : kinds[i] == "other methods" ? others
+                                                     : settings;
+    own.points.push_back(points[i]);
     places.push_back({points[i].x, points[i].y});
   }
   if (!points.empty()) chosen.points.push_back(points.front());
   for (const std::size_t i : pareto_front(places)) front.points.push_back(points[i]);
   chart.series = {front, settings, others, chosen};
+  if (!old.points.empty()) chart.series.insert(chart.series.begin() + 2, old);
 }
 
 Chart level_picture(const SweepScene& scene, const SweepLevel& level, TimeOf time, ErrorOf error,
@@ -102,15 +107,15 @@ Chart level_picture(const SweepScene& scene, const SweepLevel& level, TimeOf tim
   chart.width = 370;
   chart.height = 300;
   std::vector<ChartPoint> points;
-  std::vector<bool> solver;
+  std::vector<std::string> kinds;
   const double least = kMinShownTime * time(level.cells.front(), level.figures.front());
   for (std::size_t m = 0; m < scene.methods.size(); ++m) {
     if (time(level.cells[m], level.figures[m]) < least) continue;
     points.push_back(
         {time(level.cells[m], level.figures[m]), error(level.figures[m]), scene.methods[m].name});
-    solver.push_back(scene.methods[m].solver);
+    kinds.push_back(scene.methods[m].varies);
   }
-  add_front(points, solver, false, chart);
+  add_front(points, kinds, false, chart);
   chart.rules = {{"bound", bound, false}};
   return chart;
 }
@@ -164,13 +169,13 @@ Chart ratio_chart(const SweepVerdict& verdict) {
   chart.width = 760;
   chart.height = 440;
   std::vector<ChartPoint> points;
-  std::vector<bool> solver;
+  std::vector<std::string> kinds;
   for (const SweepRatio& r : verdict.ratios) {
     if (r.time < kMinShownTime) continue;
     points.push_back({r.time, r.error, r.name});
-    solver.push_back(r.solver);
+    kinds.push_back(r.varies);
   }
-  add_front(points, solver, true, chart);
+  add_front(points, kinds, true, chart);
   return chart;
 }
 
@@ -312,7 +317,9 @@ nlohmann::ordered_json sweep_json(const SweepReport& report) {
   json["captures"] = report.options.captures;
   json["seed"] = report.options.seed;
   json["truth_sampling"] = report.options.sampling;
-  json["true_light"] = report.options.light == TrueLight::reference ? "reference" : "sensor";
+  json["true_light"] = !report.options.traced.empty()                 ? "tracer"
+                       : report.options.light == TrueLight::reference ? "reference"
+                                                                      : "sensor";
   json["wrong"] = report.options.wrong;
   const SweepVerdict& verdict = report.verdict;
   json["headline"] = verdict.headline();
@@ -353,6 +360,33 @@ nlohmann::ordered_json sweep_json(const SweepReport& report) {
   return json;
 }
 
+std::string sweep_svg(const SweepReport& report) {
+  constexpr int kWidth = 370, kHeight = 300;  // pixels of a picture
+  std::string pictures;
+  int row = 0;
+  std::size_t columns = 0;
+  for (const SweepScene& scene : report.scenes) {
+    for (std::size_t i = 0; i < scene.levels.size(); ++i) {
+      Chart chart = level_picture(scene, scene.levels[i], following_ms, median_of,
+                                  scene.levels[i].bound_median, "median error, m");
+      chart.title = scene.name + ", " + chart.title;
+      chart.width = kWidth;
+      chart.height = kHeight;
+      pictures += formatted("<g transform=\"translate(%d,%d)\">", static_cast<int>(i) * kWidth,
+                            row * kHeight) +
+                  chart_svg(chart) + "</g>\n";
+    }
+    columns = std::max(columns, scene.levels.size());
+    ++row;
+  }
+  return formatted(
+             "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %d %d\" "
+             "font-family=\"sans-serif\" font-size=\"12\">\n"
+             "<rect width=\"100%%\" height=\"100%%\" fill=\"#fff\"/>\n",
+             static_cast<int>(columns) * kWidth, row * kHeight) +
+         pictures + "</svg>\n";
+}
+
 std::string sweep_page(const SweepReport& report) {
   const SweepOptions& options = report.options;
   std::string body = "<ul>";
@@ -361,12 +395,18 @@ std::string sweep_page(const SweepReport& report) {
   }
   body += "</ul>\n";
   body += formatted(
-      "<p>%d captures of each scene at each level of light, the same for all methods, seed %llu. "
-      "Poses and brightness come from the scene's priors, the light from ",
+      "<p>%d captures of each scene at each level of light, the same for all methods, seed %llu. ",
       options.captures, static_cast<unsigned long long>(options.seed));
-  body += options.light == TrueLight::reference
-              ? "the reference renderer, which sums pair by pair at other points than the fit."
-              : "the simulated sensor, which samples at other points than the fit.";
+  const char* const drawn =
+      "Poses and brightness come from the scene's priors, the light from the ";
+  if (!options.traced.empty()) {
+    body += "Poses and light come from an independent path tracer.";
+  } else if (options.light == TrueLight::reference) {
+    body += std::string(drawn) +
+            "reference renderer, which sums pair by pair at other points than the fit.";
+  } else {
+    body += std::string(drawn) + "simulated sensor, which samples at other points than the fit.";
+  }
   if (!options.wrong.empty()) {
     body += " The true scene has one effect that no method is told of: <b>" +
             html_safe(options.wrong) + "</b>.";
