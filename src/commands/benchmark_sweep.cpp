@@ -146,6 +146,10 @@ int run_sweep(const SweepArguments& arguments, std::vector<std::string> scenes,
   report.options = arguments.options;
   report.options.light = arguments.light == "sensor" ? TrueLight::sensor : TrueLight::reference;
   report.options.validate();
+  const bool traced = arguments.light == "tracer";
+  if (traced && !report.options.wrong.empty()) {
+    throw Error("--wrong", "found it with --light tracer, accepted: light of this program's own");
+  }
   if (scenes.empty()) scenes.assign(std::begin(kSweepScenes), std::end(kSweepScenes));
   const std::vector<SolverSetting> settings = wanted_settings(arguments.settings);
   std::vector<CnnBaseline> networks;
@@ -164,9 +168,7 @@ int run_sweep(const SweepArguments& arguments, std::vector<std::string> scenes,
     const std::vector<SweptMethod> methods = swept_methods(scene, settings, networks);
     Progress progress(scene.name, methods.size() * report.options.photons.size() *
                                       static_cast<std::size_t>(report.options.captures));
-    if (arguments.light == "tracer") {
-      report.options.traced = traced_file(arguments.data, scene.path);
-    }
+    if (traced) report.options.traced = traced_file(arguments.data, scene.path);
     SweepScene swept = sweep_scene(scene, methods, report.options, [&] {
       progress.advance();
       if (Interruptible::asked()) throw StudyInterrupted{};

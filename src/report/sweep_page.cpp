@@ -78,26 +78,21 @@ double p90_of(const SweepFigures& f) { return f.p90; }
 double rms_of_right(const SweepFigures& f) { return f.right_rms; }
 
 /// Settings, other methods, the default and the front, as series of a chart.
-void add_front(const std::vector<ChartPoint>& points, const std::vector<std::string>& kinds,
+void add_front(const std::vector<ChartPoint>& points, const std::vector<bool>& solver,
                bool label_front, Chart& chart) {
   ChartSeries settings{"settings of the solver", {}, SeriesStyle::marks, kSettingColour};
-  ChartSeries old{"old solver", {}, SeriesStyle::marks, colour::kTruth};
   ChartSeries others{"other methods", {}, SeriesStyle::marks, kOtherColour};
   ChartSeries chosen{"default", {}, SeriesStyle::circles, kDefaultColour};
   ChartSeries front{
       "front", {}, label_front ? SeriesStyle::labelled_line : SeriesStyle::line, kFrontColour};
   std::vector<CostAndError> places;
   for (std::size_t i = 0; i < points.size(); ++i) {
-    ChartSeries& own = kinds[i] == "old solver"      ? old
-                       : kinds[i] == "other methods" ? others
-                                                     : settings;
-    own.points.push_back(points[i]);
+    (solver[i] ? settings : others).points.push_back(points[i]);
     places.push_back({points[i].x, points[i].y});
   }
   if (!points.empty()) chosen.points.push_back(points.front());
   for (const std::size_t i : pareto_front(places)) front.points.push_back(points[i]);
   chart.series = {front, settings, others, chosen};
-  if (!old.points.empty()) chart.series.insert(chart.series.begin() + 2, old);
 }
 
 Chart level_picture(const SweepScene& scene, const SweepLevel& level, TimeOf time, ErrorOf error,
@@ -107,15 +102,15 @@ Chart level_picture(const SweepScene& scene, const SweepLevel& level, TimeOf tim
   chart.width = 370;
   chart.height = 300;
   std::vector<ChartPoint> points;
-  std::vector<std::string> kinds;
+  std::vector<bool> solver;
   const double least = kMinShownTime * time(level.cells.front(), level.figures.front());
   for (std::size_t m = 0; m < scene.methods.size(); ++m) {
     if (time(level.cells[m], level.figures[m]) < least) continue;
     points.push_back(
         {time(level.cells[m], level.figures[m]), error(level.figures[m]), scene.methods[m].name});
-    kinds.push_back(scene.methods[m].varies);
+    solver.push_back(scene.methods[m].solver);
   }
-  add_front(points, kinds, false, chart);
+  add_front(points, solver, false, chart);
   chart.rules = {{"bound", bound, false}};
   return chart;
 }
@@ -169,13 +164,13 @@ Chart ratio_chart(const SweepVerdict& verdict) {
   chart.width = 760;
   chart.height = 440;
   std::vector<ChartPoint> points;
-  std::vector<std::string> kinds;
+  std::vector<bool> solver;
   for (const SweepRatio& r : verdict.ratios) {
     if (r.time < kMinShownTime) continue;
     points.push_back({r.time, r.error, r.name});
-    kinds.push_back(r.varies);
+    solver.push_back(r.solver);
   }
-  add_front(points, kinds, true, chart);
+  add_front(points, solver, true, chart);
   return chart;
 }
 

@@ -20,8 +20,6 @@ struct SettingRow {
 };
 
 using Setting = SolverSetting;
-/// Exact light in every sample, and splines through exact histograms.
-const char* const kOldSolver = "old solver";
 
 const SettingRow kSettings[] = {
     {"default", "default", [](Setting&) {}},
@@ -36,29 +34,18 @@ const SettingRow kSettings[] = {
     {"scored poses", "75 poses", [](Setting& s) { s.fit.max_closed_form_poses = 75; }},
     {"scored poses", "200 poses", [](Setting& s) { s.fit.max_closed_form_poses = 200; }},
     {"scored poses", "2400 poses", [](Setting& s) { s.fit.max_closed_form_poses = 2400; }},
-    {kOldSolver, "2000 exact poses",
+    {"exact tables", "2000 exact poses",
      [](Setting& s) {
        s.fit.captures_per_placement = kManyCapturesExpected;
        s.fit.max_scored_poses = 2000;
      }},
-    {kOldSolver, "20000 exact poses",
+    {"exact tables", "20000 exact poses",
      [](Setting& s) { s.fit.captures_per_placement = kManyCapturesExpected; }},
     {"negligible modes", "negligible 4", [](Setting& s) { s.fit.negligible_log_posterior = 4; }},
     {"negligible modes", "negligible 24", [](Setting& s) { s.fit.negligible_log_posterior = 24; }},
     {"importance samples", "no samples", [](Setting& s) { s.fit.importance_samples = 0; }},
     {"importance samples", "64 samples", [](Setting& s) { s.fit.importance_samples = 64; }},
     {"importance samples", "1024 samples", [](Setting& s) { s.fit.importance_samples = 1024; }},
-    {kOldSolver, "exact light 64",
-     [](Setting& s) {
-       s.fit.left_out = {FitRule::local_light};
-       s.fit.importance_samples = 64;
-     }},
-    {kOldSolver, "exact light 256", [](Setting& s) { s.fit.left_out = {FitRule::local_light}; }},
-    {kOldSolver, "exact light 1024",
-     [](Setting& s) {
-       s.fit.left_out = {FitRule::local_light};
-       s.fit.importance_samples = 1024;
-     }},
     {"empty captures", "no empty captures", [](Setting& s) { s.fit.empty_captures = 0; }},
     {"threads", "2 threads", [](Setting& s) { s.threads = 2; }},
     {"combination", "quick",
