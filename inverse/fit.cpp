@@ -204,9 +204,13 @@ std::unique_ptr<MovedModels> move_sensor(const std::vector<SensorPlacement>& pla
   return moved;
 }
 
-/// The answer to a capture without a single photon: the prior, and how likely darkness is.
+bool no_photons(const Observation& observation) {
+  return observation.likelihood.front()->counts_photons() && observation.total_count() <= 0;
+}
+
+/// The answer to captures without a single photon: the prior, and how likely darkness is.
 void answer_darkness(const CompiledScene& compiled, const Observation& observation,
-                     FitResult& result) {
+                     std::span<const Capture> captures, FitResult& result) {
   const Scene& scene = compiled.scene;
   PoseMode mode;
   mode.weight = 1;
@@ -241,6 +245,17 @@ void answer_darkness(const CompiledScene& compiled, const Observation& observati
       presence_probability(std::log(dark / count), 0.0, scene.presence_prior);
   result.false_alarm_probability = 1;
   result.flags = {"no_photons", "nothing_detected"};
+  for (const Capture& capture : captures) {
+    FittedHistograms unlit;
+    unlit.measured = capture.counts;
+    unlit.model = unlit.object =
+        HistogramCube(capture.counts.rows, capture.counts.columns, capture.counts.bins);
+    unlit.zone_used.assign(static_cast<std::size_t>(capture.counts.zones()), true);
+    unlit.ambient = unlit.direct = unlit.amplitude =
+        std::vector<double>(unlit.zone_used.size(), 0.0);
+    unlit.end_bin = capture.counts.bins;
+    result.histograms.push_back(std::move(unlit));
+  }
 }
 
 /// Mixes the prior into mean and covariance of the whole posterior, for captures that something
@@ -465,11 +480,15 @@ struct Fitter::Impl {
     }
   }
 
-  /// Starts from a part of the search region, with their log posterior in the whole one.
-  void add_starts(const CompiledScene& part, std::span<const Capture> captures,
-                  const PoseObjective& whole, Scored& scored) const {
-    const Observation observation = observe(part, captures);
-    const PoseObjective objective(part, observation);
+  /// Every pose on the grid, and where the scene needs it those of the part near the relay too,
+  /// with their log posterior in the whole search region.
+  Scored score_all(Prepared& known, std::span<const Capture> captures, const PoseObjective& whole,
+                   const LinearSolution& without) const {
+    Scored scored = score(whole, without, options.max_starts, options.negligible_log_posterior);
+    const CompiledScene* part = near_relay(known);
+    if (part == nullptr) return scored;
+    const Observation observation = observe(*part, captures);
+    const PoseObjective objective(*part, observation);
     LinearSolution empty;
     objective.evaluate_empty(empty);
     const LightSource light(whole.compiled().coarse);
@@ -481,6 +500,7 @@ struct Fitter::Impl {
       scored.starts.push_back(std::move(start));
     }
     std::ranges::stable_sort(scored.starts, std::greater{}, &Candidate::log_posterior);
+    return scored;
   }
 
   struct Search {
@@ -535,16 +555,11 @@ std::optional<Fitter::Impl::Search> Fitter::Impl::search_by_few(std::span<const 
   }
   const std::shared_ptr<Prepared> known = prepare(placements);
   const Observation observation = observe(*known->compiled, few);
-  if (observation.zones.empty()) return std::nullopt;
-  if (observation.likelihood.front()->counts_photons() && observation.total_count() <= 0) {
-    return std::nullopt;
-  }
+  if (observation.zones.empty() || no_photons(observation)) return std::nullopt;
   const PoseObjective objective(*known->compiled, observation);
   LinearSolution empty;
   const PoseValue nothing = objective.evaluate_empty(empty);
-  Scored scored = score(objective, empty, options.max_starts, options.negligible_log_posterior);
-  if (const CompiledScene* part = near_relay(*known)) add_starts(*part, few, objective, scored);
-  Search found = search(objective, scored);
+  Search found = search(objective, score_all(*known, few, objective, empty));
   found.renders = objective.renders();
   if (found.optima.empty()) return std::nullopt;
   const Refined& top = found.optima.front();
@@ -600,19 +615,8 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   if (observation.zones.empty()) {
     throw Error(captures.front().source, "found no zone with valid bins, accepted: at least one");
   }
-  if (observation.likelihood.front()->counts_photons() && observation.total_count() <= 0) {
-    answer_darkness(compiled, observation, result);
-    for (const Capture& capture : captures) {
-      FittedHistograms dark;
-      dark.measured = capture.counts;
-      dark.model = dark.object =
-          HistogramCube(capture.counts.rows, capture.counts.columns, capture.counts.bins);
-      dark.zone_used.assign(static_cast<std::size_t>(capture.counts.zones()), true);
-      dark.amplitude.assign(dark.zone_used.size(), 0.0);
-      dark.ambient = dark.direct = dark.amplitude;
-      dark.end_bin = capture.counts.bins;
-      result.histograms.push_back(std::move(dark));
-    }
+  if (no_photons(observation)) {
+    answer_darkness(compiled, observation, captures, result);
     result.time_ms.total = total.lap();
     return result;
   }
@@ -621,10 +625,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   doing("scoring");
   LinearSolution empty;
   const PoseValue nothing = objective.evaluate_empty(empty);
-  Scored scored = score(objective, empty, options.max_starts, options.negligible_log_posterior);
-  if (const CompiledScene* part = near_relay(*known)) {
-    add_starts(*part, captures, objective, scored);
-  }
+  const Scored scored = score_all(*known, captures, objective, empty);
   result.time_ms.score = stage.lap();
   doing("refining");
   Search found;
@@ -635,14 +636,14 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   }
   std::vector<Refined>& optima = found.optima;
   // Models as good as the light asks for.
-  ModelError model_error;
-  const bool sharpens = !options.model_tolerance && options.uses(FitRule::sharpen);
-  if (sharpens) {
+  const auto n = static_cast<Eigen::Index>(compiled.unknown_count());
+  ModelError model_error{Eigen::MatrixXd::Zero(n, n)};
+  if (!options.model_tolerance && options.uses(FitRule::sharpen)) {
     model_error = sharpen(objective, optima, found.negligible);
   }
-  const bool shades = options.uses(FitRule::shadow);
-  Eigen::MatrixXd shadow_error;
-  if (shades) shadow_error = cast_shadow(objective, optima, found.negligible);
+  if (options.uses(FitRule::shadow)) {
+    model_error.covariance += cast_shadow(objective, optima, found.negligible);
+  }
   result.time_ms.refine = stage.lap();
 
   // How sure: goodness of fit, Fisher information, evidences.
@@ -651,10 +652,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   sampling.negligible = options.negligible_log_posterior;
   sampling.samples = samples_for(options, scene, captures.size());
   sampling.seed = options.seed;
-  const auto n = static_cast<Eigen::Index>(compiled.unknown_count());
-  sampling.model_error = Eigen::MatrixXd::Zero(n, n);
-  if (sharpens) sampling.model_error += model_error.covariance;
-  if (shades) sampling.model_error += shadow_error;
+  sampling.model_error = model_error.covariance;
   sampling.along_axis = options.uses(FitRule::along_axis);
   sampling.ridges = options.uses(FitRule::ridges);
   sampling.local_light = options.uses(FitRule::local_light);

@@ -220,16 +220,6 @@ Bounds bounds_of(const Scene& scene, const TracedCaptures& captures, std::size_t
   return {std::sqrt(mean.photon), std::sqrt(mean.file), mean.against};
 }
 
-/// The file of a scene's traced light: `reference_NAME.json` belongs to NAME.npz.
-std::string traced_path(const LightArguments& arguments, const std::string& scene_path) {
-  std::string name = fs::path(scene_path).stem().string();
-  constexpr std::string_view kPrefix = "reference_";
-  if (name.starts_with(kPrefix)) name.erase(0, kPrefix.size());
-  const fs::path folder = arguments.data;
-  const fs::path inside = folder / "mitransient" / (name + ".npz");
-  return (fs::exists(inside) ? inside : folder / (name + ".npz")).string();
-}
-
 std::vector<std::string> light_scenes(const LightArguments& arguments) {
   if (!arguments.scenes.empty()) return arguments.scenes;
   std::vector<std::string> scenes = scene_files({});
@@ -367,7 +357,7 @@ const Study<Row> kStudy{
 
 TracedCaptures traced_captures(const LightArguments& arguments, const Scene& scene,
                                const std::string& path) {
-  TracedScene traced = read_traced_scene(scene, traced_path(arguments, path));
+  TracedScene traced = read_traced_scene(scene, traced_file(arguments.data, path));
   if (arguments.object_light == "renderer") {
     traced = rendered_objects(scene, traced, kRenderedSampling);
   }

@@ -6,6 +6,7 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 
 #include "blindcorner/forward/error.h"
@@ -13,6 +14,7 @@
 #include "blindcorner/io/atomic_file.h"
 #include "blindcorner/io/scene_file.h"
 #include "blindcorner/simulation/claim_study.h"
+#include "blindcorner/simulation/traced_scene.h"
 #include "commands/commands.h"
 #include "commands/interrupt.h"
 #include "commands/number_check.h"
@@ -98,6 +100,7 @@ void write_sweep(const SweepReport& report, const std::string& output) {
   write_atomically((directory / "sweep.csv").string(), sweep_csv(report));
   write_atomically((directory / "sweep.json").string(), sweep_json(report).dump(1) + "\n");
   write_atomically((directory / "sweep.html").string(), sweep_page(report));
+  write_atomically((directory / "sweep.svg").string(), sweep_svg(report));
 }
 
 }  // namespace
@@ -106,7 +109,7 @@ void add_sweep_options(CLI::App& command, SweepArguments& arguments) {
   const auto sweep = command.add_flag(
       "--sweep", arguments.wanted,
       "instead: error against run time of the solver's settings and of other methods at every "
-      "level of light; writes DIR/sweep.html, .csv and .json; without SCENE three scenes");
+      "level of light; writes DIR/sweep.html, .svg, .csv and .json; without SCENE three scenes");
   const auto of_sweep = [sweep](CLI::Option* option) {
     return option->needs(sweep)->group("with --sweep");
   };
@@ -116,9 +119,14 @@ void add_sweep_options(CLI::App& command, SweepArguments& arguments) {
       ->delimiter(',')
       ->check(positive_number());
   of_sweep(command.add_option("--light", arguments.light,
-                              "whose light the captures hold: the reference renderer's or the "
-                              "simulated sensor's"))
-      ->check(CLI::IsMember({"reference", "sensor"}));
+                              "whose light the captures hold: the reference renderer's, the "
+                              "simulated sensor's, or at an archive's poses an independent path "
+                              "tracer's"))
+      ->check(CLI::IsMember({"reference", "sensor", "tracer"}));
+  const char* data = std::getenv("BLINDCORNER_DATA");
+  arguments.data = data != nullptr ? data : "../shared/data";
+  of_sweep(command.add_option("--data", arguments.data,
+                              "directory of the traced light, as of benchmark light"));
   of_sweep(command.add_option("--wrong", arguments.options.wrong,
                               "an effect that no method is told of, such as 'relay tilted by 2 "
                               "degrees'; another name lists them all"));
@@ -135,6 +143,10 @@ int run_sweep(const SweepArguments& arguments, std::vector<std::string> scenes,
   report.options = arguments.options;
   report.options.light = arguments.light == "sensor" ? TrueLight::sensor : TrueLight::reference;
   report.options.validate();
+  const bool traced = arguments.light == "tracer";
+  if (traced && !report.options.wrong.empty()) {
+    throw Error("--wrong", "found it with --light tracer, accepted: light of this program's own");
+  }
   if (scenes.empty()) scenes.assign(std::begin(kSweepScenes), std::end(kSweepScenes));
   const std::vector<SolverSetting> settings = wanted_settings(arguments.settings);
   std::vector<CnnBaseline> networks;
@@ -153,6 +165,7 @@ int run_sweep(const SweepArguments& arguments, std::vector<std::string> scenes,
     const std::vector<SweptMethod> methods = swept_methods(scene, settings, networks);
     Progress progress(scene.name, methods.size() * report.options.photons.size() *
                                       static_cast<std::size_t>(report.options.captures));
+    if (traced) report.options.traced = traced_file(arguments.data, scene.path);
     SweepScene swept = sweep_scene(scene, methods, report.options, [&] {
       progress.advance();
       if (Interruptible::asked()) throw StudyInterrupted{};

@@ -19,6 +19,7 @@ struct SweepArguments {
   std::vector<std::string> networks;  ///< weights
   std::vector<std::string> settings;  ///< names of those wanted; empty: all
   std::string light = "reference";
+  std::string data;  ///< directory of traced light
   SweepOptions options;
 };
 

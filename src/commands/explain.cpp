@@ -32,7 +32,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 /// Processor time that the measurement of one term may take, s; one pose is always measured.
-constexpr double kTermSeconds = 2.0;
+constexpr double kTermSeconds = 0.3;
 /// Poses whose peak is below this share of the brightest one's do not count: they are dark.
 constexpr double kDark = 1e-3;
 /// Expected counts that no exposure will ever show, and whose exponents mean nothing.
@@ -105,37 +105,48 @@ std::string share_text(double share) {
   return text;
 }
 
+/// A scene's model, and what it was made of.
+struct Planned {
+  std::shared_ptr<const SceneTransport> transport;
+  int objects;
+  SensorPlacement sensor;
+  FastModelOptions options;  ///< with the sampling that the model chose, for models without a term
+  std::unique_ptr<ForwardModel> model;
+  TransportPlan plan;
+};
+
 /// What switching a term against the plan does.
 struct TermCost {
   std::optional<double> change;  ///< largest of a bin, as a share of the pose's peak
   double microseconds = 0;       ///< an evaluation with the term switched
 };
 
-TermCost cost_of(const PlanDecision& decision, const TransportPlan& plan, const Measured& plain,
-                 const Scene& scene, const SensorPlacement& sensor, const FastModelOptions& options,
+TermCost cost_of(const PlanDecision& decision, const Planned& planned, const Measured& plain,
                  const std::vector<PoseVector>& poses) {
   if (!can_be_switched(decision)) return {};
-  FastModelOptions switched = options;
-  // A lobe's pairs have a sampling of their own.
-  const bool lobe = plan.kernel != Kernel::lambertian;
-  if (decision.term == Term::patch_pairs && lobe) switched.sampling_step.reset();
+  FastModelOptions switched = planned.options;
+  // A lobe's pairs have a sampling of their own, and are compared with the tolerance as a whole.
+  const bool lobe = planned.plan.kernel != Kernel::lambertian;
+  if (decision.term == Term::patch_pairs && lobe) {
+    switched.sampling_step.reset();
+    switched.tolerance *= planned.objects;
+  }
   (decision.used ? switched.overrides.off : switched.overrides.on) = {decision.term};
-  const Measured other = measure(*make_fast_model(scene, sensor, switched), poses);
+  const Measured other =
+      measure(*make_fast_model(planned.transport, planned.sensor, switched), poses);
   return {largest_change(plain, other), other.microseconds};
 }
 
 /// A number that JSON can hold.
 Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
-Json plan_figures(const ExplainArguments& arguments, const Scene& scene,
-                  const SensorPlacement& sensor, const TransportPlan& plan,
-                  const FastModelOptions& options, const std::vector<PoseVector>& poses) {
-  const Measured plain = measure(*make_fast_model(scene, sensor, options), poses);
-  Json json{{"tolerance", arguments.tolerance},
+Json plan_figures(const Planned& planned, const std::vector<PoseVector>& poses) {
+  const Measured plain = measure(*planned.model, poses);
+  Json json{{"tolerance", planned.options.tolerance},
             {"evaluation_us", plain.microseconds},
             {"terms", Json::array()}};
-  for (const PlanDecision& decision : plan.decisions) {
-    const TermCost cost = cost_of(decision, plan, plain, scene, sensor, options, poses);
+  for (const PlanDecision& decision : planned.plan.decisions) {
+    const TermCost cost = cost_of(decision, planned, plain, poses);
     json["terms"].push_back(
         {{"name", decision.name},
          {"used", decision.used},
@@ -147,14 +158,11 @@ Json plan_figures(const ExplainArguments& arguments, const Scene& scene,
   return json;
 }
 
-void print_plan(const ExplainArguments& arguments, const Scene& scene,
-                const SensorPlacement& sensor, const TransportPlan& plan,
-                const FastModelOptions& options, const std::vector<PoseVector>& poses) {
-  const auto model = make_fast_model(scene, sensor, options);
-  const Measured plain = measure(*model, poses);
+void print_plan(const Planned& planned, const std::vector<PoseVector>& poses) {
+  const Measured plain = measure(*planned.model, poses);
   std::printf("\nTransport plan at a tolerance of %s of the peak: %.4g us an evaluation\n",
-              share_text(arguments.tolerance).c_str(), plain.microseconds);
-  if (arguments.tolerance == kFirstTolerance) {
+              share_text(planned.options.tolerance).c_str(), plain.microseconds);
+  if (planned.options.tolerance == kFirstTolerance) {
     std::printf(
         "  This is the plan that fit begins with. Where the next better model moves the answer by "
         "a\n"
@@ -163,10 +171,10 @@ void print_plan(const ExplainArguments& arguments, const Scene& scene,
         "  pairs of patches, ever finer, where the object is retroreflective.\n");
   }
   std::printf("  %-38s %-9s %10s %10s %12s\n", "term", "", "bound", "measured", "time");
-  for (const PlanDecision& decision : plan.decisions) {
+  for (const PlanDecision& decision : planned.plan.decisions) {
     std::string change = "-";
     char time[48] = "-";
-    const TermCost other = cost_of(decision, plan, plain, scene, sensor, options, poses);
+    const TermCost other = cost_of(decision, planned, plain, poses);
     if (other.change) {
       change = share_text(*other.change);
       const double difference = std::abs(other.microseconds - plain.microseconds);
@@ -288,18 +296,18 @@ int run_explain(const ExplainArguments& arguments) {
   while (static_cast<int>(poses.size()) < arguments.poses) {
     poses.push_back(draw_pose(scene, random));
   }
-  FastModelOptions options;
-  options.tolerance = arguments.tolerance;
   tell_begun("choosing how finely to sample " + scene.name + ", then switching each term at " +
              std::to_string(arguments.poses) + " poses");
-  const auto model = make_fast_model(scene, sensor, options);
-  options.sampling_step = model->sampling_step();  // the same sampling with and without each term
-  const std::vector<ZoneBudget> zones = link_budget(scene, *model, pose);
-  TransportPlan plan = model->plan();
-  decide_pile_up(plan, scene, zones);
+  Planned planned{make_scene_transport(scene), object_count(scene), sensor, {}, nullptr, {}};
+  planned.options.tolerance = arguments.tolerance;
+  planned.model = make_fast_model(planned.transport, sensor, planned.options);
+  planned.options.sampling_step = planned.model->sampling_step();
+  const std::vector<ZoneBudget> zones = link_budget(scene, *planned.model, pose);
+  planned.plan = planned.model->plan();
+  decide_pile_up(planned.plan, scene, zones);
   if (arguments.out.json()) {
     Json json{{"scene", scene.name},
-              {"plan", plan_figures(arguments, scene, sensor, plan, options, poses)},
+              {"plan", plan_figures(planned, poses)},
               {"zones", zone_figures(scene, zones)},
               {"hints", scene_hints(scene, sensor)}};
     arguments.out.document(json.dump(1));
@@ -310,12 +318,12 @@ int run_explain(const ExplainArguments& arguments) {
     std::printf("%s %s", i == 0 ? "" : ",", object_kind(hidden_object(scene, i).material));
   }
   std::printf("\n");
-  if (const auto size = model->size()) {
+  if (const auto size = planned.model->size()) {
     std::printf("  relay: %d lit points, %d seen ones; object: %d points\n", size->lit_points,
                 size->seen_points, size->object_points);
   }
 
-  print_plan(arguments, scene, sensor, plan, options, poses);
+  print_plan(planned, poses);
 
   for (const std::string& hint : scene_hints(scene, sensor)) std::printf("\n%s\n", hint.c_str());
   if (!arguments.pose.empty()) {

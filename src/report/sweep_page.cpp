@@ -263,7 +263,9 @@ nlohmann::ordered_json sweep_json(const SweepReport& report) {
   json["captures"] = report.options.captures;
   json["seed"] = report.options.seed;
   json["truth_sampling"] = report.options.sampling;
-  json["true_light"] = report.options.light == TrueLight::reference ? "reference" : "sensor";
+  json["true_light"] = !report.options.traced.empty()                 ? "tracer"
+                       : report.options.light == TrueLight::reference ? "reference"
+                                                                      : "sensor";
   json["wrong"] = report.options.wrong;
   const SweepVerdict& verdict = report.verdict;
   json["headline"] = verdict.headline();
@@ -302,6 +304,33 @@ nlohmann::ordered_json sweep_json(const SweepReport& report) {
   return json;
 }
 
+std::string sweep_svg(const SweepReport& report) {
+  constexpr int kWidth = 370, kHeight = 300;  // pixels of a picture
+  std::string pictures;
+  int row = 0;
+  std::size_t columns = 0;
+  for (const SweepScene& scene : report.scenes) {
+    for (std::size_t i = 0; i < scene.levels.size(); ++i) {
+      Chart chart = level_picture(scene, scene.levels[i], following_ms, median_of,
+                                  scene.levels[i].bound_median, "median error, m");
+      chart.title = scene.name + ", " + chart.title;
+      chart.width = kWidth;
+      chart.height = kHeight;
+      pictures += formatted("<g transform=\"translate(%d,%d)\">", static_cast<int>(i) * kWidth,
+                            row * kHeight) +
+                  chart_svg(chart) + "</g>\n";
+    }
+    columns = std::max(columns, scene.levels.size());
+    ++row;
+  }
+  return formatted(
+             "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %d %d\" "
+             "font-family=\"sans-serif\" font-size=\"12\">\n"
+             "<rect width=\"100%%\" height=\"100%%\" fill=\"#fff\"/>\n",
+             static_cast<int>(columns) * kWidth, row * kHeight) +
+         pictures + "</svg>\n";
+}
+
 std::string sweep_page(const SweepReport& report) {
   const SweepOptions& options = report.options;
   std::string body = "<ul>";
@@ -310,12 +339,18 @@ std::string sweep_page(const SweepReport& report) {
   }
   body += "</ul>\n";
   body += formatted(
-      "<p>%d captures of each scene at each level of light, the same for all methods, seed %llu. "
-      "Poses and brightness come from the scene's priors, the light from ",
+      "<p>%d captures of each scene at each level of light, the same for all methods, seed %llu. ",
       options.captures, static_cast<unsigned long long>(options.seed));
-  body += options.light == TrueLight::reference
-              ? "the reference renderer, which sums pair by pair at other points than the fit."
-              : "the simulated sensor, which samples at other points than the fit.";
+  const char* const drawn =
+      "Poses and brightness come from the scene's priors, the light from the ";
+  if (!options.traced.empty()) {
+    body += "Poses and light come from an independent path tracer.";
+  } else if (options.light == TrueLight::reference) {
+    body += std::string(drawn) +
+            "reference renderer, which sums pair by pair at other points than the fit.";
+  } else {
+    body += std::string(drawn) + "simulated sensor, which samples at other points than the fit.";
+  }
   if (!options.wrong.empty()) {
     body += " The true scene has one effect that no method is told of: <b>" +
             html_safe(options.wrong) + "</b>.";

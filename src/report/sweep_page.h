@@ -22,6 +22,8 @@ std::string sweep_text(const SweepScene& scene);
 std::string sweep_csv(const SweepReport& report);
 /// "blindcorner.sweep/1". What is not finite is null.
 nlohmann::ordered_json sweep_json(const SweepReport& report);
+/// Median error against the time of a following capture: a row of pictures for each scene.
+std::string sweep_svg(const SweepReport& report);
 /// One self-contained page.
 std::string sweep_page(const SweepReport& report);
 

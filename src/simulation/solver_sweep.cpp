@@ -25,6 +25,7 @@
 #include "blindcorner/simulation/claim_study.h"
 #include "blindcorner/simulation/claim_tests.h"
 #include "blindcorner/simulation/pareto_front.h"
+#include "blindcorner/simulation/traced_scene.h"
 #include "forward/support/quantile.h"
 
 namespace blindcorner {
@@ -286,6 +287,26 @@ bool default_on_front(const SweepLevel& level, double confidence) {
   });
 }
 
+/// Objects from the priors, or the traced ones in turn.
+std::vector<DrawnObject> objects_of(const Scene& scene, const SweepOptions& options) {
+  if (options.traced.empty()) {
+    DrawOptions draw;
+    draw.objects = options.captures;
+    draw.light = options.light;
+    draw.sampling = options.sampling;
+    draw.wrong = options.wrong;
+    draw.seed = options.seed;
+    return draw_objects(scene, draw);
+  }
+  const TracedScene traced = read_traced_scene(scene, options.traced);
+  std::vector<DrawnObject> objects;
+  for (int i = 0; i < options.captures; ++i) {
+    const std::size_t pose = static_cast<std::size_t>(i) % traced.poses.size();
+    objects.push_back({traced.poses[pose], 1.0, object_light(traced, pose), traced.empty.mean});
+  }
+  return objects;
+}
+
 }  // namespace
 
 void SweepOptions::validate() const {
@@ -302,13 +323,7 @@ void SweepOptions::validate() const {
 SweepScene sweep_scene(const Scene& scene, const std::vector<SweptMethod>& methods,
                        const SweepOptions& options, const std::function<void()>& advance) {
   options.validate();
-  DrawOptions draw;
-  draw.objects = options.captures;
-  draw.light = options.light;
-  draw.sampling = options.sampling;
-  draw.wrong = options.wrong;
-  draw.seed = options.seed;
-  const std::vector<DrawnObject> objects = draw_objects(scene, draw);
+  const std::vector<DrawnObject> objects = objects_of(scene, options);
   SweepScene sweep;
   sweep.name = scene.name;
   sweep.file = scene.path;

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
+#include <string_view>
 #include <utility>
 
 #include "blindcorner/forward/constants.h"
@@ -69,6 +71,15 @@ TracedScene read_traced_scene(const Scene& scene, const std::string& path) {
     traced.light.push_back(light_at(mean, error, i));
   }
   return traced;
+}
+
+std::string traced_file(const std::string& directory, const std::string& scene_path) {
+  namespace fs = std::filesystem;
+  std::string name = fs::path(scene_path).stem().string();
+  constexpr std::string_view kPrefix = "reference_";
+  if (name.starts_with(kPrefix)) name.erase(0, kPrefix.size());
+  const fs::path inside = fs::path(directory) / "mitransient" / (name + ".npz");
+  return (fs::exists(inside) ? inside : fs::path(directory) / (name + ".npz")).string();
 }
 
 HistogramCube object_light(const TracedScene& traced, std::size_t pose) {

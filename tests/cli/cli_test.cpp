@@ -1166,6 +1166,7 @@ TEST_F(Cli, SweepComparesSettingsAndOtherMethodsBesideTheBound) {
   EXPECT_THAT(outcome.out, AllOf(HasSubstr("Cramer-Rao bound"), HasSubstr("multilateration"),
                                  HasSubstr("on the front")));
   EXPECT_THAT(text_of(path("out/sweep.html")), AllOf(HasSubstr("<svg"), HasSubstr("front")));
+  EXPECT_THAT(text_of(path("out/sweep.svg")), AllOf(HasSubstr("<svg"), HasSubstr("front")));
   const std::string csv = text_of(path("out/sweep.csv"));
   EXPECT_THAT(csv, StartsWith("scene,wrong,photons,bound_median_m,"));
   const json sweep = json::parse(text_of(path("out/sweep.json")));
@@ -1190,6 +1191,10 @@ TEST_F(Cli, SweepComparesSettingsAndOtherMethodsBesideTheBound) {
   const Outcome wrong = run("benchmark solver --sweep " + scene + " --wrong fog -o out");
   EXPECT_EQ(wrong.exit_code, 2);
   EXPECT_THAT(wrong.err, HasSubstr("relay tilted by 2 degrees"));
+  const Outcome both =
+      run("benchmark solver --sweep " + scene + " --light tracer --wrong 'half the albedo' -o out");
+  EXPECT_EQ(both.exit_code, 2);
+  EXPECT_THAT(both.err, AllOf(HasSubstr("--wrong"), HasSubstr("--light tracer")));
   const Outcome setting = run("benchmark solver --sweep " + scene + " --settings quik -o out");
   EXPECT_EQ(setting.exit_code, 2);
   EXPECT_THAT(setting.err, HasSubstr("did you mean quick"));

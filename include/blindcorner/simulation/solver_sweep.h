@@ -56,6 +56,9 @@ struct SweepOptions {
   TrueLight light = TrueLight::reference;
   double sampling = 1.0;  ///< of the reference renderer, as DrawOptions::sampling
   std::string wrong;      ///< what the scene is wrong about, as DrawOptions::wrong
+  /// Archive of traced light (traced_scene.h), whose poses in turn take the place of drawn ones;
+  /// empty: none. `light`, `sampling` and `wrong` are then not looked at.
+  std::string traced;
   std::uint64_t seed = 1;
 
   /// Throws Error naming the field that is out of range.

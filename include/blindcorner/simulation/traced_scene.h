@@ -30,6 +30,10 @@ struct TracedScene {
 /// naming file and array, also when they do not suit the scene.
 TracedScene read_traced_scene(const Scene& scene, const std::string& path);
 
+/// The archive of a scene's traced light in a directory, or in its folder mitransient:
+/// `reference_NAME.json` belongs to NAME.npz.
+std::string traced_file(const std::string& directory, const std::string& scene_path);
+
 /// What the object adds to the light at a pose; negative where the tracer's noise is.
 HistogramCube object_light(const TracedScene& traced, std::size_t pose);
 

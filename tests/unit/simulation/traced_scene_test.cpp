@@ -9,7 +9,9 @@
 #include <numeric>
 
 #include "blindcorner/forward/constants.h"
+#include "blindcorner/inverse/baseline/back_projection.h"
 #include "blindcorner/io/scene_file.h"
+#include "blindcorner/simulation/solver_sweep.h"
 #include "blindcorner/simulation/synthetic.h"
 #include "io/npz.h"
 #include "unit/io/io_test_files.h"
@@ -111,6 +113,44 @@ TEST(TracedScene, OfTheSharedDataSuitsItsScene) {
         EXPECT_LE(value, scene.unknowns[i].upper) << name;
       }
     }
+  }
+}
+
+TEST(TracedScene, ArchiveIsNamedAfterTheScene) {
+  const test::TemporaryFolder folder;
+  const std::string beside = folder.file("spheres.npz");
+  EXPECT_EQ(traced_file(std::filesystem::path(beside).parent_path().string(),
+                        "scenes/reference_spheres.json"),
+            beside);
+  std::filesystem::create_directory(folder.file("mitransient"));
+  const std::string inside = folder.file("mitransient/spheres.npz");
+  test::write_text(inside, "");
+  EXPECT_EQ(traced_file(std::filesystem::path(beside).parent_path().string(), "spheres.json"),
+            inside);
+}
+
+// Methods that are swept over traced light see the archive's poses in turn, and their light.
+TEST(TracedScene, SweepTakesTracedPosesInTurn) {
+  const test::TemporaryFolder folder;
+  const Scene scene = read_scene(kSpheres);
+  SweepOptions options;
+  options.captures = 3;
+  options.photons = {1e6};
+  options.traced = write_archive(folder);
+  std::vector<Capture> seen;
+  const SweptMethod listener{"listener", "other methods", false, 1, [&]() -> SweepAnswerer {
+                               return [&](const Capture& capture) {
+                                 seen.push_back(capture);
+                                 return SweepAnswer{middle_of_prior(scene), std::nullopt};
+                               };
+                             }};
+  sweep_scene(scene, {listener}, options);
+  ASSERT_EQ(seen.size(), 3U);
+  const TracedScene traced = read_traced_scene(scene, options.traced);
+  const std::string first = unknown_names(scene).front();
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_DOUBLE_EQ(seen[i].truth.at(first), traced.poses[i % 2][0]);
+    EXPECT_GT(seen[i].counts.zone(0)[40 + 20 * (i % 2)], 10 * seen[i].counts.zone(0)[50]);
   }
 }
 

@@ -242,5 +242,19 @@ TEST(LinkBudget, DistanceExponentsHaveTheirLimits) {
   EXPECT_NEAR(retro.three_bounce_object, -2.0, 0.02);
 }
 
+// Of several objects the first one moves by itself: another one that stays where it is, and sends
+// most of the light, would make every exponent small.
+TEST(LinkBudget, DistanceExponentsAreOfTheFirstObjectAlone) {
+  Scene scene = far_scene(LambertianMaterial{}, 0.2);
+  HiddenObject other = scene.hidden;
+  scene.hidden.name = "near";
+  other.name = "bright";
+  other.shape = RectangleShape{0.1, 0.1};
+  other.placement.position.z() += 0.5;
+  scene.further_hidden = {other};
+  const auto exponents = distance_exponents(scene, sensor_placement(scene), scene.hidden.placement);
+  EXPECT_NEAR(exponents.three_bounce_object, -4.0, 0.02);
+}
+
 }  // namespace
 }  // namespace blindcorner
