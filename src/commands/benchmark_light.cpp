@@ -483,7 +483,7 @@ void add_light_benchmark(CLI::App& benchmark, int& exit_code) {
   command.add_option(
       "--data", arguments->data,
       "directory of the traced light, NAME.npz, or one that holds it in mitransient/; "
-      "default: what BLINDCORNER_DATA says, else");
+      "unless told, what BLINDCORNER_DATA says");
   command.add_option("-o,--output", arguments->output, "directory to write to");
   command.add_option("--photons", arguments->photons, "of the object, a list with commas")
       ->delimiter(',')

@@ -290,12 +290,12 @@ void add_solver_benchmark(CLI::App& benchmark, int& exit_code) {
       "search; prints a table, one row a scene");
   const auto arguments = std::make_shared<SolverArguments>();
   command.add_option("SCENE", arguments->scenes, "scene files");
-  const auto captures =
-      command
-          .add_option("-n,--captures", arguments->captures,
-                      "captures per scene; of a sweep, at each level of light (default: " +
-                          std::to_string(arguments->sweep.options.captures) + ")")
-          ->check(positive_number());
+  const auto captures = command
+                            .add_option("-n,--captures", arguments->captures,
+                                        "captures per scene; unless told, a sweep has " +
+                                            std::to_string(arguments->sweep.options.captures) +
+                                            " at each level of light")
+                            ->check(positive_number());
   command.add_option("--least-photons", arguments->least_photons, "of the third bounce")
       ->check(positive_number());
   command.add_option("--most-photons", arguments->most_photons, "of the third bounce")

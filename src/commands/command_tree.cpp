@@ -211,10 +211,14 @@ std::string roff_option(const OptionText& option) {
 
 void show_defaults(CLI::App& app) {
   for (CLI::Option* option : app.get_options()) {
-    const bool told = option->get_description().find("default") != std::string::npos;
+    const std::string& description = option->get_description();
+    const bool told = description.find("default:") != std::string::npos;
     if (told || option->get_required() || option->get_items_expected_max() == 0) continue;
     option->capture_default_str();
-    if (option->get_default_str() == "[]") option->default_str("");  // an empty list
+    const std::string value = option->get_default_str();
+    // An empty list; a number that stands for none unless the description says what it does.
+    const bool zero = value == "0" && description.find("0:") == std::string::npos;
+    if (value == "[]" || value == "-1" || zero) option->default_str("");
   }
   for (CLI::App* command : app.get_subcommands({})) show_defaults(*command);
 }
