@@ -62,8 +62,8 @@ double change_of(const std::vector<HistogramCube>& coarse, const std::vector<His
   return kPeakOfL2 * std::sqrt(sum / std::max(poses, 1.0));
 }
 
-/// What pairs are decided by: the largest change of a bin, relative to the peak of its pose; poses
-/// that give next to no light, by judgement a thousandth of the brightest's peak, do not count.
+/// The same of one sum over a lobe, and what pairs are decided by: the largest change of a bin,
+/// relative to the peak of its pose; poses that give next to no light do not count.
 double largest_change(const std::vector<HistogramCube>& coarse,
                       const std::vector<HistogramCube>& fine) {
   constexpr double kDark = 1e-3;
@@ -91,10 +91,12 @@ class SamplingSearch {
   }
 
   /// Limits become stricter until going on to at least twice as many cells would change the light
-  /// (change_of) by no more than the tolerance. The error falls with the fourth power of a cell's
-  /// edges, so the change is at least three quarters of the coarser one's error. Errors of object
-  /// and relay have nothing to do with each other, so their squares add up: the object takes half
-  /// of the tolerance's square at most, the relay what that leaves.
+  /// by no more than the tolerance. The error falls with the fourth power of a cell's edges, so the
+  /// change is at least three quarters of the coarser one's error. The object takes half at most,
+  /// the relay what that leaves. Errors of object and relay have nothing to do with each other; of
+  /// pairs, which are dear, their squares share the tolerance's square. The cheap kernels share the
+  /// tolerance itself: with squares, of 10 million photons behind a partition one of twenty fits
+  /// was sure of a wrong place.
   SamplingStep find() {
     const double tolerance = options_.tolerance;
     // Pairs err by the object's cells the same at a coarser relay.
@@ -106,7 +108,11 @@ class SamplingSearch {
       sampling_step.relay *= kCoarsenessStep;
     }
     const bool rules = kernel_ == Kernel::lambertian;
-    const double most_of_object = tolerance / std::sqrt(2.0);
+    const bool pairs = kernel_ == Kernel::retro_pairs;
+    const double most_of_object = tolerance * (pairs ? std::sqrt(0.5) : 0.5);
+    const auto left = [&](double taken) {
+      return pairs ? std::sqrt(tolerance * tolerance - taken * taken) : tolerance - taken;
+    };
     const Choice object = coarsest(
         rules ? kRuleObject : kCoarsest, most_of_object, 0.5,
         [&](double c) {
@@ -115,8 +121,7 @@ class SamplingSearch {
         [](const FastModel& m) { return m.sampling().object_nodes; });
     sampling_step.object = object.coarseness;
     const Choice relay = coarsest(
-        rules ? kRuleRelay : kCoarsest,
-        std::sqrt(tolerance * tolerance - std::pow(std::min(object.change, most_of_object), 2)), 1,
+        rules ? kRuleRelay : kCoarsest, left(std::min(object.change, most_of_object)), 1,
         [&](double c) {
           return model({c, sampling_step.object});
         },
@@ -126,10 +131,8 @@ class SamplingSearch {
         });
     sampling_step.relay = relay.coarseness;
     sampling_step.lobe_pairs = kernel_ == Kernel::retro_pairs;
-    change_ = object.change + relay.change;
     return sampling_step;
   }
-  double change() const { return change_; }  ///< of object and relay, where the search ended
   double unresolved() const { return unresolved_; }
 
   std::unique_ptr<FastModel> model(SamplingStep sampling_step) const {
@@ -155,6 +158,14 @@ class SamplingSearch {
     return cubes;
   }
 
+  /// Error of a sampling's worst bin, by one with twice as many cells of relay and object; where
+  /// that one takes long, what the search for the sampling leaves.
+  double error_of(const SamplingStep& step, const std::vector<HistogramCube>& cubes) {
+    const auto finer = model({step.relay / kCoarsenessStep, step.object / kCoarsenessStep});
+    if (too_long(*finer, 0.25)) return 0.5 * options_.tolerance;
+    return largest_change(cubes, probe(*finer));
+  }
+
  private:
   struct Choice {
     double coarseness;
@@ -163,6 +174,11 @@ class SamplingSearch {
 
   static double pair_count(const FastModel& m) {
     return 1.0 * m.sampling().lit.size() * m.sampling().seen.size() * m.sampling().object_nodes;
+  }
+  /// Of one sum over a lobe the worst bin counts: its pulses may lie in the wrong place.
+  double change_between(const std::vector<HistogramCube>& coarse,
+                        const std::vector<HistogramCube>& fine) const {
+    return kernel_ == Kernel::retro_single ? largest_change(coarse, fine) : change_of(coarse, fine);
   }
   /// Whether an evaluation would take more than that share of the longest time.
   bool too_long(const FastModel& m, double share) const {
@@ -218,7 +234,7 @@ class SamplingSearch {
       while (changes.size() + 1 < candidates.size()) {
         const Candidate& coarse = candidates[changes.size()];
         if (fine.cells < 2 * coarse.cells) break;
-        const double change = change_of(coarse.cubes, fine.cubes);
+        const double change = change_between(coarse.cubes, fine.cubes);
         if (change < tolerance) return {coarse.coarseness, change};
         const double before =
             changes.empty() ? std::numeric_limits<double>::infinity() : changes.back();
@@ -243,7 +259,6 @@ class SamplingSearch {
   Kernel kernel_ = Kernel::lambertian;
   double near_share_ = 1;  ///< of all pairs of patches: those within a lobe's reach
   double unresolved_ = 0;  ///< change of a bin where the search gave up
-  double change_ = 0;
 };
 
 }  // namespace
@@ -266,10 +281,10 @@ FoundSampling find_sampling(const std::shared_ptr<const SensorView>& view,
   double change = largest_change(summed, pairs.probe(*pairs.model({4, kCoarsest})));
   if (change > pairs_from) {
     const SamplingStep with_pairs = pairs.find();
-    // Of two errors that have nothing to do with each other, the sum's. What a search gave up on is
-    // the change of a sampling with at most half of the cells that it took.
-    const double own = std::max(pairs.change(), 0.5 * pairs.unresolved());
-    const double both = largest_change(summed, pairs.probe(*pairs.model(with_pairs)));
+    // Of two errors that have nothing to do with each other, the sum's.
+    const std::vector<HistogramCube> paired = pairs.probe(*pairs.model(with_pairs));
+    const double own = pairs.error_of(with_pairs, paired);
+    const double both = largest_change(summed, paired);
     change = std::sqrt(std::max(both * both - own * own, 0.0));
     if (change > pairs_from) {
       return {with_pairs, pairs.unresolved(),

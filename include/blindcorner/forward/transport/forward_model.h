@@ -132,8 +132,9 @@ struct FastModelOptions {
 
   /// Twice the relative error of a pose's light (L2 over its bins), root mean square over eight
   /// poses of the search region; of a usual pose, about the error of the worst bin relative to the
-  /// peak. The model takes the coarsest sampling whose error, estimated by going on to at least
-  /// twice as many cells, is below this: an estimate, not a bound for every pose.
+  /// peak, which is what counts of one sum over a lobe. The model takes the coarsest sampling
+  /// whose error, estimated by going on to at least twice as many cells, is below this: an
+  /// estimate, not a bound for every pose.
   double tolerance = 0.01;
   /// Standard deviation of an extra Gaussian pulse, s: widens the basins of attraction.
   double extra_pulse_sigma = 0.0;
