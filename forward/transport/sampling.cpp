@@ -215,7 +215,7 @@ struct Limits {
   double rule_share;    ///< of all light: a relay cell that has no more does with next to no points
   double object_angle;  ///< the same of the object
 
-  Limits(const SamplingNeeds& needs, double coarse)
+  Limits(const SamplingNeeds& needs, double coarse, const HiddenObject& object)
       : coarseness(coarse), pulse_sigma(needs.pulse_sigma) {
     // Six axes share each limit: two each of what is lit, what is seen and the object.
     constexpr double kAxes = 6;
@@ -228,6 +228,11 @@ struct Limits {
     rule_spread = coarseness * kRuleSpread * needs.pulse_sigma / std::sqrt(digits);
     rule_share = tolerance * std::pow(coarseness, 3);
     object_angle = coarseness * kObjectRuleAngle / digits;
+    if (needs.kernel == Kernel::retro_pairs) {
+      // A patch stands for a Gaussian within the lobe: it must not be wide against it.
+      const double sigma = std::get<RetroreflectiveMaterial>(object.material).lobe_sigma;
+      aspect = std::min(aspect, coarseness * kLobePatch * sigma);
+    }
   }
 };
 
@@ -242,18 +247,12 @@ class RelaySampler {
  public:
   RelaySampler(const SensorView& view, const SamplingNeeds& needs)
       : view_(view),
-        limits_(needs, needs.sampling_step.relay),
+        limits_(needs, needs.sampling_step.relay, view.transport->scene.hidden),
         objects_(view.transport->T_world_probes),
         single_(needs.kernel == Kernel::retro_single),
         rules_(needs.kernel == Kernel::lambertian),
         pairs_(needs.kernel == Kernel::retro_pairs),
-        negligible_(needs.keep_dim_patches ? 0.0 : kNegligible * needs.tolerance) {
-    if (!pairs_) return;
-    // A patch stands for a Gaussian within the lobe: it must not be wide against it.
-    const auto& material = std::get<RetroreflectiveMaterial>(view.transport->scene.hidden.material);
-    limits_.aspect =
-        std::min(limits_.aspect, limits_.coarseness * kLobePatch * material.lobe_sigma);
-  }
+        negligible_(needs.keep_dim_patches ? 0.0 : kNegligible * needs.tolerance) {}
 
   void sample(Sampling& into) {
     const int zones = view_.transport->scene.sensor.zone_count();
@@ -367,11 +366,13 @@ struct SeenFromObject {
   /// the one is no nearer to the light.
   std::vector<double> nearest2;
   double size = 1;
+  bool pairs = false;  ///< the light is a sum over pairs of patches
 };
 
-/// Light that a cell with a lobe would exchange, and that times the squared changes of the path and
-/// of the direction over the cell. The lobe sends what comes from a patch back to around it, so one
-/// form factor counts.
+/// Light that a cell would exchange, and that times the squared changes of the path and of the
+/// direction over the cell. Where pairs resolve the lobe, which sends what comes from a patch back
+/// to around it, one form factor counts: with two, an object that stands beside what is lit had
+/// thousands of points.
 struct CellSums {
   double weight = 0, path = 0, angle = 0;
 };
@@ -394,7 +395,9 @@ BLINDCORNER_MULTIVERSION void add_cell(const SurfaceCell& cell, const SeenFromOb
       const double along = std::max(x * nx + y * ny + z * nz, 0.0);
       const double below =
           std::max(-x * from.nx[i + k] - y * from.ny[i + k] - z * from.nz[i + k], 0.0);
-      const double w = from.light[i + k] * along * below * inverse2 * inverse2;
+      const double once = from.light[i + k] * along * below * inverse2 * inverse2;
+      const double twice = from.counts[i + k] * along * along * inverse2 * inverse2 * inverse2;
+      const double w = from.pairs ? once : twice;
       const double u = x * ux + y * uy + z * uz;
       const double v = x * vx + y * vy + z * vz;
       weight[k] += w;
@@ -411,7 +414,8 @@ BLINDCORNER_MULTIVERSION void add_cell(const SurfaceCell& cell, const SeenFromOb
   }
 }
 
-std::vector<SeenFromObject> seen_from_probes(const PatchArrays& seen, const SceneTransport& of) {
+std::vector<SeenFromObject> seen_from_probes(const PatchArrays& seen, const SceneTransport& of,
+                                             bool pairs) {
   std::vector<SeenFromObject> views;
   // Some 64 of them, by judgement: what a cell exchanges with them is a weight only.
   const int stride = std::max(1, seen.size() / 64);
@@ -419,6 +423,7 @@ std::vector<SeenFromObject> seen_from_probes(const PatchArrays& seen, const Scen
     const Transform to_object = of.T_world_probes[p].inverse(Eigen::Isometry);
     SeenFromObject& view = views.emplace_back();
     view.size = of.probes[p].size;
+    view.pairs = pairs;
     for (int i = 0; i < seen.size(); i += stride) {
       const Vector3d q = to_object * seen.center(i);
       view.x.push_back(q.x());
@@ -507,10 +512,11 @@ PointSpacing spacing_of(const std::vector<SurfaceCell>& cells,
 /// would exchange with the relay sampled.
 void sample_object(const SensorView& view, const SamplingNeeds& needs, Sampling& into) {
   const HiddenObject& hidden = view.transport->scene.hidden;
-  const Limits limits(needs, needs.sampling_step.object);
+  const Limits limits(needs, needs.sampling_step.object, hidden);
   const bool rules = needs.kernel == Kernel::lambertian;
   const double extent = 2 * bounding_radius(hidden.shape, Anchor::center);
-  const auto seen_from = seen_from_probes(into.seen, *view.transport);
+  const auto seen_from =
+      seen_from_probes(into.seen, *view.transport, needs.kernel == Kernel::retro_pairs);
   std::vector<SurfaceCell> cells;
   if (rules) {
     cells = divide(hidden.shape, Transform::Identity(), 1.0, extent / kEvenCells, 1);

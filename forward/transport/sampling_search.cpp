@@ -26,8 +26,8 @@ constexpr double kCoarsenessStep = 1.41421356;
 /// The same for rules of points, whose error falls so fast that smaller steps pay: half as long.
 constexpr double kRuleStep = 1.18920712;
 constexpr double kRuleFinest = 0.3;
-/// Change of the worst bin of a usual pose, relative to the peak, for each relative change of all
-/// light (L2): 1.5 to 2 on floors and walls, 2 to 3 of lobes.
+/// Change of the worst bin, relative to the peak, for each relative change of all light (L2): 1.5
+/// to 2 on floors and walls.
 constexpr double kPeakOfL2 = 2;
 /// The coarsest of rules: of the shipped scenes none is coarser, to 10 %. The object's is looked
 /// for with the relay's: shadows' edges hardly change with the object's points.
@@ -39,10 +39,9 @@ constexpr double kMaxPairs = 4e7;
 /// Most legs between patches and the object's points that its single sum takes, for the same time.
 constexpr double kMaxLegs = 4e6;
 
-/// What a sampling's error is measured in: twice the relative change of a pose's light (L2), root
-/// mean square over poses. Those that give next to no light, by judgement a thousandth of the
-/// brightest's peak, do not count.
-double change_of(const std::vector<HistogramCube>& coarse, const std::vector<HistogramCube>& fine) {
+/// Relative change of a pose's light (L2), root mean square over poses; those that give next to no
+/// light, by judgement a thousandth of the brightest's peak, do not count.
+double l2_change(const std::vector<HistogramCube>& coarse, const std::vector<HistogramCube>& fine) {
   constexpr double kDark = 1e-3;
   double brightest = 0;
   for (const HistogramCube& cube : fine) {
@@ -59,11 +58,11 @@ double change_of(const std::vector<HistogramCube>& coarse, const std::vector<His
     sum += change / light;
     ++poses;
   }
-  return kPeakOfL2 * std::sqrt(sum / std::max(poses, 1.0));
+  return std::sqrt(sum / std::max(poses, 1.0));
 }
 
-/// The same of one sum over a lobe, and what pairs are decided by: the largest change of a bin,
-/// relative to the peak of its pose; poses that give next to no light do not count.
+/// Largest change of a bin, relative to the peak of its pose; poses that give next to no light, by
+/// judgement a thousandth of the brightest's peak, do not count.
 double largest_change(const std::vector<HistogramCube>& coarse,
                       const std::vector<HistogramCube>& fine) {
   constexpr double kDark = 1e-3;
@@ -90,13 +89,10 @@ class SamplingSearch {
     kernel_ = model({kCoarsest, kCoarsest})->kernel();
   }
 
-  /// Limits become stricter until going on to at least twice as many cells would change the light
-  /// by no more than the tolerance. The error falls with the fourth power of a cell's edges, so the
-  /// change is at least three quarters of the coarser one's error. The object takes half at most,
-  /// the relay what that leaves. Errors of object and relay have nothing to do with each other; of
-  /// pairs, which are dear, their squares share the tolerance's square. The cheap kernels share the
-  /// tolerance itself: with squares, of 10 million photons behind a partition one of twenty fits
-  /// was sure of a wrong place.
+  /// Limits become stricter until going on to at least twice as many cells would change no bin of
+  /// any probed pose by more than the tolerance (of the pose's peak). The error falls with the
+  /// fourth power of a cell's edges, so the change is at least three quarters of the coarser one's
+  /// error. The object takes half of the tolerance at most, the relay what that leaves.
   SamplingStep find() {
     const double tolerance = options_.tolerance;
     // Pairs err by the object's cells the same at a coarser relay.
@@ -108,20 +104,15 @@ class SamplingSearch {
       sampling_step.relay *= kCoarsenessStep;
     }
     const bool rules = kernel_ == Kernel::lambertian;
-    const bool pairs = kernel_ == Kernel::retro_pairs;
-    const double most_of_object = tolerance * (pairs ? std::sqrt(0.5) : 0.5);
-    const auto left = [&](double taken) {
-      return pairs ? std::sqrt(tolerance * tolerance - taken * taken) : tolerance - taken;
-    };
     const Choice object = coarsest(
-        rules ? kRuleObject : kCoarsest, most_of_object, 0.5,
+        rules ? kRuleObject : kCoarsest, 0.5 * tolerance, 0.5,
         [&](double c) {
           return model({sampling_step.relay, c});
         },
         [](const FastModel& m) { return m.sampling().object_nodes; });
     sampling_step.object = object.coarseness;
     const Choice relay = coarsest(
-        rules ? kRuleRelay : kCoarsest, left(std::min(object.change, most_of_object)), 1,
+        rules ? kRuleRelay : kCoarsest, tolerance - std::min(object.change, 0.5 * tolerance), 1,
         [&](double c) {
           return model({c, sampling_step.object});
         },
@@ -131,8 +122,10 @@ class SamplingSearch {
         });
     sampling_step.relay = relay.coarseness;
     sampling_step.lobe_pairs = kernel_ == Kernel::retro_pairs;
+    change_ = object.change + relay.change;
     return sampling_step;
   }
+  double change() const { return change_; }  ///< of object and relay, where the search ended
   double unresolved() const { return unresolved_; }
 
   std::unique_ptr<FastModel> model(SamplingStep sampling_step) const {
@@ -158,27 +151,14 @@ class SamplingSearch {
     return cubes;
   }
 
-  /// Error of a sampling's worst bin, by one with twice as many cells of relay and object; where
-  /// that one takes long, what the search for the sampling leaves.
-  double error_of(const SamplingStep& step, const std::vector<HistogramCube>& cubes) {
-    const auto finer = model({step.relay / kCoarsenessStep, step.object / kCoarsenessStep});
-    if (too_long(*finer, 0.25)) return 0.5 * options_.tolerance;
-    return largest_change(cubes, probe(*finer));
-  }
-
  private:
   struct Choice {
     double coarseness;
-    double change;  ///< by going on to twice as many cells
+    double change;  ///< of a bin by going on to twice as many cells, as a share of the peak
   };
 
   static double pair_count(const FastModel& m) {
     return 1.0 * m.sampling().lit.size() * m.sampling().seen.size() * m.sampling().object_nodes;
-  }
-  /// Of one sum over a lobe the worst bin counts: its pulses may lie in the wrong place.
-  double change_between(const std::vector<HistogramCube>& coarse,
-                        const std::vector<HistogramCube>& fine) const {
-    return kernel_ == Kernel::retro_single ? largest_change(coarse, fine) : change_of(coarse, fine);
   }
   /// Whether an evaluation would take more than that share of the longest time.
   bool too_long(const FastModel& m, double share) const {
@@ -234,7 +214,8 @@ class SamplingSearch {
       while (changes.size() + 1 < candidates.size()) {
         const Candidate& coarse = candidates[changes.size()];
         if (fine.cells < 2 * coarse.cells) break;
-        const double change = change_between(coarse.cubes, fine.cubes);
+        const double change = rules ? kPeakOfL2 * l2_change(coarse.cubes, fine.cubes)
+                                    : largest_change(coarse.cubes, fine.cubes);
         if (change < tolerance) return {coarse.coarseness, change};
         const double before =
             changes.empty() ? std::numeric_limits<double>::infinity() : changes.back();
@@ -259,6 +240,7 @@ class SamplingSearch {
   Kernel kernel_ = Kernel::lambertian;
   double near_share_ = 1;  ///< of all pairs of patches: those within a lobe's reach
   double unresolved_ = 0;  ///< change of a bin where the search gave up
+  double change_ = 0;
 };
 
 }  // namespace
@@ -281,10 +263,10 @@ FoundSampling find_sampling(const std::shared_ptr<const SensorView>& view,
   double change = largest_change(summed, pairs.probe(*pairs.model({4, kCoarsest})));
   if (change > pairs_from) {
     const SamplingStep with_pairs = pairs.find();
-    // Of two errors that have nothing to do with each other, the sum's.
-    const std::vector<HistogramCube> paired = pairs.probe(*pairs.model(with_pairs));
-    const double own = pairs.error_of(with_pairs, paired);
-    const double both = largest_change(summed, paired);
+    // Of two errors that have nothing to do with each other, the sum's. What a search gave up on is
+    // the change of a sampling with at most half of the cells that it took.
+    const double own = std::max(pairs.change(), 0.5 * pairs.unresolved());
+    const double both = largest_change(summed, pairs.probe(*pairs.model(with_pairs)));
     change = std::sqrt(std::max(both * both - own * own, 0.0));
     if (change > pairs_from) {
       return {with_pairs, pairs.unresolved(),

@@ -532,7 +532,7 @@ ModelSet make_models(const CompiledScene& compiled, FastModelOptions fast,
 }
 
 /// What a level asks of the fast model. Light of lobes comes from pairs, because one sum has an
-/// error of its own; of coarser pairs than sqrt(8) and 4 it was larger than that of one sum. Their
+/// error of its own; of coarser pairs than sqrt(8) it was larger than that of one sum. Their
 /// sampling follows from the first level's; no search is made.
 FastModelOptions options_of(int level, const CompiledScene& compiled, bool lobes) {
   FastModelOptions fast;
@@ -555,7 +555,7 @@ FastModelOptions options_of(int level, const CompiledScene& compiled, bool lobes
   const SamplingStep first = *compiled.models().front()->sampling_step();
   fast.tolerance = kFirstTolerance;
   const double finer = std::pow(2.0, 0.5 * (level - 1));
-  SamplingStep pairs{std::sqrt(8.0) / finer, 4 / finer, true};
+  SamplingStep pairs{std::sqrt(8.0) / finer, std::sqrt(8.0) / finer, true};
   if (first.lobe_pairs) {
     // Else the step from the first level is none, and what it does not move passes for exact.
     pairs.relay = std::min(pairs.relay, first.relay / std::sqrt(2.0) / finer);

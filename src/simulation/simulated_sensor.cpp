@@ -23,7 +23,7 @@ namespace {
 /// the relay; where the lobe spreads paths by more than kWideLobe of the pulse, one sum is off by
 /// itself, and pairs of patches take its place.
 constexpr SamplingStep kNarrowLobeSampling{0.85, 0.85, false};
-constexpr SamplingStep kWideLobeSampling{2.4, 3.4, true};
+constexpr SamplingStep kWideLobeSampling{2.4, 4.8, true};
 constexpr double kWideLobe = 0.5;
 /// Of other materials: the error at which a sampling is chosen, a share of the light's peak, and
 /// how much coarser than the fit's step it then is.

@@ -68,9 +68,7 @@ TEST(Fit, FindsABrightObjectWithinItsOwnErrorBars) {
 
 TEST(Fit, ReachesTheExhaustiveOptimum) {
   const Scene scene = quick_scene();
-  FitOptions options = quick_options();
-  options.model_tolerance = ExhaustiveOptions{}.model_tolerance;  // the same model
-  const Fitter fitter(scene, options);
+  const Fitter fitter(scene, quick_options());
   const ExhaustiveSearch exhaustive(scene);
   for (const double photons : {15.0, 60.0, 400.0}) {
     const Capture capture = reference_capture(scene, middle(scene), photons, 7);

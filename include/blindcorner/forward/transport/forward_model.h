@@ -130,11 +130,10 @@ struct FastModelOptions {
   /// Sums of float weights end near 1e-6: below this, no number of cells would do.
   static constexpr double kLeastTolerance = 1e-5;
 
-  /// Twice the relative error of a pose's light (L2 over its bins), root mean square over eight
-  /// poses of the search region; of a usual pose, about the error of the worst bin relative to the
-  /// peak, which is what counts of one sum over a lobe. The model takes the coarsest sampling
-  /// whose error, estimated by going on to at least twice as many cells, is below this: an
-  /// estimate, not a bound for every pose.
+  /// Error of a bin relative to the pose's peak. The model takes the coarsest sampling whose error,
+  /// estimated by going on to at least twice as many cells at eight poses of the search region, is
+  /// below this: an estimate, not a bound for every pose. Of matt objects it is twice the relative
+  /// error of all bins (L2), root mean square over the poses.
   double tolerance = 0.01;
   /// Standard deviation of an extra Gaussian pulse, s: widens the basins of attraction.
   double extra_pulse_sigma = 0.0;

@@ -543,9 +543,7 @@ TEST_F(MotionField, MistakesAreNamed) {
 // ---- The likelihood of a capture ----------------------------------------------------------------
 
 Capture noiseless(const Scene& scene, const PoseVector& pose, double amplitude) {
-  FastModelOptions options;
-  options.tolerance = 0.1;  // the model of a frame
-  const auto model = make_fast_model(scene, sensor_placement(scene), options);
+  const auto model = make_fast_model(scene, sensor_placement(scene));
   Capture capture;
   const LinearValues linear{amplitude, 50.0, scene.linear.fixed_direct};
   capture.counts =
