@@ -188,8 +188,15 @@ std::string beside_default(const SweepRatio& r) {
   return time + ", " + error + (r.holds_less() ? ", holds the truth less often" : "");
 }
 
+/// Ends of intervals may be so large that only their order counts.
+std::string ratio_text(double value) {
+  constexpr double kLarge = 1000;
+  if (!std::isfinite(value)) return "-";
+  return formatted(value < kLarge ? "%.3f" : "%.1e", value);
+}
+
 std::string with_interval(double value, double low, double high) {
-  return formatted("%.3f (%.3f to %.3f)", value, low, high);
+  return ratio_text(value) + " (" + ratio_text(low) + " to " + ratio_text(high) + ")";
 }
 
 /// Of each method beside the default, which is the first. Intervals are 95 % of all rows together.

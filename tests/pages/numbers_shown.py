@@ -247,19 +247,20 @@ def claims(rows, found):
         expect(row["trials"], claim["trials"])
         expect(row["claimed"], claim["claimed"])
         expect(row["found"], claim["found"])
-        expect(row["allowed"], claim["allowed_low"], claim["allowed_high"])
+        expect(row["allowed from"], claim["allowed_low"])
+        expect(row["to"], claim["allowed_high"])
         assert (row["verdict"] == "holds") == claim["holds"]
 
 
 def coverage_numbers(page, path):
     level = read_json(path.with_name("coverage.json"))["scenes"][0]["levels"][0]
-    claims(tables(page, "claim", "allowed")[0], level["claims"])
-    rows = tables(page, "what the scene is wrong about", "growth")[0]
+    claims(tables(page, "claim", "allowed from")[0], level["claims"])
+    rows = tables(page, "wrong", "growth")[0]
     for row, wrong in zip(rows, level["wrong"], strict=True):
-        assert row["what the scene is wrong about"] == wrong["assumption"]
+        assert row["wrong"] == wrong["assumption"]
         expect(row["95 %"], wrong["in_95"] / wrong["captures"])
         expect(row["growth"], wrong["claimed_growth"])
-        expect(row["median error, m"], wrong["median_error_m"])
+        expect(row["error m"], wrong["median_error_m"])
 
 
 def detection_numbers(page, path):
@@ -270,8 +271,8 @@ def detection_numbers(page, path):
         expect(row["photons"], level["photons"])
         expect(row["area, presence"], level["area_presence"])
         expect(row["area, false alarm"], level["area_false_alarm"])
-        expect(row["reported with an object (95 %)"], level["reported_with"] / found["captures"])
-    for table, level in zip(tables(page, "claim", "allowed"), levels, strict=True):
+        expect(row["reported with (95 %)"], level["reported_with"] / found["captures"])
+    for table, level in zip(tables(page, "claim", "allowed from"), levels, strict=True):
         claims(table, level["false_alarms"])
 
 
@@ -282,14 +283,15 @@ def sweep_numbers(page, path):
         assert row["method"] == ratio["method"]
         keys = [header for header in row if header.startswith("time, following")]
         expect(row[keys[0]], ratio["time"], ratio["time_low"], ratio["time_high"])
-        expect(row["error (likewise)"], ratio["error"], ratio["error_low"], ratio["error_high"])
+        expect(row["error (95 %)"], ratio["error"], ratio["error_low"], ratio["error_high"])
         expect(row["wall, following"], ratio["wall"])
         expect(row["captures"], ratio["captures"])
-    rows = tables(page, "method", "photons", "median_m")[0]
+    rows = tables(page, "method", "photons", "median m")[0]
     methods = found["scenes"][0]["levels"][0]["methods"]
     for row, method in zip(rows, methods, strict=True):
-        for key in ("median_m", "p90_m", "rms_m", "first_cpu_ms", "following_wall_ms"):
-            expect(row[key], method[key])
+        for header, key in (("median m", "median_m"), ("90 % m", "p90_m"), ("rms m", "rms_m"),
+                            ("first ms", "first_cpu_ms"), ("next ms", "following_cpu_ms")):
+            expect(row[header], method[key])
 
 
 def calibration_numbers(page, path):
