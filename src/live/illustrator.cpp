@@ -97,9 +97,10 @@ std::string live_page(const Scene& scene, const std::string& input) {
                      {"unknowns", unknown_names(scene)},
                      {"input", input}};
   const std::string name = scene.name.empty() ? "scene" : scene.name;
-  return script_page(
-      name + " live", "", dump_json(data, -1),
-      {.styles = {"live_page.css"}, .libraries = {"d3.js", "poses.js", "scene_parts.js"}, .script = "live_page.js"});
+  return script_page(name + " live", "", dump_json(data, -1),
+                     {.styles = {"live_page.css"},
+                      .libraries = {"d3.js", "poses.js", "scene_parts.js"},
+                      .script = "live_page.js"});
 }
 
 Illustrator::Illustrator(EventHub& hub, const Tally& tally)

@@ -271,9 +271,10 @@ void add_captures(const Scene& scene, const std::vector<FitResult>& results,
 }
 
 std::string page_of(const Scene& scene, const json& data) {
-  return script_page(
-      scene.name.empty() ? "fit" : scene.name, data["headline"], dump_json(data),
-      {.styles = {"page.css"}, .libraries = {"d3.js", "poses.js", "scene_parts.js"}, .script = "page.js"});
+  return script_page(scene.name.empty() ? "fit" : scene.name, data["headline"], dump_json(data),
+                     {.styles = {"page.css"},
+                      .libraries = {"d3.js", "poses.js", "scene_parts.js"},
+                      .script = "page.js"});
 }
 
 }  // namespace
