@@ -188,13 +188,14 @@ DistanceExponents distance_exponents(const Scene& scene, const SensorPlacement& 
   FastModelOptions options;
   options.tolerance = kExponentTolerance;
   // One sampling for all: looking for it takes longer than all the rest.
-  options.sampling_step = choose_sampling(make_scene_transport(alone), sensor, options);
+  const auto transport = make_scene_transport(alone);
+  options.sampling_step = choose_sampling(transport, sensor, options);
   DistanceExponents exponents;
   const auto farther_sensor = [&](double factor) {
     SensorPlacement moved = sensor;
     moved.T_world_sensor.translation() =
         middle + factor * (sensor.T_world_sensor.translation() - middle);
-    return make_fast_model(alone, moved, options);
+    return make_fast_model(transport, moved, options);
   };
   const auto farther_object = [&](double factor) {
     Placement moved = object;

@@ -867,6 +867,23 @@ TEST(ReferenceRenderer, FewCellsOfSmallZonesDo) {
   EXPECT_GT(difference(light(1), light(2)), 0);  // not more than asked for
 }
 
+// A lobe sends light back to around where it came from, so that one form factor counts. With two,
+// patches at the foot of a cyclist on a lit road asked for thousands of points of him.
+TEST(FastModelTest, PairsNeedFewPointsOfAnObjectBesideWhatIsLit) {
+  const Scene scene = read_scene(std::string(SOURCE_DIR) + "/scenes/crossing_cyclist.json");
+  const auto model = [&](double object) {
+    FastModelOptions options;
+    options.sampling_step = SamplingStep{5.6, object, true};
+    return make_fast_model(scene, sensor_placement(scene), options);
+  };
+  const auto few = model(5.6), more = model(4);
+  ASSERT_EQ(few->plan().kernel, Kernel::retro_pairs);
+  EXPECT_LT(few->size()->object_points, 500);
+  EXPECT_GT(more->size()->object_points, few->size()->object_points);
+  const PoseVector pose = Eigen::Vector3d(-4.25, -12, 90 * kDegree);
+  EXPECT_LT(difference(few->three_bounce(pose), more->three_bounce(pose)), 0.02);
+}
+
 // A plate that stands on a floor which is lit all over: near the floor its lobes are drawn out to
 // several times the pulse. One sum, a normal distribution of the path for each lobe, is 4 to 9 %
 // off.
