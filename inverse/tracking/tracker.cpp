@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <string>
 #include <utility>
@@ -384,43 +385,46 @@ Gaussian Tracker::at_first(const Gaussian& measured) const {
   return state;
 }
 
-/// What all frames of a young track say of an object that is at `place` at the latest of them. The
-/// frames are taken in backwards: the latest shows the most, and the ones before are then looked at
-/// about a place that is known. For linear frames that is the filter's own answer.
-Tracker::Hypothesis Tracker::judged_by_all(const VectorXd& place) const {
-  // What is known before any frame, at each frame's time.
+/// What is known before any frame of a young track, at each frame's time.
+std::vector<Gaussian> Tracker::before_young() const {
   std::vector<Gaussian> before{at_first(unknown_)};
   for (std::size_t k = 1; k < young_.size(); ++k) {
     before.push_back(before.back());
     predict(layout_, motion_, young_[k].dt, before.back());
   }
+  return before;
+}
+
+/// What all frames of a young track say of an object that is where `latest`, the latest of them
+/// alone, says. The frames are taken in backwards: the latest shows the most, and the ones before
+/// are then looked at about a place that is known. For linear frames that is the filter's own
+/// answer. `before`: before_young().
+Tracker::Hypothesis Tracker::judged_by_all(const std::vector<Gaussian>& before,
+                                           const Hypothesis& latest) const {
   struct Step {
     MatrixXd back;  ///< takes the state of the frame after to this frame's
     Gaussian predicted, filtered;
   };
-  std::vector<Step> steps;
-  Hypothesis result;
-  Gaussian state = before.back();
-  for (std::size_t k = young_.size(); k-- > 0;) {
+  std::vector<Step> steps{{{}, before.back(), latest.filtered}};
+  Hypothesis result = latest;
+  result.parent = -1;
+  Gaussian state = latest.filtered;
+  for (std::size_t k = young_.size() - 1; k-- > 0;) {
     Step step;
-    const bool latest = k + 1 == young_.size();
-    if (!latest) {
-      // The motion reversed: the state before, given the one after.
-      const MatrixXd F = transition(layout_, young_[k + 1].dt);
-      const MatrixXd& after = before[k + 1].covariance;
-      step.back = after.ldlt().solve(F * before[k].covariance).transpose();
-      state.mean = before[k].mean + step.back * layout_.difference(before[k + 1].mean, state.mean);
-      state.covariance =
-          before[k].covariance + step.back * (state.covariance - after) * step.back.transpose();
-      symmetrise(state.covariance);
-    }
+    // The motion reversed: the state before, given the one after.
+    const MatrixXd F = transition(layout_, young_[k + 1].dt);
+    const MatrixXd& after = before[k + 1].covariance;
+    step.back = after.ldlt().solve(F * before[k].covariance).transpose();
+    state.mean = before[k].mean + step.back * layout_.difference(before[k + 1].mean, state.mean);
+    state.covariance =
+        before[k].covariance + step.back * (state.covariance - after) * step.back.transpose();
+    symmetrise(state.covariance);
     step.predicted = state;
     const Gaussian prior = measured_part(layout_, state);
     const FrameLikelihood::Update update =
-        young_[k].likelihood->update(prior, latest ? place : prior.mean, young_[k].inflation);
+        young_[k].likelihood->update(prior, prior.mean, young_[k].inflation);
     condition(layout_, update.posterior, state);
     result.log_weight += update.log_evidence;
-    if (latest) result.log_likelihood = update.log_likelihood;
     step.filtered = state;
     steps.push_back(std::move(step));
   }
@@ -437,15 +441,45 @@ Tracker::Hypothesis Tracker::judged_by_all(const VectorXd& place) const {
 /// the object may be is judged by all frames since. `places` are those that a search found in the
 /// latest, `shown` the track's own modes, which become the outcome.
 void Tracker::search_young(std::vector<VectorXd> places, std::vector<Hypothesis>& shown) const {
+  const std::size_t searched = places.size();
   for (const Hypothesis& h : shown) places.push_back(h.filtered.mean.head(layout_.measured));
-  std::vector<Hypothesis> judged(places.size());
-  tbb::this_task_arena::isolate([&] {
-    tbb::parallel_for(std::size_t{0}, places.size(),
-                      [&](std::size_t i) { judged[i] = judged_by_all(places[i]); });
+  const std::vector<Gaussian> before = before_young();
+  const auto in_parallel = [](std::vector<Hypothesis>& all, const auto& judge) {
+    tbb::this_task_arena::isolate([&] {
+      tbb::parallel_for(std::size_t{0}, all.size(), [&](std::size_t i) { all[i] = judge(i); });
+    });
+    std::stable_sort(all.begin(), all.end(), [](const Hypothesis& a, const Hypothesis& b) {
+      return a.log_weight > b.log_weight;
+    });
+  };
+  std::vector<Hypothesis> latest(places.size());
+  in_parallel(latest, [&](std::size_t i) {
+    const FrameLikelihood::Update update = young_.back().likelihood->update(
+        measured_part(layout_, before.back()), places[i], young_.back().inflation);
+    Hypothesis next;
+    next.log_weight = update.log_evidence;
+    next.log_likelihood = update.log_likelihood;
+    next.parent = i < searched ? -1 : shown[i - searched].parent;
+    next.filtered = before.back();
+    condition(layout_, update.posterior, next.filtered);
+    return next;
   });
-  std::stable_sort(judged.begin(), judged.end(), [](const Hypothesis& a, const Hypothesis& b) {
-    return a.log_weight > b.log_weight;
-  });
+  // Places that led to the same optimum would go the same way through the frames before; and where
+  // none leads elsewhere than the track's own, nothing has to be judged.
+  std::vector<Hypothesis> distinct;
+  std::vector<bool> known;
+  for (Hypothesis& next : latest) {
+    const bool own = next.parent >= 0;
+    const auto at = static_cast<std::size_t>(like(distinct, next) - distinct.begin());
+    if (at == distinct.size()) {
+      distinct.push_back(std::move(next));
+      known.push_back(false);
+    }
+    if (own) known[at] = true;
+  }
+  if (std::ranges::all_of(known, std::identity{})) return;
+  std::vector<Hypothesis> judged(distinct.size());
+  in_parallel(judged, [&](std::size_t i) { return judged_by_all(before, distinct[i]); });
   std::vector<Hypothesis> result;
   for (Hypothesis& next : judged) {
     if (like(result, next) != result.end()) continue;

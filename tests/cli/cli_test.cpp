@@ -1545,13 +1545,13 @@ TEST_F(Cli, IndexOfSomebodyElseIsLeftAlone) {
   EXPECT_FALSE(fs::exists(path("index.html")));
 }
 
-// What README shows, as README writes it: the outcome and the picture.
-TEST_F(Cli, TheDriveThatReadmeShowsReachesItsGoal) {
+// What README shows, as README writes it: who is hit, who is not, and the picture.
+TEST_F(Cli, TheDriveThatReadmeShowsIsHitBySightAloneAndNotWithTheSolver) {
   const std::string readme = text_of(SOURCE_DIR "/README.md");
-  const std::string begin = "*A simulated drive (`blindcorner ";
+  const std::string begin = "(`blindcorner drive ";
   const std::size_t from = readme.find(begin);
   ASSERT_NE(from, std::string::npos);
-  std::string command = readme.substr(from + begin.size());
+  std::string command = readme.substr(from + 2 + std::string("blindcorner ").size());
   command.resize(command.find('`'));
   const auto put = [&](const std::string& what, const std::string& by) {
     const std::size_t at = command.find(what);
@@ -1560,9 +1560,10 @@ TEST_F(Cli, TheDriveThatReadmeShowsReachesItsGoal) {
   };
   put("scenes/", SOURCE_DIR "/scenes/");
   put("-o out", "-o '" + path("out") + "'");
-  const Outcome outcome = run(command + " --require-goal");
+  const Outcome outcome = run(command);
   EXPECT_EQ(outcome.exit_code, 0) << outcome.out << outcome.err;
-  EXPECT_EQ(json::parse(text_of(path("out/drive.json")))["outcome"], "reached");
+  EXPECT_EQ(json::parse(text_of(path("out/los/drive.json")))["outcome"], "collision");
+  EXPECT_EQ(json::parse(text_of(path("out/solver/drive.json")))["outcome"], "reached");
   EXPECT_THAT(text_of(path("out/drive.svg")), HasSubstr("<animate"));
 }
 

@@ -156,7 +156,8 @@ class Tracker {
   void search(const FrameLikelihood& frame, std::span<const Eigen::VectorXd> starts, double share,
               std::vector<Hypothesis>& hypotheses) const;
   Gaussian at_first(const Gaussian& measured) const;
-  Hypothesis judged_by_all(const Eigen::VectorXd& place) const;
+  std::vector<Gaussian> before_young() const;
+  Hypothesis judged_by_all(const std::vector<Gaussian>& before, const Hypothesis& latest) const;
   void search_young(std::vector<Eigen::VectorXd> places, std::vector<Hypothesis>& shown) const;
   void keep(std::vector<Hypothesis> hypotheses);
   void adapt(const Innovation& innovation, double dt);
