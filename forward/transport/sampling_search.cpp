@@ -27,12 +27,16 @@ constexpr double kCoarsenessStep = 1.41421356;
 constexpr double kRuleStep = 1.18920712;
 constexpr double kRuleFinest = 0.3;
 /// Change of the worst bin, relative to the peak, for each relative change of all light (L2): 1.5
-/// to 2 on floors and walls.
+/// to 2 on floors and walls. Rules and pairs are chosen by twice the latter: a single bin at
+/// the edge of a lobe's footprint says little of a pose.
 constexpr double kPeakOfL2 = 2;
 /// The coarsest of rules: of the shipped scenes none is coarser, to 10 %. The object's is looked
 /// for with the relay's: shadows' edges hardly change with the object's points.
 constexpr double kRuleRelay = 1.41421356;
 constexpr double kRuleObject = 2;
+/// The same of pairs' object points, whose estimate holds for the patches' sake: where on the object
+/// light turns back does not move the lobe's middle.
+constexpr double kPairsObject = 8 * kCoarsest;
 /// Most pairs of lit and seen patches that a lobe's model takes for an evaluation (about 0.2 s):
 /// the search for a sampling ends there, whatever the tolerance.
 constexpr double kMaxPairs = 4e7;
@@ -105,7 +109,10 @@ class SamplingSearch {
     }
     const bool rules = kernel_ == Kernel::lambertian;
     const Choice object = coarsest(
-        rules ? kRuleObject : kCoarsest, 0.5 * tolerance, 0.5,
+        rules                            ? kRuleObject
+        : kernel_ == Kernel::retro_pairs ? kPairsObject
+                                         : kCoarsest,
+        0.5 * tolerance, 0.5,
         [&](double c) {
           return model({sampling_step.relay, c});
         },
@@ -122,10 +129,11 @@ class SamplingSearch {
         });
     sampling_step.relay = relay.coarseness;
     sampling_step.lobe_pairs = kernel_ == Kernel::retro_pairs;
-    change_ = object.change + relay.change;
+    worst_change_ = object.worst_change + relay.worst_change;
     return sampling_step;
   }
-  double change() const { return change_; }  ///< of object and relay, where the search ended
+  /// Largest change of a bin, by object and relay, where the search ended.
+  double worst_change() const { return worst_change_; }
   double unresolved() const { return unresolved_; }
 
   std::unique_ptr<FastModel> model(SamplingStep sampling_step) const {
@@ -154,7 +162,8 @@ class SamplingSearch {
  private:
   struct Choice {
     double coarseness;
-    double change;  ///< of a bin by going on to twice as many cells, as a share of the peak
+    double change;  ///< by going on to twice as many cells, as a share of the peak
+    double worst_change = change;  ///< the same of the worst bin
   };
 
   static double pair_count(const FastModel& m) {
@@ -214,15 +223,17 @@ class SamplingSearch {
       while (changes.size() + 1 < candidates.size()) {
         const Candidate& coarse = candidates[changes.size()];
         if (fine.cells < 2 * coarse.cells) break;
-        const double change = rules ? kPeakOfL2 * l2_change(coarse.cubes, fine.cubes)
-                                    : largest_change(coarse.cubes, fine.cubes);
-        if (change < tolerance) return {coarse.coarseness, change};
+        const double worst = largest_change(coarse.cubes, fine.cubes);
+        const double change = kernel_ == Kernel::retro_single
+                                  ? worst
+                                  : kPeakOfL2 * l2_change(coarse.cubes, fine.cubes);
+        if (change < tolerance) return {coarse.coarseness, change, worst};
         const double before =
             changes.empty() ? std::numeric_limits<double>::infinity() : changes.back();
         changes.push_back(change);
         if (!rules && change < kStagnates && change > kGainsNothing * before) {
           unresolved_ += change;
-          return {coarse.coarseness, change};
+          return {coarse.coarseness, change, worst};
         }
       }
     }
@@ -240,7 +251,7 @@ class SamplingSearch {
   Kernel kernel_ = Kernel::lambertian;
   double near_share_ = 1;  ///< of all pairs of patches: those within a lobe's reach
   double unresolved_ = 0;  ///< change of a bin where the search gave up
-  double change_ = 0;
+  double worst_change_ = 0;
 };
 
 }  // namespace
@@ -265,7 +276,7 @@ FoundSampling find_sampling(const std::shared_ptr<const SensorView>& view,
     const SamplingStep with_pairs = pairs.find();
     // Of two errors that have nothing to do with each other, the sum's. What a search gave up on is
     // the change of a sampling with at most half of the cells that it took.
-    const double own = std::max(pairs.change(), 0.5 * pairs.unresolved());
+    const double own = std::max(pairs.worst_change(), 0.5 * pairs.unresolved());
     const double both = largest_change(summed, pairs.probe(*pairs.model(with_pairs)));
     change = std::sqrt(std::max(both * both - own * own, 0.0));
     if (change > pairs_from) {
