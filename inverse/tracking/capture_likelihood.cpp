@@ -113,9 +113,9 @@ class CaptureLikelihood final : public FrameLikelihood {
     return empty_.log_likelihood / inflation + empty_.log_prior + empty_.log_volume;
   }
 
-  double log_evidence_anywhere(double inflation) const override {
+  Look look(double inflation) const override {
     if (!compiled_.objects().empty() || compiled_.scene.linear.amplitude == LinearMode::per_zone) {
-      return std::numeric_limits<double>::infinity();
+      return {};
     }
     LinearSolution empty;
     objective_.evaluate_empty(empty);
@@ -130,7 +130,9 @@ class CaptureLikelihood final : public FrameLikelihood {
     const auto log_sum = [](const Eigen::ArrayXd& logs) {
       return logs.maxCoeff() + std::log((logs - logs.maxCoeff()).exp().sum());
     };
-    return log_evidence_empty(inflation) + log_sum(gain + prior) - log_sum(prior);
+    const double evidence = log_sum(gain + prior) - log_sum(prior);
+    const Eigen::ArrayXd posterior = (gain + prior - log_sum(gain + prior)).exp();
+    return {log_evidence_empty(inflation) + evidence, (posterior * gain).sum() - evidence};
   }
 
   void describe(const Eigen::VectorXd& at, FitResult& result) const override {

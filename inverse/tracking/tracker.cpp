@@ -126,6 +126,7 @@ void TrackerOptions::validate() const {
   require(probability(gate_probability), "gate_probability", "between 0 and 1");
   require(search_interval > 0, "search_interval", "above 0");
   require(worth_a_search >= 0 && worth_a_search < 1, "worth_a_search", "0 to below 1");
+  require(least_information >= 0, "least_information", "at least 0");
   require(merge_distance2 >= 0, "merge_distance2", "at least 0");
   require(negligible_weight >= 0 && negligible_weight < 1, "negligible_weight", "0 to below 1");
   require(max_modes >= 1, "max_modes", "at least 1");
@@ -284,9 +285,9 @@ double Tracker::log_odds(double log_present, double log_empty) const {
 std::vector<Tracker::Hypothesis> Tracker::explain(const FrameLikelihood& frame, TrackPoint& point) {
   const double log_empty = frame.log_evidence_empty(inflation_);
   if (modes_.empty() && options_.worth_a_search > 0) {
-    const double odds = log_odds(frame.log_evidence_anywhere(inflation_), log_empty);
-    const double presence = 1 / (1 + std::exp(-odds));
-    if (presence < options_.worth_a_search) {
+    const FrameLikelihood::Look look = frame.look(inflation_);
+    const double presence = 1 / (1 + std::exp(-log_odds(look.log_evidence, log_empty)));
+    if (presence < options_.worth_a_search || look.information < options_.least_information) {
       presence_ = presence;
       return {};
     }

@@ -41,11 +41,15 @@ class FrameLikelihood {
   /// Log evidence of a scene without the object, on the scale of Update::log_evidence.
   virtual double log_evidence_empty(double inflation) const = 0;
 
-  /// Log evidence of an object that may be anywhere in the search region, on the same scale, as far
-  /// as a look at all places tells that follows none of them. Infinity: it cannot be told so.
-  virtual double log_evidence_anywhere(double /*inflation*/) const {
-    return std::numeric_limits<double>::infinity();
-  }
+  /// What a look at all places of the search region tells that follows none of them. Infinities: it
+  /// cannot be told so.
+  struct Look {
+    /// Log evidence of an object that may be anywhere, on the scale of Update::log_evidence.
+    double log_evidence = std::numeric_limits<double>::infinity();
+    /// What the frame says of the place (Kullback and Leibler), nats: 0 where all are as good.
+    double information = std::numeric_limits<double>::infinity();
+  };
+  virtual Look look(double /*inflation*/) const { return {}; }
 
   /// Adds to a result what a page shows of this frame: histograms and goodness of fit.
   virtual void describe(const Eigen::VectorXd& at, FitResult& result) const = 0;

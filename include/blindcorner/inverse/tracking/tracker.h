@@ -34,10 +34,13 @@ struct TrackerOptions {
   /// Time after which the whole region is searched in any case, s. While a track is young, that is
   /// done each time its age has doubled.
   double search_interval = 2.0;
-  /// While nothing is tracked, the region is searched where FrameLikelihood::log_evidence_anywhere
-  /// leaves an object this probability at least; 0: in every frame. A track begins at one half: the
+  /// While nothing is tracked, the region is searched where FrameLikelihood::look leaves an object this probability at least; 0: in every frame. A track begins at one half: the
   /// rest is what that may be off, a factor of twenty.
   double worth_a_search = 0.05;
+  /// And where that look tells places apart, by so many nats: what is no more leaves presence as
+  /// uncertain as it was, and there is nothing to follow. By judgement: frames of dim walks have
+  /// one, frames that no light of the region can reach none.
+  double least_information = 0.1;
   /// Hypotheses closer than this (squared Mahalanobis distance under the wider one) are one: two
   /// equal Gaussians have one summit until they are two standard deviations apart.
   double merge_distance2 = 1.0;

@@ -112,19 +112,19 @@ class EmptyFrame final : public FrameLikelihood {
 /// A frame of which the look at all places says so much; a search would find `place`.
 class LookedAtFrame final : public FrameLikelihood {
  public:
-  LookedAtFrame(double log_anywhere, VectorXd place)
-      : log_anywhere_(log_anywhere), place_(std::move(place)) {}
+  LookedAtFrame(double log_anywhere, VectorXd place, double information = 1)
+      : look_{log_anywhere, information}, place_(std::move(place)) {}
 
   Update update(const Gaussian&, const VectorXd&, double) const override {
     return {{place_, 0.01 * MatrixXd::Identity(2, 2)}, 20, 20};
   }
   std::vector<VectorXd> starts() const override { return {place_}; }
   double log_evidence_empty(double) const override { return 0; }
-  double log_evidence_anywhere(double) const override { return log_anywhere_; }
+  Look look(double) const override { return look_; }
   void describe(const VectorXd&, FitResult&) const override {}
 
  private:
-  double log_anywhere_;
+  Look look_;
   VectorXd place_;
 };
 
@@ -414,6 +414,11 @@ TEST(Tracker, SearchesWhereTheLookAtAllPlacesLeavesADoubt) {
   // What frame after frame says in favour adds up until it is worth a search.
   point = dark.advance(0.1, std::make_shared<LookedAtFrame>(1, place));
   EXPECT_TRUE(point.searched);
+  // Where all places are as good, there is nothing to follow: presence stays as it was.
+  Tracker blind(scene, walking());
+  point = blind.advance(0, std::make_shared<LookedAtFrame>(0, place, 0.01));
+  EXPECT_FALSE(point.searched);
+  EXPECT_NEAR(point.presence_probability, 0.5, 1e-12);
   // Asked to, it searches in any case.
   TrackerOptions always;
   always.worth_a_search = 0;
@@ -641,7 +646,7 @@ TEST_F(CaptureLikelihood, TheLookAtAllPlacesPromisesNoLessThanASearchFinds) {
       capture.counts = draw_counts(scene, capture.counts, 1, seed);
       const auto frame = fitter.frame(capture);
       const double empty = frame->log_evidence_empty(1);
-      const double promised = frame->log_evidence_anywhere(1) - empty;
+      const double promised = frame->look(1).log_evidence - empty;
       double found = 0;
       for (const VectorXd& start : frame->starts()) {
         found += std::exp(frame->update(unknown, start, 1).log_evidence - empty);
