@@ -32,10 +32,10 @@ constexpr int kMaxHalvings = 5;
 /// A move in standard deviations that the model's own error may make. By judgement: carried as an
 /// error, it would widen a standard deviation by 4 %.
 constexpr double kSmallMove = 0.3;
-/// A step this long, in standard deviations squared, leaves the light's slopes as they were: by
-/// judgement, they then change by a tenth. And how often a spline is corrected before it must be
-/// right where it leads: it is off by a quarter of a per cent.
+/// A move this long, in standard deviations squared, leaves the light's slopes as they were, and what
+/// a spline lacks (a quarter of a per cent): by judgement, slopes then change by a tenth.
 constexpr double kSameSlope = 1.0;
+/// How often a spline is corrected before it must be right where it leads.
 constexpr int kMostCorrections = 4;
 /// Level of the models that correct the light at the end, and the most paths (lit times seen times
 /// object points) that a render of them may sum over: some 100 ms. Of the street's drives, frames
@@ -85,7 +85,12 @@ class CaptureLikelihood final : public FrameLikelihood {
 
   Update update(const Gaussian& prior, const Eigen::VectorXd& start,
                 double inflation) const override {
-    return with_model(prior, start, inflation);
+    return with_model(prior, start, inflation, true);
+  }
+
+  Update rough_update(const Gaussian& prior, const Eigen::VectorXd& start,
+                      double inflation) const override {
+    return with_model(prior, start, inflation, false);
   }
 
   std::vector<Eigen::VectorXd> starts() const override {
@@ -204,18 +209,15 @@ class CaptureLikelihood final : public FrameLikelihood {
     cheap.correction = objective_.correction(right, rough);
   }
 
-  /// Descends on the models' light: on that of the spline, where there is one, corrected until it
-  /// has the models' light where it leads. Such a light costs one render of the models or two.
-  State descend_on(CheapLight& cheap, const Gaussian& prior, const Eigen::VectorXd& start,
-                   double inflation) const {
-    State state = descend(cheap.source, prior, start, inflation);
-    if (cheap.source.models != nullptr) return state;
+  /// Descends on a cheap light, corrected until it has the models' light where it leads.
+  State descend_corrected(CheapLight& cheap, const ModelSet& models, const Gaussian& prior,
+                          State state, double inflation) const {
     for (int i = 0; i < kMostCorrections; ++i) {
-      correct(cheap, compiled_.models(), state.at);
+      correct(cheap, models, state.at);
       State next = descend(cheap.corrected(), prior, state.at, inflation);
       const double moved = squared_distance(next, state.at);
       state = std::move(next);
-      if (0.5 * moved < kWorthAStep) break;
+      if (moved < kSameSlope) break;
     }
     return state;
   }
@@ -226,23 +228,26 @@ class CaptureLikelihood final : public FrameLikelihood {
     return d.dot(state.covariance.ldlt().solve(d));
   }
 
-  /// At the end a finer model corrects the values: the model's error is much the same in frame
+  /// On the spline, where there is one, which models correct; else on the models. Where their error
+  /// may move the optimum, finer ones take over at the end: that error is much the same in frame
   /// after frame, so that no number of them averages it out. By what it may still be, the frame
   /// counts for less.
-  Update with_model(const Gaussian& prior, const Eigen::VectorXd& start, double inflation) const {
-    CheapLight light{compiled_.spline ? LightSource(*compiled_.spline)
-                                      : LightSource(compiled_.models()),
-                     {}};
-    State best = descend_on(light, prior, start, inflation);
-    if (compiled_.coarse.empty()) return as_it_falls(light.corrected(), prior, best, inflation);
+  Update with_model(const Gaussian& prior, const Eigen::VectorXd& start, double inflation,
+                    bool may_be_finer) const {
+    const bool spline = compiled_.spline != nullptr;
+    const bool exact = compiled_.knowledge->coarse() == nullptr;  // measured laws
+    CheapLight light{spline ? LightSource(*compiled_.spline) : LightSource(compiled_.models()), {}};
+    State best = descend(light.source, prior, start, inflation);
     // How far the model's own error may move the optimum, in standard deviations.
-    double error = light_error(compiled_.scene, 0) * std::sqrt(best.signal);
+    double error = exact ? 0 : light_error(compiled_.scene, 0) * std::sqrt(best.signal);
     const ModelSet* finer =
-        error > kSmallMove ? compiled_.models_within(kFiner, kMostPaths) : nullptr;
-    if (finer != nullptr) {
-      correct(light, *finer, best.at);
-      best = descend(light.corrected(), prior, best.at, inflation);
-      error = light_error(compiled_.scene, kFiner) * std::sqrt(best.signal);
+        may_be_finer && error > kSmallMove ? compiled_.models_within(kFiner, kMostPaths) : nullptr;
+    if (spline || finer != nullptr) {
+      best = descend_corrected(light, finer != nullptr ? *finer : compiled_.models(), prior, best,
+                               inflation);
+      error = exact ? 0
+                    : light_error(compiled_.scene, finer != nullptr ? kFiner : 0) *
+                          std::sqrt(best.signal);
     }
     Update result = as_it_falls(light.corrected(), prior, best, inflation);
     if (error > kSmallMove) {

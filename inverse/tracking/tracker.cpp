@@ -362,7 +362,8 @@ void Tracker::search(const FrameLikelihood& frame, std::span<const VectorXd> sta
   std::vector<FrameLikelihood::Update> updates(starts.size());
   tbb::this_task_arena::isolate([&] {
     tbb::parallel_for(std::size_t{0}, starts.size(), [&](std::size_t i) {
-      updates[i] = frame.update(unknown_, starts[i], inflation_);
+      updates[i] = modes_.empty() ? frame.update(unknown_, starts[i], inflation_)
+                                  : frame.rough_update(unknown_, starts[i], inflation_);
     });
   });
   for (const FrameLikelihood::Update& update : updates) {

@@ -35,6 +35,13 @@ class FrameLikelihood {
   virtual Update update(const Gaussian& prior, const Eigen::VectorXd& start,
                         double inflation) const = 0;
 
+  /// The same without what a finer model of the light would tell, and as much less sure: for one of
+  /// several places, of which the next frames tell more.
+  virtual Update rough_update(const Gaussian& prior, const Eigen::VectorXd& start,
+                              double inflation) const {
+    return update(prior, start, inflation);
+  }
+
   /// Places worth descending from when nothing is known, the best first.
   virtual std::vector<Eigen::VectorXd> starts() const = 0;
 

@@ -9,6 +9,7 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
@@ -72,6 +73,7 @@ class LinearFrame final : public FrameLikelihood {
     const MatrixXd S = prior.covariance + inflation * noise_;
     const MatrixXd gain = prior.covariance * S.inverse();
     const VectorXd d = layout_.difference(prior.mean, peak);
+    ++updates_;
     Update result;
     result.posterior = {prior.mean + gain * d, prior.covariance - gain * prior.covariance};
     result.log_evidence = log_normal(d, S);
@@ -86,6 +88,7 @@ class LinearFrame final : public FrameLikelihood {
 
   /// How many of the peaks a search finds.
   std::size_t shown_ = 100;
+  mutable std::atomic<int> updates_{0};  ///< so far
 
  private:
   const TrackLayout& layout_;
@@ -340,15 +343,37 @@ TEST(Tracker, JudgedByAllFramesIsWhatTheFilterSaysOfLinearOnes) {
   options.young_frames = 16;
   options.search_interval = 1e-9;  // at each frame
   Tracker judged(scene, walking(), options);
+  const VectorXd far = vector({60, 0});  // another place, which the prior all but excludes
   for (std::size_t i = 0; i < walk.seen.size(); ++i) {
-    const auto frame = linear(filter.layout(), {walk.seen[i]}, walk.noise);
-    const TrackPoint of_filter = filter.advance(walk.dt[i], frame);
-    const TrackPoint of_all = judged.advance(walk.dt[i], frame);
+    const TrackPoint of_filter =
+        filter.advance(walk.dt[i], linear(filter.layout(), {walk.seen[i]}, walk.noise));
+    const TrackPoint of_all = judged.advance(
+        walk.dt[i], linear(judged.layout(), {walk.seen[i], walk.seen[i] + far}, walk.noise));
     ASSERT_EQ(of_all.modes.size(), 1U) << i;
     const Gaussian& a = of_filter.modes[0].state;
     const Gaussian& b = of_all.modes[0].state;
     EXPECT_LT((a.mean - b.mean).cwiseAbs().maxCoeff(), 1e-9) << i;
     EXPECT_LT((a.covariance - b.covariance).cwiseAbs().maxCoeff(), 1e-9) << i;
+  }
+}
+
+TEST(Tracker, WhereASearchFindsNoOtherPlaceNoEarlierFrameIsAskedAgain) {
+  const Scene scene = floor_scene();
+  TrackerOptions options = certain();
+  options.search_interval = 1e-9;  // at each frame
+  for (const bool elsewhere : {false, true}) {
+    Tracker tracker(scene, walking(), options);
+    std::vector<VectorXd> places{vector({1, 1})};
+    if (elsewhere) places.push_back(vector({61, 1}));  // which the prior all but excludes
+    std::vector<std::shared_ptr<LinearFrame>> frames;
+    for (int i = 0; i < 6; ++i) {
+      frames.push_back(std::make_shared<LinearFrame>(tracker.layout(), places,
+                                                     MatrixXd(1e-4 * MatrixXd::Identity(2, 2))));
+      const int before = frames.front()->updates_;
+      EXPECT_TRUE(tracker.advance(0.1, frames.back()).searched);
+      if (i == 0) continue;
+      EXPECT_EQ(frames.front()->updates_ > before, elsewhere) << i;
+    }
   }
 }
 
@@ -602,6 +627,27 @@ TEST_F(CaptureLikelihood, FindsPoseAndBrightnessFromAPredictionNearby) {
   EXPECT_LT((both.posterior.mean - update.posterior.mean - 0.5 * shift).norm(), 0.1 * shift.norm());
   EXPECT_LT((both.posterior.covariance - 0.5 * update.posterior.covariance).norm(),
             0.1 * update.posterior.covariance.norm());
+}
+
+TEST_F(CaptureLikelihood, ASplineThatIsCorrectedLeadsToWhereTheModelsHaveTheObject) {
+  FitOptions for_many = no_empty_captures();
+  for_many.captures_per_placement = 1'000'000;
+  const Fitter on_spline(scene, for_many);
+  for (const double amplitude : {0.1, 1.0, 30.0, 1000.0}) {
+    for (const double share : {0.31, 0.44, 0.57}) {
+      const auto frame = on_spline.frame(noiseless(scene, pose_at(share), amplitude));
+      Gaussian prior{VectorXd::Zero(3), 0.04 * MatrixXd::Identity(3, 3)};
+      prior.mean.head(2) = pose_at(share + 0.05);
+      prior.mean[2] = std::log(amplitude) + 0.1;
+      const Gaussian found = frame->update(prior, prior.mean, 1).posterior;
+      VectorXd d = found.mean;
+      d.head(2) -= pose_at(share);
+      d[2] -= std::log(amplitude);
+      // However bright: what the models themselves are off by is in the covariance.
+      EXPECT_LT(std::sqrt(d.dot(found.covariance.ldlt().solve(d))), 0.7) << amplitude << share;
+      EXPECT_LT(d.head(2).norm(), amplitude < 1 ? 0.03 : 2e-3) << amplitude << share;
+    }
+  }
 }
 
 TEST_F(CaptureLikelihood, BrightLightClaimsNoMoreThanTheModelIsWorth) {
