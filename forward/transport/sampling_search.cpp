@@ -27,15 +27,15 @@ constexpr double kCoarsenessStep = 1.41421356;
 constexpr double kRuleStep = 1.18920712;
 constexpr double kRuleFinest = 0.3;
 /// Change of the worst bin, relative to the peak, for each relative change of all light (L2): 1.5
-/// to 2 on floors and walls. Rules and pairs are chosen by twice the latter: a single bin at
-/// the edge of a lobe's footprint says little of a pose.
+/// to 2 on floors and walls. Rules and pairs are chosen by twice the latter: a single bin at the
+/// edge of a lobe's footprint says little of a pose.
 constexpr double kPeakOfL2 = 2;
 /// The coarsest of rules: of the shipped scenes none is coarser, to 10 %. The object's is looked
 /// for with the relay's: shadows' edges hardly change with the object's points.
 constexpr double kRuleRelay = 1.41421356;
 constexpr double kRuleObject = 2;
-/// The same of pairs' object points, whose estimate holds for the patches' sake: where on the object
-/// light turns back does not move the lobe's middle.
+/// The same of pairs' object points, whose estimate holds for the patches' sake: where on the
+/// object light turns back does not move the lobe's middle.
 constexpr double kPairsObject = 8 * kCoarsest;
 /// Most pairs of lit and seen patches that a lobe's model takes for an evaluation (about 0.2 s):
 /// the search for a sampling ends there, whatever the tolerance.
@@ -94,7 +94,8 @@ class SamplingSearch {
   }
 
   /// Limits become stricter until going on to at least twice as many cells would change no bin of
-  /// any probed pose by more than the tolerance (of the pose's peak). The error falls with the
+  /// any probed pose by more than the tolerance (of the pose's peak; of rules and pairs, kPeakOfL2
+  /// times the change of all light, root mean square over the poses). The error falls with the
   /// fourth power of a cell's edges, so the change is at least three quarters of the coarser one's
   /// error. The object takes half of the tolerance at most, the relay what that leaves.
   SamplingStep find() {
@@ -162,7 +163,7 @@ class SamplingSearch {
  private:
   struct Choice {
     double coarseness;
-    double change;  ///< by going on to twice as many cells, as a share of the peak
+    double change;                 ///< by going on to twice as many cells, as a share of the peak
     double worst_change = change;  ///< the same of the worst bin
   };
 

@@ -32,8 +32,8 @@ constexpr int kMaxHalvings = 5;
 /// A move in standard deviations that the model's own error may make. By judgement: carried as an
 /// error, it would widen a standard deviation by 4 %.
 constexpr double kSmallMove = 0.3;
-/// A move this long, in standard deviations squared, leaves the light's slopes as they were, and what
-/// a spline lacks (a quarter of a per cent): by judgement, slopes then change by a tenth.
+/// A move this long, in standard deviations squared, leaves the light's slopes as they were, and
+/// what a spline lacks (a quarter of a per cent): by judgement, slopes then change by a tenth.
 constexpr double kSameSlope = 1.0;
 /// How often a spline is corrected before it must be right where it leads.
 constexpr int kMostCorrections = 4;

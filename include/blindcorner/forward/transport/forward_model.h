@@ -132,8 +132,8 @@ struct FastModelOptions {
 
   /// Error of a bin relative to the pose's peak. The model takes the coarsest sampling whose error,
   /// estimated by going on to at least twice as many cells at eight poses of the search region, is
-  /// below this: an estimate, not a bound for every pose. Of matt objects it is twice the relative
-  /// error of all bins (L2), root mean square over the poses.
+  /// below this: an estimate, not a bound for every pose. Of matt objects and of pairs of patches
+  /// it is twice the relative error of all bins (L2), root mean square over the poses.
   double tolerance = 0.01;
   /// Standard deviation of an extra Gaussian pulse, s: widens the basins of attraction.
   double extra_pulse_sigma = 0.0;

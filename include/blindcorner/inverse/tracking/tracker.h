@@ -34,8 +34,9 @@ struct TrackerOptions {
   /// Time after which the whole region is searched in any case, s. While a track is young, that is
   /// done each time its age has doubled.
   double search_interval = 2.0;
-  /// While nothing is tracked, the region is searched where FrameLikelihood::look leaves an object this probability at least; 0: in every frame. A track begins at one half: the
-  /// rest is what that may be off, a factor of twenty.
+  /// While nothing is tracked, the region is searched where FrameLikelihood::look leaves an object
+  /// this probability at least; 0: in every frame. A track begins at one half: the rest is what
+  /// that may be off, a factor of twenty.
   double worth_a_search = 0.05;
   /// And where that look tells places apart, by so many nats: what is no more leaves presence as
   /// uncertain as it was, and there is nothing to follow. By judgement: frames of dim walks have
