@@ -38,8 +38,7 @@ constexpr double kSameSlope = 1.0;
 /// How often a spline is corrected before it must be right where it leads.
 constexpr int kMostCorrections = 4;
 /// Level of the models that correct the light at the end, and the most paths (lit times seen times
-/// object points) that a render of them may sum over: some 100 ms. Of the street's drives, frames
-/// cost 15 to 60 ms so, and 1 to 7 s where the car is close to the turn.
+/// object points) that a render of them may sum over: some 100 ms, by judgement.
 constexpr int kFiner = 1;
 constexpr double kMostPaths = 3e9;
 /// Bounds of what a fall may be of a Gaussian's, by judgement: as little makes a posterior three
@@ -239,15 +238,16 @@ class CaptureLikelihood final : public FrameLikelihood {
     CheapLight light{spline ? LightSource(*compiled_.spline) : LightSource(compiled_.models()), {}};
     State best = descend(light.source, prior, start, inflation);
     // How far the model's own error may move the optimum, in standard deviations.
-    double error = exact ? 0 : light_error(compiled_.scene, 0) * std::sqrt(best.signal);
+    const auto error_of = [&](int level) {
+      return exact ? 0.0 : light_error(compiled_.scene, level) * std::sqrt(best.signal);
+    };
+    double error = error_of(0);
     const ModelSet* finer =
         may_be_finer && error > kSmallMove ? compiled_.models_within(kFiner, kMostPaths) : nullptr;
     if (spline || finer != nullptr) {
       best = descend_corrected(light, finer != nullptr ? *finer : compiled_.models(), prior, best,
                                inflation);
-      error = exact ? 0
-                    : light_error(compiled_.scene, finer != nullptr ? kFiner : 0) *
-                          std::sqrt(best.signal);
+      error = error_of(finer != nullptr ? kFiner : 0);
     }
     Update result = as_it_falls(light.corrected(), prior, best, inflation);
     if (error > kSmallMove) {
