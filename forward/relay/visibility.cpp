@@ -147,6 +147,49 @@ namespace {
 
 constexpr int kChunk = ShadowView::kChunk;
 
+/// The box around a chunk of patches, its edges along the axes.
+struct Box {
+  Vector3d center, half;
+};
+
+BLINDCORNER_MULTIVERSION void find_ends(const double* center, const double* half_u,
+                                        const double* half_v, double& low, double& high) {
+  double least[kChunk], most[kChunk];
+  for (int i = 0; i < kChunk; ++i) {
+    const double reach = std::abs(half_u[i]) + std::abs(half_v[i]);
+    least[i] = center[i] - reach;
+    most[i] = center[i] + reach;
+  }
+  for (int step = kChunk / 2; step > 0; step /= 2) {
+    for (int i = 0; i < step; ++i) {
+      least[i] = std::min(least[i], least[i + step]);
+      most[i] = std::max(most[i], most[i + step]);
+    }
+  }
+  low = least[0];
+  high = most[0];
+}
+
+/// Around `count` patches of a chunk, what fills it up left out.
+Box box_around(const PatchCoordinates& p, int begin, int count) {
+  Vector3d low, high;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const auto axis = static_cast<Eigen::Index>(k);
+    const double *center = p.center[k] + begin, *u = p.half_u[k] + begin, *v = p.half_v[k] + begin;
+    if (count == kChunk) {
+      find_ends(center, u, v, low[axis], high[axis]);
+      continue;
+    }
+    low[axis] = high[axis] = center[0];
+    for (int i = 0; i < count; ++i) {
+      const double reach = std::abs(u[i]) + std::abs(v[i]);
+      low[axis] = std::min(low[axis], center[i] - reach);
+      high[axis] = std::max(high[axis], center[i] + reach);
+    }
+  }
+  return {0.5 * (low + high), 0.5 * (high - low)};
+}
+
 /// Of a patch's corners, the least and the largest distance inside of a half space, each the least
 /// over the half spaces of a pyramid; keeps the largest of all pyramids.
 struct Depths {
@@ -182,13 +225,21 @@ BLINDCORNER_MULTIVERSION void add_depths(const PatchCoordinates& p, int begin,
 
 }  // namespace
 
+bool ShadowView::clear_of(const Pyramid& pyramid, const Vector3d& center, const Vector3d& half) {
+  return std::ranges::any_of(pyramid, [&](const HalfSpace& side) {
+    return side.normal.dot(center) + side.offset + side.normal.cwiseAbs().dot(half) <= 0;
+  });
+}
+
 void ShadowView::sights(const PatchCoordinates& patches, int begin, int end, Sight* out) const {
   for (; begin < end; begin += kChunk, out += kChunk) {
     const int count = std::min(kChunk, end - begin);
+    const Box box = box_around(patches, begin, count);
     Depths depths;
     depths.nearest.fill(-1);
     depths.farthest.fill(-1);
     for (const auto& pyramid : pyramids_) {
+      if (clear_of(pyramid, box.center, box.half)) continue;
       std::array<std::array<double, 4>, kMaxOutline + 1> planes;
       for (std::size_t i = 0; i < pyramid.count; ++i) {
         const Vector3d& n = pyramid.sides[i].normal;

@@ -12,10 +12,12 @@
 #include <iterator>
 #include <limits>
 #include <numeric>
+#include <optional>
 
 #include "blindcorner/forward/constants.h"
 #include "forward/support/clip.h"
 #include "forward/support/multiversion.h"
+#include "forward/transport/known_patches.h"
 
 namespace blindcorner {
 
@@ -34,8 +36,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Height of a patch over its surface against its distance: a hundred times the precision of a ray.
-constexpr double kLift = 1e-5;
 /// Light below this share of a zone's brightest is rounding, and what pulse tables leave out.
 constexpr double kNoLight = 1e-7;
 /// Largest edge of a patch against its distance to the sensor: by judgement, as the patches of two
@@ -54,6 +54,9 @@ constexpr DirectSampling kFineCells{12, 0.1, 2}, kBetterThanFine{16, 0.07, 2};
 /// Parts in which the bounces are summed, side by side; fixed, so that sums do not depend on
 /// threads. By judgement: some for each core.
 constexpr std::size_t kParts = 8;
+/// Patches or cells that take the same parts of a tree of patches: by judgement, as many as are
+/// looked at together for shadows.
+constexpr std::size_t kBlock = ShadowView::kChunk;
 /// Least relative error of the direct return: what the pulse tables leave out.
 constexpr double kMinBackgroundError = 1e-6;
 
@@ -301,124 +304,9 @@ double distance_to(const Vector3d& point, const SurfaceCell& cell) {
       .norm();
 }
 
-SurfaceCell cell_of(const RelayPatch& patch) {
-  return {patch.center, patch.normal, patch.half_u, patch.half_v,
-          4 * patch.half_u.cross(patch.half_v).norm()};
-}
-
 }  // namespace
 
-struct KnownBounces::Patches {
-  // Centre, normal, half edges, gradient of the outer leg.
-  std::array<std::vector<double>, 3> c, n, u, v, g;
-  std::vector<double> weight, leg;
-  std::vector<double> extent;  // sum of the squared half edges, m^2
-  std::vector<SurfaceCell> cells;
-  std::vector<int> zone;
-
-  std::size_t size() const { return weight.size(); }
-  void add(const WeightedPatch& p, int z) {
-    cells.push_back(cell_of(p.patch));
-    // Rays end within single precision of their surface, before it or behind: lifted, it does not
-    // hide its own patches.
-    const Vector3d lifted = p.patch.center + kLift * p.patch.distance * p.patch.normal;
-    cells.back().center = lifted;
-    zone.push_back(z);
-    for (Eigen::Index i = 0; i < 3; ++i) {
-      const auto k = static_cast<std::size_t>(i);
-      c[k].push_back(lifted[i]);
-      n[k].push_back(p.patch.normal[i]);
-      u[k].push_back(p.patch.half_u[i]);
-      v[k].push_back(p.patch.half_v[i]);
-      g[k].push_back(p.leg_direction[i]);
-    }
-    weight.push_back(p.weight);
-    leg.push_back(p.leg);
-    extent.push_back(p.patch.half_u.squaredNorm() + p.patch.half_v.squaredNorm());
-  }
-  /// Whole chunks, as visibility wants them.
-  void pad() {
-    const std::size_t count =
-        (c[0].size() + ShadowView::kChunk - 1) / ShadowView::kChunk * ShadowView::kChunk;
-    for (auto* list : {&c, &u, &v}) {
-      for (auto& values : *list) values.resize(count, 0.0);
-    }
-  }
-  PatchCoordinates coordinates() const {
-    return {{c[0].data(), c[1].data(), c[2].data()},
-            {u[0].data(), u[1].data(), u[2].data()},
-            {v[0].data(), v[1].data(), v[2].data()}};
-  }
-};
-
-struct KnownBounces::Legs {
-  std::vector<double> weight, length, x, y, z;  // direction from the point
-  std::vector<double> du, dv;                   // half extents of the path over the patch
-  std::vector<ShadowView::Sight> sights;
-
-  void resize(std::size_t count) {
-    for (auto* list : {&weight, &length, &x, &y, &z, &du, &dv}) list->resize(count);
-  }
-};
-
 namespace {
-
-using Patches = KnownBounces::Patches;
-using Legs = KnownBounces::Legs;
-
-/// Weights with both cosines, paths and their spreads, without shadows.
-///
-/// Over patches of half edges h the mean of A B / R^2 (A and B the distance times either cosine, R
-/// its square) differs from that between their centres by the second derivatives, with q = d h / R:
-/// A B / R^2 sum (4 q^2 - 2 h^2 / 3 R) - 4 / 3 R^2 (B sum q h n + A sum q h m). What is taken away
-/// divides, so that nothing becomes negative where patches meet.
-BLINDCORNER_MULTIVERSION void open_legs(const SurfaceCell& cell, const Patches& p, Legs& legs) {
-  const double cx = cell.center.x(), cy = cell.center.y(), cz = cell.center.z();
-  const double nx = cell.normal.x(), ny = cell.normal.y(), nz = cell.normal.z();
-  const double kx = cell.half_u.x(), ky = cell.half_u.y(), kz = cell.half_u.z();
-  const double lx = cell.half_v.x(), ly = cell.half_v.y(), lz = cell.half_v.z();
-  const double own = cell.half_u.squaredNorm() + cell.half_v.squaredNorm();
-  const std::size_t count = p.size();
-  const double *px = p.c[0].data(), *py = p.c[1].data(), *pz = p.c[2].data();
-  const double *mx = p.n[0].data(), *my = p.n[1].data(), *mz = p.n[2].data();
-  const double *ux = p.u[0].data(), *uy = p.u[1].data(), *uz = p.u[2].data();
-  const double *vx = p.v[0].data(), *vy = p.v[1].data(), *vz = p.v[2].data();
-  const double *gx = p.g[0].data(), *gy = p.g[1].data(), *gz = p.g[2].data();
-  const double *w = p.weight.data(), *leg = p.leg.data(), *extent = p.extent.data();
-  double *weight = legs.weight.data(), *length = legs.length.data();
-  double *x = legs.x.data(), *y = legs.y.data(), *z = legs.z.data();
-  double *du = legs.du.data(), *dv = legs.dv.data();
-  BLINDCORNER_INDEPENDENT
-  for (std::size_t i = 0; i < count; ++i) {
-    const double dx = px[i] - cx, dy = py[i] - cy, dz = pz[i] - cz;
-    const double square = dx * dx + dy * dy + dz * dz + 1e-12;
-    const double r = std::sqrt(square);
-    const double ex = dx / r, ey = dy / r, ez = dz / r;
-    const double here = std::max(ex * nx + ey * ny + ez * nz, 0.0);
-    const double there = std::max(-(ex * mx[i] + ey * my[i] + ez * mz[i]), 0.0);
-    const double eu = ex * ux[i] + ey * uy[i] + ez * uz[i];
-    const double ev = ex * vx[i] + ey * vy[i] + ez * vz[i];
-    const double ek = ex * kx + ey * ky + ez * kz;
-    const double el = ex * lx + ey * ly + ez * lz;
-    const double un = ux[i] * nx + uy[i] * ny + uz[i] * nz;
-    const double vn = vx[i] * nx + vy[i] * ny + vz[i] * nz;
-    const double km = kx * mx[i] + ky * my[i] + kz * mz[i];
-    const double lm = lx * mx[i] + ly * my[i] + lz * mz[i];
-    const double size = own + extent[i];
-    const double even = here * there;
-    const double change = even * (4 * (eu * eu + ev * ev + ek * ek + el * el) - 2.0 / 3 * size) -
-                          4.0 / 3 * (there * (eu * un + ev * vn) - here * (ek * km + el * lm));
-    const double less = std::max(-change, 0.0), more = std::max(change, 0.0);
-    const double lessened = even * even * square / (even * square + less + 1e-30);
-    weight[i] = even > 0 ? w[i] * (lessened / square + more / (square * (square + size))) : 0.0;
-    length[i] = leg[i] + r;
-    du[i] = std::abs(gx[i] * ux[i] + gy[i] * uy[i] + gz[i] * uz[i] + eu);
-    dv[i] = std::abs(gx[i] * vx[i] + gy[i] * vy[i] + gz[i] * vz[i] + ev);
-    x[i] = ex;
-    y[i] = ey;
-    z[i] = ez;
-  }
-}
 
 /// into += scale * (from moved by `at` cells), `at` >= 0; linear between cells.
 BLINDCORNER_MULTIVERSION void add_moved(const double* from, std::size_t count, double at,
@@ -535,25 +423,6 @@ double KnownBounces::distance(const Piece& piece, const std::vector<Piece>& face
   return least;
 }
 
-void KnownBounces::find_legs(const SurfaceCell& cell, const ShadowView& shadows,
-                             const Patches& patches, Legs& legs) {
-  const std::size_t count = patches.size();
-  legs.resize(count);
-  open_legs(cell, patches, legs);
-  if (shadows.empty()) return;
-  legs.sights.resize(count + ShadowView::kChunk);
-  shadows.sights(patches.coordinates(), 0, static_cast<int>(count), legs.sights.data());
-  for (std::size_t i = 0; i < count; ++i) {
-    if (legs.sights[i] == ShadowView::Sight::clear || legs.weight[i] <= 0) continue;
-    if (legs.sights[i] == ShadowView::Sight::hidden) {
-      legs.weight[i] = 0;
-      continue;
-    }
-    const SurfaceCell& p = patches.cells[i];
-    legs.weight[i] *= shadows.see(p.center, p.half_u, p.half_v).fraction;
-  }
-}
-
 namespace {
 
 /// Rectangles around patches, one on each face that has some.
@@ -615,11 +484,13 @@ class Extents {
 }  // namespace
 
 struct KnownBounces::Ends {
-  std::vector<Patches> lit;  // one, or one for each zone (confocal)
-  Patches seen;
+  std::vector<PatchTree> lit;  // one, or one for each zone (confocal)
+  std::optional<PatchTree> seen;
+  KnownPatches seen_patches;
+  std::size_t lit_count = 0;   // patches
   std::vector<Piece> extents;  // of all patches on a face: the rectangle around them
 
-  const Patches& lit_for(int zone) const {
+  const PatchTree& lit_for(int zone) const {
     return lit[lit.size() == 1 ? 0 : static_cast<std::size_t>(zone)];
   }
 };
@@ -646,27 +517,30 @@ KnownBounces::Ends KnownBounces::ends(const RelaySetup& setup, int zone_division
     return std::max(u, v) <= most ? 0 : (u >= v ? 1 : 2);
   };
   Ends ends;
-  ends.lit.resize(confocal ? sensor.zones.size() : 1);
+  std::vector<KnownPatches> lit(confocal ? sensor.zones.size() : 1);
   Extents extents(faces_);
-  const auto add = [&](const WeightedPatch& p, int zone, Patches& to) {
-    to.add(p, zone);
-    extents.add(p.patch);
+  const auto add = [&](const std::vector<WeightedPatch>& patches, int zone, KnownPatches& to) {
+    for (const WeightedPatch& p : patches) {
+      if (p.weight <= 0) continue;
+      to.add(p, zone);
+      extents.add(p.patch);
+    }
   };
   relay.divisions = sampling_.field_divisions;
-  if (!confocal) {
-    for (const WeightedPatch& p : setup.lit(relay, false)) add(p, 0, ends.lit[0]);
-  }
+  if (!confocal) add(setup.lit(relay, false), 0, lit[0]);
   relay.divisions = zone_divisions;
   for (int z = 0; z < sensor.zone_count(); ++z) {
     if (sensor.zones[static_cast<std::size_t>(z)].dead) continue;
-    for (const WeightedPatch& p : setup.seen(z, relay, false)) add(p, z, ends.seen);
-    if (!confocal) continue;
-    for (const WeightedPatch& p : setup.lit_by_zone(z, relay, false)) {
-      add(p, z, ends.lit[static_cast<std::size_t>(z)]);
+    add(setup.seen(z, relay, false), z, ends.seen_patches);
+    if (confocal) {
+      add(setup.lit_by_zone(z, relay, false), z, lit[static_cast<std::size_t>(z)]);
     }
   }
-  for (Patches& p : ends.lit) p.pad();
-  ends.seen.pad();
+  for (const KnownPatches& patches : lit) {
+    ends.lit.emplace_back(patches, sampling_.part_angle, kSensorAngle);
+    ends.lit_count += patches.size();
+  }
+  ends.seen.emplace(ends.seen_patches, sampling_.part_angle, kSensorAngle);
   ends.extents = extents.pieces();
   return ends;
 }
@@ -712,24 +586,31 @@ struct KnownBounces::TimeRows {
 };
 
 /// Source, p, r, detector.
-void KnownBounces::add_two(const Ends& ends, const std::vector<OccluderFace>& blockers,
-                           std::size_t part, TimeRows& rows) const {
-  const Patches& seen = ends.seen;
-  Legs in;
-  for (std::size_t r = part; r < seen.size(); r += kParts) {
-    const SurfaceCell& cell = seen.cells[r];
-    const Patches& from = ends.lit_for(seen.zone[r]);
-    find_legs(cell, ShadowView(blockers, cell.center), from, in);
-    const Vector3d outer(seen.g[0][r], seen.g[1][r], seen.g[2][r]);
-    for (std::size_t p = 0; p < from.size(); ++p) {
-      if (in.weight[p] <= 0) continue;
-      const Vector3d gradient = outer - Vector3d(in.x[p], in.y[p], in.z[p]);
-      const auto [a, b] = two_widths({in.du[p], in.dv[p], std::abs(gradient.dot(cell.half_u)),
-                                      std::abs(gradient.dot(cell.half_v))},
-                                     rows.axis.cells_per_metre);
-      rows.axis.spread(rows.twice_of(seen.zone[r]),
-                       (in.length[p] + seen.leg[r]) * rows.axis.cells_per_metre,
-                       in.weight[p] * seen.weight[r], a, b);
+void KnownBounces::add_two(const Ends& ends, const std::vector<std::vector<std::size_t>>& blocks,
+                           const std::vector<OccluderFace>& blockers, std::size_t part,
+                           TimeRows& rows) const {
+  const KnownPatches& seen = ends.seen_patches;
+  KnownPatches from;
+  KnownLegs in;
+  std::vector<const SurfaceCell*> cells;
+  for (std::size_t b = part; b < blocks.size(); b += kParts) {
+    cells.clear();
+    for (const std::size_t r : blocks[b]) cells.push_back(&seen.cells[r]);
+    ends.lit_for(seen.zone[blocks[b].front()]).cut(ball_around(cells), from);
+    for (const std::size_t r : blocks[b]) {
+      const SurfaceCell& cell = seen.cells[r];
+      in.find(cell, ShadowView(blockers, cell.center), from);
+      const Vector3d outer = seen.gradient(r);
+      for (std::size_t p = 0; p < from.size(); ++p) {
+        if (in.weight[p] <= 0) continue;
+        const Vector3d gradient = outer - Vector3d(in.x[p], in.y[p], in.z[p]);
+        const auto [a, b2] = two_widths({in.du[p], in.dv[p], std::abs(gradient.dot(cell.half_u)),
+                                         std::abs(gradient.dot(cell.half_v))},
+                                        rows.axis.cells_per_metre);
+        rows.axis.spread(rows.twice_of(seen.zone[r]),
+                         (in.length[p] + seen.leg[r]) * rows.axis.cells_per_metre,
+                         in.weight[p] * seen.weight[r], a, b2);
+      }
     }
   }
 }
@@ -742,11 +623,11 @@ struct Gathered {
   std::size_t first = 0, last = 0;  // lit cells of the row
   Vector3d arrives;                 // mean direction to where it came from
 
-  void gather(const Legs& in, std::size_t count, const Axis& axis, double margin) {
+  void gather(const KnownLegs& in, const Axis& axis, double margin) {
     double early = std::numeric_limits<double>::infinity(), late = 0, all = 0;
     std::fill(row.begin(), row.end(), 0.0);
     arrives.setZero();
-    for (std::size_t p = 0; p < count; ++p) {
+    for (std::size_t p = 0; p < in.weight.size(); ++p) {
       if (in.weight[p] <= 0) continue;
       const double at = in.length[p] * axis.cells_per_metre + margin;
       const auto [a, b] = two_widths({in.du[p], in.dv[p], 0, 0}, axis.cells_per_metre);
@@ -775,16 +656,17 @@ void KnownBounces::add_three(const Ends& ends, const std::vector<const Element*>
   std::vector<OccluderFace> blockers = blockers_;
   blockers.insert(blockers.end(), bodies.begin(), bodies.end());
   const Axis& axis = rows.axis;
-  const Patches& seen = ends.seen;
   const bool confocal = ends.lit.size() > 1;
   constexpr double kMargin = TimeRows::kMargin;
-  Legs in, out;
+  KnownPatches seen;
+  std::vector<KnownPatches> lit(ends.lit.size());  // by zone (confocal)
+  std::vector<const SurfaceCell*> cells;
+  KnownLegs in, out;
   Gathered light{std::vector<double>(rows.stride), 0, 0, Vector3d::Zero()};
-  for (std::size_t m = part; m < all_middle.size(); m += kParts) {
-    const Element& middle = *all_middle[m];
+  const auto add_cell = [&](const Element& middle) {
     const SurfaceCell& cell = middle.cell;
     const ShadowView shadows = bodies.empty() ? middle.shadows : ShadowView(blockers, cell.center);
-    find_legs(cell, shadows, seen, out);
+    out.find(cell, shadows, seen);
     int gathered = -1;  // zone
     // Patches of a zone whose paths adjoin leave together, as one that is as wide as all of them.
     struct Run {
@@ -815,9 +697,8 @@ void KnownBounces::add_three(const Ends& ends, const std::vector<const Element*>
       if (gathered < 0 || (confocal && seen.zone[r] != gathered)) {
         flush();
         gathered = seen.zone[r];
-        const Patches& from = ends.lit_for(gathered);
-        find_legs(cell, shadows, from, in);
-        light.gather(in, from.size(), axis, kMargin);
+        in.find(cell, shadows, lit[confocal ? static_cast<std::size_t>(gathered) : 0]);
+        light.gather(in, axis, kMargin);
       }
       if (light.first == light.last) continue;
       const Vector3d gradient = light.arrives + Vector3d(out.x[r], out.y[r], out.z[r]);
@@ -837,15 +718,22 @@ void KnownBounces::add_three(const Ends& ends, const std::vector<const Element*>
       run.half2 += w * half2;
     }
     flush();
+  };
+  for (std::size_t first = part * kBlock; first < all_middle.size(); first += kParts * kBlock) {
+    const std::size_t last = std::min(first + kBlock, all_middle.size());
+    cells.clear();
+    for (std::size_t m = first; m < last; ++m) cells.push_back(&all_middle[m]->cell);
+    const Ball ball = ball_around(cells);
+    ends.seen->cut(ball, seen);
+    for (std::size_t z = 0; z < lit.size(); ++z) ends.lit[z].cut(ball, lit[z]);
+    for (std::size_t m = first; m < last; ++m) add_cell(*all_middle[m]);
   }
 }
 
 std::size_t KnownBounces::legs(const RelaySetup& setup) const {
   if (!any() || setup.uses_points()) return 0;
   const Ends far = ends_of_three(setup);
-  std::size_t patches = far.seen.size();
-  for (const Patches& lit : far.lit) patches += lit.size();
-  return middle_for(far).size() * patches;
+  return middle_for(far).size() * (far.seen_patches.size() + far.lit_count);
 }
 
 double KnownBounces::least_patch() const {
@@ -866,8 +754,9 @@ void KnownBounces::add(const RelaySetup& setup, const PulseTable& pulses, Histog
     Ends near, far;
     tbb::parallel_invoke([&] { near = ends_of_two(setup); }, [&] { far = ends_of_three(setup); });
     const std::vector<const Element*> middle = middle_for(far);
+    const std::vector<std::vector<std::size_t>> blocks = near.seen->blocks(kBlock);
     tbb::parallel_for(std::size_t{0}, kParts, [&](std::size_t part) {
-      add_two(near, blockers, part, parts[part]);
+      add_two(near, blocks, blockers, part, parts[part]);
       add_three(far, middle, bodies, part, parts[part]);
     });
   });
@@ -925,7 +814,8 @@ StaticLightSampling denser(StaticLightSampling sampling, double by) {
   sampling.outer_divisions = times(sampling.outer_divisions);
   sampling.field_divisions = times(sampling.field_divisions);
   for (double* edge : {&sampling.patch_angle, &sampling.least_patch, &sampling.outer_angle,
-                       &sampling.middle_angle, &sampling.middle_edge, &sampling.least_middle}) {
+                       &sampling.part_angle, &sampling.middle_angle, &sampling.middle_edge,
+                       &sampling.least_middle}) {
     *edge /= by;
   }
   return sampling;

@@ -32,7 +32,7 @@ constexpr double kBetweenSteps = 0.85;
 /// Cells of the direct return and of the later static bounces; the fit's are {4, 0.3, 2} and the
 /// defaults.
 constexpr DirectSampling kDirectCells{5, 0.27, 3};
-constexpr StaticLightSampling kBounceCells{1, 2, 9, 0.36, 3.6, 1.8, 0.4, 0.11, 0.0075};
+constexpr StaticLightSampling kBounceCells{1, 2, 9, 0.36, 3.6, 1.8, 0.18, 0.4, 0.11, 0.0075};
 /// Share of the pulse's energy that may be cut off at either end.
 constexpr double kPulseTail = 1e-7;
 
