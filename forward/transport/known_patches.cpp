@@ -28,7 +28,8 @@ double longer_edge(const SurfaceCell& cell) {
 /// its square) differs from that between their centres by the second derivatives, with q = d h / R:
 /// A B / R^2 sum (4 q^2 - 2 h^2 / 3 R) - 4 / 3 R^2 (B sum q h n + A sum q h m). What is taken away
 /// divides, so that nothing becomes negative where patches meet.
-BLINDCORNER_MULTIVERSION void open_legs(const SurfaceCell& cell, const KnownPatches& p, KnownLegs& legs) {
+BLINDCORNER_MULTIVERSION void open_legs(const SurfaceCell& cell, const KnownPatches& p,
+                                        KnownLegs& legs) {
   const double cx = cell.center.x(), cy = cell.center.y(), cz = cell.center.z();
   const double nx = cell.normal.x(), ny = cell.normal.y(), nz = cell.normal.z();
   const double kx = cell.half_u.x(), ky = cell.half_u.y(), kz = cell.half_u.z();
@@ -218,14 +219,15 @@ PatchTree::Node PatchTree::sum_of(const KnownPatches& patches, std::size_t begin
     const SurfaceCell& cell = patches.cells[order_[k]];
     const Vector3d way = cell.center - node.cell.center;
     second += patches.weight[order_[k]] / node.weight *
-              (way * way.transpose() + (cell.half_u * cell.half_u.transpose() +
-                                        cell.half_v * cell.half_v.transpose()) /
-                                           3);
+              (way * way.transpose() +
+               (cell.half_u * cell.half_u.transpose() + cell.half_v * cell.half_v.transpose()) / 3);
   }
   // The rectangle with the same moments: half edges are the root of three times the deviations.
   const Eigen::SelfAdjointEigenSolver<Matrix3d> axes(second);
-  node.cell.half_u = std::sqrt(3 * std::max(axes.eigenvalues()[2], 0.0)) * axes.eigenvectors().col(2);
-  node.cell.half_v = std::sqrt(3 * std::max(axes.eigenvalues()[1], 0.0)) * axes.eigenvectors().col(1);
+  node.cell.half_u =
+      std::sqrt(3 * std::max(axes.eigenvalues()[2], 0.0)) * axes.eigenvectors().col(2);
+  node.cell.half_v =
+      std::sqrt(3 * std::max(axes.eigenvalues()[1], 0.0)) * axes.eigenvectors().col(1);
   node.edge = longer_edge(node.cell);
   if (node.edge > sensor_angle_ * node.leg) node.edge = std::numeric_limits<double>::infinity();
   return node;
@@ -239,9 +241,8 @@ void PatchTree::build(const KnownPatches& patches, std::size_t begin, std::size_
   const Vector3d middle = nodes_[at].cell.center, axis = nodes_[at].cell.half_u;
   const auto first = order_.begin() + static_cast<std::ptrdiff_t>(begin);
   const auto last = order_.begin() + static_cast<std::ptrdiff_t>(end);
-  auto half = std::partition(first, last, [&](std::size_t i) {
-    return axis.dot(patches.cells[i].center - middle) < 0;
-  });
+  auto half = std::partition(
+      first, last, [&](std::size_t i) { return axis.dot(patches.cells[i].center - middle) < 0; });
   if (half == first || half == last) half = first + (last - first) / 2;
   const auto split = static_cast<std::size_t>(half - order_.begin());
   const std::size_t parts = nodes_.size();

@@ -51,6 +51,8 @@ constexpr DirectSampling kBetterCells{6, 0.25, 2};
 /// ones are 1.6e-5 (TMF8828 wall), 1e-4 (its floor) and 8e-5 (street) off, these 2e-7, 1e-6 and
 /// 1e-5.
 constexpr DirectSampling kFineCells{12, 0.1, 2}, kBetterThanFine{16, 0.07, 2};
+/// Share of the bounces' squared error up to which that of the direct return is left as it is.
+constexpr double kMinorError = 0.1;
 /// Parts in which the bounces are summed, side by side; fixed, so that sums do not depend on
 /// threads. By judgement: some for each core.
 constexpr std::size_t kParts = 8;
@@ -162,6 +164,10 @@ double relative_error(const HistogramCube& light, const HistogramCube& better,
     together += sum * sum / square;
   }
   return std::sqrt(square / size * run * std::max(together, 1.0));
+}
+
+double total(const HistogramCube& light) {
+  return std::accumulate(light.values.begin(), light.values.end(), 0.0);
 }
 
 /// Faces that can hide one surface from another: those whose planes have some of the other
@@ -813,9 +819,9 @@ StaticLightSampling denser(StaticLightSampling sampling, double by) {
   sampling.zone_divisions = times(sampling.zone_divisions);
   sampling.outer_divisions = times(sampling.outer_divisions);
   sampling.field_divisions = times(sampling.field_divisions);
-  for (double* edge : {&sampling.patch_angle, &sampling.least_patch, &sampling.outer_angle,
-                       &sampling.part_angle, &sampling.middle_angle, &sampling.middle_edge,
-                       &sampling.least_middle}) {
+  for (double* edge :
+       {&sampling.patch_angle, &sampling.least_patch, &sampling.outer_angle, &sampling.part_angle,
+        &sampling.middle_angle, &sampling.middle_edge, &sampling.least_middle}) {
     *edge /= by;
   }
   return sampling;
@@ -850,10 +856,14 @@ const KnownBounces& StaticBackgroundModel::bounces_of(KnownLightSampling samplin
   return finer != nullptr ? *finer : bounces_;
 }
 
-HistogramCube StaticBackgroundModel::light(const RelaySetup& setup, KnownLightSampling sampling,
-                                           bool bounces, HistogramCube& direct) const {
-  const bool fine = sampling == KnownLightSampling::fine;
-  HistogramCube known = setup.direct_return(pulses_, fine ? kFineCells : kDirectCells);
+bool StaticBackgroundModel::any_finer() const {
+  return fine_direct(Sampling::fine) || (bounces_.any() && finer_bounces() != nullptr);
+}
+
+HistogramCube StaticBackgroundModel::light(const RelaySetup& setup, Sampling sampling, bool bounces,
+                                           HistogramCube& direct) const {
+  HistogramCube known =
+      setup.direct_return(pulses_, fine_direct(sampling) ? kFineCells : kDirectCells);
   direct = known;
   mix_zones(scene_.sensor, direct);
   if (bounces && bounces_.any()) bounces_of(sampling).add(setup, pulses_, known);
@@ -878,16 +888,20 @@ HistogramCube StaticBackgroundModel::bounces_behind(const RelaySetup& setup,
   return light;
 }
 
-StaticBackgroundModel::Shares StaticBackgroundModel::measured(const RelaySetup& setup,
-                                                              KnownLightSampling sampling) const {
-  const bool fine = sampling == KnownLightSampling::fine;
+StaticBackgroundModel::Own StaticBackgroundModel::measured_direct(bool fine) const {
+  const SensorPlacement own = sensor_placement(scene_);
+  if (!own.relay_points.empty()) return {};  // they come with captures
+  const RelaySetup setup(scene_, own);
+  const HistogramCube light = setup.direct_return(pulses_, fine ? kFineCells : kDirectCells);
+  const HistogramCube better = setup.direct_return(pulses_, fine ? kBetterThanFine : kBetterCells);
+  return {total(light), relative_error(light, better, smoothed(scene_.sensor, light))};
+}
+
+StaticBackgroundModel::Own StaticBackgroundModel::measured_bounces(Sampling sampling) const {
+  const SensorPlacement own = sensor_placement(scene_);
+  if (!bounces_.any() || !own.relay_points.empty()) return {};
+  const RelaySetup setup(scene_, own);
   const Sensor& sensor = scene_.sensor;
-  const HistogramCube direct = setup.direct_return(pulses_, fine ? kFineCells : kDirectCells);
-  Shares shares;
-  shares.direct =
-      relative_error(direct, setup.direct_return(pulses_, fine ? kBetterThanFine : kBetterCells),
-                     smoothed(sensor, direct));
-  if (!bounces_.any()) return shares;
   HistogramCube light(sensor.rows, sensor.columns, sensor.bins), coarser = light;
   const KnownBounces& bounces = bounces_of(sampling);
   const KnownBounces& below = &bounces == &bounces_ ? coarser_bounces() : bounces_;
@@ -895,27 +909,38 @@ StaticBackgroundModel::Shares StaticBackgroundModel::measured(const RelaySetup& 
   below.add(setup, pulses_, coarser);
   const double legs =
       static_cast<double>(bounces.legs(setup)) / static_cast<double>(below.legs(setup));
-  shares.bounces = of_difference(legs) * relative_error(light, coarser, smoothed(sensor, light));
-  return shares;
+  return {total(light),
+          of_difference(legs) * relative_error(light, coarser, smoothed(sensor, light))};
+}
+
+const StaticBackgroundModel::Own& StaticBackgroundModel::own_direct(bool fine) const {
+  Own& own = own_direct_[fine ? 1 : 0];
+  std::call_once(direct_once_[fine ? 1 : 0], [&] { own = measured_direct(fine); });
+  return own;
+}
+
+const StaticBackgroundModel::Own& StaticBackgroundModel::own_bounces(Sampling sampling) const {
+  const std::size_t fine = &bounces_of(sampling) == &bounces_ ? 0 : 1;
+  std::call_once(bounces_once_[fine], [&] { own_bounces_[fine] = measured_bounces(sampling); });
+  return own_bounces_[fine];
+}
+
+bool StaticBackgroundModel::fine_direct(Sampling sampling) const {
+  if (sampling != Sampling::fine) return false;
+  return !bounces_.any() ||
+         own_direct(false).error() > kMinorError * own_bounces(Sampling::fine).error();
 }
 
 BackgroundError StaticBackgroundModel::error(const HistogramCube& light,
-                                             const HistogramCube& direct,
-                                             KnownLightSampling sampling) const {
-  const bool fine = sampling == KnownLightSampling::fine;
-  Shares& shares = fine ? fine_shares_ : usual_shares_;
-  std::call_once(fine ? fine_once_ : usual_once_, [&] {
-    const SensorPlacement own = sensor_placement(scene_);
-    if (!own.relay_points.empty()) return;  // they come with captures
-    shares = measured(RelaySetup(scene_, own), sampling);
-  });
+                                             const HistogramCube& direct, Sampling sampling) const {
   HistogramCube bounced = light;
   for (std::size_t i = 0; i < direct.values.size(); ++i) {
     bounced.values[i] = std::max(light.values[i] - direct.values[i], 0.0);
   }
   BackgroundError error{smoothed(scene_.sensor, direct), smoothed(scene_.sensor, bounced)};
-  for (double& value : error.direct.values) value *= kMinBackgroundError + shares.direct;
-  for (double& value : error.bounces.values) value *= shares.bounces;
+  const double of_direct = kMinBackgroundError + own_direct(fine_direct(sampling)).share;
+  for (double& value : error.direct.values) value *= of_direct;
+  for (double& value : error.bounces.values) value *= own_bounces(sampling).share;
   return error;
 }
 

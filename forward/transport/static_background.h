@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstddef>
 #include <memory>
 #include <mutex>
@@ -117,6 +118,8 @@ class StaticBackgroundModel {
  public:
   explicit StaticBackgroundModel(const Scene& scene);
   bool any_bounces() const { return bounces_.any(); }
+  /// Whether fine light differs from the usual one.
+  bool any_finer() const;
   /// W/m^2 per bin, crosstalk included. Without `bounces` the direct return alone, which is handed
   /// out as well.
   HistogramCube light(const RelaySetup& setup, KnownLightSampling sampling, bool bounces,
@@ -132,12 +135,21 @@ class StaticBackgroundModel {
                         KnownLightSampling sampling) const;
 
  private:
-  /// Relative errors of a sampling.
-  struct Shares {
-    double direct = 0, bounces = 0;
+  /// Light at the scene's own placement and how far off it is.
+  struct Own {
+    double light = 0;  ///< sum over bins
+    double share = 0;  ///< relative error
+    /// In units of photon noise, but for a factor that all light has in common.
+    double error() const { return share * share * light; }
   };
-  Shares measured(const RelaySetup& setup, KnownLightSampling sampling) const;
-  const KnownBounces& bounces_of(KnownLightSampling sampling) const;
+  using Sampling = KnownLightSampling;
+  Own measured_direct(bool fine) const;
+  Own measured_bounces(Sampling sampling) const;
+  const Own& own_direct(bool fine) const;
+  const Own& own_bounces(Sampling sampling) const;
+  /// Whether the direct return's finer cells are worth their time.
+  bool fine_direct(Sampling sampling) const;
+  const KnownBounces& bounces_of(Sampling sampling) const;
   /// Finer than the usual ones; null where they cost too much.
   const KnownBounces* finer_bounces() const;
   const KnownBounces& coarser_bounces() const;
@@ -147,8 +159,10 @@ class StaticBackgroundModel {
   StaticLightSampling sampling_;
   KnownBounces bounces_;
   PulseTable pulses_;
-  mutable std::once_flag usual_once_, fine_once_, finer_once_, coarser_once_, shadow_once_;
-  mutable Shares usual_shares_, fine_shares_;
+  mutable std::once_flag finer_once_, coarser_once_, shadow_once_;
+  /// Usual, fine.
+  mutable std::array<std::once_flag, 2> direct_once_, bounces_once_;
+  mutable std::array<Own, 2> own_direct_, own_bounces_;
   mutable std::unique_ptr<KnownBounces> finer_, coarser_, shadow_;
 };
 

@@ -13,6 +13,8 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/sensor/photon_noise.h"
+#include "forward/transport/scene_transport.h"
+#include "forward/transport/static_background.h"
 #include "inverse/search/difference_steps.h"
 
 namespace blindcorner {
@@ -531,6 +533,12 @@ ModelSet make_models(const CompiledScene& compiled, FastModelOptions fast,
   return set;
 }
 
+/// Of pairs of lobes, a sum over a thirtieth to an eightieth as many paths. Of the crossing
+/// cyclist's light it is 13 % off and of its slopes 28 %, so that their information is .8 to 1.2
+/// times the models'.
+constexpr int kRoughLevel = -1;
+constexpr double kRough = 2;
+
 /// What a level asks of the fast model. Light of lobes comes from pairs, because one sum has an
 /// error of its own; of coarser pairs than sqrt(8) it was larger than that of one sum. Their
 /// sampling follows from the first level's; no search is made.
@@ -554,6 +562,10 @@ FastModelOptions options_of(int level, const CompiledScene& compiled, bool lobes
   }
   const SamplingStep first = *compiled.models().front()->sampling_step();
   fast.tolerance = kFirstTolerance;
+  if (level == kRoughLevel) {
+    fast.sampling_step = {kRough * first.relay, kRough * first.object, first.lobe_pairs};
+    return fast;
+  }
   const double finer = std::pow(2.0, 0.5 * (level - 1));
   SamplingStep pairs{std::sqrt(8.0) / finer, std::sqrt(8.0) / finer, true};
   if (first.lobe_pairs) {
@@ -578,6 +590,12 @@ const ModelSet& CompiledScene::models_at(int level) const {
   return finer_
       .emplace(level, tbb::this_task_arena::isolate([&] { return make_models(*this, fast); }))
       .first->second;
+}
+
+const ModelSet* CompiledScene::rough_models() const {
+  const std::optional<SamplingStep> sampling = models().front()->sampling_step();
+  if (!sampling || !sampling->lobe_pairs) return nullptr;
+  return &models_at(kRoughLevel);
 }
 
 const ModelSet* CompiledScene::models_within(int level, double most_paths) const {
@@ -737,6 +755,7 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
 }
 
 const GatedBackground& CompiledScene::fine_background() const {
+  if (!knowledge->transport()->static_background()->any_finer()) return background;
   std::call_once(fine_background_once_, [this] {
     FastModelOptions fast;
     fast.sampling_step = models().front()->sampling_step();

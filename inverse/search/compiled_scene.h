@@ -84,7 +84,10 @@ struct CompiledScene {
   /// Models of a level of exactness, 0 (models()) to kModelLevels - 1, made when they are asked
   /// for. Thread safe.
   const ModelSet& models_at(int level) const;
-  /// The same; null where one render of them would sum over more than `most_paths` (lit times seen
+  /// Coarser models, whose light tells roughly how it changes about a pose at which models()
+  /// correct it; null where models() are cheap themselves. Thread safe.
+  const ModelSet* rough_models() const;
+  /// Those of a level; null where one render of them would sum over more than `most_paths` (lit times seen
   /// times object points) of pairs of lobes.
   const ModelSet* models_within(int level, double most_paths) const;
   /// Without closed-form models only.

@@ -33,9 +33,9 @@ constexpr int kMaxHalvings = 5;
 /// error, it would widen a standard deviation by 4 %.
 constexpr double kSmallMove = 0.3;
 /// A move this long, in standard deviations squared, leaves the light's slopes as they were, and
-/// what a spline lacks (a quarter of a per cent): by judgement, slopes then change by a tenth.
+/// what a cheap light lacks: by judgement, slopes then change by a tenth.
 constexpr double kSameSlope = 1.0;
-/// How often a spline is corrected before it must be right where it leads.
+/// How often a cheap light is corrected before it must be right where it leads.
 constexpr int kMostCorrections = 4;
 /// Level of the models that correct the light at the end, and the most paths (lit times seen times
 /// object points) that a render of them may sum over: some 100 ms, by judgement.
@@ -227,16 +227,22 @@ class CaptureLikelihood final : public FrameLikelihood {
     return d.dot(state.covariance.ldlt().solve(d));
   }
 
-  /// On the spline, where there is one, which models correct; else on the models. Where their error
+  /// On a cheap light that models correct, the spline's or that of rough models; where there is
+  /// neither, on the models. Where their error
   /// may move the optimum, finer ones take over at the end: that error is much the same in frame
   /// after frame, so that no number of them averages it out. By what it may still be, the frame
   /// counts for less.
   Update with_model(const Gaussian& prior, const Eigen::VectorXd& start, double inflation,
                     bool may_be_finer) const {
     const bool spline = compiled_.spline != nullptr;
+    const ModelSet* rough = spline ? nullptr : compiled_.rough_models();
     const bool exact = compiled_.knowledge->coarse() == nullptr;  // measured laws
-    CheapLight light{spline ? LightSource(*compiled_.spline) : LightSource(compiled_.models()), {}};
-    State best = descend(light.source, prior, start, inflation);
+    CheapLight light{spline             ? LightSource(*compiled_.spline)
+                     : rough != nullptr ? LightSource(*rough)
+                                        : LightSource(compiled_.models()),
+                     {}};
+    if (rough != nullptr) correct(light, compiled_.models(), start);
+    State best = descend(light.corrected(), prior, start, inflation);
     // How far the model's own error may move the optimum, in standard deviations.
     const auto error_of = [&](int level) {
       return exact ? 0.0 : light_error(compiled_.scene, level) * std::sqrt(best.signal);
@@ -244,7 +250,7 @@ class CaptureLikelihood final : public FrameLikelihood {
     double error = error_of(0);
     const ModelSet* finer =
         may_be_finer && error > kSmallMove ? compiled_.models_within(kFiner, kMostPaths) : nullptr;
-    if (spline || finer != nullptr) {
+    if (spline || rough != nullptr || finer != nullptr) {
       best = descend_corrected(light, finer != nullptr ? *finer : compiled_.models(), prior, best,
                                inflation);
       error = error_of(finer != nullptr ? kFiner : 0);
