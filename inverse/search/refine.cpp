@@ -332,7 +332,8 @@ Refined approach(const PoseObjective& objective, const Start& start) {
     return finish(objective, *compiled.spline, std::move(result));
   }
   if (!compiled.coarse.empty()) {
-    descend(objective.models(), kApproach);
+    const NearbyModel model(objective, start.pose, nullptr);
+    descend(model.light(), kApproach);
     return finish(objective, objective.models(), std::move(result));
   }
   for (std::size_t rung = 0; rung + 1 < compiled.ladder.size(); ++rung) {
