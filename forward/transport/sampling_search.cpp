@@ -43,6 +43,10 @@ constexpr double kMaxPairs = 4e7;
 /// Most legs between patches and the object's points that its single sum takes, for the same time.
 constexpr double kMaxLegs = 4e6;
 
+/// Change of a bin, relative to the peak, that no coarse sampling makes: where one sum differs so
+/// much from pairs, no finer sampling of it is looked for.
+constexpr double kSurelyPairs = 1;
+
 /// Relative change of a pose's light (L2), root mean square over poses; those that give next to no
 /// light, by judgement a thousandth of the brightest's peak, do not count.
 double l2_change(const std::vector<HistogramCube>& coarse, const std::vector<HistogramCube>& fine) {
@@ -102,7 +106,7 @@ class SamplingSearch {
     const double tolerance = options_.tolerance;
     // Pairs err by the object's cells the same at a coarser relay.
     SamplingStep sampling_step{2.0, kCoarsest};
-    if (kernel_ == Kernel::retro_pairs) sampling_step.relay = 4;
+    if (kernel_ == Kernel::retro_pairs) sampling_step.relay = kCoarsest;
     if (kernel_ == Kernel::lambertian) sampling_step.relay = kRuleRelay;
     // Half of the time is left for a finer relay.
     while (too_long(*model(sampling_step), 0.5) && sampling_step.relay < kCoarsest) {
@@ -263,11 +267,20 @@ class SamplingSearch {
 FoundSampling find_sampling(const std::shared_ptr<const SensorView>& view,
                             const FastModelOptions& options, double pairs_from) {
   SamplingSearch single(view, options, false);
-  FoundSampling found{single.find(), single.unresolved(), {}};
-  if (view->kernel != Kernel::retro_single || view->setup.uses_points() ||
-      options.overrides.switched_off(Term::patch_pairs)) {
-    return found;
+  const auto paired = [](SamplingSearch& pairs, const SamplingStep& step, double change) {
+    return FoundSampling{step, pairs.unresolved(),
+                         "; one sum would change a bin by " + two_digits(change)};
+  };
+  const bool either = view->kernel == Kernel::retro_single && !view->setup.uses_points() &&
+                      !options.overrides.switched_off(Term::patch_pairs);
+  if (either && single.model({kCoarsest, kCoarsest})->single_sum_bound() > kSurelyPairs) {
+    SamplingSearch pairs(view, options, true);
+    const double change = largest_change(single.probe(*single.model({2, kCoarsest})),
+                                         pairs.probe(*pairs.model({kCoarsest, 2 * kCoarsest})));
+    if (change > kSurelyPairs) return paired(pairs, pairs.find(), change);
   }
+  FoundSampling found{single.find(), single.unresolved(), {}};
+  if (!either) return found;
   const auto best = single.model(found.sampling_step);
   if (best->single_sum_bound() < 0.5 * pairs_from) return found;
   const std::vector<HistogramCube> summed = single.probe(*best);
@@ -280,10 +293,7 @@ FoundSampling find_sampling(const std::shared_ptr<const SensorView>& view,
     const double own = std::max(pairs.worst_change(), 0.5 * pairs.unresolved());
     const double both = largest_change(summed, pairs.probe(*pairs.model(with_pairs)));
     change = std::sqrt(std::max(both * both - own * own, 0.0));
-    if (change > pairs_from) {
-      return {with_pairs, pairs.unresolved(),
-              "; one sum would change a bin by " + two_digits(change)};
-    }
+    if (change > pairs_from) return paired(pairs, with_pairs, change);
   }
   found.pairs_reason = "; pairs would change a bin by no more than the tolerance";
   return found;
