@@ -170,7 +170,7 @@ BLINDCORNER_MULTIVERSION void find_ends(const double* center, const double* half
   high = most[0];
 }
 
-/// Around `count` patches of a chunk, what fills it up left out.
+/// Around the first `count` patches of a chunk: what follows them is padding.
 Box box_around(const PatchCoordinates& p, int begin, int count) {
   Vector3d low, high;
   for (std::size_t k = 0; k < 3; ++k) {

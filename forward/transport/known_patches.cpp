@@ -169,9 +169,13 @@ PatchTree::PatchTree(const KnownPatches& patches, double angle, double sensor_an
              std::abs(first.normal.dot(cell.center - first.center)) <
                  2 * kLift * (patches.leg[i] + patches.leg[group.patches.front()]);
     };
-    auto group = std::ranges::find_if(groups, belongs);
-    if (group == groups.end()) group = groups.insert(groups.end(), {patches.zone[i], {}});
-    group->patches.push_back(i);
+    // Patches come zone by zone: from the last group on.
+    const auto known = std::find_if(groups.rbegin(), groups.rend(), belongs);
+    if (known != groups.rend()) {
+      known->patches.push_back(i);
+    } else {
+      groups.push_back({patches.zone[i], {i}});
+    }
   }
   std::size_t begin = 0;
   for (const Group& group : groups) {

@@ -43,7 +43,16 @@ constexpr int kRoundSegments = 96;
 /// TMF8828 floor and the corridor it has within 0.2 to 0.6 % (L2 over photon noise) of a denser
 /// sampling: edges are 0.08 to 0.67 of those of the fast model's default (StaticLightSampling),
 /// which it judges, and 0.5 to 0.8 of those of its finest.
-constexpr StaticLightSampling kDenseBounces{2, 3, 12, 0.25, 0.7, 0.15, 0.15, 0.025, 0.004};
+constexpr StaticLightSampling kDenseBounces{.zone_divisions = 2,
+                                            .outer_divisions = 3,
+                                            .field_divisions = 12,
+                                            .patch_angle = 0.25,
+                                            .least_patch = 0.7,
+                                            .outer_angle = 0.15,
+                                            .part_angle = 0.05,
+                                            .middle_angle = 0.15,
+                                            .middle_edge = 0.025,
+                                            .least_middle = 0.004};
 
 /// One of the hidden objects where a pose puts it.
 struct PlacedObject {

@@ -51,7 +51,7 @@ constexpr DirectSampling kBetterCells{6, 0.25, 2};
 /// ones are 1.6e-5 (TMF8828 wall), 1e-4 (its floor) and 8e-5 (street) off, these 2e-7, 1e-6 and
 /// 1e-5.
 constexpr DirectSampling kFineCells{12, 0.1, 2}, kBetterThanFine{16, 0.07, 2};
-/// Share of the bounces' squared error up to which that of the direct return is left as it is.
+/// Share of the bounces' squared error up to which the direct return keeps its usual cells.
 constexpr double kMinorError = 0.1;
 /// Parts in which the bounces are summed, side by side; fixed, so that sums do not depend on
 /// threads. By judgement: some for each core.
@@ -309,10 +309,6 @@ double distance_to(const Vector3d& point, const SurfaceCell& cell) {
   return (way - std::clamp(u, -1.0, 1.0) * cell.half_u - std::clamp(v, -1.0, 1.0) * cell.half_v)
       .norm();
 }
-
-}  // namespace
-
-namespace {
 
 /// into += scale * (from moved by `at` cells), `at` >= 0; linear between cells.
 BLINDCORNER_MULTIVERSION void add_moved(const double* from, std::size_t count, double at,
@@ -905,12 +901,13 @@ StaticBackgroundModel::Own StaticBackgroundModel::measured_bounces(Sampling samp
   HistogramCube light(sensor.rows, sensor.columns, sensor.bins), coarser = light;
   const KnownBounces& bounces = bounces_of(sampling);
   const KnownBounces& below = &bounces == &bounces_ ? coarser_bounces() : bounces_;
+  const std::size_t legs = bounces.legs(setup), legs_below = below.legs(setup);
+  if (legs == 0 || legs_below == 0) return {};  // the sensor sees none of what faces each other
   bounces.add(setup, pulses_, light);
   below.add(setup, pulses_, coarser);
-  const double legs =
-      static_cast<double>(bounces.legs(setup)) / static_cast<double>(below.legs(setup));
+  const double times = static_cast<double>(legs) / static_cast<double>(legs_below);
   return {total(light),
-          of_difference(legs) * relative_error(light, coarser, smoothed(sensor, light))};
+          of_difference(times) * relative_error(light, coarser, smoothed(sensor, light))};
 }
 
 const StaticBackgroundModel::Own& StaticBackgroundModel::own_direct(bool fine) const {

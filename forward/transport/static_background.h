@@ -27,8 +27,8 @@ struct StaticLightSampling {
   double patch_angle = 0.4;     ///< edge of the patches of two bounces against that distance
   double least_patch = 4;       ///< their least edge in standard deviations of the pulse's path
   double outer_angle = 2.0;     ///< edge of the patches of three bounces against that distance
-  double part_angle = 0.2;      ///< edge of what stands for several patches against the distance of
-                                ///< what takes its light: adds 5 % to the squared error
+  double part_angle = 0.15;     ///< edge of what stands for several patches against the distance of
+                                ///< what takes its light: adds 1 to 5 % to the squared error
   double middle_angle = 0.45;   ///< edge of the cells between these against that distance
   double middle_edge = 0.12;    ///< their largest edge against the largest surface's extent
   double least_middle = 0.008;  ///< their least edge against the same
@@ -57,7 +57,8 @@ class KnownBounces {
 
   /// Whether any two reflecting surfaces face each other.
   bool any() const { return !middle_.empty(); }
-  /// Legs between patches and the cells in the middle, which three bounces cost.
+  /// Legs between patches and the cells in the middle, which three bounces would cost if no part of
+  /// a tree stood for several patches.
   std::size_t legs(const RelaySetup& setup) const;
   /// Adds two and three bounces to the cube, W/m^2 per bin.
   /// `bodies` block some of them.

@@ -46,7 +46,7 @@ PoseObjective::PoseObjective(const CompiledScene& compiled, const Observation& o
     : compiled_(compiled),
       background_(observation.fine_background ? compiled.fine_background() : compiled.background),
       models_(&compiled.models()),
-      rough_(compiled.rough_models() != nullptr ? compiled.rough_models() : &compiled.models()),
+      rough_(&compiled.models()),
       solver_(observation, compiled.scene.linear) {
   for (const ObservedZone& zone : observation.zones) {
     std::pair<int, int> lit{0, 0};

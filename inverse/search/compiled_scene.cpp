@@ -533,9 +533,9 @@ ModelSet make_models(const CompiledScene& compiled, FastModelOptions fast,
   return set;
 }
 
-/// Of pairs of lobes, a sum over a thirtieth to an eightieth as many paths. Of the crossing
-/// cyclist's light it is 13 % off and of its slopes 28 %, so that their information is .8 to 1.2
-/// times the models'.
+/// Edges of the rough models of pairs of lobes against those of the models: they sum over a
+/// thirtieth to an eightieth of the paths. The crossing cyclist's light is 13 % off and its slopes
+/// 28 %, so that their information is 0.8 to 1.2 times the models'.
 constexpr int kRoughLevel = -1;
 constexpr double kRough = 2;
 
@@ -544,6 +544,12 @@ constexpr double kRough = 2;
 /// sampling follows from the first level's; no search is made.
 FastModelOptions options_of(int level, const CompiledScene& compiled, bool lobes) {
   FastModelOptions fast;
+  if (level == kRoughLevel) {
+    const SamplingStep models = *compiled.models().front()->sampling_step();
+    fast.tolerance = kFirstTolerance;
+    fast.sampling_step = {kRough * models.relay, kRough * models.object, models.lobe_pairs};
+    return fast;
+  }
   if (!lobes) {
     fast.tolerance = kLevelTolerance[static_cast<std::size_t>(level)];
     if (level + 1 < kModelLevels) {
@@ -562,10 +568,6 @@ FastModelOptions options_of(int level, const CompiledScene& compiled, bool lobes
   }
   const SamplingStep first = *compiled.models().front()->sampling_step();
   fast.tolerance = kFirstTolerance;
-  if (level == kRoughLevel) {
-    fast.sampling_step = {kRough * first.relay, kRough * first.object, first.lobe_pairs};
-    return fast;
-  }
   const double finer = std::pow(2.0, 0.5 * (level - 1));
   SamplingStep pairs{std::sqrt(8.0) / finer, std::sqrt(8.0) / finer, true};
   if (first.lobe_pairs) {

@@ -84,11 +84,11 @@ struct CompiledScene {
   /// Models of a level of exactness, 0 (models()) to kModelLevels - 1, made when they are asked
   /// for. Thread safe.
   const ModelSet& models_at(int level) const;
-  /// Coarser models, whose light tells roughly how it changes about a pose at which models()
-  /// correct it; null where models() are cheap themselves. Thread safe.
+  /// Coarser models of pairs of lobes. Their light tells roughly how the models' changes about a
+  /// pose at which these correct it. Null where the models are cheap themselves. Thread safe.
   const ModelSet* rough_models() const;
-  /// Those of a level; null where one render of them would sum over more than `most_paths` (lit times seen
-  /// times object points) of pairs of lobes.
+  /// models_at(level); null where one render of them would sum over more than `most_paths` (lit
+  /// times seen times object points) of pairs of lobes.
   const ModelSet* models_within(int level, double most_paths) const;
   /// Without closed-form models only.
   const ModelSet& cheap_models() const { return ladder[ladder.size() - 2]; }

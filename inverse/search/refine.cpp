@@ -45,6 +45,9 @@ constexpr double kRough = 0.1;
 /// time.
 constexpr double kLargeGain = 2;
 constexpr int kMaxMoves = 3;
+/// A gain from a move on coarser pairs after which what they lack is looked up again: a move of
+/// half a standard deviation, a third of which is lacking where slopes are 28 % off.
+constexpr double kWorthAnotherMove = 0.1;
 /// Optima this far below the best in log posterior: where the first descent left them, within 0.1
 /// of their peaks, will do.
 constexpr double kWorthSettling = 2;
@@ -332,9 +335,22 @@ Refined approach(const PoseObjective& objective, const Start& start) {
     return finish(objective, *compiled.spline, std::move(result));
   }
   if (!compiled.coarse.empty()) {
-    const NearbyModel model(objective, start.pose, nullptr);
-    descend(model.light(), kApproach);
-    return finish(objective, objective.models(), std::move(result));
+    const ModelSet* rough = compiled.rough_models();
+    if (rough == nullptr) {
+      descend(objective.models(), kApproach);
+      return finish(objective, objective.models(), std::move(result));
+    }
+    Refined best = finish_corrected(objective, *rough, std::move(result));
+    for (int k = 0; k < kMaxMoves; ++k) {
+      result = best;
+      descend(LightSource(*rough).corrected(best.correction), kApproach);
+      result = finish_corrected(objective, *rough, std::move(result));
+      const double gain = result.value.log_posterior - best.value.log_posterior;
+      if (gain > 0) best = std::move(result);
+      if (gain < kWorthAnotherMove) break;
+    }
+    best.correction = {};  // of rough models that nobody else asks
+    return best;
   }
   for (std::size_t rung = 0; rung + 1 < compiled.ladder.size(); ++rung) {
     descend(compiled.ladder[rung], kApproach);

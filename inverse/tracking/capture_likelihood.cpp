@@ -241,8 +241,10 @@ class CaptureLikelihood final : public FrameLikelihood {
                      : rough != nullptr ? LightSource(*rough)
                                         : LightSource(compiled_.models()),
                      {}};
-    if (rough != nullptr) correct(light, compiled_.models(), start);
-    State best = descend(light.corrected(), prior, start, inflation);
+    Eigen::VectorXd from = start;
+    clamp(from);
+    if (rough != nullptr) correct(light, compiled_.models(), from);
+    State best = descend(light.corrected(), prior, from, inflation);
     // How far the model's own error may move the optimum, in standard deviations.
     const auto error_of = [&](int level) {
       return exact ? 0.0 : light_error(compiled_.scene, level) * std::sqrt(best.signal);

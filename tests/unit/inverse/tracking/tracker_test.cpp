@@ -650,6 +650,40 @@ TEST_F(CaptureLikelihood, ASplineThatIsCorrectedLeadsToWhereTheModelsHaveTheObje
   }
 }
 
+TEST(CaptureLikelihoodOfPairs, RoughPairsThatAreCorrectedLeadToWhereTheModelsHaveTheObject) {
+  // Pairs of a wide lobe, and no spline: coarser pairs lead.
+  const Scene scene = read_scene(SOURCE_DIR "/scenes/tmf8828_floor.json");
+  FitOptions options;
+  options.empty_captures = 0;
+  const Fitter fitter(scene, options);
+  const auto n = static_cast<Eigen::Index>(scene.unknowns.size());
+  const auto pose_at = [&](double share) {
+    PoseVector pose(n);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const Unknown& unknown = scene.unknowns[static_cast<std::size_t>(i)];
+      pose[i] = unknown.lower + share * unknown.range();
+    }
+    return pose;
+  };
+  const AmplitudePrior& brightness = scene.linear.amplitude_prior;
+  const bool shared = scene.linear.amplitude == LinearMode::shared;
+  const Eigen::Index size = n + (shared ? 1 : 0);
+  for (const double brighter : {1.0, 30.0}) {
+    const double amplitude = brighter * (shared ? brightness.median : scene.linear.fixed_amplitude);
+    for (const double share : {0.35, 0.5, 0.65}) {
+      const auto frame = fitter.frame(noiseless(scene, pose_at(share), amplitude));
+      Gaussian prior{VectorXd::Zero(size), 0.04 * MatrixXd::Identity(size, size)};
+      prior.mean.head(n) = pose_at(share + 0.04);
+      if (shared) prior.mean[n] = std::log(amplitude) + 0.1;
+      const Gaussian found = frame->update(prior, prior.mean, 1).posterior;
+      VectorXd d = found.mean;
+      d.head(n) -= pose_at(share);
+      if (shared) d[n] -= std::log(amplitude);
+      EXPECT_LT(std::sqrt(d.dot(found.covariance.ldlt().solve(d))), 1) << brighter << " " << share;
+    }
+  }
+}
+
 TEST_F(CaptureLikelihood, BrightLightClaimsNoMoreThanTheModelIsWorth) {
   // A model that is wrong by some share of the light is worth as much as that many photons, however
   // many there are: it is wrong alike in the next frame.
