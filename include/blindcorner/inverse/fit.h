@@ -139,7 +139,7 @@ struct FitResult {
   std::map<std::string, double> truth;
   std::string error;  ///< empty when the fit went well
   StageTimes time_ms;
-  long renders = 0;  ///< histograms of one capture rendered by fast models: what it cost anywhere
+  long renders = 0;  ///< histograms of one capture rendered by fast models, rough ones included
   std::vector<FittedHistograms> histograms;  ///< per capture
   std::optional<TrackSummary> track;         ///< of a tracker
 };

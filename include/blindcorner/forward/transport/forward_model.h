@@ -122,8 +122,9 @@ std::unique_ptr<ForwardModel> make_reference_renderer(const Scene& scene,
                                                       const ReferenceOptions& options = {});
 
 /// How finely the known scene's own light is sampled. Fine: for captures so bright that the usual
-/// sampling's error matters beside the photon noise, with a tenth of the error of the direct return
-/// and, where that takes some 20 ms at most, a fifth of the bounces'.
+/// sampling's error matters beside the photon noise. It has a tenth of the direct return's error,
+/// unless that error is small beside the bounces' in any case, and less of the bounces' error where
+/// that takes some 20 ms at most. Where it can have neither, it is the usual one.
 enum class KnownLightSampling { usual, fine };
 
 struct FastModelOptions {
