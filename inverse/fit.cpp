@@ -18,9 +18,9 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
-#include "blindcorner/forward/scene/validate.h"
 #include "blindcorner/forward/transport/transport_plan.h"
 #include "blindcorner/inverse/hints.h"
+#include "inverse/fit_options.h"
 #include "inverse/likelihood/background_error.h"
 #include "inverse/posterior/detection.h"
 #include "inverse/posterior/fisher_information.h"
@@ -352,45 +352,7 @@ std::vector<std::size_t> spread_out(const Scene& scene, std::span<const Capture>
   return chosen;
 }
 
-void validate_scene(const Scene& scene) {
-  validate(scene);
-  if (scene.unknowns.empty()) {
-    throw Error(scene_place(scene),
-                "unknowns: found none, accepted: at least one component to fit");
-  }
-  check_relay_visible(scene);
-}
-
 }  // namespace
-
-const std::vector<std::pair<FitRule, std::string>>& fit_rules() {
-  static const std::vector<std::pair<FitRule, std::string>> rules{
-      {FitRule::turn, "turn"},
-      {FitRule::rearrange, "rearrange"},
-      {FitRule::sharpen, "sharpen"},
-      {FitRule::shadow, "shadow"},
-      {FitRule::along_axis, "along_axis"},
-      {FitRule::ridges, "ridges"},
-      {FitRule::local_light, "local_light"}};
-  return rules;
-}
-
-void FitOptions::validate() const {
-  const auto require = [](bool condition, const char* field, const char* accepted) {
-    if (!condition)
-      throw Error(std::string("FitOptions.") + field, std::string("accepted: ") + accepted);
-  };
-  require(!model_tolerance ||
-              (*model_tolerance >= FastModelOptions::kLeastTolerance && *model_tolerance < 1),
-          "model_tolerance", "1e-5 to less than 1");
-  require(max_scored_poses >= 1, "max_scored_poses", "at least 1");
-  require(max_closed_form_poses >= 1, "max_closed_form_poses", "at least 1");
-  require(captures_per_placement >= 1, "captures_per_placement", "at least 1");
-  require(max_starts >= 1, "max_starts", "at least 1");
-  require(negligible_log_posterior > 0, "negligible_log_posterior", "above 0");
-  require(importance_samples >= 0, "importance_samples", "at least 0");
-  require(empty_captures == 0 || empty_captures >= 16, "empty_captures", "0 or at least 16");
-}
 
 struct Fitter::Impl {
   Scene scene;
