@@ -5,32 +5,27 @@
 #include <tbb/task_arena.h>
 
 #include <algorithm>
-#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <functional>
 #include <iterator>
 #include <limits>
-#include <list>
-#include <memory>
 #include <mutex>
 #include <utility>
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
-#include "blindcorner/forward/transport/transport_plan.h"
 #include "blindcorner/inverse/hints.h"
 #include "inverse/fit_options.h"
 #include "inverse/likelihood/background_error.h"
 #include "inverse/posterior/detection.h"
-#include "inverse/posterior/fisher_information.h"
 #include "inverse/posterior/fitted_histograms.h"
 #include "inverse/posterior/goodness_of_fit.h"
 #include "inverse/posterior/mode_merging.h"
 #include "inverse/posterior/posterior.h"
 #include "inverse/posterior/prior_moments.h"
 #include "inverse/posterior/unexplained_light.h"
-#include "inverse/search/compiled_scene.h"
+#include "inverse/prepared_scenes.h"
 #include "inverse/search/refine.h"
 #include "inverse/search/scoring.h"
 #include "inverse/search/sharpen.h"
@@ -42,9 +37,6 @@ namespace {
 /// Gain in log posterior that changes the answer: a move of sqrt(2 * 0.01) = 0.14 standard
 /// deviations, or a per cent of a mode's weight.
 constexpr double kWorthAnother = 0.01;
-/// Captures of one sensor placement for which tables of exact histograms pay: they cost seconds,
-/// and save some ten milliseconds each.
-constexpr int kManyCaptures = 50;
 /// Presence is one half where the light says nothing, but for the rounding of evidence.
 constexpr double kNoEvidence = 0.51;
 /// Places that descents start from: by judgement, each costs some thirty evaluations of the model.
@@ -70,9 +62,6 @@ constexpr double kClear = 100;
 constexpr std::size_t kFewOptima = 8;
 /// Effective samples below which a flag says so: of 20, a variance is known to sqrt(2 / 20) = 32 %.
 constexpr double kFewEffective = 20;
-/// Finite-difference steps of the sensor's own pose, m and rad (a metre away as long): 4 mm of path
-/// at most, for a pulse of 4 cm an error of (h / sigma)^2 / 6 = 0.2 %.
-constexpr double kSensorStep = 2e-3;
 
 /// Optima of the basins that approach() ended in, and `optima`, best first.
 std::vector<Refined> with_basins(const PoseObjective& objective, std::vector<Refined> basins,
@@ -149,60 +138,6 @@ class Stopwatch {
  private:
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
-
-/// A scene compiled for certain sensor placements.
-struct Prepared {
-  std::vector<SensorPlacement> placements;
-  std::once_flag once;
-  std::unique_ptr<CompiledScene> compiled;
-  /// With the ranges near the relay, where these are a small part; its finer grid gives starts.
-  /// Null until a fit searches: a frame that is tracked does not.
-  std::once_flag near_once;
-  std::unique_ptr<CompiledScene> near;
-  std::unique_ptr<MovedModels> moved;
-  std::unique_ptr<FalseAlarmCalibration> false_alarms;  ///< null until somebody asks
-  std::atomic<std::size_t> bytes{0};                    ///< 0 until it is compiled
-
-  /// For who has fitted with this.
-  void count_bytes() { bytes = compiled->bytes() + (near ? near->bytes() : 0); }
-};
-
-bool same(const std::vector<SensorPlacement>& a, const std::vector<SensorPlacement>& b) {
-  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
-                    [](const SensorPlacement& x, const SensorPlacement& y) {
-                      return x.T_world_sensor.isApprox(y.T_world_sensor, 1e-12) &&
-                             std::equal(x.relay_points.begin(), x.relay_points.end(),
-                                        y.relay_points.begin(), y.relay_points.end(),
-                                        [](const Eigen::Vector3d& p, const Eigen::Vector3d& q) {
-                                          return p == q || (!p.allFinite() && !q.allFinite());
-                                        });
-                    });
-}
-
-std::unique_ptr<MovedModels> move_sensor(const std::vector<SensorPlacement>& placements,
-                                         const CompiledScene& compiled) {
-  auto moved = std::make_unique<MovedModels>();
-  for (std::size_t i = 0; i < 6; ++i) {
-    moved->step[i] = kSensorStep;
-    for (const double sign : {1.0, -1.0}) {
-      ModelSet& set = sign > 0 ? moved->plus[i] : moved->minus[i];
-      FastModelOptions fast;
-      fast.sampling_step = compiled.models().front()->sampling_step();
-      for (SensorPlacement placement : placements) {
-        if (i < 3) {
-          placement.T_world_sensor.translation()[static_cast<int>(i)] += sign * kSensorStep;
-        } else {
-          placement.T_world_sensor.linear() =
-              Eigen::AngleAxisd(sign * kSensorStep,
-                                Eigen::Vector3d::Unit(static_cast<int>(i) - 3)) *
-              placement.T_world_sensor.linear();
-        }
-        set.push_back(make_fast_model(compiled.knowledge->transport(), placement, fast));
-      }
-    }
-  }
-  return moved;
-}
 
 bool no_photons(const Observation& observation) {
   return observation.likelihood.front()->counts_photons() && observation.total_count() <= 0;
@@ -355,13 +290,12 @@ std::vector<std::size_t> spread_out(const Scene& scene, std::span<const Capture>
 }  // namespace
 
 struct Fitter::Impl {
-  Scene scene;
-  FitOptions options;
-  std::shared_ptr<const SceneKnowledge> knowledge;
-  std::mutex mutex;
-  std::list<std::shared_ptr<Prepared>> prepared;  ///< last used first
-  std::once_flag home_once;
-  std::shared_ptr<Prepared> home;  ///< at the scene's own sensor placement; kept
+  Impl(Scene of_scene, FitOptions with_options)
+      : scene(std::move(of_scene)), options(std::move(with_options)), prepared(scene, options) {}
+
+  const Scene scene;
+  const FitOptions options;
+  PreparedScenes prepared;
   std::once_flag hints_once;
   std::vector<std::string> hints;  ///< about the scene, from the first capture's sensor placement
 
@@ -369,85 +303,11 @@ struct Fitter::Impl {
     if (options.progress) options.progress(what, 0);
   }
 
-  /// The scene compiled for these placements; compiled once, by whoever comes first.
-  std::shared_ptr<Prepared> prepare(const std::vector<SensorPlacement>& placements) {
-    std::shared_ptr<Prepared> entry = find(placements);
-    std::call_once(entry->once, [&] {
-      entry->compiled = compile(scene, placements, options, grid_options(), knowledge);
-      if (scene.sensor_covariance) entry->moved = move_sensor(placements, *entry->compiled);
-      entry->bytes = entry->compiled->bytes();
-    });
-    drop_least_used();
-    return entry;
-  }
-
-  GridOptions grid_options() const {
-    GridOptions grid;
-    grid.closed_form = options.captures_per_placement < kManyCaptures;
-    grid.max_poses = grid.closed_form && knowledge->coarse() ? options.max_closed_form_poses
-                                                             : options.max_scored_poses;
-    grid.closed_form_poses = options.max_closed_form_poses;
-    return grid;
-  }
-
-  /// The part near the relay, where the scene needs one; null where it does not.
-  const CompiledScene* near_relay(Prepared& whole) const {
-    std::call_once(whole.near_once, [&] {
-      const auto ranges = ranges_near_relay(scene);
-      if (!ranges || whole.compiled->coarse.empty()) return;
-      Scene part = scene;
-      part.unknowns = *ranges;
-      whole.near = compile(part, whole.placements, options, grid_options(), knowledge);
-    });
-    return whole.near.get();
-  }
-
-  /// What is known about empty captures. Their law hardly depends on where the sensor stands: that
-  /// of the scene's own sensor placement serves all single captures of a sensor that moves.
-  /// Kept for as long as this is: other threads may be asking it while the cache lets it go.
-  FalseAlarmCalibration& false_alarms(const std::shared_ptr<Prepared>& own) {
-    std::shared_ptr<Prepared> place = own;
-    const std::vector<SensorPlacement> at_home{sensor_placement(scene)};
-    if (own->placements.size() == 1 && own->placements.front().relay_points.empty() &&
-        at_home.front().relay_points.empty()) {
-      std::call_once(home_once, [&] { home = prepare(at_home); });
-      place = home;
-    }
-    const std::scoped_lock lock(mutex);
-    if (!place->false_alarms) {
-      place->false_alarms = std::make_unique<FalseAlarmCalibration>(place->compiled.get());
-    }
-    return *place->false_alarms;
-  }
-
-  std::shared_ptr<Prepared> find(const std::vector<SensorPlacement>& placements) {
-    const std::scoped_lock lock(mutex);
-    for (auto it = prepared.begin(); it != prepared.end(); ++it) {
-      if (!same((*it)->placements, placements)) continue;
-      prepared.splice(prepared.begin(), prepared, it);
-      return prepared.front();
-    }
-    prepared.push_front(std::make_shared<Prepared>());
-    prepared.front()->placements = placements;
-    return prepared.front();
-  }
-
-  void drop_least_used() {
-    const std::scoped_lock lock(mutex);
-    std::size_t bytes = 0;
-    for (auto it = prepared.begin(); it != prepared.end();) {
-      bytes += (*it)->bytes;
-      const bool keep = it == prepared.begin() || bytes <= options.cache_bytes || (*it)->bytes == 0;
-      it = keep ? std::next(it) : prepared.erase(it);
-    }
-  }
-
   /// Every pose on the grid, and where the scene needs it those of the part near the relay too,
   /// with their log posterior in the whole search region.
-  Scored score_all(Prepared& known, std::span<const Capture> captures, const PoseObjective& whole,
-                   const LinearSolution& without) const {
+  Scored score_all(const CompiledScene* part, std::span<const Capture> captures,
+                   const PoseObjective& whole, const LinearSolution& without) const {
     Scored scored = score(whole, without, options.max_starts, options.negligible_log_posterior);
-    const CompiledScene* part = near_relay(known);
     if (part == nullptr) return scored;
     const Observation observation = observe(*part, captures);
     const PoseObjective objective(*part, observation);
@@ -515,13 +375,13 @@ std::optional<Fitter::Impl::Search> Fitter::Impl::search_by_few(std::span<const 
     few.push_back(captures[i]);
     placements.push_back(sensor_placement(scene, &captures[i]));
   }
-  const std::shared_ptr<Prepared> known = prepare(placements);
+  const std::shared_ptr<Prepared> known = prepared.at(placements);
   const Observation observation = observe(*known->compiled, few);
   if (observation.zones.empty() || no_photons(observation)) return std::nullopt;
   const PoseObjective objective(*known->compiled, observation);
   LinearSolution empty;
   const PoseValue nothing = objective.evaluate_empty(empty);
-  Search found = search(objective, score_all(*known, few, objective, empty));
+  Search found = search(objective, score_all(prepared.near_relay(*known), few, objective, empty));
   found.renders = objective.renders();
   if (found.optima.empty()) return std::nullopt;
   const Refined& top = found.optima.front();
@@ -569,7 +429,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   std::call_once(hints_once, [&] { hints = scene_hints(scene, placements.front()); });
   result.hints = hints;
   doing("compiling");
-  const std::shared_ptr<Prepared> known = prepare(placements);
+  const std::shared_ptr<Prepared> known = prepared.at(placements);
   const CompiledScene& compiled = *known->compiled;
   const Observation observation = observe(compiled, captures);
   PoseObjective objective(compiled, observation);
@@ -587,7 +447,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   doing("scoring");
   LinearSolution empty;
   const PoseValue nothing = objective.evaluate_empty(empty);
-  const Scored scored = score_all(*known, captures, objective, empty);
+  const Scored scored = score_all(prepared.near_relay(*known), captures, objective, empty);
   result.time_ms.score = stage.lap();
   doing("refining");
   Search found;
@@ -634,8 +494,8 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   result.posterior.presence_probability =
       presence_probability(posterior.log_evidence, log_evidence_empty, scene.presence_prior);
   if (options.empty_captures > 0) {
-    result.false_alarm_probability =
-        false_alarms(known).probability(objective, empty, options.empty_captures, options.seed);
+    result.false_alarm_probability = prepared.false_alarms(known).probability(
+        objective, empty, options.empty_captures, options.seed);
   }
   result.time_ms.detect = stage.lap();
   known->count_bytes();  // what this capture asked for is there now
@@ -656,12 +516,10 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   return result;
 }
 
-Fitter::Fitter(Scene scene, FitOptions options) : impl_(std::make_unique<Impl>()) {
+Fitter::Fitter(Scene scene, FitOptions options) {
   options.validate();
   validate_scene(scene);
-  impl_->scene = std::move(scene);
-  impl_->knowledge = std::make_shared<const SceneKnowledge>(impl_->scene);
-  impl_->options = std::move(options);
+  impl_ = std::make_unique<Impl>(std::move(scene), std::move(options));
 }
 Fitter::~Fitter() = default;
 Fitter::Fitter(Fitter&&) noexcept = default;
@@ -677,7 +535,7 @@ FitResult Fitter::fit_joint(std::span<const Capture> captures) const {
 std::unique_ptr<FrameLikelihood> Fitter::frame(const Capture& capture) const {
   check_capture(impl_->scene, capture);
   const std::shared_ptr<Prepared> known =
-      impl_->prepare({sensor_placement(impl_->scene, &capture)});
+      impl_->prepared.at({sensor_placement(impl_->scene, &capture)});
   return make_capture_likelihood({known, known->compiled.get()}, capture, impl_->options);
 }
 
