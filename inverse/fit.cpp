@@ -1,13 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "blindcorner/inverse/fit.h"
 
-#include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
-
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <functional>
 #include <iterator>
 #include <limits>
 #include <mutex>
@@ -26,33 +22,16 @@
 #include "inverse/posterior/prior_moments.h"
 #include "inverse/posterior/unexplained_light.h"
 #include "inverse/prepared_scenes.h"
+#include "inverse/search/basins.h"
 #include "inverse/search/refine.h"
-#include "inverse/search/scoring.h"
 #include "inverse/search/sharpen.h"
 #include "inverse/tracking/capture_likelihood.h"
 
 namespace blindcorner {
 namespace {
 
-/// Gain in log posterior that changes the answer: a move of sqrt(2 * 0.01) = 0.14 standard
-/// deviations, or a per cent of a mode's weight.
-constexpr double kWorthAnother = 0.01;
 /// Presence is one half where the light says nothing, but for the rounding of evidence.
 constexpr double kNoEvidence = 0.51;
-/// Places that descents start from: by judgement, each costs some thirty evaluations of the model.
-constexpr std::size_t kPlaces = 6;
-/// Yaws from which the best optimum is looked for anew: 45 degrees apart where half a turn brings
-/// an object back to itself. A box in the street at 3,000, 10,000 and 30,000 photons (60 captures
-/// each): normalised error 1.16, 2.63, 3.19 without, 1.12, 1.02, 1.03 with them, for half as much
-/// time again. Six yaws give no more. On a wall, where closed form leads well, 1000 captures of all
-/// levels of light had a mean squared normalised error of 1.12, and 1.05 with them, for a tenth
-/// more time.
-constexpr int kYaws = 4;
-/// Times that the best optimum is looked for anew: turned, or, of several objects, one's place
-/// while the others stay; and places of each that are followed. Two spheres at 100,000 photons
-/// needed one round and two places.
-constexpr int kMaxRounds = 3;
-constexpr std::size_t kPlacesEach = 2;
 /// Captures of a joint fit that search for the rest of them, where there are so many times more;
 /// what they must gain over the empty scene in log posterior, misfit counted (a signal-to-noise
 /// ratio of sqrt(2 * 100) = 14); and optima that may be left. The numbers of captures
@@ -62,68 +41,6 @@ constexpr double kClear = 100;
 constexpr std::size_t kFewOptima = 8;
 /// Effective samples below which a flag says so: of 20, a variance is known to sqrt(2 / 20) = 32 %.
 constexpr double kFewEffective = 20;
-
-/// Optima of the basins that approach() ended in, and `optima`, best first.
-std::vector<Refined> with_basins(const PoseObjective& objective, std::vector<Refined> basins,
-                                 double negligible, std::vector<Refined> optima) {
-  const CompiledScene& compiled = objective.compiled();
-  if (!compiled.coarse.empty()) {
-    std::ranges::move(basins, std::back_inserter(optima));
-    return merge(compiled, std::move(optima), negligible);
-  }
-  // What a spline or a cheap model says of a basin may be off by half of what is negligible.
-  std::vector<PoseVector> places;
-  basins = merge(compiled, std::move(basins), 1.5 * negligible);
-  for (const Refined& basin : basins) {
-    const bool known = std::ranges::any_of(optima, [&](const Refined& optimum) {
-      return same_place(compiled, optimum.pose, basin.pose);
-    });
-    if (!known) places.push_back(basin.pose);
-  }
-  return places.empty() ? optima : polish_all(objective, places, negligible, std::move(optima));
-}
-
-/// Other yaws of an optimum, between which the range of yaws or the circle is divided. The rest of
-/// the pose follows first: turned where it stands, an object is worse whatever its yaw, and
-/// descents led a box in the street (10,000 photons) back in 2 of 120 captures, sure of a yaw that
-/// is off by 64 degrees.
-void add_turned(const Scene& scene, const PoseVector& pose, std::vector<Start>& starts) {
-  for (std::size_t k = 0; k < scene.unknowns.size(); ++k) {
-    const Unknown& unknown = scene.unknowns[k];
-    if (unknown.component != Component::yaw) continue;
-    const auto i = static_cast<Eigen::Index>(k);
-    for (int j = 1; j < kYaws; ++j) {
-      Start& start = starts.emplace_back(pose);
-      start.pose[i] += j * unknown.range() / kYaws;
-      if (period_of(scene, k) <= 0 && start.pose[i] > unknown.upper) {
-        start.pose[i] -= unknown.range();
-      }
-      wrap_pose(scene, start.pose);
-      if (scene.unknowns.size() > 1) start.held_first = static_cast<int>(k);
-    }
-  }
-}
-
-/// Looks for a better optimum than the best one where few descents end by themselves, until there
-/// is none: turned, and, of several objects, at another place of one while the others stay.
-std::vector<Refined> look_elsewhere(const PoseObjective& objective, const FitOptions& options,
-                                    double negligible, std::vector<Refined> optima) {
-  const CompiledScene& compiled = objective.compiled();
-  for (int round = 0; round < kMaxRounds; ++round) {
-    const Refined top = optima.front();
-    std::vector<Start> starts;
-    if (options.uses(FitRule::turn)) add_turned(compiled.scene, top.pose, starts);
-    if (!compiled.objects().empty() && options.uses(FitRule::rearrange)) {
-      for (PoseVector& place : other_places(objective, top.pose, top.linear, kPlacesEach)) {
-        starts.push_back({std::move(place)});
-      }
-    }
-    if (starts.empty()) break;
-    optima = with_basins(objective, approach_all(objective, starts), negligible, std::move(optima));
-    if (optima.front().value.log_posterior < top.value.log_posterior + kWorthAnother) break;
-  }
-  return optima;
-}
 
 class Stopwatch {
  public:
@@ -303,28 +220,6 @@ struct Fitter::Impl {
     if (options.progress) options.progress(what, 0);
   }
 
-  /// Every pose on the grid, and where the scene needs it those of the part near the relay too,
-  /// with their log posterior in the whole search region.
-  Scored score_all(const CompiledScene* part, std::span<const Capture> captures,
-                   const PoseObjective& whole, const LinearSolution& without) const {
-    Scored scored = score(whole, without, options.max_starts, options.negligible_log_posterior);
-    if (part == nullptr) return scored;
-    const Observation observation = observe(*part, captures);
-    const PoseObjective objective(*part, observation);
-    LinearSolution empty;
-    objective.evaluate_empty(empty);
-    const LightSource light(whole.compiled().coarse);
-    for (Candidate& start :
-         score(objective, empty, options.max_starts, options.negligible_log_posterior).starts) {
-      LinearSolution linear;
-      start.index = -1;
-      start.log_posterior = whole.evaluate(light, start.pose, linear, false).log_posterior;
-      scored.starts.push_back(std::move(start));
-    }
-    std::ranges::stable_sort(scored.starts, std::greater{}, &Candidate::log_posterior);
-    return scored;
-  }
-
   struct Search {
     std::vector<Refined> optima;  ///< best first
     double negligible = 0;        ///< log posterior below the best that may be dropped
@@ -337,23 +232,15 @@ struct Fitter::Impl {
   FitResult fit(std::span<const Capture> captures);
 };
 
-/// Every basin that the scored poses lead to, and its optimum on the objective's models. Closed
-/// form chooses the poses that the models look at, and these where descents start.
+/// Every basin that the scored poses lead to, and its optimum on the objective's models.
 Fitter::Impl::Search Fitter::Impl::search(const PoseObjective& objective,
                                           const Scored& scored) const {
-  const CompiledScene& compiled = objective.compiled();
-  std::vector<Start> starts;
-  if (compiled.coarse.empty()) {
-    for (const Candidate& start : scored.starts) starts.push_back({start.pose});
-  } else {
-    for (PoseVector& pose : best_by_model(objective, scored, kPlaces)) {
-      starts.push_back({std::move(pose)});
-    }
-  }
+  const std::vector<Start> starts = choose_starts(objective, scored);
   // The models' own error must not decide which basins are dropped: what the best one misses of its
   // expectation, a better model may give to another.
   constexpr double kAll = std::numeric_limits<double>::infinity();
-  const std::vector<Refined> basins = merge(compiled, approach_all(objective, starts), kAll);
+  const std::vector<Refined> basins =
+      merge(objective.compiled(), approach_all(objective, starts), kAll);
   if (basins.empty()) return {};
   Search found;
   found.negligible = options.negligible_log_posterior + unexplained(objective, basins.front());
@@ -381,7 +268,8 @@ std::optional<Fitter::Impl::Search> Fitter::Impl::search_by_few(std::span<const 
   const PoseObjective objective(*known->compiled, observation);
   LinearSolution empty;
   const PoseValue nothing = objective.evaluate_empty(empty);
-  Search found = search(objective, score_all(prepared.near_relay(*known), few, objective, empty));
+  Search found =
+      search(objective, score_all(objective, empty, prepared.near_relay(*known), few, options));
   found.renders = objective.renders();
   if (found.optima.empty()) return std::nullopt;
   const Refined& top = found.optima.front();
@@ -447,7 +335,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   doing("scoring");
   LinearSolution empty;
   const PoseValue nothing = objective.evaluate_empty(empty);
-  const Scored scored = score_all(prepared.near_relay(*known), captures, objective, empty);
+  const Scored scored = score_all(objective, empty, prepared.near_relay(*known), captures, options);
   result.time_ms.score = stage.lap();
   doing("refining");
   Search found;
