@@ -9,17 +9,16 @@
 #include <mutex>
 #include <utility>
 
-#include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
 #include "blindcorner/inverse/hints.h"
 #include "inverse/fit_options.h"
 #include "inverse/likelihood/background_error.h"
+#include "inverse/posterior/answer.h"
 #include "inverse/posterior/detection.h"
 #include "inverse/posterior/fitted_histograms.h"
 #include "inverse/posterior/goodness_of_fit.h"
 #include "inverse/posterior/mode_merging.h"
 #include "inverse/posterior/posterior.h"
-#include "inverse/posterior/prior_moments.h"
 #include "inverse/posterior/unexplained_light.h"
 #include "inverse/prepared_scenes.h"
 #include "inverse/search/basins.h"
@@ -30,8 +29,6 @@
 namespace blindcorner {
 namespace {
 
-/// Presence is one half where the light says nothing, but for the rounding of evidence.
-constexpr double kNoEvidence = 0.51;
 /// Captures of a joint fit that search for the rest of them, where there are so many times more;
 /// what they must gain over the empty scene in log posterior, misfit counted (a signal-to-noise
 /// ratio of sqrt(2 * 100) = 14); and optima that may be left. The numbers of captures
@@ -39,8 +36,6 @@ constexpr double kNoEvidence = 0.51;
 constexpr std::size_t kFew = 4, kTimesFew = 2;
 constexpr double kClear = 100;
 constexpr std::size_t kFewOptima = 8;
-/// Effective samples below which a flag says so: of 20, a variance is known to sqrt(2 / 20) = 32 %.
-constexpr double kFewEffective = 20;
 
 class Stopwatch {
  public:
@@ -55,115 +50,6 @@ class Stopwatch {
  private:
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
-
-bool no_photons(const Observation& observation) {
-  return observation.likelihood.front()->counts_photons() && observation.total_count() <= 0;
-}
-
-/// The answer to captures without a single photon: the prior, and how likely darkness is.
-void answer_darkness(const CompiledScene& compiled, const Observation& observation,
-                     std::span<const Capture> captures, FitResult& result) {
-  const Scene& scene = compiled.scene;
-  PoseMode mode;
-  mode.weight = 1;
-  const auto n = static_cast<Eigen::Index>(scene.unknowns.size());
-  mode.pose.resize(n);
-  mode.covariance.setZero(n, n);
-  for (Eigen::Index i = 0; i < n; ++i) {
-    const PriorMoments prior = prior_moments(scene, static_cast<std::size_t>(i));
-    mode.pose[i] = prior.mean;
-    mode.covariance(i, i) = prior.variance;
-    mode.undetermined.push_back(static_cast<int>(i));
-  }
-  mode.optimum = mode.pose;
-  // P(no photon | object) averaged over poses and the amplitude's prior; P(no photon | empty) = 1.
-  const AmplitudePrior& prior = scene.linear.amplitude_prior;
-  double dark = 0;
-  int count = 0;
-  const std::size_t stride = std::max<std::size_t>(1, compiled.templates().poses() / 500);
-  for (std::size_t i = 0; i < compiled.templates().poses(); i += stride) {
-    const double light = observation.likelihood.front()->scale() * compiled.templates().sum(i);
-    for (int k = -4; k <= 4; ++k) {
-      const double u = 0.5 * k;
-      const double a = prior.median * std::exp(prior.sigma_log * u);
-      dark += std::exp(-a * light - 0.5 * u * u) * 0.5 / std::sqrt(2 * kPi);
-    }
-    ++count;
-  }
-  result.posterior.modes = {mode};
-  result.posterior.mean = mode.pose;
-  result.posterior.covariance = mode.covariance;
-  result.posterior.presence_probability =
-      presence_probability(std::log(dark / count), 0.0, scene.presence_prior);
-  result.false_alarm_probability = 1;
-  result.flags = {"no_photons", "nothing_detected"};
-  for (const Capture& capture : captures) {
-    FittedHistograms unlit;
-    unlit.measured = capture.counts;
-    unlit.model = unlit.object =
-        HistogramCube(capture.counts.rows, capture.counts.columns, capture.counts.bins);
-    unlit.zone_used.assign(static_cast<std::size_t>(capture.counts.zones()), true);
-    unlit.ambient = unlit.direct = unlit.amplitude =
-        std::vector<double>(unlit.zone_used.size(), 0.0);
-    unlit.end_bin = capture.counts.bins;
-    result.histograms.push_back(std::move(unlit));
-  }
-}
-
-/// Mixes the prior into mean and covariance of the whole posterior, for captures that something
-/// unknown has disturbed: no small covariance may come of a capture that the model does not
-/// explain.
-void allow_for_outliers(const Scene& scene, PoseMixture& mixture) {
-  const double share = scene.outlier_probability;
-  if (share <= 0 || mixture.mean.size() == 0) return;
-  const auto n = static_cast<Eigen::Index>(scene.unknowns.size());
-  PoseVector difference(n);
-  Eigen::MatrixXd spread = Eigen::MatrixXd::Zero(n, n);
-  for (Eigen::Index i = 0; i < n; ++i) {
-    const auto k = static_cast<std::size_t>(i);
-    const PriorMoments prior = prior_moments(scene, k);
-    // On a circle the prior has no mean: only its spread counts.
-    const bool circular = period_of(scene, k) > 0;
-    difference[i] = circular ? 0.0 : prior.mean - mixture.mean[i];
-    spread(i, i) = prior.variance;
-  }
-  mixture.mean += share * difference;
-  mixture.covariance = (1 - share) * mixture.covariance + share * spread +
-                       share * (1 - share) * difference * difference.transpose();
-}
-
-/// `left_over` as of UnexplainedLight::probability().
-void set_flags(const Scene& scene, const Posterior& posterior, double left_over,
-               FitResult& result) {
-  const auto flag = [&](bool condition, const char* word) {
-    if (condition) result.flags.emplace_back(word);
-  };
-  const PoseMixture& mixture = posterior.mixture;
-  flag(result.false_alarm_probability.value_or(1) > kAlarm &&
-           result.posterior.presence_probability < kNoEvidence,
-       "nothing_detected");
-  flag(mixture.modes.size() > 1 && mixture.modes.front().weight < kOneMode, "multimodal");
-  flag(!mixture.modes.front().undetermined.empty(), "undetermined");
-  flag(result.goodness_of_fit.inflation > 1, "model_misfit");
-  flag(left_over < kUnexplained, "unexplained_light");
-  flag(posterior.sampled, "sampled");
-  flag(posterior.sampled && posterior.effective_samples < kFewEffective, "few_effective_samples");
-  bool at_bound = false;
-  for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
-    if (period_of(scene, i) > 0) continue;
-    const double value = mixture.modes.front().optimum[static_cast<Eigen::Index>(i)];
-    const double margin = 1e-6 * scene.unknowns[i].range();  // far below any posterior's width
-    at_bound = at_bound || value < scene.unknowns[i].lower + margin ||
-               value > scene.unknowns[i].upper - margin;
-  }
-  flag(at_bound, "at_bound");
-}
-
-/// What the counts miss of the log likelihood that is expected at a right optimum.
-double unexplained(const PoseObjective& objective, const Refined& optimum) {
-  const GoodnessOfFit fit = goodness_of_fit(objective, optimum);
-  return 0.5 * std::max(fit.deviance - fit.expected, 0.0);
-}
 
 /// Samples in proportion to the cube of the number of unknowns, of which three and fewer ask for
 /// the options' number: the more directions there are, the more of them may have tails. With half
@@ -243,7 +129,8 @@ Fitter::Impl::Search Fitter::Impl::search(const PoseObjective& objective,
       merge(objective.compiled(), approach_all(objective, starts), kAll);
   if (basins.empty()) return {};
   Search found;
-  found.negligible = options.negligible_log_posterior + unexplained(objective, basins.front());
+  found.negligible =
+      options.negligible_log_posterior + missed_log_likelihood(objective, basins.front());
   found.optima = with_basins(objective, basins, found.negligible, {});
   if (found.optima.empty()) return {};
   found.optima = look_elsewhere(objective, options, found.negligible, std::move(found.optima));
@@ -294,7 +181,8 @@ Fitter::Impl::Search Fitter::Impl::on_all(const PoseObjective& objective, const 
   constexpr double kAll = std::numeric_limits<double>::infinity();
   all.optima = polish_all(objective, places, kAll);
   if (!all.optima.empty()) {
-    all.negligible = options.negligible_log_posterior + unexplained(objective, all.optima.front());
+    all.negligible =
+        options.negligible_log_posterior + missed_log_likelihood(objective, all.optima.front());
   }
   return all;
 }
