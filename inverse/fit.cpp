@@ -2,7 +2,6 @@
 #include "blindcorner/inverse/fit.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <iterator>
 #include <limits>
@@ -10,6 +9,7 @@
 #include <utility>
 
 #include "blindcorner/forward/error.h"
+#include "blindcorner/forward/run_time.h"
 #include "blindcorner/inverse/hints.h"
 #include "inverse/fit_options.h"
 #include "inverse/likelihood/background_error.h"
@@ -36,20 +36,6 @@ namespace {
 constexpr std::size_t kFew = 4, kTimesFew = 2;
 constexpr double kClear = 100;
 constexpr std::size_t kFewOptima = 8;
-
-class Stopwatch {
- public:
-  /// Milliseconds since the last call.
-  double lap() {
-    const auto now = std::chrono::steady_clock::now();
-    const double ms = std::chrono::duration<double, std::milli>(now - start_).count();
-    start_ = now;
-    return ms;
-  }
-
- private:
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-};
 
 /// Samples in proportion to the cube of the number of unknowns, of which three and fewer ask for
 /// the options' number: the more directions there are, the more of them may have tails. With half
@@ -189,8 +175,9 @@ Fitter::Impl::Search Fitter::Impl::on_all(const PoseObjective& objective, const 
 
 /// The method, top to bottom.
 FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
-  Stopwatch total;
+  const Stopwatch total;
   Stopwatch stage;
+  const auto lap_ms = [&stage] { return 1e3 * std::exchange(stage, {}).since_start().wall; };
   FitResult result;
   std::vector<SensorPlacement> placements;
   for (const Capture& capture : captures) {
@@ -209,13 +196,13 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   const CompiledScene& compiled = *known->compiled;
   const Observation observation = observe(compiled, captures);
   PoseObjective objective(compiled, observation);
-  result.time_ms.prepare = stage.lap();
+  result.time_ms.prepare = lap_ms();
   if (observation.zones.empty()) {
     throw Error(captures.front().source, "found no zone with valid bins, accepted: at least one");
   }
   if (no_photons(observation)) {
     answer_darkness(compiled, observation, captures, result);
-    result.time_ms.total = total.lap();
+    result.time_ms.total = 1e3 * total.since_start().wall;
     return result;
   }
 
@@ -224,7 +211,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   LinearSolution empty;
   const PoseValue nothing = objective.evaluate_empty(empty);
   const Scored scored = score_all(objective, empty, prepared.near_relay(*known), captures, options);
-  result.time_ms.score = stage.lap();
+  result.time_ms.score = lap_ms();
   doing("refining");
   Search found;
   if (auto few = search_by_few(captures)) found = on_all(objective, *few);
@@ -242,7 +229,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   if (options.uses(FitRule::shadow)) {
     model_error.covariance += cast_shadow(objective, optima, found.negligible);
   }
-  result.time_ms.refine = stage.lap();
+  result.time_ms.refine = lap_ms();
 
   // How sure: goodness of fit, Fisher information, evidences.
   doing("weighing explanations");
@@ -261,7 +248,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   result.posterior = posterior.mixture;
   allow_for_outliers(scene, result.posterior);
   const double left_over = unexplained_light(objective, optima.front()).probability();
-  result.time_ms.uncertainty = stage.lap();
+  result.time_ms.uncertainty = lap_ms();
 
   // Is there anything at all?
   doing("comparing with empty captures");
@@ -273,7 +260,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
     result.false_alarm_probability = prepared.false_alarms(known).probability(
         objective, empty, options.empty_captures, options.seed);
   }
-  result.time_ms.detect = stage.lap();
+  result.time_ms.detect = lap_ms();
   known->count_bytes();  // what this capture asked for is there now
 
   result.renders = objective.renders() + found.renders;
@@ -288,7 +275,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   std::ranges::copy(fit_hints(scene, result), std::back_inserter(result.hints));
   if (left_over < kUnexplained) result.hints.push_back(unexplained_hint(left_over));
   if (model_error.too_dear) result.hints.push_back(too_dear_hint());
-  result.time_ms.total = total.lap();
+  result.time_ms.total = 1e3 * total.since_start().wall;
   return result;
 }
 
