@@ -1,66 +1,34 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "blindcorner/inverse/fit.h"
 
-#include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
-
 #include <algorithm>
-#include <atomic>
-#include <chrono>
 #include <cmath>
-#include <functional>
 #include <iterator>
 #include <limits>
-#include <list>
-#include <memory>
 #include <mutex>
 #include <utility>
 
-#include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
-#include "blindcorner/forward/scene/validate.h"
-#include "blindcorner/forward/transport/transport_plan.h"
+#include "blindcorner/forward/run_time.h"
 #include "blindcorner/inverse/hints.h"
+#include "inverse/fit_options.h"
 #include "inverse/likelihood/background_error.h"
+#include "inverse/posterior/answer.h"
 #include "inverse/posterior/detection.h"
-#include "inverse/posterior/fisher_information.h"
 #include "inverse/posterior/fitted_histograms.h"
 #include "inverse/posterior/goodness_of_fit.h"
 #include "inverse/posterior/mode_merging.h"
 #include "inverse/posterior/posterior.h"
-#include "inverse/posterior/prior_moments.h"
 #include "inverse/posterior/unexplained_light.h"
-#include "inverse/search/compiled_scene.h"
+#include "inverse/prepared_scenes.h"
+#include "inverse/search/basins.h"
 #include "inverse/search/refine.h"
-#include "inverse/search/scoring.h"
 #include "inverse/search/sharpen.h"
 #include "inverse/tracking/capture_likelihood.h"
 
 namespace blindcorner {
 namespace {
 
-/// Gain in log posterior that changes the answer: a move of sqrt(2 * 0.01) = 0.14 standard
-/// deviations, or a per cent of a mode's weight.
-constexpr double kWorthAnother = 0.01;
-/// Captures of one sensor placement for which tables of exact histograms pay: they cost seconds,
-/// and save some ten milliseconds each.
-constexpr int kManyCaptures = 50;
-/// Presence is one half where the light says nothing, but for the rounding of evidence.
-constexpr double kNoEvidence = 0.51;
-/// Places that descents start from: by judgement, each costs some thirty evaluations of the model.
-constexpr std::size_t kPlaces = 6;
-/// Yaws from which the best optimum is looked for anew: 45 degrees apart where half a turn brings
-/// an object back to itself. A box in the street at 3,000, 10,000 and 30,000 photons (60 captures
-/// each): normalised error 1.16, 2.63, 3.19 without, 1.12, 1.02, 1.03 with them, for half as much
-/// time again. Six yaws give no more. On a wall, where closed form leads well, 1000 captures of all
-/// levels of light had a mean squared normalised error of 1.12, and 1.05 with them, for a tenth
-/// more time.
-constexpr int kYaws = 4;
-/// Times that the best optimum is looked for anew: turned, or, of several objects, one's place
-/// while the others stay; and places of each that are followed. Two spheres at 100,000 photons
-/// needed one round and two places.
-constexpr int kMaxRounds = 3;
-constexpr std::size_t kPlacesEach = 2;
 /// Captures of a joint fit that search for the rest of them, where there are so many times more;
 /// what they must gain over the empty scene in log posterior, misfit counted (a signal-to-noise
 /// ratio of sqrt(2 * 100) = 14); and optima that may be left. The numbers of captures
@@ -68,250 +36,6 @@ constexpr std::size_t kPlacesEach = 2;
 constexpr std::size_t kFew = 4, kTimesFew = 2;
 constexpr double kClear = 100;
 constexpr std::size_t kFewOptima = 8;
-/// Effective samples below which a flag says so: of 20, a variance is known to sqrt(2 / 20) = 32 %.
-constexpr double kFewEffective = 20;
-/// Finite-difference steps of the sensor's own pose, m and rad (a metre away as long): 4 mm of path
-/// at most, for a pulse of 4 cm an error of (h / sigma)^2 / 6 = 0.2 %.
-constexpr double kSensorStep = 2e-3;
-
-/// Optima of the basins that approach() ended in, and `optima`, best first.
-std::vector<Refined> with_basins(const PoseObjective& objective, std::vector<Refined> basins,
-                                 double negligible, std::vector<Refined> optima) {
-  const CompiledScene& compiled = objective.compiled();
-  if (!compiled.coarse.empty()) {
-    std::ranges::move(basins, std::back_inserter(optima));
-    return merge(compiled, std::move(optima), negligible);
-  }
-  // What a spline or a cheap model says of a basin may be off by half of what is negligible.
-  std::vector<PoseVector> places;
-  basins = merge(compiled, std::move(basins), 1.5 * negligible);
-  for (const Refined& basin : basins) {
-    const bool known = std::ranges::any_of(optima, [&](const Refined& optimum) {
-      return same_place(compiled, optimum.pose, basin.pose);
-    });
-    if (!known) places.push_back(basin.pose);
-  }
-  return places.empty() ? optima : polish_all(objective, places, negligible, std::move(optima));
-}
-
-/// Other yaws of an optimum, between which the range of yaws or the circle is divided. The rest of
-/// the pose follows first: turned where it stands, an object is worse whatever its yaw, and
-/// descents led a box in the street (10,000 photons) back in 2 of 120 captures, sure of a yaw that
-/// is off by 64 degrees.
-void add_turned(const Scene& scene, const PoseVector& pose, std::vector<Start>& starts) {
-  for (std::size_t k = 0; k < scene.unknowns.size(); ++k) {
-    const Unknown& unknown = scene.unknowns[k];
-    if (unknown.component != Component::yaw) continue;
-    const auto i = static_cast<Eigen::Index>(k);
-    for (int j = 1; j < kYaws; ++j) {
-      Start& start = starts.emplace_back(pose);
-      start.pose[i] += j * unknown.range() / kYaws;
-      if (period_of(scene, k) <= 0 && start.pose[i] > unknown.upper) {
-        start.pose[i] -= unknown.range();
-      }
-      wrap_pose(scene, start.pose);
-      if (scene.unknowns.size() > 1) start.held_first = static_cast<int>(k);
-    }
-  }
-}
-
-/// Looks for a better optimum than the best one where few descents end by themselves, until there
-/// is none: turned, and, of several objects, at another place of one while the others stay.
-std::vector<Refined> look_elsewhere(const PoseObjective& objective, const FitOptions& options,
-                                    double negligible, std::vector<Refined> optima) {
-  const CompiledScene& compiled = objective.compiled();
-  for (int round = 0; round < kMaxRounds; ++round) {
-    const Refined top = optima.front();
-    std::vector<Start> starts;
-    if (options.uses(FitRule::turn)) add_turned(compiled.scene, top.pose, starts);
-    if (!compiled.objects().empty() && options.uses(FitRule::rearrange)) {
-      for (PoseVector& place : other_places(objective, top.pose, top.linear, kPlacesEach)) {
-        starts.push_back({std::move(place)});
-      }
-    }
-    if (starts.empty()) break;
-    optima = with_basins(objective, approach_all(objective, starts), negligible, std::move(optima));
-    if (optima.front().value.log_posterior < top.value.log_posterior + kWorthAnother) break;
-  }
-  return optima;
-}
-
-class Stopwatch {
- public:
-  /// Milliseconds since the last call.
-  double lap() {
-    const auto now = std::chrono::steady_clock::now();
-    const double ms = std::chrono::duration<double, std::milli>(now - start_).count();
-    start_ = now;
-    return ms;
-  }
-
- private:
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-};
-
-/// A scene compiled for certain sensor placements.
-struct Prepared {
-  std::vector<SensorPlacement> placements;
-  std::once_flag once;
-  std::unique_ptr<CompiledScene> compiled;
-  /// With the ranges near the relay, where these are a small part; its finer grid gives starts.
-  /// Null until a fit searches: a frame that is tracked does not.
-  std::once_flag near_once;
-  std::unique_ptr<CompiledScene> near;
-  std::unique_ptr<MovedModels> moved;
-  std::unique_ptr<FalseAlarmCalibration> false_alarms;  ///< null until somebody asks
-  std::atomic<std::size_t> bytes{0};                    ///< 0 until it is compiled
-
-  /// For who has fitted with this.
-  void count_bytes() { bytes = compiled->bytes() + (near ? near->bytes() : 0); }
-};
-
-bool same(const std::vector<SensorPlacement>& a, const std::vector<SensorPlacement>& b) {
-  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
-                    [](const SensorPlacement& x, const SensorPlacement& y) {
-                      return x.T_world_sensor.isApprox(y.T_world_sensor, 1e-12) &&
-                             std::equal(x.relay_points.begin(), x.relay_points.end(),
-                                        y.relay_points.begin(), y.relay_points.end(),
-                                        [](const Eigen::Vector3d& p, const Eigen::Vector3d& q) {
-                                          return p == q || (!p.allFinite() && !q.allFinite());
-                                        });
-                    });
-}
-
-std::unique_ptr<MovedModels> move_sensor(const std::vector<SensorPlacement>& placements,
-                                         const CompiledScene& compiled) {
-  auto moved = std::make_unique<MovedModels>();
-  for (std::size_t i = 0; i < 6; ++i) {
-    moved->step[i] = kSensorStep;
-    for (const double sign : {1.0, -1.0}) {
-      ModelSet& set = sign > 0 ? moved->plus[i] : moved->minus[i];
-      FastModelOptions fast;
-      fast.sampling_step = compiled.models().front()->sampling_step();
-      for (SensorPlacement placement : placements) {
-        if (i < 3) {
-          placement.T_world_sensor.translation()[static_cast<int>(i)] += sign * kSensorStep;
-        } else {
-          placement.T_world_sensor.linear() =
-              Eigen::AngleAxisd(sign * kSensorStep,
-                                Eigen::Vector3d::Unit(static_cast<int>(i) - 3)) *
-              placement.T_world_sensor.linear();
-        }
-        set.push_back(make_fast_model(compiled.knowledge->transport(), placement, fast));
-      }
-    }
-  }
-  return moved;
-}
-
-bool no_photons(const Observation& observation) {
-  return observation.likelihood.front()->counts_photons() && observation.total_count() <= 0;
-}
-
-/// The answer to captures without a single photon: the prior, and how likely darkness is.
-void answer_darkness(const CompiledScene& compiled, const Observation& observation,
-                     std::span<const Capture> captures, FitResult& result) {
-  const Scene& scene = compiled.scene;
-  PoseMode mode;
-  mode.weight = 1;
-  const auto n = static_cast<Eigen::Index>(scene.unknowns.size());
-  mode.pose.resize(n);
-  mode.covariance.setZero(n, n);
-  for (Eigen::Index i = 0; i < n; ++i) {
-    const PriorMoments prior = prior_moments(scene, static_cast<std::size_t>(i));
-    mode.pose[i] = prior.mean;
-    mode.covariance(i, i) = prior.variance;
-    mode.undetermined.push_back(static_cast<int>(i));
-  }
-  mode.optimum = mode.pose;
-  // P(no photon | object) averaged over poses and the amplitude's prior; P(no photon | empty) = 1.
-  const AmplitudePrior& prior = scene.linear.amplitude_prior;
-  double dark = 0;
-  int count = 0;
-  const std::size_t stride = std::max<std::size_t>(1, compiled.templates().poses() / 500);
-  for (std::size_t i = 0; i < compiled.templates().poses(); i += stride) {
-    const double light = observation.likelihood.front()->scale() * compiled.templates().sum(i);
-    for (int k = -4; k <= 4; ++k) {
-      const double u = 0.5 * k;
-      const double a = prior.median * std::exp(prior.sigma_log * u);
-      dark += std::exp(-a * light - 0.5 * u * u) * 0.5 / std::sqrt(2 * kPi);
-    }
-    ++count;
-  }
-  result.posterior.modes = {mode};
-  result.posterior.mean = mode.pose;
-  result.posterior.covariance = mode.covariance;
-  result.posterior.presence_probability =
-      presence_probability(std::log(dark / count), 0.0, scene.presence_prior);
-  result.false_alarm_probability = 1;
-  result.flags = {"no_photons", "nothing_detected"};
-  for (const Capture& capture : captures) {
-    FittedHistograms unlit;
-    unlit.measured = capture.counts;
-    unlit.model = unlit.object =
-        HistogramCube(capture.counts.rows, capture.counts.columns, capture.counts.bins);
-    unlit.zone_used.assign(static_cast<std::size_t>(capture.counts.zones()), true);
-    unlit.ambient = unlit.direct = unlit.amplitude =
-        std::vector<double>(unlit.zone_used.size(), 0.0);
-    unlit.end_bin = capture.counts.bins;
-    result.histograms.push_back(std::move(unlit));
-  }
-}
-
-/// Mixes the prior into mean and covariance of the whole posterior, for captures that something
-/// unknown has disturbed: no small covariance may come of a capture that the model does not
-/// explain.
-void allow_for_outliers(const Scene& scene, PoseMixture& mixture) {
-  const double share = scene.outlier_probability;
-  if (share <= 0 || mixture.mean.size() == 0) return;
-  const auto n = static_cast<Eigen::Index>(scene.unknowns.size());
-  PoseVector difference(n);
-  Eigen::MatrixXd spread = Eigen::MatrixXd::Zero(n, n);
-  for (Eigen::Index i = 0; i < n; ++i) {
-    const auto k = static_cast<std::size_t>(i);
-    const PriorMoments prior = prior_moments(scene, k);
-    // On a circle the prior has no mean: only its spread counts.
-    const bool circular = period_of(scene, k) > 0;
-    difference[i] = circular ? 0.0 : prior.mean - mixture.mean[i];
-    spread(i, i) = prior.variance;
-  }
-  mixture.mean += share * difference;
-  mixture.covariance = (1 - share) * mixture.covariance + share * spread +
-                       share * (1 - share) * difference * difference.transpose();
-}
-
-/// `left_over` as of UnexplainedLight::probability().
-void set_flags(const Scene& scene, const Posterior& posterior, double left_over,
-               FitResult& result) {
-  const auto flag = [&](bool condition, const char* word) {
-    if (condition) result.flags.emplace_back(word);
-  };
-  const PoseMixture& mixture = posterior.mixture;
-  flag(result.false_alarm_probability.value_or(1) > kAlarm &&
-           result.posterior.presence_probability < kNoEvidence,
-       "nothing_detected");
-  flag(mixture.modes.size() > 1 && mixture.modes.front().weight < kOneMode, "multimodal");
-  flag(!mixture.modes.front().undetermined.empty(), "undetermined");
-  flag(result.goodness_of_fit.inflation > 1, "model_misfit");
-  flag(left_over < kUnexplained, "unexplained_light");
-  flag(posterior.sampled, "sampled");
-  flag(posterior.sampled && posterior.effective_samples < kFewEffective, "few_effective_samples");
-  bool at_bound = false;
-  for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
-    if (period_of(scene, i) > 0) continue;
-    const double value = mixture.modes.front().optimum[static_cast<Eigen::Index>(i)];
-    const double margin = 1e-6 * scene.unknowns[i].range();  // far below any posterior's width
-    at_bound = at_bound || value < scene.unknowns[i].lower + margin ||
-               value > scene.unknowns[i].upper - margin;
-  }
-  flag(at_bound, "at_bound");
-}
-
-/// What the counts miss of the log likelihood that is expected at a right optimum.
-double unexplained(const PoseObjective& objective, const Refined& optimum) {
-  const GoodnessOfFit fit = goodness_of_fit(objective, optimum);
-  return 0.5 * std::max(fit.deviance - fit.expected, 0.0);
-}
 
 /// Samples in proportion to the cube of the number of unknowns, of which three and fewer ask for
 /// the options' number: the more directions there are, the more of them may have tails. With half
@@ -352,155 +76,20 @@ std::vector<std::size_t> spread_out(const Scene& scene, std::span<const Capture>
   return chosen;
 }
 
-void validate_scene(const Scene& scene) {
-  validate(scene);
-  if (scene.unknowns.empty()) {
-    throw Error(scene_place(scene),
-                "unknowns: found none, accepted: at least one component to fit");
-  }
-  check_relay_visible(scene);
-}
-
 }  // namespace
 
-const std::vector<std::pair<FitRule, std::string>>& fit_rules() {
-  static const std::vector<std::pair<FitRule, std::string>> rules{
-      {FitRule::turn, "turn"},
-      {FitRule::rearrange, "rearrange"},
-      {FitRule::sharpen, "sharpen"},
-      {FitRule::shadow, "shadow"},
-      {FitRule::along_axis, "along_axis"},
-      {FitRule::ridges, "ridges"},
-      {FitRule::local_light, "local_light"}};
-  return rules;
-}
-
-void FitOptions::validate() const {
-  const auto require = [](bool condition, const char* field, const char* accepted) {
-    if (!condition)
-      throw Error(std::string("FitOptions.") + field, std::string("accepted: ") + accepted);
-  };
-  require(!model_tolerance ||
-              (*model_tolerance >= FastModelOptions::kLeastTolerance && *model_tolerance < 1),
-          "model_tolerance", "1e-5 to less than 1");
-  require(max_scored_poses >= 1, "max_scored_poses", "at least 1");
-  require(max_closed_form_poses >= 1, "max_closed_form_poses", "at least 1");
-  require(captures_per_placement >= 1, "captures_per_placement", "at least 1");
-  require(max_starts >= 1, "max_starts", "at least 1");
-  require(negligible_log_posterior > 0, "negligible_log_posterior", "above 0");
-  require(importance_samples >= 0, "importance_samples", "at least 0");
-  require(empty_captures == 0 || empty_captures >= 16, "empty_captures", "0 or at least 16");
-}
-
 struct Fitter::Impl {
-  Scene scene;
-  FitOptions options;
-  std::shared_ptr<const SceneKnowledge> knowledge;
-  std::mutex mutex;
-  std::list<std::shared_ptr<Prepared>> prepared;  ///< last used first
-  std::once_flag home_once;
-  std::shared_ptr<Prepared> home;  ///< at the scene's own sensor placement; kept
+  Impl(Scene of_scene, FitOptions with_options)
+      : scene(std::move(of_scene)), options(std::move(with_options)), prepared(scene, options) {}
+
+  const Scene scene;
+  const FitOptions options;
+  PreparedScenes prepared;
   std::once_flag hints_once;
   std::vector<std::string> hints;  ///< about the scene, from the first capture's sensor placement
 
   void doing(const char* what) const {
     if (options.progress) options.progress(what, 0);
-  }
-
-  /// The scene compiled for these placements; compiled once, by whoever comes first.
-  std::shared_ptr<Prepared> prepare(const std::vector<SensorPlacement>& placements) {
-    std::shared_ptr<Prepared> entry = find(placements);
-    std::call_once(entry->once, [&] {
-      entry->compiled = compile(scene, placements, options, grid_options(), knowledge);
-      if (scene.sensor_covariance) entry->moved = move_sensor(placements, *entry->compiled);
-      entry->bytes = entry->compiled->bytes();
-    });
-    drop_least_used();
-    return entry;
-  }
-
-  GridOptions grid_options() const {
-    GridOptions grid;
-    grid.closed_form = options.captures_per_placement < kManyCaptures;
-    grid.max_poses = grid.closed_form && knowledge->coarse() ? options.max_closed_form_poses
-                                                             : options.max_scored_poses;
-    grid.closed_form_poses = options.max_closed_form_poses;
-    return grid;
-  }
-
-  /// The part near the relay, where the scene needs one; null where it does not.
-  const CompiledScene* near_relay(Prepared& whole) const {
-    std::call_once(whole.near_once, [&] {
-      const auto ranges = ranges_near_relay(scene);
-      if (!ranges || whole.compiled->coarse.empty()) return;
-      Scene part = scene;
-      part.unknowns = *ranges;
-      whole.near = compile(part, whole.placements, options, grid_options(), knowledge);
-    });
-    return whole.near.get();
-  }
-
-  /// What is known about empty captures. Their law hardly depends on where the sensor stands: that
-  /// of the scene's own sensor placement serves all single captures of a sensor that moves.
-  /// Kept for as long as this is: other threads may be asking it while the cache lets it go.
-  FalseAlarmCalibration& false_alarms(const std::shared_ptr<Prepared>& own) {
-    std::shared_ptr<Prepared> place = own;
-    const std::vector<SensorPlacement> at_home{sensor_placement(scene)};
-    if (own->placements.size() == 1 && own->placements.front().relay_points.empty() &&
-        at_home.front().relay_points.empty()) {
-      std::call_once(home_once, [&] { home = prepare(at_home); });
-      place = home;
-    }
-    const std::scoped_lock lock(mutex);
-    if (!place->false_alarms) {
-      place->false_alarms = std::make_unique<FalseAlarmCalibration>(place->compiled.get());
-    }
-    return *place->false_alarms;
-  }
-
-  std::shared_ptr<Prepared> find(const std::vector<SensorPlacement>& placements) {
-    const std::scoped_lock lock(mutex);
-    for (auto it = prepared.begin(); it != prepared.end(); ++it) {
-      if (!same((*it)->placements, placements)) continue;
-      prepared.splice(prepared.begin(), prepared, it);
-      return prepared.front();
-    }
-    prepared.push_front(std::make_shared<Prepared>());
-    prepared.front()->placements = placements;
-    return prepared.front();
-  }
-
-  void drop_least_used() {
-    const std::scoped_lock lock(mutex);
-    std::size_t bytes = 0;
-    for (auto it = prepared.begin(); it != prepared.end();) {
-      bytes += (*it)->bytes;
-      const bool keep = it == prepared.begin() || bytes <= options.cache_bytes || (*it)->bytes == 0;
-      it = keep ? std::next(it) : prepared.erase(it);
-    }
-  }
-
-  /// Every pose on the grid, and where the scene needs it those of the part near the relay too,
-  /// with their log posterior in the whole search region.
-  Scored score_all(Prepared& known, std::span<const Capture> captures, const PoseObjective& whole,
-                   const LinearSolution& without) const {
-    Scored scored = score(whole, without, options.max_starts, options.negligible_log_posterior);
-    const CompiledScene* part = near_relay(known);
-    if (part == nullptr) return scored;
-    const Observation observation = observe(*part, captures);
-    const PoseObjective objective(*part, observation);
-    LinearSolution empty;
-    objective.evaluate_empty(empty);
-    const LightSource light(whole.compiled().coarse);
-    for (Candidate& start :
-         score(objective, empty, options.max_starts, options.negligible_log_posterior).starts) {
-      LinearSolution linear;
-      start.index = -1;
-      start.log_posterior = whole.evaluate(light, start.pose, linear, false).log_posterior;
-      scored.starts.push_back(std::move(start));
-    }
-    std::ranges::stable_sort(scored.starts, std::greater{}, &Candidate::log_posterior);
-    return scored;
   }
 
   struct Search {
@@ -515,26 +104,19 @@ struct Fitter::Impl {
   FitResult fit(std::span<const Capture> captures);
 };
 
-/// Every basin that the scored poses lead to, and its optimum on the objective's models. Closed
-/// form chooses the poses that the models look at, and these where descents start.
+/// Every basin that the scored poses lead to, and its optimum on the objective's models.
 Fitter::Impl::Search Fitter::Impl::search(const PoseObjective& objective,
                                           const Scored& scored) const {
-  const CompiledScene& compiled = objective.compiled();
-  std::vector<Start> starts;
-  if (compiled.coarse.empty()) {
-    for (const Candidate& start : scored.starts) starts.push_back({start.pose});
-  } else {
-    for (PoseVector& pose : best_by_model(objective, scored, kPlaces)) {
-      starts.push_back({std::move(pose)});
-    }
-  }
+  const std::vector<Start> starts = choose_starts(objective, scored);
   // The models' own error must not decide which basins are dropped: what the best one misses of its
   // expectation, a better model may give to another.
   constexpr double kAll = std::numeric_limits<double>::infinity();
-  const std::vector<Refined> basins = merge(compiled, approach_all(objective, starts), kAll);
+  const std::vector<Refined> basins =
+      merge(objective.compiled(), approach_all(objective, starts), kAll);
   if (basins.empty()) return {};
   Search found;
-  found.negligible = options.negligible_log_posterior + unexplained(objective, basins.front());
+  found.negligible =
+      options.negligible_log_posterior + missed_log_likelihood(objective, basins.front());
   found.optima = with_basins(objective, basins, found.negligible, {});
   if (found.optima.empty()) return {};
   found.optima = look_elsewhere(objective, options, found.negligible, std::move(found.optima));
@@ -553,13 +135,14 @@ std::optional<Fitter::Impl::Search> Fitter::Impl::search_by_few(std::span<const 
     few.push_back(captures[i]);
     placements.push_back(sensor_placement(scene, &captures[i]));
   }
-  const std::shared_ptr<Prepared> known = prepare(placements);
+  const std::shared_ptr<Prepared> known = prepared.at(placements);
   const Observation observation = observe(*known->compiled, few);
   if (observation.zones.empty() || no_photons(observation)) return std::nullopt;
   const PoseObjective objective(*known->compiled, observation);
   LinearSolution empty;
   const PoseValue nothing = objective.evaluate_empty(empty);
-  Search found = search(objective, score_all(*known, few, objective, empty));
+  Search found =
+      search(objective, score_all(objective, empty, prepared.near_relay(*known), few, options));
   found.renders = objective.renders();
   if (found.optima.empty()) return std::nullopt;
   const Refined& top = found.optima.front();
@@ -584,15 +167,17 @@ Fitter::Impl::Search Fitter::Impl::on_all(const PoseObjective& objective, const 
   constexpr double kAll = std::numeric_limits<double>::infinity();
   all.optima = polish_all(objective, places, kAll);
   if (!all.optima.empty()) {
-    all.negligible = options.negligible_log_posterior + unexplained(objective, all.optima.front());
+    all.negligible =
+        options.negligible_log_posterior + missed_log_likelihood(objective, all.optima.front());
   }
   return all;
 }
 
 /// The method, top to bottom.
 FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
-  Stopwatch total;
+  const Stopwatch total;
   Stopwatch stage;
+  const auto lap_ms = [&stage] { return 1e3 * std::exchange(stage, {}).since_start().wall; };
   FitResult result;
   std::vector<SensorPlacement> placements;
   for (const Capture& capture : captures) {
@@ -607,17 +192,17 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   std::call_once(hints_once, [&] { hints = scene_hints(scene, placements.front()); });
   result.hints = hints;
   doing("compiling");
-  const std::shared_ptr<Prepared> known = prepare(placements);
+  const std::shared_ptr<Prepared> known = prepared.at(placements);
   const CompiledScene& compiled = *known->compiled;
   const Observation observation = observe(compiled, captures);
   PoseObjective objective(compiled, observation);
-  result.time_ms.prepare = stage.lap();
+  result.time_ms.prepare = lap_ms();
   if (observation.zones.empty()) {
     throw Error(captures.front().source, "found no zone with valid bins, accepted: at least one");
   }
   if (no_photons(observation)) {
     answer_darkness(compiled, observation, captures, result);
-    result.time_ms.total = total.lap();
+    result.time_ms.total = 1e3 * total.since_start().wall;
     return result;
   }
 
@@ -625,8 +210,8 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   doing("scoring");
   LinearSolution empty;
   const PoseValue nothing = objective.evaluate_empty(empty);
-  const Scored scored = score_all(*known, captures, objective, empty);
-  result.time_ms.score = stage.lap();
+  const Scored scored = score_all(objective, empty, prepared.near_relay(*known), captures, options);
+  result.time_ms.score = lap_ms();
   doing("refining");
   Search found;
   if (auto few = search_by_few(captures)) found = on_all(objective, *few);
@@ -644,7 +229,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   if (options.uses(FitRule::shadow)) {
     model_error.covariance += cast_shadow(objective, optima, found.negligible);
   }
-  result.time_ms.refine = stage.lap();
+  result.time_ms.refine = lap_ms();
 
   // How sure: goodness of fit, Fisher information, evidences.
   doing("weighing explanations");
@@ -663,7 +248,7 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   result.posterior = posterior.mixture;
   allow_for_outliers(scene, result.posterior);
   const double left_over = unexplained_light(objective, optima.front()).probability();
-  result.time_ms.uncertainty = stage.lap();
+  result.time_ms.uncertainty = lap_ms();
 
   // Is there anything at all?
   doing("comparing with empty captures");
@@ -672,10 +257,10 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   result.posterior.presence_probability =
       presence_probability(posterior.log_evidence, log_evidence_empty, scene.presence_prior);
   if (options.empty_captures > 0) {
-    result.false_alarm_probability =
-        false_alarms(known).probability(objective, empty, options.empty_captures, options.seed);
+    result.false_alarm_probability = prepared.false_alarms(known).probability(
+        objective, empty, options.empty_captures, options.seed);
   }
-  result.time_ms.detect = stage.lap();
+  result.time_ms.detect = lap_ms();
   known->count_bytes();  // what this capture asked for is there now
 
   result.renders = objective.renders() + found.renders;
@@ -690,16 +275,14 @@ FitResult Fitter::Impl::fit(std::span<const Capture> captures) {
   std::ranges::copy(fit_hints(scene, result), std::back_inserter(result.hints));
   if (left_over < kUnexplained) result.hints.push_back(unexplained_hint(left_over));
   if (model_error.too_dear) result.hints.push_back(too_dear_hint());
-  result.time_ms.total = total.lap();
+  result.time_ms.total = 1e3 * total.since_start().wall;
   return result;
 }
 
-Fitter::Fitter(Scene scene, FitOptions options) : impl_(std::make_unique<Impl>()) {
+Fitter::Fitter(Scene scene, FitOptions options) {
   options.validate();
   validate_scene(scene);
-  impl_->scene = std::move(scene);
-  impl_->knowledge = std::make_shared<const SceneKnowledge>(impl_->scene);
-  impl_->options = std::move(options);
+  impl_ = std::make_unique<Impl>(std::move(scene), std::move(options));
 }
 Fitter::~Fitter() = default;
 Fitter::Fitter(Fitter&&) noexcept = default;
@@ -715,7 +298,7 @@ FitResult Fitter::fit_joint(std::span<const Capture> captures) const {
 std::unique_ptr<FrameLikelihood> Fitter::frame(const Capture& capture) const {
   check_capture(impl_->scene, capture);
   const std::shared_ptr<Prepared> known =
-      impl_->prepare({sensor_placement(impl_->scene, &capture)});
+      impl_->prepared.at({sensor_placement(impl_->scene, &capture)});
   return make_capture_likelihood({known, known->compiled.get()}, capture, impl_->options);
 }
 

@@ -59,6 +59,11 @@ GoodnessOfFit goodness_of_fit(const PoseObjective& objective, const Refined& opt
   return fit;
 }
 
+double missed_log_likelihood(const PoseObjective& objective, const Refined& optimum) {
+  const GoodnessOfFit fit = goodness_of_fit(objective, optimum);
+  return 0.5 * std::max(fit.deviance - fit.expected, 0.0);
+}
+
 double inflation(const GoodnessOfFit& fit, double deviance) {
   return deviance - fit.expected > 3 * fit.standard_deviation ? deviance / fit.expected : 1.0;
 }

@@ -10,6 +10,9 @@ namespace blindcorner {
 /// Deviance at an optimum against its expectation for counts as small as these are.
 GoodnessOfFit goodness_of_fit(const PoseObjective& objective, const Refined& optimum);
 
+/// What the counts miss of the log likelihood that is expected at a right optimum.
+double missed_log_likelihood(const PoseObjective& objective, const Refined& optimum);
+
 /// Factor on covariances for another deviance of the same counts.
 double inflation(const GoodnessOfFit& fit, double deviance);
 

@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "inverse/search/basins.h"
+
+#include <algorithm>
+#include <functional>
+#include <iterator>
+#include <utility>
+
+#include "inverse/likelihood/background_error.h"
+#include "inverse/posterior/mode_merging.h"
+
+namespace blindcorner {
+namespace {
+
+/// Gain in log posterior that changes the answer: a move of sqrt(2 * 0.01) = 0.14 standard
+/// deviations, or a per cent of a mode's weight.
+constexpr double kWorthAnother = 0.01;
+/// Places that descents start from: by judgement, each costs some thirty evaluations of the model.
+constexpr std::size_t kStarts = 6;
+/// Yaws from which the best optimum is looked for anew: 45 degrees apart where half a turn brings
+/// an object back to itself. A box in the street at 3,000, 10,000 and 30,000 photons (60 captures
+/// each): normalised error 1.16, 2.63, 3.19 without, 1.12, 1.02, 1.03 with them, for half as much
+/// time again. Six yaws give no more. On a wall, where closed form leads well, 1000 captures of all
+/// levels of light had a mean squared normalised error of 1.12, and 1.05 with them, for a tenth
+/// more time.
+constexpr int kYaws = 4;
+/// Times that the best optimum is looked for anew: turned, or, of several objects, one's place
+/// while the others stay; and places of each that are followed. Two spheres at 100,000 photons
+/// needed one round and two places.
+constexpr int kMaxRounds = 3;
+constexpr std::size_t kPlacesEach = 2;
+
+/// Other yaws of an optimum, between which the range of yaws or the circle is divided. The rest of
+/// the pose follows first: turned where it stands, an object is worse whatever its yaw, and
+/// descents led a box in the street (10,000 photons) back in 2 of 120 captures, sure of a yaw that
+/// is off by 64 degrees.
+void add_turned(const Scene& scene, const PoseVector& pose, std::vector<Start>& starts) {
+  for (std::size_t k = 0; k < scene.unknowns.size(); ++k) {
+    const Unknown& unknown = scene.unknowns[k];
+    if (unknown.component != Component::yaw) continue;
+    const auto i = static_cast<Eigen::Index>(k);
+    for (int j = 1; j < kYaws; ++j) {
+      Start& start = starts.emplace_back(pose);
+      start.pose[i] += j * unknown.range() / kYaws;
+      if (period_of(scene, k) <= 0 && start.pose[i] > unknown.upper) {
+        start.pose[i] -= unknown.range();
+      }
+      wrap_pose(scene, start.pose);
+      if (scene.unknowns.size() > 1) start.held_first = static_cast<int>(k);
+    }
+  }
+}
+
+}  // namespace
+
+Scored score_all(const PoseObjective& whole, const LinearSolution& without,
+                 const CompiledScene* near, std::span<const Capture> captures,
+                 const FitOptions& options) {
+  Scored scored = score(whole, without, options.max_starts, options.negligible_log_posterior);
+  if (near == nullptr) return scored;
+  const Observation observation = observe(*near, captures);
+  const PoseObjective objective(*near, observation);
+  LinearSolution empty;
+  objective.evaluate_empty(empty);
+  const LightSource light(whole.compiled().coarse);
+  for (Candidate& start :
+       score(objective, empty, options.max_starts, options.negligible_log_posterior).starts) {
+    LinearSolution linear;
+    start.index = -1;
+    start.log_posterior = whole.evaluate(light, start.pose, linear, false).log_posterior;
+    scored.starts.push_back(std::move(start));
+  }
+  std::ranges::stable_sort(scored.starts, std::greater{}, &Candidate::log_posterior);
+  return scored;
+}
+
+std::vector<Start> choose_starts(const PoseObjective& objective, const Scored& scored) {
+  std::vector<Start> starts;
+  if (objective.compiled().coarse.empty()) {
+    for (const Candidate& start : scored.starts) starts.push_back({start.pose});
+  } else {
+    for (PoseVector& pose : best_by_model(objective, scored, kStarts)) {
+      starts.push_back({std::move(pose)});
+    }
+  }
+  return starts;
+}
+
+std::vector<Refined> with_basins(const PoseObjective& objective, std::vector<Refined> basins,
+                                 double negligible, std::vector<Refined> optima) {
+  const CompiledScene& compiled = objective.compiled();
+  if (!compiled.coarse.empty()) {
+    std::ranges::move(basins, std::back_inserter(optima));
+    return merge(compiled, std::move(optima), negligible);
+  }
+  // What a spline or a cheap model says of a basin may be off by half of what is negligible.
+  std::vector<PoseVector> places;
+  basins = merge(compiled, std::move(basins), 1.5 * negligible);
+  for (const Refined& basin : basins) {
+    const bool known = std::ranges::any_of(optima, [&](const Refined& optimum) {
+      return same_place(compiled, optimum.pose, basin.pose);
+    });
+    if (!known) places.push_back(basin.pose);
+  }
+  return places.empty() ? optima : polish_all(objective, places, negligible, std::move(optima));
+}
+
+std::vector<Refined> look_elsewhere(const PoseObjective& objective, const FitOptions& options,
+                                    double negligible, std::vector<Refined> optima) {
+  const CompiledScene& compiled = objective.compiled();
+  for (int round = 0; round < kMaxRounds; ++round) {
+    const Refined top = optima.front();
+    std::vector<Start> starts;
+    if (options.uses(FitRule::turn)) add_turned(compiled.scene, top.pose, starts);
+    if (!compiled.objects().empty() && options.uses(FitRule::rearrange)) {
+      for (PoseVector& place : other_places(objective, top.pose, top.linear, kPlacesEach)) {
+        starts.push_back({std::move(place)});
+      }
+    }
+    if (starts.empty()) break;
+    optima = with_basins(objective, approach_all(objective, starts), negligible, std::move(optima));
+    if (optima.front().value.log_posterior < top.value.log_posterior + kWorthAnother) break;
+  }
+  return optima;
+}
+
+}  // namespace blindcorner
