@@ -263,7 +263,8 @@ class SamplingSearch {
 
 /// A sampling for the plan's kernel, and pairs instead of the single sum where that leaves out too
 /// much: looks first at a coarse sampling of pairs, and where the change may be more than the
-/// tolerance at one that meets it.
+/// tolerance at one that meets it. Where coarse samplings of both differ by more than kSurelyPairs,
+/// no finer single sum is looked for.
 FoundSampling find_sampling(const std::shared_ptr<const SensorView>& view,
                             const FastModelOptions& options, double pairs_from) {
   SamplingSearch single(view, options, false);

@@ -536,8 +536,9 @@ ModelSet make_models(const CompiledScene& compiled, FastModelOptions fast,
 /// Edges of the rough models of pairs of lobes against those of the models: they sum over a
 /// thirtieth to an eightieth of the paths. The crossing cyclist's light is 13 % off and its slopes
 /// 28 %, so that their information is 0.8 to 1.2 times the models'.
-constexpr int kRoughLevel = -1;
 constexpr double kRough = 2;
+/// Their level among the others, which are finer than models().
+constexpr int kRoughLevel = -1;
 
 /// What a level asks of the fast model. Light of lobes comes from pairs, because one sum has an
 /// error of its own; of coarser pairs than sqrt(8) it was larger than that of one sum. Their

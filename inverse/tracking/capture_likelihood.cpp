@@ -228,10 +228,9 @@ class CaptureLikelihood final : public FrameLikelihood {
   }
 
   /// On a cheap light that models correct, the spline's or that of rough models; where there is
-  /// neither, on the models. Where their error
-  /// may move the optimum, finer ones take over at the end: that error is much the same in frame
-  /// after frame, so that no number of them averages it out. By what it may still be, the frame
-  /// counts for less.
+  /// neither, on the models. Where the models' error may move the optimum, finer ones take over at
+  /// the end: that error is much the same in frame after frame, so that no number of them averages
+  /// it out. By what it may still be, the frame counts for less.
   Update with_model(const Gaussian& prior, const Eigen::VectorXd& start, double inflation,
                     bool may_be_finer) const {
     const bool spline = compiled_.spline != nullptr;
