@@ -121,11 +121,22 @@ void ShadowView::add(std::span<const Vector3d> c, bool one_sided, const Vector3d
   }
 }
 
+namespace {
+
+/// Whether a face hides nothing of a body about a point: all of it lies outside of one of the
+/// pyramid's half spaces. `reach`: of the body along a half space's normal.
+template <class Pyramid, class Reach>
+bool clear_of(const Pyramid& pyramid, const Vector3d& center, const Reach& reach) {
+  return std::ranges::any_of(pyramid, [&](const auto& side) {
+    return side.normal.dot(center) + side.offset <= -reach(side.normal);
+  });
+}
+
+}  // namespace
+
 void ShadowView::leave_out_clear_of(const Vector3d& center, double radius) {
   std::erase_if(pyramids_, [&](const auto& pyramid) {
-    return std::ranges::any_of(pyramid, [&](const HalfSpace& side) {
-      return side.normal.dot(center) + side.offset <= -radius;
-    });
+    return clear_of(pyramid, center, [radius](const Vector3d&) { return radius; });
   });
 }
 
@@ -152,13 +163,19 @@ struct Box {
   Vector3d center, half;
 };
 
+/// Along one axis, of the first `count` patches of a chunk; what follows them is padding.
 BLINDCORNER_MULTIVERSION void find_ends(const double* center, const double* half_u,
-                                        const double* half_v, double& low, double& high) {
+                                        const double* half_v, int count, double& low,
+                                        double& high) {
   double least[kChunk], most[kChunk];
   for (int i = 0; i < kChunk; ++i) {
     const double reach = std::abs(half_u[i]) + std::abs(half_v[i]);
     least[i] = center[i] - reach;
     most[i] = center[i] + reach;
+  }
+  for (int i = count; i < kChunk; ++i) {
+    least[i] = least[0];
+    most[i] = most[0];
   }
   for (int step = kChunk / 2; step > 0; step /= 2) {
     for (int i = 0; i < step; ++i) {
@@ -170,22 +187,12 @@ BLINDCORNER_MULTIVERSION void find_ends(const double* center, const double* half
   high = most[0];
 }
 
-/// Around the first `count` patches of a chunk: what follows them is padding.
 Box box_around(const PatchCoordinates& p, int begin, int count) {
   Vector3d low, high;
   for (std::size_t k = 0; k < 3; ++k) {
     const auto axis = static_cast<Eigen::Index>(k);
-    const double *center = p.center[k] + begin, *u = p.half_u[k] + begin, *v = p.half_v[k] + begin;
-    if (count == kChunk) {
-      find_ends(center, u, v, low[axis], high[axis]);
-      continue;
-    }
-    low[axis] = high[axis] = center[0];
-    for (int i = 0; i < count; ++i) {
-      const double reach = std::abs(u[i]) + std::abs(v[i]);
-      low[axis] = std::min(low[axis], center[i] - reach);
-      high[axis] = std::max(high[axis], center[i] + reach);
-    }
+    find_ends(p.center[k] + begin, p.half_u[k] + begin, p.half_v[k] + begin, count, low[axis],
+              high[axis]);
   }
   return {0.5 * (low + high), 0.5 * (high - low)};
 }
@@ -225,12 +232,6 @@ BLINDCORNER_MULTIVERSION void add_depths(const PatchCoordinates& p, int begin,
 
 }  // namespace
 
-bool ShadowView::clear_of(const Pyramid& pyramid, const Vector3d& center, const Vector3d& half) {
-  return std::ranges::any_of(pyramid, [&](const HalfSpace& side) {
-    return side.normal.dot(center) + side.offset + side.normal.cwiseAbs().dot(half) <= 0;
-  });
-}
-
 void ShadowView::sights(const PatchCoordinates& patches, int begin, int end, Sight* out) const {
   for (; begin < end; begin += kChunk, out += kChunk) {
     const int count = std::min(kChunk, end - begin);
@@ -239,7 +240,8 @@ void ShadowView::sights(const PatchCoordinates& patches, int begin, int end, Sig
     depths.nearest.fill(-1);
     depths.farthest.fill(-1);
     for (const auto& pyramid : pyramids_) {
-      if (clear_of(pyramid, box.center, box.half)) continue;
+      const auto reach = [&](const Vector3d& normal) { return normal.cwiseAbs().dot(box.half); };
+      if (clear_of(pyramid, box.center, reach)) continue;
       std::array<std::array<double, 4>, kMaxOutline + 1> planes;
       for (std::size_t i = 0; i < pyramid.count; ++i) {
         const Vector3d& n = pyramid.sides[i].normal;

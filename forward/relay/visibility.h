@@ -73,10 +73,6 @@ class ShadowView {
     const HalfSpace* begin() const { return sides.data(); }
     const HalfSpace* end() const { return sides.data() + count; }
   };
-  /// Whether a face hides nothing of a box.
-  static bool clear_of(const Pyramid& pyramid, const Eigen::Vector3d& center,
-                       const Eigen::Vector3d& half);
-
   std::vector<Pyramid> pyramids_;
 };
 

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
 
 #include "forward/support/multiversion.h"
 
@@ -152,7 +151,6 @@ void KnownLegs::find(const SurfaceCell& cell, const ShadowView& shadows,
 
 PatchTree::PatchTree(const KnownPatches& patches, double angle, double sensor_angle)
     : angle_(angle), sensor_angle_(sensor_angle), order_(patches.size()) {
-  std::iota(order_.begin(), order_.end(), std::size_t{0});
   nodes_.reserve(2 * patches.size());
   // Patches of one zone and plane, in the order in which they come.
   struct Group {

@@ -285,22 +285,31 @@ Refined finish_corrected(const PoseObjective& objective, const LightSource& chea
   return result;
 }
 
+/// Descends on a cheap light as the model corrects it where the last descent led, `most` times or
+/// until that gains less than `worth`. Keeps the best of these places by the model's value.
+template <class Descend>
+Refined descend_corrected(const PoseObjective& objective, const LightSource& cheap, int most,
+                          double worth, Refined start, const Descend& descend) {
+  Refined best = finish_corrected(objective, cheap, std::move(start));
+  for (int k = 0; k < most; ++k) {
+    Refined next = best;
+    descend(cheap.corrected(best.correction), next);
+    next = finish_corrected(objective, cheap, std::move(next));
+    const double gain = next.value.log_posterior - best.value.log_posterior;
+    if (gain > 0) best = std::move(next);
+    if (gain < worth) break;
+  }
+  return best;
+}
+
 /// Least squares on the model with the spline's derivatives: minimises on the spline as the model
 /// corrects it at the last pose, until that gains no more. Where it stops, J'r = 0 holds with the
 /// spline's Jacobian instead of the model's; if their columns differ by a share e, the log
 /// posterior lacks e^2 / 2 an unknown there, times the misfit (chi squared a degree of freedom).
 Refined polish_on_spline(const PoseObjective& objective, Refined start) {
-  const LightSource spline(*objective.compiled().spline);
-  Refined best = finish_corrected(objective, spline, std::move(start));
-  for (int k = 0; k < kMaxCorrections; ++k) {
-    Refined next = best;
-    minimise(objective, spline.corrected(best.correction), kSettle, next);
-    next = finish_corrected(objective, spline, std::move(next));
-    const double gain = next.value.log_posterior - best.value.log_posterior;
-    if (gain > 0) best = std::move(next);
-    if (gain < kWorthCorrecting) break;
-  }
-  return best;
+  return descend_corrected(
+      objective, *objective.compiled().spline, kMaxCorrections, kWorthCorrecting, std::move(start),
+      [&](const LightSource& light, Refined& next) { minimise(objective, light, kSettle, next); });
 }
 
 }  // namespace
@@ -326,34 +335,28 @@ Refined approach(const PoseObjective& objective, const Start& start) {
   const CompiledScene& compiled = objective.compiled();
   Refined result;
   result.pose = start.pose;
-  const auto descend = [&](const LightSource& light, const Stop& stop) {
-    if (start.held_first) minimise(objective, light, stop, result, nullptr, start.held_first);
-    minimise(objective, light, stop, result);
+  const auto descend = [&](const LightSource& light, const Stop& stop, Refined& from) {
+    if (start.held_first) minimise(objective, light, stop, from, nullptr, start.held_first);
+    minimise(objective, light, stop, from);
   };
   if (compiled.spline) {
-    descend(*compiled.spline, kApproachCheap);
+    descend(*compiled.spline, kApproachCheap, result);
     return finish(objective, *compiled.spline, std::move(result));
   }
   if (!compiled.coarse.empty()) {
     const ModelSet* rough = compiled.rough_models();
     if (rough == nullptr) {
-      descend(objective.models(), kApproach);
+      descend(objective.models(), kApproach, result);
       return finish(objective, objective.models(), std::move(result));
     }
-    Refined best = finish_corrected(objective, *rough, std::move(result));
-    for (int k = 0; k < kMaxMoves; ++k) {
-      result = best;
-      descend(LightSource(*rough).corrected(best.correction), kApproach);
-      result = finish_corrected(objective, *rough, std::move(result));
-      const double gain = result.value.log_posterior - best.value.log_posterior;
-      if (gain > 0) best = std::move(result);
-      if (gain < kWorthAnotherMove) break;
-    }
+    Refined best = descend_corrected(
+        objective, *rough, kMaxMoves, kWorthAnotherMove, std::move(result),
+        [&](const LightSource& light, Refined& next) { descend(light, kApproach, next); });
     best.correction = {};  // of rough models that nobody else asks
     return best;
   }
   for (std::size_t rung = 0; rung + 1 < compiled.ladder.size(); ++rung) {
-    descend(compiled.ladder[rung], kApproach);
+    descend(compiled.ladder[rung], kApproach, result);
   }
   return finish(objective, compiled.cheap_models(), std::move(result));
 }

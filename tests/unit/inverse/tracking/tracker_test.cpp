@@ -582,6 +582,16 @@ Capture noiseless(const Scene& scene, const PoseVector& pose, double amplitude) 
   return capture;
 }
 
+/// Each unknown of a scene at this share of its range.
+PoseVector pose_at(const Scene& scene, double share) {
+  PoseVector pose(static_cast<Eigen::Index>(scene.unknowns.size()));
+  for (Eigen::Index i = 0; i < pose.size(); ++i) {
+    const Unknown& unknown = scene.unknowns[static_cast<std::size_t>(i)];
+    pose[i] = unknown.lower + share * unknown.range();
+  }
+  return pose;
+}
+
 /// Frames of a scene of two unknowns and a shared amplitude.
 class CaptureLikelihood : public testing::Test {
  protected:
@@ -591,15 +601,7 @@ class CaptureLikelihood : public testing::Test {
     return options;
   }
 
-  /// Each unknown at this share of its range.
-  PoseVector pose_at(double share) const {
-    PoseVector pose(static_cast<Eigen::Index>(scene.unknowns.size()));
-    for (Eigen::Index i = 0; i < pose.size(); ++i) {
-      const Unknown& unknown = scene.unknowns[static_cast<std::size_t>(i)];
-      pose[i] = unknown.lower + share * unknown.range();
-    }
-    return pose;
-  }
+  PoseVector pose_at(double share) const { return blindcorner::pose_at(scene, share); }
 
   const Scene scene = read_scene(SOURCE_DIR "/scenes/denali_like.json");
   const Fitter fitter{scene, no_empty_captures()};
@@ -657,27 +659,19 @@ TEST(CaptureLikelihoodOfPairs, RoughPairsThatAreCorrectedLeadToWhereTheModelsHav
   options.empty_captures = 0;
   const Fitter fitter(scene, options);
   const auto n = static_cast<Eigen::Index>(scene.unknowns.size());
-  const auto pose_at = [&](double share) {
-    PoseVector pose(n);
-    for (Eigen::Index i = 0; i < n; ++i) {
-      const Unknown& unknown = scene.unknowns[static_cast<std::size_t>(i)];
-      pose[i] = unknown.lower + share * unknown.range();
-    }
-    return pose;
-  };
   const AmplitudePrior& brightness = scene.linear.amplitude_prior;
   const bool shared = scene.linear.amplitude == LinearMode::shared;
   const Eigen::Index size = n + (shared ? 1 : 0);
   for (const double brighter : {1.0, 30.0}) {
     const double amplitude = brighter * (shared ? brightness.median : scene.linear.fixed_amplitude);
     for (const double share : {0.35, 0.5, 0.65}) {
-      const auto frame = fitter.frame(noiseless(scene, pose_at(share), amplitude));
+      const auto frame = fitter.frame(noiseless(scene, pose_at(scene, share), amplitude));
       Gaussian prior{VectorXd::Zero(size), 0.04 * MatrixXd::Identity(size, size)};
-      prior.mean.head(n) = pose_at(share + 0.04);
+      prior.mean.head(n) = pose_at(scene, share + 0.04);
       if (shared) prior.mean[n] = std::log(amplitude) + 0.1;
       const Gaussian found = frame->update(prior, prior.mean, 1).posterior;
       VectorXd d = found.mean;
-      d.head(n) -= pose_at(share);
+      d.head(n) -= pose_at(scene, share);
       if (shared) d[n] -= std::log(amplitude);
       EXPECT_LT(std::sqrt(d.dot(found.covariance.ldlt().solve(d))), 1) << brighter << " " << share;
     }
