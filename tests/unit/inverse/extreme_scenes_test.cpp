@@ -178,11 +178,15 @@ TEST(BrightScenes, OtherYawsAreLookedAt) {
   EXPECT_GE(in_region(10'000, {8, 23, 24}) + in_region(30'000, {3, 5, 25}), 5);
 }
 
-// The sphere behind had ended at the border of its region, 15 log units too low.
+// Where too few places of the sphere behind were followed, it ended 0.2 m off and 10 log units too
+// low, sure of it, in one of these captures of five: at the border of its region, or on the way
+// along the valley that leads there.
 TEST(BrightScenes, OfTwoObjectsEachIsInItsPlace) {
   PoseVector truth(6);
   truth << 0.007, 0.824, 0.900, -0.143, 1.044, 0.950;
-  EXPECT_EQ(found("reference_tilted_spheres.json", truth, 100'000, k999Of6, {100, 103}), 2);
+  EXPECT_EQ(found("reference_tilted_spheres.json", truth, 100'000, k999Of6,
+                  {100, 101, 102, 103, 104, 105, 106, 107, 108, 109, 110, 111}),
+            12);
 }
 
 // Where closed form is too rough to choose starts, the model must judge arrangements of both
