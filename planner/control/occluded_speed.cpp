@@ -127,7 +127,8 @@ void OccludedSpeed::see(double dt, const VehicleState& state) { advance(earliest
 /// The earliest time at which somebody may be where the front is, from a spacing behind it to a
 /// margin before it.
 float OccludedSpeed::at_front(const std::vector<float>& earliest, const PathPoint& place) const {
-  const Vector2d along(std::cos(place.heading), std::sin(place.heading));
+  const double yaw = yaw_on_path(place.heading, place.curvature, body_.rear_axle);
+  const Vector2d along(std::cos(yaw), std::sin(yaw));
   const Vector2d front = place.position + (body_.center_x + body_.length / 2) * along;
   const double half_width = body_.width / 2 + options_.side_margin;
   const Vector2d reach =
@@ -178,7 +179,7 @@ std::vector<double> OccludedSpeed::limits(const std::vector<PathPoint>& path, do
       VehicleState state;
       const PathPoint place = path_at(path, s);
       state.position = place.position;
-      state.yaw = place.heading;
+      state.yaw = yaw_on_path(place.heading, place.curvature, body_.rear_axle);
       advance(earliest, options_.station_spacing / found.back(), state);
     }
     std::vector<float> at_fronts;

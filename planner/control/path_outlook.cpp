@@ -17,10 +17,10 @@ using Eigen::Vector2d;
 
 constexpr double kNever = std::numeric_limits<double>::infinity();
 
-VehicleState standing_at(const PathPoint& place) {
+VehicleState standing_at(const PathPoint& place, double rear_axle) {
   VehicleState state;
   state.position = place.position;
-  state.yaw = place.heading;
+  state.yaw = yaw_on_path(place.heading, place.curvature, rear_axle);
   return state;
 }
 
@@ -41,6 +41,7 @@ PathOutlook::PathOutlook(std::vector<PathPoint> path, const VehicleRectangle& bo
                          const Transform& T_vehicle_sensor, const LineOfSight& sight,
                          const GridGeometry& grid, const PathOutlookOptions& options)
     : path_(std::move(path)),
+      rear_axle_(body.rear_axle),
       T_vehicle_sensor_(T_vehicle_sensor),
       sight_(sight),
       grid_(grid),
@@ -65,7 +66,8 @@ void PathOutlook::find_touched(const VehicleRectangle& body, double side_margin)
   double before = path_.front().arc_length;
   for (double s = before;; s = std::min(s + step, path_.back().arc_length)) {
     const PathPoint place = path_at(path_, s);
-    const Vector2d along(std::cos(place.heading), std::sin(place.heading));
+    const double yaw = yaw_on_path(place.heading, place.curvature, body.rear_axle);
+    const Vector2d along(std::cos(yaw), std::sin(yaw));
     const Vector2d center = place.position + body.center_x * along;
     for (const Cell& cell : grid_.cells_in({center - reach, center + reach})) {
       const Vector2d off = grid_.center(cell) - center;
@@ -81,8 +83,8 @@ void PathOutlook::find_touched(const VehicleRectangle& body, double side_margin)
 
 const std::vector<std::size_t>& PathOutlook::seen_from(Station& station) {
   if (!station.looked) {
-    station.sees =
-        sight_.scan(T_world_vehicle(standing_at(station.place)) * T_vehicle_sensor_).free;
+    const VehicleState state = standing_at(station.place, rear_axle_);
+    station.sees = sight_.scan(T_world_vehicle(state) * T_vehicle_sensor_).free;
     station.looked = true;
   }
   return station.sees;

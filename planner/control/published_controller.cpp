@@ -14,9 +14,6 @@ namespace {
 
 using Eigen::Vector2d;
 
-/// A control point nearer than this is as good as reached, m: its direction means nothing.
-constexpr double kReached = 0.5;
-
 double cross(const Vector2d& a, const Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
 
 /// The traversable cell nearest to a point, at most `reach` m from it.
@@ -71,11 +68,19 @@ double BezierCurve::first_curvature() const {
   return length > 0 ? 2.0 / 3.0 * cross(first, second) / (length * length * length) : 0.0;
 }
 
+PublishedControllerOptions PublishedControllerOptions::of_length(double length) {
+  PublishedControllerOptions options;
+  options.horizon *= length / 4.5;
+  options.reached *= length / 4.5;
+  return options;
+}
+
 void PublishedControllerOptions::validate() const {
   const auto positive = [](const char* field, double value) {
     require_positive("PublishedControllerOptions", field, value);
   };
   positive("horizon", horizon);
+  positive("reached", reached);
   positive("steering_gain", steering_gain);
   positive("speed_gain", speed_gain);
   if (!(feed_forward >= 0)) {
@@ -122,7 +127,7 @@ DriveRequest PublishedController::follow(const VehicleState& state, double speed
   if (!planned_) return request;
   const Vector2d towards = curve_.control[1] - state.position;
   const double distance = towards.norm();
-  if (distance < kReached) return request;
+  if (distance < options_.reached) return request;
   const double error = std::remainder(std::atan2(towards.y(), towards.x()) - state.yaw, 2 * kPi);
   const double wanted =
       options_.steering_gain * error / distance + options_.feed_forward * curve_.first_curvature();

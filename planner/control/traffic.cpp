@@ -105,8 +105,9 @@ PlanarPose Traffic::pose_at(double arc_length) const {
   const std::vector<PathPoint>& path = follower_.path();
   const PathPoint place = path_at(path, arc_length);
   const double beyond = std::max(0.0, arc_length - path.back().arc_length);
-  return {place.position + beyond * Vector2d(std::cos(place.heading), std::sin(place.heading)),
-          place.heading};
+  PlanarPose pose = body_on_path(body_, place);
+  pose.position += beyond * Vector2d(std::cos(place.heading), std::sin(place.heading));
+  return pose;
 }
 
 Course Traffic::course(double braking) const {

@@ -10,6 +10,7 @@
 #include <unordered_map>
 
 #include "blindcorner/forward/constants.h"
+#include "blindcorner/planner/vehicles/vehicle_state.h"
 #include "planner/path/dubins.h"
 
 namespace blindcorner {
@@ -121,7 +122,9 @@ void DrivableSearch::begin() {
     if (!grid_.is_free(options_.footprint, pose)) {
       overlaps_ = grid_.overlaps(options_.footprint, pose);
     }
-    begin_with(*request_.start_heading, request_.start_curvature, 0);
+    // The reference point's course; the vehicle points to the outside of it.
+    const double drift = yaw_on_path(0, request_.start_curvature, options_.footprint.rear_axle());
+    begin_with(*request_.start_heading - drift, request_.start_curvature, 0);
     if (!options_.turns_on_the_spot) return;
   }
   const double reach = options_.footprint.circumscribed_radius();
@@ -203,7 +206,7 @@ void DrivableSearch::add(const Node& node) {
 }
 
 bool DrivableSearch::may_be_at(const PathPoint& place) const {
-  const PlanarPose pose{place.position, place.heading};
+  const PlanarPose pose = body_on_path(options_.footprint, place);
   const MoverAvoidance avoidance{request_.movers, request_.speed};
   if (avoidance.meets(options_.footprint, pose, place.arc_length,
                       {request_.start, request_.start_heading.value_or(place.heading)})) {

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "blindcorner/forward/constants.h"
+#include "blindcorner/planner/vehicles/vehicle_state.h"
 
 namespace blindcorner {
 namespace {
@@ -15,6 +16,10 @@ double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
 }
 
 }  // namespace
+
+PlanarPose body_on_path(const VehicleFootprint& body, const PathPoint& place) {
+  return {place.position, yaw_on_path(place.heading, place.curvature, body.rear_axle())};
+}
 
 PathPoint path_at(std::span<const PathPoint> points, double arc_length) {
   const auto after = std::ranges::upper_bound(points, arc_length, {}, &PathPoint::arc_length);

@@ -53,10 +53,9 @@ double first_blocked(const PlanningGrid& grid, const VehicleFootprint& body, con
   constexpr double kDeeper = 0.01;  // m
   const double step = kLookedAt * grid.geometry().cell_size;
   const PathPoint begin = path.at(from);
-  std::vector<double> allowed = grid.overlaps(body, {begin.position, begin.heading});
+  std::vector<double> allowed = grid.overlaps(body, body_on_path(body, begin));
   for (double s = from;; s = std::min(s + step, path.points.back().arc_length)) {
-    const PathPoint place = path.at(s);
-    const PlanarPose pose{place.position, place.heading};
+    const PlanarPose pose = body_on_path(body, path.at(s));
     if (!grid.is_free(body, pose)) {
       const std::vector<double> now = grid.overlaps(body, pose);
       for (std::size_t disc = 0; disc < now.size(); ++disc) {
@@ -223,10 +222,8 @@ bool Replanner::is_new_goal(const PathGoal& goal) const {
 bool Replanner::crossed(const PlanarPose& vehicle, const MoverAvoidance& avoidance) const {
   if (avoidance.movers.empty()) return false;
   for (double s = arc_length_; s <= plan_->points.back().arc_length; s += kMoverStep) {
-    const PathPoint place = plan_->at(s);
-    if (avoidance.meets(body_, {place.position, place.heading}, s - arc_length_, vehicle)) {
-      return true;
-    }
+    const PlanarPose then = body_on_path(body_, plan_->at(s));
+    if (avoidance.meets(body_, then, s - arc_length_, vehicle)) return true;
   }
   return false;
 }

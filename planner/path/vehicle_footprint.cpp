@@ -29,16 +29,19 @@ VehicleFootprint VehicleFootprint::disc(double radius) {
   return footprint;
 }
 
-VehicleFootprint VehicleFootprint::rectangle(double length, double width, double center_ahead) {
+VehicleFootprint VehicleFootprint::rectangle(double length, double width, double center_ahead,
+                                             double rear_axle) {
   check_length("length", length, false);
   check_length("width", width, false);
   if (!std::isfinite(center_ahead)) throw Error("VehicleFootprint: center_ahead is not a number");
+  check_length("rear_axle", rear_axle, true);
   // A disc covers a slice of the rectangle: half its length h, half the width w, h^2 + w^2 = r^2.
   const double half_width = 0.5 * width;
   const double longest_half = half_width * std::sqrt((1 + kOverhang) * (1 + kOverhang) - 1);
   const int count = static_cast<int>(std::ceil(0.5 * length / longest_half));
   const double half_slice = 0.5 * length / count;
   VehicleFootprint footprint;
+  footprint.rear_axle_ = rear_axle;
   footprint.disc_radius_ = std::hypot(half_slice, half_width);
   footprint.offsets_.clear();
   for (int i = 0; i < count; ++i) {

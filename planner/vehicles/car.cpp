@@ -39,7 +39,7 @@ class Car : public VehicleModel {
             "front_wheel_rad_per_s",
             "rear_wheel_rad_per_s"};
   }
-  VehicleRectangle footprint() const override { return {p_.length, p_.width, 0}; }
+  VehicleRectangle footprint() const override { return {p_.length, p_.width, 0, p_.rear_axle}; }
   VehicleLimits limits() const override {
     VehicleLimits limits = single_track_limits(p_, c_.friction * kGravity);
     limits.acceleration = std::min(limits.acceleration, traction());

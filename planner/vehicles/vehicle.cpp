@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "blindcorner/planner/vehicles/vehicle.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <string>
@@ -27,6 +28,10 @@ Transform T_world_vehicle(const VehicleState& state) {
   transform.translation() << state.position, 0;
   transform.linear() = Eigen::AngleAxisd(state.yaw, Eigen::Vector3d::UnitZ()).toRotationMatrix();
   return transform;
+}
+
+double yaw_on_path(double course, double curvature, double rear_axle) {
+  return course - std::asin(std::clamp(curvature * rear_axle, -1.0, 1.0));
 }
 
 double VehicleModel::energy(const StateVector& /*x*/) const {

@@ -47,6 +47,7 @@ class PathOutlook {
   const std::vector<std::size_t>& seen_from(Station& station);
 
   std::vector<PathPoint> path_;
+  double rear_axle_;  ///< m, of the body
   Transform T_vehicle_sensor_;
   const LineOfSight& sight_;
   GridGeometry grid_;

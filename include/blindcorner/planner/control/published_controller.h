@@ -30,10 +30,13 @@ struct BezierCurve {
 /// with which a car drives an empty turn between streets of 16 m at 11 m/s and more.
 struct PublishedControllerOptions {
   double horizon = 18;         ///< m of the way that the curve spans; a third: its control point
+  double reached = 0.5;        ///< m: a nearer control point is as good as reached
   double steering_gain = 1.5;  ///< curvature over heading error and inverse distance
   double feed_forward = 1;     ///< share of the curve's first curvature that is commanded
   double speed_gain = 2;       ///< 1/s, of the speed error
 
+  /// For a vehicle of another length than the car's 4.5 m: lengths in proportion.
+  static PublishedControllerOptions of_length(double length);
   /// Throws Error naming the field.
   void validate() const;
 };

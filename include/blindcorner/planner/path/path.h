@@ -18,6 +18,9 @@ struct PathPoint {
   double arc_length = 0;                               ///< m from the path's start
 };
 
+/// Where a body is whose reference point drives through a point of a path.
+PlanarPose body_on_path(const VehicleFootprint& body, const PathPoint& place);
+
 /// Between two points of a path linearly (headings the shorter way round), clamped to its ends.
 /// `points` has one or more, in order of arc length.
 PathPoint path_at(std::span<const PathPoint> points, double arc_length);

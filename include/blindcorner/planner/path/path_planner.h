@@ -34,7 +34,7 @@ struct PathPlannerOptions {
 
 struct PathRequest {
   Eigen::Vector2d start = Eigen::Vector2d::Zero();  ///< m
-  std::optional<double> start_heading;              ///< rad; none: any
+  std::optional<double> start_heading;  ///< rad, where the vehicle points; none: anywhere
   PathGoal goal;
   double start_curvature = 0;  ///< 1/m, left is positive; counts where `start_heading` is given
   double speed = 0;            ///< m/s, at the start

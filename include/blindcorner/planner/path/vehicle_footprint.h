@@ -21,9 +21,11 @@ class VehicleFootprint {
   VehicleFootprint() = default;
   /// `radius` >= 0, m. Throws Error otherwise.
   static VehicleFootprint disc(double radius);
-  /// A rectangle, m, its centre `center_ahead` m before the reference point (the wheelbase's half
-  /// for a path of the rear axle; negative: behind). Throws Error unless length and width are > 0.
-  static VehicleFootprint rectangle(double length, double width, double center_ahead = 0);
+  /// A rectangle, m, its centre `center_ahead` m before the reference point (negative: behind),
+  /// which is `rear_axle` m before the wheels that do not steer. Throws Error unless length and
+  /// width are > 0.
+  static VehicleFootprint rectangle(double length, double width, double center_ahead = 0,
+                                    double rear_axle = 0);
 
   double disc_radius() const { return disc_radius_; }                   ///< m
   const std::vector<double>& disc_offsets() const { return offsets_; }  ///< m ahead
@@ -31,12 +33,14 @@ class VehicleFootprint {
   double inscribed_radius() const { return inscribed_radius_; }
   /// Smallest disc about the reference point that holds all the footprint's discs, m.
   double circumscribed_radius() const { return circumscribed_radius_; }
+  double rear_axle() const { return rear_axle_; }  ///< m behind the reference point
 
  private:
   std::vector<double> offsets_{0.0};
   double disc_radius_ = 0;
   double inscribed_radius_ = 0;
   double circumscribed_radius_ = 0;
+  double rear_axle_ = 0;
 };
 
 /// Whether two bodies, each at its pose, come nearer to each other than a margin, m.

@@ -72,6 +72,20 @@ TEST(Car, RollsOnTheKinematicCircleWhenSlow) {
   EXPECT_NEAR(state.speed / state.yaw_rate, radius, 0.001 * radius);
 }
 
+// Paths are looked at with the car pointing as it does without slip (yaw_on_path). It is off by the
+// rear tyres' slip: v^2 / (r g stiffness), and half as much again at 0.76 of the friction limit.
+TEST(Car, PointsOutOfItsCircle) {
+  const CarParameters parameters;
+  for (const double speed : {1.0, 4.0, 8.0, 10.0}) {
+    const VehicleState state = on_circle(15, speed).state();
+    const double curvature = state.yaw_rate / state.speed;
+    const double yaw = yaw_on_path(state.course(), curvature, parameters.body.rear_axle);
+    const double slip = speed * speed * curvature / (9.81 * parameters.slip_stiffness);
+    EXPECT_GT(state.yaw - yaw, 0.9 * slip - 1e-4) << speed;
+    EXPECT_LT(state.yaw - yaw, 1.5 * slip + 1e-4) << speed;
+  }
+}
+
 TEST(Car, IsNeutralUpToItsLimit) {
   // Equal tyres at both axles: the steering angle of a radius does not depend on the speed.
   for (const double speed : {4.0, 8.0, 10.5}) {
