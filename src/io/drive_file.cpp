@@ -29,6 +29,7 @@ const NumberRange kShare = NumberRange::between(0, 1);
 const NumberRange kVehicleLength = NumberRange::between(0.01, 50);
 const NumberRange kSpeed{.lower = 0, .upper = 100, .above_lower = true};
 const NumberRange kDelay = NumberRange::between(0, 60);
+const NumberRange kLightFactor{.lower = 0, .upper = 1e6, .above_lower = true};
 /// Of a map; 4 million cells are 2000 x 2000, whose planning takes seconds.
 constexpr double kMaxCells = 4e6;
 
@@ -92,7 +93,7 @@ void read_frame_faults(const JsonReader& reader, DriveSensor& sensor) {
 }
 
 DriveSensor read_drive_sensor(const JsonReader& reader) {
-  reader.allow_only({"mount", "rate_hz", "light", "faults"});
+  reader.allow_only({"mount", "rate_hz", "light", "ambient", "faults"});
   DriveSensor sensor;
   const JsonReader mount = reader.at("mount");
   mount.allow_only({"position_m", "yaw_pitch_roll_deg"});
@@ -101,8 +102,8 @@ DriveSensor read_drive_sensor(const JsonReader& reader) {
     sensor.T_vehicle_sensor.linear() = rotation_of(angles.vector(kAnyAngle) * kDegree);
   }
   sensor.rate = reader.at("rate_hz").number(NumberRange::between(0.1, 1000));
-  sensor.light =
-      reader.at("light").number_or(1, NumberRange{.lower = 0, .upper = 1e6, .above_lower = true});
+  sensor.light = reader.at("light").number_or(1, kLightFactor);
+  sensor.ambient = reader.at("ambient").number_or(1, kLightFactor);
   read_frame_faults(reader.at("faults"), sensor);
   return sensor;
 }
@@ -202,6 +203,21 @@ void read_meeting(const JsonReader& reader, DriveTruth& truth) {
   truth.meeting = meeting;
 }
 
+void read_turn(const JsonReader& reader, DriveTruth& truth) {
+  if (!reader.present()) return;
+  reader.allow_only({"after_s", "velocity_m_per_s"});
+  DriveTurn turn{.time = reader.at("after_s").number(kDelay), .velocity = truth.velocity};
+  const JsonReader velocity = reader.at("velocity_m_per_s");
+  if (turn.velocity.size() == 1) {
+    turn.velocity[0] = read_point(velocity);
+  } else {
+    const auto list =
+        velocity.elements_exactly(turn.velocity.size(), "velocities, one per hidden object");
+    for (std::size_t i = 0; i < list.size(); ++i) turn.velocity[i] = read_point(list[i]);
+  }
+  truth.turn = turn;
+}
+
 DriveTruth read_truth(const JsonReader& reader, const Scene& scene) {
   DriveTruth truth;
   truth.components.resize(scene.unknowns.size());
@@ -210,7 +226,7 @@ DriveTruth read_truth(const JsonReader& reader, const Scene& scene) {
   std::vector<std::string> names;
   for (const Unknown& unknown : scene.unknowns) names.push_back(file_name(scene, unknown));
   std::vector<std::string_view> fields(names.begin(), names.end());
-  fields.insert(fields.end(), {"present", "velocity_m_per_s", "meeting"});
+  fields.insert(fields.end(), {"present", "velocity_m_per_s", "meeting", "turn"});
   reader.allow_only(fields);
   if (const JsonReader present = reader.at("present"); present.present()) {
     const bool stated = present.json().is_boolean();
@@ -223,6 +239,7 @@ DriveTruth read_truth(const JsonReader& reader, const Scene& scene) {
   }
   read_velocities(reader.at("velocity_m_per_s"), truth);
   read_meeting(reader.at("meeting"), truth);
+  read_turn(reader.at("turn"), truth);
   return truth;
 }
 

@@ -45,6 +45,7 @@ Drive hardest(const Drive& drive) {
     }
   }
   truth.velocity_upper.clear();
+  truth.turn.reset();
   if (truth.meeting) truth.meeting->spread = 0;
   middle.vehicle.localization_sigma = middle.vehicle.localization_yaw_sigma = 0;
   middle.sensor.missing_share = middle.sensor.late_share = 0;

@@ -145,6 +145,7 @@ class DriveLoop {
   std::vector<double> unseen_limits_;    ///< m/s, at the samples of the follower's path
   double unseen_limits_time_ = 0;        ///< s
   double unseen_time_ = 0;               ///< s
+  bool no_way_ = true;                   ///< no path leads to the goal
   bool brake_ = true;                    ///< no path to follow, or one that ends too soon
   bool held_ = false;                    ///< by what it would touch beside its path
   TrafficDecision traffic_;
@@ -199,7 +200,9 @@ DriveLoop::DriveLoop(const Drive& drive, const SimulatedSensor& sensor, const Dr
   start.speed = drive.vehicle.start_speed.value_or(speed());
   vehicle_.place(start);
   passed_from_ = believed().position;
-  if (drive.controller == DriveController::published) published_.emplace(limits_);
+  if (drive.controller == DriveController::published) {
+    published_.emplace(limits_, PublishedControllerOptions::of_length(drive.vehicle.length));
+  }
   mark_walls();
   if (perception_->expects_unseen()) {
     LineOfSightOptions all_round = sight_options(drive);
@@ -411,8 +414,8 @@ void DriveLoop::plan_as_published(const PlanningGrid& planning) {
 /// A follower for a new path. A stop is driven along what is left of the path, to its end; where
 /// that is too short, at the friction limit.
 void DriveLoop::follow(const PlanUpdate& update) {
-  brake_ =
-      update.action == PlanAction::stop && (update.stops_too_late || update.path.points.size() < 2);
+  no_way_ = update.action == PlanAction::stop;
+  brake_ = no_way_ && (update.stops_too_late || update.path.points.size() < 2);
   if (update.action == PlanAction::keep && follower_) return;
   path_.clear();
   for (const PathPoint& point : update.path.points) path_.push_back(point.position);
@@ -529,7 +532,7 @@ void DriveLoop::step() {
 std::string DriveLoop::braking_for() const {
   constexpr double kBrakes = 0.5;  // m/s^2: less is control
   if (published_ || acceleration_ > -kBrakes || believed().speed < kStands) return "";
-  if (brake_ || plan_text_.starts_with("stop")) return "no plan";
+  if (no_way_) return "no plan";
   if (traffic_.braking > 0) return traffic_.mover;
   if (held_) return "what it would touch beside its path";
   return drive_.speed_mode == SpeedMode::safe || unseen_ ? "what may be hidden, or a curve"
@@ -555,7 +558,7 @@ bool DriveLoop::finished() {
       return true;
     }
   }
-  const bool stands = (brake_ || held_) && std::abs(at.speed) < kStands;
+  const bool stands = (no_way_ || held_) && std::abs(at.speed) < kStands;
   if (!stands) standing_since_ = -1;
   if (stands && standing_since_ < 0) standing_since_ = time_;
   result_.outcome = stands && time_ - standing_since_ >= kGivesUpAfter ? DriveOutcome::stopped

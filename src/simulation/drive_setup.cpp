@@ -61,7 +61,7 @@ std::shared_ptr<const VehicleModel> model_of(const DriveVehicle& vehicle) {
 VehicleFootprint footprint_of(const VehicleModel& model, double margin) {
   const VehicleRectangle body = model.footprint();
   return VehicleFootprint::rectangle(body.length + 2 * margin, body.width + 2 * margin,
-                                     body.center_x);
+                                     body.center_x, body.rear_axle);
 }
 
 PathPlannerOptions planner_options(const DriveVehicle& vehicle, const VehicleModel& model,

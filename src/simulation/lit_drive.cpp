@@ -13,7 +13,7 @@ Drive read_lit_drive(const std::string& path, double light) {
     check_perception(name, path + ": perception.delay_s");
   }
   if (light > 0) drive.sensor.light = light;
-  drive.scene = with_light(drive.scene, drive.sensor.light);
+  drive.scene = with_light(drive.scene, drive.sensor.light, drive.sensor.ambient);
   return drive;
 }
 

@@ -257,9 +257,10 @@ std::vector<Capture> SimulatedSensor::sense_each(const Transform& T_world_sensor
   return captures;
 }
 
-Scene with_light(const Scene& scene, double factor) {
+Scene with_light(const Scene& scene, double factor, double ambient) {
   Scene lit = scene;
   lit.sensor.radiant_intensity *= factor;
+  lit.linear.fixed_ambient *= ambient;
   if (lit.sensor.link) lit.sensor.link->pulse_energy *= factor;
   return lit;
 }

@@ -106,14 +106,17 @@ std::vector<Cell> TrueWorld::wall_cells() const {
 
 std::optional<PoseVector> TrueWorld::hidden(double time) const {
   if (!present_) return std::nullopt;
+  const auto& turn = drive_.truth.turn;
+  const double after = turn ? std::max(0.0, time - turn->time) : 0.0;
   PoseVector pose = start_;
   for (std::size_t i = 0; i < drive_.scene.unknowns.size(); ++i) {
     const Unknown& unknown = drive_.scene.unknowns[i];
     const auto axis = static_cast<Eigen::Index>(unknown.component);
     if (axis > 1) continue;
-    const double speed = velocity_[static_cast<std::size_t>(unknown.object)][axis];
+    const auto object = static_cast<std::size_t>(unknown.object);
     double& value = pose[static_cast<Eigen::Index>(i)];
-    value += speed * time;
+    value += velocity_[object][axis] * (time - after);
+    if (turn) value += turn->velocity[object][axis] * after;
   }
   return pose;
 }

@@ -54,6 +54,7 @@ struct DriveSensor {
   Transform T_vehicle_sensor = Transform::Identity();
   double rate = 10;          ///< frames per second
   double light = 1;          ///< factor on the laser's light; daylight stays
+  double ambient = 1;        ///< factor on the background light: sun, and what fog scatters of it
   double missing_share = 0;  ///< probability that a frame never arrives
   double late_share = 0;     ///< probability that a frame arrives late
   double late_by = 0;        ///< s, by which it then is late
@@ -79,6 +80,12 @@ struct DriveMeeting {
   double spread = 0;  ///< m, standard deviation along the object's way
 };
 
+/// Hidden objects that stop, turn or turn back.
+struct DriveTurn {
+  double time = 0;                        ///< s after the start
+  std::vector<Eigen::Vector2d> velocity;  ///< [objects] m/s, from then on
+};
+
 /// The truth that the vehicle does not know.
 struct DriveTruth {
   double present = 1;  ///< probability that there is a hidden object at all
@@ -90,6 +97,7 @@ struct DriveTruth {
   std::vector<Eigen::Vector2d> velocity_upper;
   /// Of the first object: it and the vehicle start as far from there as they go until then.
   std::optional<DriveMeeting> meeting;
+  std::optional<DriveTurn> turn;
 };
 
 /// What `blindcorner trials` varies: wanted speeds, in zones of equal width.

@@ -67,7 +67,7 @@ class SimulatedSensor {
   std::unique_ptr<Impl> impl_;
 };
 
-/// The scene with `factor` times the laser's light; daylight stays.
-Scene with_light(const Scene& scene, double factor);
+/// The scene with `factor` times the laser's light, and `ambient` times the background light.
+Scene with_light(const Scene& scene, double factor, double ambient = 1);
 
 }  // namespace blindcorner

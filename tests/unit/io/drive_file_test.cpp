@@ -122,6 +122,8 @@ TEST(DriveFile, FrictionLaneAndMeetingAreRead) {
     d["traffic_risk"] = 0.1;
     d["lane"] = {{"lower_m", {-2, 0}}, {"upper_m", {2, 1}}};
     d["hidden"]["meeting"] = {{"at_m", {0.5, 1}}, {"after_s", 3}, {"spread_m", 0.2}};
+    d["hidden"]["turn"] = {{"after_s", 2}, {"velocity_m_per_s", {0, -1}}};
+    d["sensor"]["ambient"] = 10;
   });
   EXPECT_DOUBLE_EQ(drive.vehicle.friction, 0.3);
   EXPECT_DOUBLE_EQ(drive.traffic_risk, 0.1);
@@ -129,6 +131,10 @@ TEST(DriveFile, FrictionLaneAndMeetingAreRead) {
   EXPECT_TRUE(drive.lane->contains(Eigen::Vector2d(1, 0.5)));
   ASSERT_TRUE(drive.truth.meeting);
   EXPECT_DOUBLE_EQ(drive.truth.meeting->time, 3);
+  ASSERT_TRUE(drive.truth.turn);
+  EXPECT_DOUBLE_EQ(drive.truth.turn->time, 2);
+  EXPECT_EQ(drive.truth.turn->velocity.at(0), Eigen::Vector2d(0, -1));
+  EXPECT_DOUBLE_EQ(drive.sensor.ambient, 10);
 }
 
 TEST(DriveFile, WrongOnesGetOneLine) {

@@ -86,6 +86,61 @@ TEST_P(CrossingFaults, TheRoadIsSlippery) {
   expect_reached();
 }
 
+// He stands on the walk, and who has seen him move drives on when he does not.
+TEST_P(CrossingFaults, TheCyclistStopsBeforeTheLane) {
+  drive_.truth.turn = DriveTurn{.time = 2, .velocity = {Eigen::Vector2d::Zero()}};
+  expect_reached();
+}
+
+TEST_P(CrossingFaults, TheCyclistTurnsBack) {
+  drive_.truth.turn = DriveTurn{.time = 2.5, .velocity = {Eigen::Vector2d(0, -4)}};
+  expect_reached();
+}
+
+// There is no other way: the car stands before him.
+TEST_P(CrossingFaults, TheCyclistStopsInTheLane) {
+  drive_.truth.meeting->spread = 0;
+  drive_.truth.turn = DriveTurn{.time = 3.5, .velocity = {Eigen::Vector2d::Zero()}};
+  const DriveResult result = run(drive_, "oracle", GetParam());
+  EXPECT_EQ(result.outcome, DriveOutcome::stopped);
+  EXPECT_GT(result.clearance, 0);
+}
+
+// The second comes 1.5 s after the first, or from the other side.
+TEST_P(CrossingFaults, TwoCross) {
+  for (const bool behind : {true, false}) {
+    Drive drive = drive_;
+    Scene& scene = drive.scene;
+    HiddenObject second = scene.hidden;
+    second.name = "second";
+    scene.further_hidden.push_back(second);
+    const std::vector<Unknown> first = scene.unknowns;
+    for (Unknown unknown : first) {
+      unknown.object = 1;
+      if (unknown.component == Component::y) {
+        unknown.lower = -40;
+        unknown.upper = 40;
+      }
+      scene.unknowns.push_back(unknown);
+    }
+    drive.truth.velocity = {{0, 4}, {0, behind ? 4 : -4}};
+    drive.truth.velocity_upper.clear();
+    drive.truth.meeting->spread = 0;
+    const auto at = [](double value) { return TrueComponent{value, value}; };
+    const double way = 4 * 3.5;
+    drive.truth.components.resize(scene.unknowns.size());
+    drive.truth.components[3] = at(behind ? -4.25 : 1.5);
+    drive.truth.components[4] = at(behind ? -1.5 - way - 6 : -1.5 + way);
+    drive.truth.components[5] = at(1.5708);
+    const SimulatedSensor sensor(drive.scene);
+    DriveOptions options;
+    options.perception = "oracle";
+    options.speed = GetParam();
+    options.keep_pictures = false;
+    EXPECT_EQ(drive_through(drive, sensor, options).outcome, DriveOutcome::reached) << behind;
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Speeds, CrossingFaults, ::testing::Values(6.0, 10.0));
 
 }  // namespace

@@ -291,6 +291,40 @@ TEST(SimulatedSensor, MoreLightIsMoreSignalOverTheSameDaylight) {
   EXPECT_DOUBLE_EQ(brighter.linear.fixed_ambient, scene.linear.fixed_ambient);
 }
 
+// The reference point of a car goes ahead of its rear axle, so that in a turn its front is outside
+// of the path. Plans that took the path's direction for the car's touched this cyclist.
+TEST(BlindTurn, TheFrontStaysClearOfWhoStandsBesideTheTurn) {
+  const Drive drive = read_drive(std::string(SOURCE_DIR) + "/scenes/blind_turn_drive.json");
+  DriveOptions options;
+  options.perception = "los";
+  options.keep_pictures = false;
+  options.seed = 10;
+  options.speed = 7.138;
+  const DriveResult result = drive_through(drive, SimulatedSensor(drive.scene), options);
+  EXPECT_EQ(result.outcome, DriveOutcome::reached);
+  EXPECT_GT(result.clearance, 0.25);
+}
+
+// Without light there is nothing to tell; with it, but through a background ten times as bright,
+// what is said is true.
+TEST(DriveLoop, ClaimsNothingInTheDarkAndNothingWrongInFog) {
+  for (const double light : {1e-6, 1.0}) {
+    Drive drive = robot();
+    drive.scene = with_light(drive.scene, light, 10);
+    drive.time_limit = 2;
+    const DriveResult result = drive_through(drive, SimulatedSensor(drive.scene), {});
+    EXPECT_NE(result.outcome, DriveOutcome::collision);
+    for (const DriveFrame& frame : result.frames) {
+      if (frame.fate != FrameFate::used || !frame.mixture) continue;
+      if (frame.mixture->presence_probability < 0.95) continue;
+      EXPECT_EQ(light, 1) << "at " << frame.time << " s";
+      const PoseVector off = frame.mixture->modes[0].pose - *frame.truth;
+      // chi-squared of three unknowns: 1 of 100,000 is above 26.
+      EXPECT_LT(off.dot(frame.mixture->modes[0].covariance.ldlt().solve(off)), 26) << frame.time;
+    }
+  }
+}
+
 // Somebody comes; who is told so stops for him, and says it.
 TEST(CrossingDrive, WhoKnowsBrakesForTheCyclistAndReachesTheGoal) {
   Drive drive = read_drive(std::string(SOURCE_DIR) + "/scenes/crossing_cyclist_drive.json");
