@@ -39,6 +39,10 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 EARLIER = "of an earlier version"
 THIS = "this version"
+# Sources and headers that only drives have.
+DRIVES = ("io/drive_file.*", "simulation/*drive*", "simulation/true_world.*", "simulation/trial*",
+          "simulation/*perception*", "simulation/sightings.*", "simulation/movers.*",
+          "simulation/simulated_sensor.*")
 BUSY = 0.5  # programs for each core from which a run's own times are not measured, by judgement
 MARKER = re.compile(
     r"<!-- (figure|age):([a-z0-9_]+)((?: [a-z]+)*) -->(.*?)<!-- /\1 -->", re.DOTALL)
@@ -99,12 +103,21 @@ def has_history(root):
     return git(root, "rev-parse", "--is-shallow-repository").stdout.strip() == "false"
 
 
+def pathspecs(depends):
+    """Git's names of what a run depends on: its folders, their public headers, and, unless it drives
+    (depends on the planner), nothing that only drives have."""
+    headers = [f"include/blindcorner/{path.removeprefix('src/')}" for path in depends]
+    drives = [] if "planner" in depends else [f":!src/{name}" for name in DRIVES]
+    drives += [] if "planner" in depends else [f":!include/blindcorner/{name}" for name in DRIVES]
+    return [*depends, *headers, *drives]
+
+
 def is_current(root, stored, depends):
     """Whether what the run depends on is today what it was then."""
     commit = stored.get("commit")
     if not commit or stored.get("modified"):
         return False
-    return git(root, "diff", "--quiet", commit, "--", *depends).returncode == 0
+    return git(root, "diff", "--quiet", commit, "--", *pathspecs(depends)).returncode == 0
 
 
 def age_of(root, stored, depends):
