@@ -107,9 +107,10 @@ def pathspecs(depends):
     """Git's names of what a run depends on: its folders, their public headers, and, unless it drives
     (depends on the planner), nothing that only drives have."""
     headers = [f"include/blindcorner/{path.removeprefix('src/')}" for path in depends]
-    drives = [] if "planner" in depends else [f":!src/{name}" for name in DRIVES]
-    drives += [] if "planner" in depends else [f":!include/blindcorner/{name}" for name in DRIVES]
-    return [*depends, *headers, *drives]
+    if "planner" in depends:
+        return [*depends, *headers]
+    return [*depends, *headers,
+            *(f":!{folder}/{name}" for folder in ("src", "include/blindcorner") for name in DRIVES)]
 
 
 def is_current(root, stored, depends):
