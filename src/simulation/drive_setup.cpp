@@ -169,8 +169,10 @@ Scene map_scene(const Scene& scene, const std::optional<double>& disc_radius) {
   Scene known = scene;
   if (!disc_radius) return known;
   const auto as_disc = [&](HiddenObject& object) {
-    // As tall as a person: only its outline matters to a map.
-    object.shape = CylinderShape{*disc_radius, 1.8};
+    // As tall as a person: only its outline matters to a map. A sign before a robot is smaller than
+    // the disc that was published for a cyclist before a car.
+    const double holds_it = bounding_radius(object.shape, Anchor::center);
+    object.shape = CylinderShape{std::min(*disc_radius, holds_it), 1.8};
     object.anchor = Anchor::base;
   };
   as_disc(known.hidden);

@@ -51,7 +51,8 @@ PredictionOptions prediction_options(const Drive& drive, const VehicleLimits& li
 /// Radius of the disc that obstacles are on the map, m: a perception's own, or the published one.
 std::optional<double> obstacle_disc(const Drive& drive, const std::optional<double>& perceived);
 
-/// The scene whose hidden objects the map knows: as they are, or as discs of a radius (m).
+/// The scene whose hidden objects the map knows: as they are, or as discs of a radius (m), or of
+/// their own bounding radius where that is smaller.
 Scene map_scene(const Scene& scene, const std::optional<double>& disc_radius);
 
 }  // namespace blindcorner
