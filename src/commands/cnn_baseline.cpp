@@ -13,6 +13,7 @@
 #include "commands/commands.h"
 #include "commands/notice.h"
 #include "io/file_bytes.h"
+#include "io/file_kind.h"
 #include "io/json_reader.h"
 
 namespace blindcorner {
@@ -45,8 +46,7 @@ struct BaselineArguments {
 /// The scene that a drive file names; empty for a scene file.
 std::string scene_of_drive(const std::string& path) {
   const Json json = JsonReader::parse(read_bytes(path), path);
-  if (!json.is_object() || !json.contains("route_m") || !json.contains("scene")) return {};
-  if (!json["scene"].is_string()) return {};
+  if (kind_of(json) != FileKind::drive || !json["scene"].is_string()) return {};
   return (fs::path(path).parent_path() / json["scene"].get<std::string>()).string();
 }
 

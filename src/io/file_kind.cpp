@@ -29,6 +29,16 @@ constexpr std::array kKinds = {
 
 const KnownKind& known_kind(FileKind kind) { return kKinds.at(static_cast<std::size_t>(kind)); }
 
+void require_kind(FileKind wanted, std::optional<FileKind> found, const std::string& path) {
+  if (!found || *found == wanted) return;
+  std::string use = known_kind(*found).use;
+  use.replace(use.find('@'), 1, path);
+  throw Error(path, std::string("is ") + known_kind(*found).name +
+                        ", accepted: " + known_kind(wanted).name + "; it is for `" + use + "`");
+}
+
+}  // namespace
+
 std::optional<FileKind> kind_of(const Json& document) {
   if (!document.is_object()) return std::nullopt;
   if (document.contains("format")) {
@@ -40,16 +50,6 @@ std::optional<FileKind> kind_of(const Json& document) {
   if (document.contains("surfaces") && document.contains("hidden")) return FileKind::scene;
   return std::nullopt;
 }
-
-void require_kind(FileKind wanted, std::optional<FileKind> found, const std::string& path) {
-  if (!found || *found == wanted) return;
-  std::string use = known_kind(*found).use;
-  use.replace(use.find('@'), 1, path);
-  throw Error(path, std::string("is ") + known_kind(*found).name +
-                        ", accepted: " + known_kind(wanted).name + "; it is for `" + use + "`");
-}
-
-}  // namespace
 
 Json parse_file_kind(FileKind wanted, const std::string& bytes, const std::string& path) {
   constexpr std::string_view kOpenExr = "\x76\x2f\x31\x01";

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 
 namespace blindcorner {
@@ -10,6 +11,8 @@ namespace blindcorner {
 /// Kinds that commands ask for.
 enum class FileKind { scene, drive, capture, result, instrument };
 
+/// The kind that a document plainly is; none: of no kind that is known.
+std::optional<FileKind> kind_of(const nlohmann::ordered_json& document);
 /// Parses a JSON file of a kind. Throws Error: of what is no JSON, and of what is plainly a file of
 /// another kind one line that says which, and which command takes it. A document of no kind that is
 /// known passes.

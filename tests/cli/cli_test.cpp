@@ -2005,6 +2005,16 @@ TEST_F(CliCnn, BaselineMakesDataTrainsAndEvaluatesOnce) {
   EXPECT_GT(training.at("data_run_time_s").at("processor").get<double>(), 0);
 }
 
+// A drive file may have a finish line in the place of a route.
+TEST_F(CliCnn, BaselineLearnsFromDrives) {
+  const Outcome outcome =
+      run("cnn baseline " + std::string(SOURCE_DIR) +
+          "/scenes/published_detour_drive.json --environments 1 --epochs 1 -o " + path("drives"));
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_EQ(json::parse(text_of(path("drives/data/dataset.json")))["environments"], 1);
+  EXPECT_TRUE(fs::exists(path("drives/net/weights.pt")));
+}
+
 TEST_F(CliCnn, TrainingGoesOnToTheSameBytes) {
   const std::string captures = dataset("data");
   ASSERT_EQ(run(train(captures, "whole", " --epochs 5")).exit_code, 0);
