@@ -375,6 +375,10 @@ void DriveLoop::update_map(const LineOfSightScan* scan, const AnswerEvent* event
 
 /// An answer as it is now.
 StandingAndMoving DriveLoop::split(const AnswerEvent& event) const {
+  if (published_) {
+    const double age = time_ - event.capture_time;  // it knows of no motion
+    return {{*event.answer.mixture, age, event.answer.velocities}, {}};
+  }
   return split_by_motion(
       map_scene_, drive_.motion,
       {*event.answer.mixture, time_ - event.capture_time, event.answer.velocities});

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "simulation/movers.h"
 
-#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -16,10 +16,8 @@ namespace {
 
 using Eigen::Vector2d;
 
-/// Speed from which an object moves, m/s: who stands sways by less.
+/// Root mean square speed from which an object moves, m/s: who stands sways by less.
 constexpr double kMoves = 0.5;
-/// And in standard deviations of it.
-constexpr double kSure = 2;
 /// Least side of a body, m: discs need one.
 constexpr double kThinnest = 0.05;
 
@@ -46,11 +44,7 @@ class ObjectVelocity {
       : object_(object), velocity_(velocity) {}
 
   bool moves() const {
-    const Vector2d v = mean();
-    const Eigen::Matrix2d covariance = block(velocity_.covariance);
-    const double sigma = std::sqrt(
-        Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(covariance).eigenvalues().maxCoeff());
-    return v.norm() > kMoves && v.norm() > kSure * sigma;
+    return mean().squaredNorm() + block(velocity_.covariance).trace() > kMoves * kMoves;
   }
   Vector2d mean() const {
     return {value(velocity_.mean, object_.x), value(velocity_.mean, object_.y)};

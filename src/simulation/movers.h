@@ -19,8 +19,8 @@ struct StandingAndMoving {
   std::vector<Mover> moving;  ///< at the time of the answer plus its age
 };
 
-/// An object moves where its mode's speed is above half a metre a second and twice its standard
-/// deviation. `scene`: as the map has it (shapes).
+/// An object moves where the root mean square of its speed is above half a metre a second: also one
+/// whose velocity nobody knows yet. `scene`: as the map has it (shapes).
 StandingAndMoving split_by_motion(const Scene& scene, const Motion& motion,
                                   const HiddenAnswer& answer);
 

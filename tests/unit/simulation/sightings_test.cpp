@@ -107,8 +107,11 @@ TEST(Movers, WhatMovesIsTakenOutOfTheMap) {
   const PoseVector& left = split.standing.mixture.modes.front().pose;
   EXPECT_EQ(left.head<2>(), truth().head<2>());
   EXPECT_TRUE(left.tail<2>().array().isNaN().all());
-  // A speed that may be none is that of something that stands.
+  // Who may have any velocity may move at once; who is known to sway by little stands.
+  answer.velocities.front().mean.setZero();
   answer.velocities.front().covariance = 9 * Eigen::Matrix4d::Identity();
+  EXPECT_EQ(split_by_motion(street().scene, street().motion, answer).moving.size(), 2U);
+  answer.velocities.front().covariance = 0.01 * Eigen::Matrix4d::Identity();
   EXPECT_TRUE(split_by_motion(street().scene, street().motion, answer).moving.empty());
 }
 
