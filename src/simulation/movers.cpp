@@ -78,6 +78,11 @@ StandingAndMoving split_by_motion(const Scene& scene, const Motion& motion,
   if (velocities.size() != answer.mixture.modes.size()) return split;  // nothing known to move
   const HiddenMotion prediction(scene, motion, OccupancyOptions{}.dwell_time);
   const PoseMixture now = prediction.predicted(answer.mixture, answer.age, velocities);
+  // For whom nobody has perceived it does not brake: the prior says that somebody may be there,
+  // with any velocity, in every frame and to every perception.
+  const double prior = scene.presence_prior;
+  const double perceived =
+      prior < 1 ? std::max(0.0, (now.presence_probability - prior) / (1 - prior)) : 1.0;
   for (int o = 0; o < object_count(scene); ++o) {
     const GroundObject object(scene, o);
     for (std::size_t i = 0; i < now.modes.size(); ++i) {
@@ -99,7 +104,7 @@ StandingAndMoving split_by_motion(const Scene& scene, const Motion& motion,
       mover.covariance << known.block(mode.covariance), cross, cross.transpose(),
           known.block(velocities[i].covariance) + q * answer.age * Eigen::Matrix2d::Identity();
       mover.acceleration_density = q;
-      mover.probability = now.presence_probability * mode.weight;
+      mover.probability = perceived * mode.weight;
       split.moving.push_back(mover);
       for (const int unknown : object.unknowns) {
         split.standing.mixture.modes[i].pose[unknown] = std::numeric_limits<double>::quiet_NaN();

@@ -20,7 +20,9 @@ struct StandingAndMoving {
 };
 
 /// An object moves where the root mean square of its speed is above half a metre a second: also one
-/// whose velocity nobody knows yet. `scene`: as the map has it (shapes).
+/// whose velocity nobody knows yet. A mover's probability is what the answer adds to the scene's
+/// prior of presence, as a share of the doubt that the prior leaves. `scene`: as the map has it
+/// (shapes).
 StandingAndMoving split_by_motion(const Scene& scene, const Motion& motion,
                                   const HiddenAnswer& answer);
 

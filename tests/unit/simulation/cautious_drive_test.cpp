@@ -47,6 +47,19 @@ TEST(CautiousDrive, StopsForWhoComesWhereDirectSightAloneIsTooLate) {
   EXPECT_EQ(run(drive, "los_cautious", 15).outcome, DriveOutcome::reached);
 }
 
+// Nobody knows a velocity at the first frame that shows him: he may move.
+TEST(CautiousDrive, BrakesInTheFrameThatFirstShowsWhoComes) {
+  Drive drive = crossing(1);
+  drive.truth.velocity = {{0, 4.2}};
+  drive.truth.velocity_upper.clear();
+  drive.truth.meeting->spread = 0;
+  const DriveResult result = run(drive, "los", 13);
+  const auto seen = std::ranges::find(result.frames, FrameFate::in_sight, &DriveFrame::fate);
+  ASSERT_NE(seen, result.frames.end());
+  EXPECT_EQ(seen->braking_for, drive.scene.hidden.name);
+  EXPECT_GT(seen->braking, 3);
+}
+
 // Nobody moves: what is seen stays empty, and nobody stands on the lane.
 TEST(CautiousDrive, WhereNobodyMovesNothingIsLost) {
   Drive drive = crossing(0);

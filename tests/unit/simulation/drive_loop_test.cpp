@@ -444,5 +444,25 @@ TEST(PublishedDrive, TakesWhatIsHiddenForADisc) {
   }
 }
 
+/// Before a robot a sign 0.2 m wide and 0.3 m high is a disc of 0.18 m: one of 1 m would close the
+/// corridor.
+TEST(PublishedDrive, TheDiscIsNoLargerThanTheObject) {
+  const Drive drive = read_drive(std::string(SOURCE_DIR) + "/scenes/published_detour_drive.json");
+  const SimulatedSensor corridor(drive.scene);
+  DriveOptions options;
+  options.keep_pictures = false;
+  options.keep_last_map = true;
+  options.perception = "oracle";
+  const DriveResult result = drive_through(drive, corridor, options);
+  const DriveFrame* last = last_map(result);
+  ASSERT_NE(last, nullptr);
+  ASSERT_TRUE(last->truth);
+  const Eigen::Vector2d sign = last->truth->head<2>();
+  for (const double off : {0.1, 0.3}) {
+    const Cell cell = drive.map.cell_at(sign + Eigen::Vector2d(off, 0));
+    EXPECT_EQ(last->occupancy[drive.map.index(cell)] > 0.9, off < 0.18) << off;
+  }
+}
+
 }  // namespace
 }  // namespace blindcorner

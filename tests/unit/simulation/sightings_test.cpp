@@ -111,6 +111,12 @@ TEST(Movers, WhatMovesIsTakenOutOfTheMap) {
   answer.velocities.front().mean.setZero();
   answer.velocities.front().covariance = 9 * Eigen::Matrix4d::Identity();
   EXPECT_EQ(split_by_motion(street().scene, street().motion, answer).moving.size(), 2U);
+  // Who is no likelier than before anything was perceived is not braked for.
+  answer.mixture.presence_probability = street().scene.presence_prior;
+  for (const Mover& mover : split_by_motion(street().scene, street().motion, answer).moving) {
+    EXPECT_EQ(mover.probability, 0);
+  }
+  answer.mixture.presence_probability = 1;
   answer.velocities.front().covariance = 0.01 * Eigen::Matrix4d::Identity();
   EXPECT_TRUE(split_by_motion(street().scene, street().motion, answer).moving.empty());
 }
