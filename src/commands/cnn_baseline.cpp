@@ -46,7 +46,8 @@ struct BaselineArguments {
 /// The scene that a drive file names; empty for a scene file.
 std::string scene_of_drive(const std::string& path) {
   const Json json = JsonReader::parse(read_bytes(path), path);
-  if (kind_of(json) != FileKind::drive || !json["scene"].is_string()) return {};
+  if (kind_of(json) != FileKind::drive) return {};
+  if (!json["scene"].is_string()) throw Error(path, "scene: accepted: the path of a scene file");
   return (fs::path(path).parent_path() / json["scene"].get<std::string>()).string();
 }
 

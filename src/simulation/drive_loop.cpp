@@ -376,7 +376,8 @@ void DriveLoop::update_map(const LineOfSightScan* scan, const AnswerEvent* event
 /// An answer as it is now.
 StandingAndMoving DriveLoop::split(const AnswerEvent& event) const {
   if (published_) {
-    const double age = time_ - event.capture_time;  // it knows of no motion
+    // The published controller has no movers: all that is known stays on the map.
+    const double age = time_ - event.capture_time;
     return {{*event.answer.mixture, age, event.answer.velocities}, {}};
   }
   return split_by_motion(

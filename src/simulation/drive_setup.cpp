@@ -119,8 +119,8 @@ OccludedSpeedOptions occluded_speed_options(const Drive& drive) {
   for (const auto* velocities : {&drive.truth.velocity, &drive.truth.velocity_upper}) {
     for (const Eigen::Vector2d& v : *velocities) options.speed = std::max(options.speed, v.norm());
   }
-  // Two frames: the first shows where somebody is, the second how fast he moves.
-  options.reaction_time = 2 / drive.sensor.rate + PathFollowerOptions{}.delay;
+  // The first frame that shows somebody is braked for.
+  options.reaction_time = 1 / drive.sensor.rate + PathFollowerOptions{}.delay;
   if (drive.sensor.late_share > 0) options.reaction_time += drive.sensor.late_by;
   options.margin = std::min(options.margin, drive.vehicle.width / 6);
   options.side_margin = kMargin * drive.vehicle.width / 2;
@@ -161,7 +161,10 @@ PredictionOptions prediction_options(const Drive& drive, const VehicleLimits& li
 
 std::optional<double> obstacle_disc(const Drive& drive, const std::optional<double>& perceived) {
   constexpr double kPublished = 1;  // m (arXiv:2410.03555)
-  if (drive.controller == DriveController::published) return kPublished;
+  // A robot's sign is smaller than a cyclist.
+  if (drive.controller == DriveController::published) {
+    return std::min(kPublished, bounding_radius(drive.scene.hidden.shape, Anchor::center));
+  }
   return perceived;
 }
 
@@ -169,10 +172,8 @@ Scene map_scene(const Scene& scene, const std::optional<double>& disc_radius) {
   Scene known = scene;
   if (!disc_radius) return known;
   const auto as_disc = [&](HiddenObject& object) {
-    // As tall as a person: only its outline matters to a map. A sign before a robot is smaller than
-    // the disc that was published for a cyclist before a car.
-    const double holds_it = bounding_radius(object.shape, Anchor::center);
-    object.shape = CylinderShape{std::min(*disc_radius, holds_it), 1.8};
+    // As tall as a person: only its outline matters to a map.
+    object.shape = CylinderShape{*disc_radius, 1.8};
     object.anchor = Anchor::base;
   };
   as_disc(known.hidden);

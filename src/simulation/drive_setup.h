@@ -48,11 +48,11 @@ PathOutlookOptions outlook_options(const Drive& drive, const VehicleLimits& limi
 /// Looks as far as a vehicle at this speed (m/s) needs to stop.
 PredictionOptions prediction_options(const Drive& drive, const VehicleLimits& limits, double speed);
 
-/// Radius of the disc that obstacles are on the map, m: a perception's own, or the published one.
+/// Radius of the disc that obstacles are on the map, m: a perception's own, or the published one,
+/// of an object smaller than that its bounding radius.
 std::optional<double> obstacle_disc(const Drive& drive, const std::optional<double>& perceived);
 
-/// The scene whose hidden objects the map knows: as they are, or as discs of a radius (m), or of
-/// their own bounding radius where that is smaller.
+/// The scene whose hidden objects the map knows: as they are, or as discs of a radius (m).
 Scene map_scene(const Scene& scene, const std::optional<double>& disc_radius);
 
 }  // namespace blindcorner

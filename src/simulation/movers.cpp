@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "simulation/movers.h"
 
-#include <Eigen/Geometry>
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -16,8 +16,11 @@ namespace {
 
 using Eigen::Vector2d;
 
-/// Root mean square speed from which an object moves, m/s: who stands sways by less.
+/// Root mean square speed from which an object may move, m/s: who stands sways by less.
 constexpr double kMoves = 0.5;
+/// A velocity that has been measured is one of something that moves from so many standard
+/// deviations on.
+constexpr double kSure = 2;
 /// Least side of a body, m: discs need one.
 constexpr double kThinnest = 0.05;
 
@@ -32,6 +35,12 @@ std::pair<VehicleFootprint, double> body_of(const GroundObject& object, double s
   return {VehicleFootprint::rectangle(sides.y(), sides.x(), middle.y()), kPi / 2};
 }
 
+/// Whether nothing is known of an object's place but the prior.
+bool is_anywhere(const PoseMode& mode, const GroundObject& object) {
+  return std::ranges::any_of(mode.undetermined,
+                             [&](int u) { return u == object.x || u == object.y; });
+}
+
 /// Value of an unknown of a mode, or what is known.
 double value_of(const PoseMode& mode, int unknown, double known) {
   return unknown >= 0 ? mode.pose[unknown] : known;
@@ -43,8 +52,15 @@ class ObjectVelocity {
   ObjectVelocity(const GroundObject& object, const PoseVelocity& velocity)
       : object_(object), velocity_(velocity) {}
 
-  bool moves() const {
-    return mean().squaredNorm() + block(velocity_.covariance).trace() > kMoves * kMoves;
+  /// `initial_speed`: standard deviation along either axis before anything is measured, m/s.
+  bool moves(double initial_speed) const {
+    const Eigen::Matrix2d covariance = block(velocity_.covariance);
+    const double square = mean().squaredNorm();
+    if (square + covariance.trace() <= kMoves * kMoves) return false;
+    const double most =
+        Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(covariance).eigenvalues().maxCoeff();
+    const bool measured = covariance.trace() <= initial_speed * initial_speed;  // half is known
+    return !measured || square > kSure * kSure * most;
   }
   Vector2d mean() const {
     return {value(velocity_.mean, object_.x), value(velocity_.mean, object_.y)};
@@ -78,18 +94,19 @@ StandingAndMoving split_by_motion(const Scene& scene, const Motion& motion,
   if (velocities.size() != answer.mixture.modes.size()) return split;  // nothing known to move
   const HiddenMotion prediction(scene, motion, OccupancyOptions{}.dwell_time);
   const PoseMixture now = prediction.predicted(answer.mixture, answer.age, velocities);
-  // For whom nobody has perceived it does not brake: the prior says that somebody may be there,
-  // with any velocity, in every frame and to every perception.
+  // The vehicle does not brake for somebody whom nobody has perceived: the prior says that somebody
+  // may be there, with any velocity, in every frame and to every perception.
+  const double presence = answer.mixture.presence_probability;
   const double prior = scene.presence_prior;
-  const double perceived =
-      prior < 1 ? std::max(0.0, (now.presence_probability - prior) / (1 - prior)) : 1.0;
+  if (!(presence > prior)) return split;
+  const double perceived = (presence - prior) / (1 - prior) / presence * now.presence_probability;
   for (int o = 0; o < object_count(scene); ++o) {
     const GroundObject object(scene, o);
     for (std::size_t i = 0; i < now.modes.size(); ++i) {
       const PoseMode& mode = now.modes[i];
-      if (is_absent(mode, object)) continue;
+      if (is_absent(mode, object) || is_anywhere(mode, object)) continue;
       const ObjectVelocity known(object, velocities[i]);
-      if (!known.moves()) continue;
+      if (!known.moves(motion.initial_speed)) continue;
       Mover mover;
       mover.name = hidden_object(scene, o).name;
       double turn = 0;

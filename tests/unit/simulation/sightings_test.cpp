@@ -110,12 +110,24 @@ TEST(Movers, WhatMovesIsTakenOutOfTheMap) {
   // Who may have any velocity may move at once; who is known to sway by little stands.
   answer.velocities.front().mean.setZero();
   answer.velocities.front().covariance = 9 * Eigen::Matrix4d::Identity();
-  EXPECT_EQ(split_by_motion(street().scene, street().motion, answer).moving.size(), 2U);
-  // Who is no likelier than before anything was perceived is not braked for.
+  Motion fast = street().motion;
+  fast.initial_speed = 3;
+  EXPECT_EQ(split_by_motion(street().scene, fast, answer).moving.size(), 2U);
+  // Measured to a metre a second, zero is as likely as not.
+  answer.velocities.front().covariance = Eigen::Matrix4d::Identity();
+  EXPECT_TRUE(split_by_motion(street().scene, fast, answer).moving.empty());
+  // Of an object of which only the prior is known nobody brakes.
+  answer.velocities.front().covariance = 9 * Eigen::Matrix4d::Identity();
+  answer.mixture.modes.front().undetermined = {0, 1};
+  const StandingAndMoving one = split_by_motion(street().scene, fast, answer);
+  ASSERT_EQ(one.moving.size(), 1U);
+  EXPECT_EQ(one.moving.front().name, hidden_object(street().scene, 1).name);
+  answer.mixture.modes.front().undetermined.clear();
+  // Who is no likelier than before anything was perceived is not braked for, nor lost.
   answer.mixture.presence_probability = street().scene.presence_prior;
-  for (const Mover& mover : split_by_motion(street().scene, street().motion, answer).moving) {
-    EXPECT_EQ(mover.probability, 0);
-  }
+  const StandingAndMoving doubtful = split_by_motion(street().scene, fast, answer);
+  EXPECT_TRUE(doubtful.moving.empty());
+  EXPECT_FALSE(doubtful.standing.mixture.modes.front().pose.array().isNaN().any());
   answer.mixture.presence_probability = 1;
   answer.velocities.front().covariance = 0.01 * Eigen::Matrix4d::Identity();
   EXPECT_TRUE(split_by_motion(street().scene, street().motion, answer).moving.empty());
