@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "simulation/movers.h"
 
-#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -18,9 +18,6 @@ using Eigen::Vector2d;
 
 /// Root mean square speed from which an object may move, m/s: who stands sways by less.
 constexpr double kMoves = 0.5;
-/// A velocity that has been measured is one of something that moves from so many standard
-/// deviations on.
-constexpr double kSure = 2;
 /// Least side of a body, m: discs need one.
 constexpr double kThinnest = 0.05;
 
@@ -52,15 +49,8 @@ class ObjectVelocity {
   ObjectVelocity(const GroundObject& object, const PoseVelocity& velocity)
       : object_(object), velocity_(velocity) {}
 
-  /// `initial_speed`: standard deviation along either axis before anything is measured, m/s.
-  bool moves(double initial_speed) const {
-    const Eigen::Matrix2d covariance = block(velocity_.covariance);
-    const double square = mean().squaredNorm();
-    if (square + covariance.trace() <= kMoves * kMoves) return false;
-    const double most =
-        Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(covariance).eigenvalues().maxCoeff();
-    const bool measured = covariance.trace() <= initial_speed * initial_speed;  // half is known
-    return !measured || square > kSure * kSure * most;
+  bool moves() const {
+    return mean().squaredNorm() + block(velocity_.covariance).trace() > kMoves * kMoves;
   }
   Vector2d mean() const {
     return {value(velocity_.mean, object_.x), value(velocity_.mean, object_.y)};
@@ -106,7 +96,7 @@ StandingAndMoving split_by_motion(const Scene& scene, const Motion& motion,
       const PoseMode& mode = now.modes[i];
       if (is_absent(mode, object) || is_anywhere(mode, object)) continue;
       const ObjectVelocity known(object, velocities[i]);
-      if (!known.moves(motion.initial_speed)) continue;
+      if (!known.moves()) continue;
       Mover mover;
       mover.name = hidden_object(scene, o).name;
       double turn = 0;

