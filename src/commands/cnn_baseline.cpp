@@ -47,8 +47,7 @@ struct BaselineArguments {
 std::string scene_of_drive(const std::string& path) {
   const Json json = JsonReader::parse(read_bytes(path), path);
   if (kind_of(json) != FileKind::drive) return {};
-  if (!json["scene"].is_string()) throw Error(path, "scene: accepted: the path of a scene file");
-  return (fs::path(path).parent_path() / json["scene"].get<std::string>()).string();
+  return (fs::path(path).parent_path() / JsonReader(json, path).at("scene").text()).string();
 }
 
 /// The data set that the arguments ask for.

@@ -373,16 +373,13 @@ void DriveLoop::update_map(const LineOfSightScan* scan, const AnswerEvent* event
   map_time_ = time_;
 }
 
-/// An answer as it is now.
+/// An answer as it is now. The published controller has no movers: all that is known stays on its
+/// map.
 StandingAndMoving DriveLoop::split(const AnswerEvent& event) const {
-  if (published_) {
-    // The published controller has no movers: all that is known stays on the map.
-    const double age = time_ - event.capture_time;
-    return {{*event.answer.mixture, age, event.answer.velocities}, {}};
-  }
-  return split_by_motion(
-      map_scene_, drive_.motion,
-      {*event.answer.mixture, time_ - event.capture_time, event.answer.velocities});
+  const HiddenAnswer answer{*event.answer.mixture, time_ - event.capture_time,
+                            event.answer.velocities};
+  return published_ ? StandingAndMoving{answer, {}}
+                    : split_by_motion(map_scene_, drive_.motion, answer);
 }
 
 void DriveLoop::plan() {

@@ -82,13 +82,13 @@ StandingAndMoving split_by_motion(const Scene& scene, const Motion& motion,
   StandingAndMoving split{answer, {}};
   const std::vector<PoseVelocity>& velocities = answer.velocities;
   if (velocities.size() != answer.mixture.modes.size()) return split;  // nothing known to move
-  const HiddenMotion prediction(scene, motion, OccupancyOptions{}.dwell_time);
-  const PoseMixture now = prediction.predicted(answer.mixture, answer.age, velocities);
   // The vehicle does not brake for somebody whom nobody has perceived: the prior says that somebody
   // may be there, with any velocity, in every frame and to every perception.
   const double presence = answer.mixture.presence_probability;
   const double prior = scene.presence_prior;
   if (!(presence > prior)) return split;
+  const HiddenMotion prediction(scene, motion, OccupancyOptions{}.dwell_time);
+  const PoseMixture now = prediction.predicted(answer.mixture, answer.age, velocities);
   const double perceived = (presence - prior) / (1 - prior) / presence * now.presence_probability;
   for (int o = 0; o < object_count(scene); ++o) {
     const GroundObject object(scene, o);

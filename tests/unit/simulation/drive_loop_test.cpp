@@ -421,6 +421,18 @@ TEST(PublishedDrive, HoldsItsSpeedThroughAnEmptyTurn) {
   }
 }
 
+/// The frame of the last map of a drive that is told the truth.
+DriveFrame frame_of_last_map(const Drive& drive) {
+  const SimulatedSensor sensor(drive.scene);
+  DriveOptions options;
+  options.keep_pictures = false;
+  options.keep_last_map = true;
+  options.perception = "oracle";
+  const DriveResult result = drive_through(drive, sensor, options);
+  const DriveFrame* last = last_map(result);
+  return last == nullptr ? DriveFrame{} : *last;
+}
+
 /// The cyclist is 0.6 m wide; on the map he is a disc of 1 m, whoever perceives him.
 TEST(PublishedDrive, TakesWhatIsHiddenForADisc) {
   for (const bool published : {true, false}) {
@@ -428,16 +440,10 @@ TEST(PublishedDrive, TakesWhatIsHiddenForADisc) {
     drive.controller = published ? DriveController::published : DriveController::own;
     drive.truth.components = {TrueComponent{6.5, 6.5}, TrueComponent{27.5, 27.5},
                               TrueComponent{kPi / 2, kPi / 2}};
-    const SimulatedSensor street(drive.scene);
-    DriveOptions options;
-    options.keep_pictures = false;
-    options.keep_last_map = true;
-    options.perception = "oracle";
-    const DriveResult result = drive_through(drive, street, options);
-    const DriveFrame* last = last_map(result);
-    ASSERT_NE(last, nullptr);
+    const DriveFrame last = frame_of_last_map(drive);
+    ASSERT_FALSE(last.occupancy.empty());
     const auto occupied = [&](double x, double y) {
-      return last->occupancy[drive.map.index(drive.map.cell_at({x, y}))];
+      return last.occupancy[drive.map.index(drive.map.cell_at({x, y}))];
     };
     EXPECT_GT(occupied(6.55, 27.55), 0.9);
     EXPECT_EQ(occupied(7.2, 27.55) > 0.9, published);
@@ -448,19 +454,13 @@ TEST(PublishedDrive, TakesWhatIsHiddenForADisc) {
 /// corridor.
 TEST(PublishedDrive, TheDiscIsNoLargerThanTheObject) {
   const Drive drive = read_drive(std::string(SOURCE_DIR) + "/scenes/published_detour_drive.json");
-  const SimulatedSensor corridor(drive.scene);
-  DriveOptions options;
-  options.keep_pictures = false;
-  options.keep_last_map = true;
-  options.perception = "oracle";
-  const DriveResult result = drive_through(drive, corridor, options);
-  const DriveFrame* last = last_map(result);
-  ASSERT_NE(last, nullptr);
-  ASSERT_TRUE(last->truth);
-  const Eigen::Vector2d sign = last->truth->head<2>();
+  const DriveFrame last = frame_of_last_map(drive);
+  ASSERT_FALSE(last.occupancy.empty());
+  ASSERT_TRUE(last.truth);
+  const Eigen::Vector2d sign = last.truth->head<2>();
   for (const double off : {0.1, 0.3}) {
     const Cell cell = drive.map.cell_at(sign + Eigen::Vector2d(off, 0));
-    EXPECT_EQ(last->occupancy[drive.map.index(cell)] > 0.9, off < 0.18) << off;
+    EXPECT_EQ(last.occupancy[drive.map.index(cell)] > 0.9, off < 0.18) << off;
   }
 }
 
