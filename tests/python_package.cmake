@@ -55,8 +55,8 @@ endif()
 file(REMOVE_RECURSE "${prefix}" "${WORK_DIR}/build")
 require("${CMAKE_COMMAND}" --install "${BUILD_DIR}" --prefix "${prefix}")
 require("${venv}/bin/pip" install --quiet --disable-pip-version-check --no-build-isolation --no-deps
-        --force-reinstall "${SOURCE_DIR}" -C "build-dir=${WORK_DIR}/build"
-        -C "cmake.define.blindcorner_ROOT=${prefix}")
+        --force-reinstall "${SOURCE_DIR}" --config-settings "build-dir=${WORK_DIR}/build"
+        --config-settings "cmake.define.blindcorner_ROOT=${prefix}")
 require("${CMAKE_COMMAND}" -E env "BLINDCORNER_PROGRAM=${PROGRAM}" "${venv}/bin/python" -m pytest -q -rs
         -p no:cacheprovider "${SOURCE_DIR}/python/tests" "${SOURCE_DIR}/ros2/test")
 message(STATUS "${output}")

@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "forward/relay/relay_setup.h"
 
-#include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -13,6 +10,7 @@
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
 #include "blindcorner/forward/scene/validate.h"
+#include "forward/support/parallel.h"
 
 namespace blindcorner {
 namespace {
@@ -377,8 +375,7 @@ HistogramCube RelaySetup::direct_return(const PulseTable& pulses,
     }
     fold(sensor, z, row.data(), static_cast<int>(row.size()), cube.zone(z));
   };
-  // Isolated: whoever waits here must not pick up work that waits for this.
-  tbb::this_task_arena::isolate([&] { tbb::parallel_for(0, sensor.zone_count(), add_zone); });
+  parallel_for(0, sensor.zone_count(), add_zone);
   return cube;
 }
 

@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "forward/transport/retro_kernel.h"
 
-#include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
-
 #include <algorithm>
 
 #include "blindcorner/forward/constants.h"
+#include "forward/support/parallel.h"
 
 namespace blindcorner {
 namespace {
@@ -43,13 +41,10 @@ void RetroKernel::render(const ObjectInPlace& object, Scratch& s) const {
   } else {
     thread_local std::vector<Scratch> parts(kParts);
     std::vector<Scratch>& own = parts;  // this thread's, whoever works on them
-    // Isolated: whoever waits here must not pick up a render that needs the same scratch.
-    tbb::this_task_arena::isolate([&] {
-      tbb::parallel_for(std::size_t{0}, kParts, [&](std::size_t part) {
-        own[part].prepare(scene().sensor.zone_count(), path_cells_);
-        own[part].pair_count = 0;
-        add_cells(object, cells, part, kParts, own[part]);
-      });
+    parallel_for(std::size_t{0}, kParts, [&](std::size_t part) {
+      own[part].prepare(scene().sensor.zone_count(), path_cells_);
+      own[part].pair_count = 0;
+      add_cells(object, cells, part, kParts, own[part]);
     });
     for (Scratch& part : own) collect(part, s);
   }

@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 /// The cheapest sampling that meets a tolerance, by what finer ones would change.
-#include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <cmath>
@@ -12,6 +10,7 @@
 #include <vector>
 
 #include "blindcorner/forward/constants.h"
+#include "forward/support/parallel.h"
 #include "forward/transport/fast_model.h"
 
 namespace blindcorner {
@@ -151,12 +150,9 @@ class SamplingSearch {
     const std::vector<PoseVector>& poses = view_->transport->probe_poses;
     std::vector<HistogramCube> cubes(poses.size());
     std::vector<double> pairs(poses.size());
-    // Isolated: whoever waits here must not pick up work that waits for this.
-    tbb::this_task_arena::isolate([&] {
-      tbb::parallel_for(std::size_t{0}, poses.size(), [&](std::size_t i) {
-        const Placement placement = place(scene.hidden.placement, scene.unknowns, poses[i]);
-        pairs[i] = model.render(placement, {}, cubes[i]);
-      });
+    parallel_for(std::size_t{0}, poses.size(), [&](std::size_t i) {
+      const Placement placement = place(scene.hidden.placement, scene.unknowns, poses[i]);
+      pairs[i] = model.render(placement, {}, cubes[i]);
     });
     if (kernel_ == Kernel::retro_pairs) {
       near_share_ = *std::ranges::max_element(pairs) / std::max(pair_count(model), 1.0);

@@ -1,10 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "forward/transport/static_background.h"
 
-#include <tbb/parallel_for.h>
-#include <tbb/parallel_invoke.h>
-#include <tbb/task_arena.h>
-
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
@@ -17,6 +13,7 @@
 #include "blindcorner/forward/constants.h"
 #include "forward/support/clip.h"
 #include "forward/support/multiversion.h"
+#include "forward/support/parallel.h"
 #include "forward/transport/known_patches.h"
 
 namespace blindcorner {
@@ -751,16 +748,13 @@ void KnownBounces::add(const RelaySetup& setup, const PulseTable& pulses, Histog
   std::vector<OccluderFace> blockers = blockers_;
   blockers.insert(blockers.end(), bodies.begin(), bodies.end());
   std::vector<TimeRows> parts(kParts, TimeRows(sensor));
-  // Isolated: whoever waits here must not pick up work that waits for this.
-  tbb::this_task_arena::isolate([&] {
-    Ends near, far;
-    tbb::parallel_invoke([&] { near = ends_of_two(setup); }, [&] { far = ends_of_three(setup); });
-    const std::vector<const Element*> middle = middle_for(far);
-    const std::vector<std::vector<std::size_t>> blocks = near.seen->blocks(kBlock);
-    tbb::parallel_for(std::size_t{0}, kParts, [&](std::size_t part) {
-      add_two(near, blocks, blockers, part, parts[part]);
-      add_three(far, middle, bodies, part, parts[part]);
-    });
+  Ends near, far;
+  parallel_invoke([&] { near = ends_of_two(setup); }, [&] { far = ends_of_three(setup); });
+  const std::vector<const Element*> middle = middle_for(far);
+  const std::vector<std::vector<std::size_t>> blocks = near.seen->blocks(kBlock);
+  parallel_for(std::size_t{0}, kParts, [&](std::size_t part) {
+    add_two(near, blocks, blockers, part, parts[part]);
+    add_three(far, middle, bodies, part, parts[part]);
   });
   TimeRows& rows = parts.front();
   for (std::size_t part = 1; part < kParts; ++part) {

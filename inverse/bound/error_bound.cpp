@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "blindcorner/inverse/bound/error_bound.h"
 
-#include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
-
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
@@ -12,6 +9,7 @@
 #include <numeric>
 
 #include "blindcorner/forward/error.h"
+#include "forward/support/parallel.h"
 #include "inverse/bound/ambiguity.h"
 #include "inverse/bound/look_alike.h"
 #include "inverse/likelihood/background_error.h"
@@ -188,13 +186,10 @@ ErrorBound::Impl::Impl(const Scene& scene, const SensorPlacement& placement,
 
 void ErrorBound::Impl::look_around(const Advance& advance) {
   std::call_once(looked_around, [&] {
-    // Isolated: whoever waits here must not pick up work that waits for this.
-    tbb::this_task_arena::isolate([&] {
-      threshold = simulate_empty(*compiled, empty_level(*objective, empty), options.empty_captures,
-                                 options.seed)
-                      .exceeded_by(kAlarm);
-      render_test_poses(advance);
-    });
+    threshold = simulate_empty(*compiled, empty_level(*objective, empty), options.empty_captures,
+                               options.seed)
+                    .exceeded_by(kAlarm);
+    render_test_poses(advance);
   });
 }
 
@@ -222,7 +217,7 @@ void ErrorBound::Impl::render_test_poses(const Advance& advance) {
     log_prior[k] = log_pose_prior(scene, pose);
     test_poses.push_back(std::move(pose));
   }
-  tbb::parallel_for(Eigen::Index{0}, count, [&](Eigen::Index k) {
+  parallel_for(Eigen::Index{0}, count, [&](Eigen::Index k) {
     ShapeBuffer buffer;
     objective->shapes(objective->models(), test_poses[static_cast<std::size_t>(k)], buffer);
     test.light.col(k) = light_of(buffer);

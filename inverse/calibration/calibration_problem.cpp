@@ -2,7 +2,6 @@
 #include "inverse/calibration/calibration_problem.h"
 
 #include <ceres/ceres.h>
-#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <cmath>
@@ -12,6 +11,7 @@
 #include "blindcorner/forward/sensor/photon_noise.h"
 #include "blindcorner/forward/transport/forward_model.h"
 #include "forward/relay/relay.h"
+#include "forward/support/parallel.h"
 
 namespace blindcorner {
 namespace {
@@ -271,7 +271,7 @@ std::vector<CalibrationProblem::Evaluation> CalibrationProblem::evaluate(const S
     if (has_static_background(scene))
       known.push_back(static_background(scene, model->static_background()));
   }
-  tbb::parallel_for(std::size_t{0}, captures_.size(), [&](std::size_t c) {
+  parallel_for(std::size_t{0}, captures_.size(), [&](std::size_t c) {
     const Observation& observation = observations_[c];
     const ForwardModel& model = *models[model_of[c]];
     Evaluation& result = evaluations[c];

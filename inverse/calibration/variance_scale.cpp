@@ -1,14 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "inverse/calibration/variance_scale.h"
 
-#include <tbb/parallel_for.h>
-
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <numeric>
 
 #include "blindcorner/inverse/fit.h"
+#include "forward/support/parallel.h"
 
 namespace blindcorner {
 namespace {
@@ -40,7 +39,7 @@ double normalised_error(const Scene& scene, const CalibrationProblem& problem,
   options.empty_captures = 0;
   const Fitter fitter(scene, options);
   std::vector<double> errors(chosen.size(), 0.0);
-  tbb::parallel_for(std::size_t{0}, chosen.size(), [&](std::size_t i) {
+  parallel_for(std::size_t{0}, chosen.size(), [&](std::size_t i) {
     if (i % stride != 0) return;
     const FitResult result = fitter.fit(problem.capture(chosen[i]));
     const PoseVector error = pose_error(scene, result.posterior.mean, *problem.pose(chosen[i]));

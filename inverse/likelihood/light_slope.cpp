@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "inverse/likelihood/light_slope.h"
 
-#include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
-
 #include <algorithm>
+
+#include "forward/support/parallel.h"
 
 namespace blindcorner {
 namespace {
@@ -48,8 +47,7 @@ void light_slope(const PoseObjective& objective, const LightSource& source, cons
     for (Eigen::Index i = 0; i < pose.size(); ++i) column(i);
     return;
   }
-  // Isolated: whoever waits here must not pick up work that waits for this, or another fit.
-  tbb::this_task_arena::isolate([&] { tbb::parallel_for(Eigen::Index{0}, pose.size(), column); });
+  parallel_for(Eigen::Index{0}, pose.size(), column);
 }
 
 Eigen::MatrixXd light_slope(const PoseObjective& objective, const LightSource& source,

@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "inverse/posterior/importance.h"
 
-#include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
-
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
@@ -18,6 +15,7 @@
 #include <utility>
 
 #include "blindcorner/forward/constants.h"
+#include "forward/support/parallel.h"
 #include "inverse/likelihood/light_slope.h"
 #include "inverse/likelihood/local_model.h"
 #include "inverse/posterior/fisher_information.h"
@@ -395,11 +393,8 @@ class Sampler {
 
   void evaluate(const std::vector<std::size_t>& which) {
     std::vector<Eigen::VectorXd> exact(which.size());
-    // Isolated: whoever waits here must not pick up work that waits for this.
-    tbb::this_task_arena::isolate([&] {
-      tbb::parallel_for(std::size_t{0}, which.size(),
-                        [&](std::size_t k) { evaluate(which[k], exact[k]); });
-    });
+    parallel_for(std::size_t{0}, which.size(),
+                 [&](std::size_t k) { evaluate(which[k], exact[k]); });
     if (lights_.far.models == nullptr) return;
     for (std::size_t k = 0; k < which.size(); ++k) {
       const PosteriorSample& sample = samples_[which[k]];

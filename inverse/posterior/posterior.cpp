@@ -1,15 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "inverse/posterior/posterior.h"
 
-#include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
-
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include "blindcorner/forward/constants.h"
+#include "forward/support/parallel.h"
 #include "inverse/posterior/along_axis.h"
 #include "inverse/posterior/importance.h"
 #include "inverse/posterior/mode_merging.h"
@@ -90,11 +88,9 @@ AxisFalls axis_falls(const PoseObjective& objective, const Refined& optimum, con
     falls.ratios[axis][k] = (top - tempered(value, inflation)) / (0.5 * away * away);
   };
   const auto look_at = [&](double distance) {
-    tbb::this_task_arena::isolate([&] {
-      tbb::parallel_for(std::size_t{0}, falls.ratios.size() * std::size(kAway), [&](std::size_t i) {
-        const std::size_t k = i % std::size(kAway);
-        if (std::abs(kAway[k]) == distance) look(i / std::size(kAway), k);
-      });
+    parallel_for(std::size_t{0}, falls.ratios.size() * std::size(kAway), [&](std::size_t i) {
+      const std::size_t k = i % std::size(kAway);
+      if (std::abs(kAway[k]) == distance) look(i / std::size(kAway), k);
     });
   };
   look_at(kSigmaPoint);
@@ -150,15 +146,13 @@ SampleLights sample_lights(const PoseObjective& objective,
   const CompiledScene& compiled = objective.compiled();
   SampleLights lights{{}, {}, kReach, objective.rough_models()};
   lights.corrections.resize(optima.size());
-  tbb::this_task_arena::isolate([&] {
-    tbb::parallel_for(std::size_t{0}, optima.size(), [&](std::size_t j) {
-      const PoseVector& pose = optima[j]->pose;
-      ShapeBuffer right;
-      ShapeBuffer rough;
-      objective.shapes(light_near(objective, *optima[j]), pose, right);
-      objective.shapes(objective.rough_models(), pose, rough);
-      lights.corrections[j] = objective.correction(right, rough);
-    });
+  parallel_for(std::size_t{0}, optima.size(), [&](std::size_t j) {
+    const PoseVector& pose = optima[j]->pose;
+    ShapeBuffer right;
+    ShapeBuffer rough;
+    objective.shapes(light_near(objective, *optima[j]), pose, right);
+    objective.shapes(objective.rough_models(), pose, rough);
+    lights.corrections[j] = objective.correction(right, rough);
   });
   lights.far = lights.far.asked_once();
   for (const Correction& correction : lights.corrections) {
@@ -196,20 +190,18 @@ std::vector<Peak> all_ridges(const PoseObjective& objective, const SampleLights&
                              double inflation) {
   const Scene& scene = objective.compiled().scene;
   std::vector<std::vector<Peak>> found(peaks.size());
-  tbb::this_task_arena::isolate([&] {
-    tbb::parallel_for(std::size_t{0}, peaks.size(), [&](std::size_t j) {
-      if (!bent[j]) return;
-      found[j] = ridge_components(scene, peaks[j], [&](PoseVector pose) {
-        wrap_pose(scene, pose);
-        if (!std::isfinite(log_pose_prior(scene, pose))) {
-          return -std::numeric_limits<double>::infinity();
-        }
-        const bool near = mahalanobis2(scene, peaks[j], pose) < lights.reach * lights.reach;
-        LinearSolution linear = optima[j]->linear;
-        return tempered(objective.evaluate(near ? lights.near[j] : lights.far, pose, linear, true,
-                                           kSampleAccuracy),
-                        inflation);
-      });
+  parallel_for(std::size_t{0}, peaks.size(), [&](std::size_t j) {
+    if (!bent[j]) return;
+    found[j] = ridge_components(scene, peaks[j], [&](PoseVector pose) {
+      wrap_pose(scene, pose);
+      if (!std::isfinite(log_pose_prior(scene, pose))) {
+        return -std::numeric_limits<double>::infinity();
+      }
+      const bool near = mahalanobis2(scene, peaks[j], pose) < lights.reach * lights.reach;
+      LinearSolution linear = optima[j]->linear;
+      return tempered(objective.evaluate(near ? lights.near[j] : lights.far, pose, linear, true,
+                                         kSampleAccuracy),
+                      inflation);
     });
   });
   std::vector<Peak> ridges;

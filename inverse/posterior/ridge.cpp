@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "inverse/posterior/ridge.h"
 
-#include <tbb/parallel_for.h>
-
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
@@ -10,6 +8,7 @@
 #include <utility>
 
 #include "blindcorner/forward/constants.h"
+#include "forward/support/parallel.h"
 #include "inverse/posterior/prior_moments.h"
 
 namespace blindcorner {
@@ -134,7 +133,7 @@ std::vector<Peak> ridge_components(const Scene& scene, const Peak& peak, const L
     walks += 2;
   }
   std::vector<std::vector<Peak>> found(walks);
-  tbb::parallel_for(std::size_t{0}, walks, [&](std::size_t i) {
+  parallel_for(std::size_t{0}, walks, [&](std::size_t i) {
     const double side = i % 2 == 0 ? -1 : 1;
     RidgeWalk walk(peak, axes, static_cast<Eigen::Index>(i / 2), side, target, top);
     found[i] = walk.walk();

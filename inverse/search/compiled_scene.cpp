@@ -2,8 +2,6 @@
 #include "inverse/search/compiled_scene.h"
 
 #include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
-#include <tbb/parallel_invoke.h>
 #include <tbb/task_arena.h>
 
 #include <algorithm>
@@ -13,6 +11,7 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/sensor/photon_noise.h"
+#include "forward/support/parallel.h"
 #include "forward/transport/scene_transport.h"
 #include "forward/transport/static_background.h"
 #include "inverse/search/difference_steps.h"
@@ -353,16 +352,13 @@ float* copy_gates(const Scene& scene, const std::vector<TimeGate>& gates,
 /// Histograms of the scored poses from `models`, [rows, poses].
 Eigen::MatrixXf render_templates(const CompiledScene& compiled, const ModelSet& models) {
   Eigen::MatrixXf templates(gate_rows(compiled), std::ssize(compiled.poses));
-  // Isolated: whoever waits here must not pick up another fit that waits for this compilation.
-  tbb::this_task_arena::isolate([&] {
-    tbb::parallel_for(std::size_t{0}, compiled.poses.size(), [&](std::size_t index) {
-      HistogramCube light;
-      float* out = templates.col(static_cast<Eigen::Index>(index)).data();
-      for (std::size_t c = 0; c < models.size(); ++c) {
-        models[c]->three_bounce(compiled.poses[index], light);
-        out = copy_gates(compiled.scene, compiled.gates[c], light, out);
-      }
-    });
+  parallel_for(std::size_t{0}, compiled.poses.size(), [&](std::size_t index) {
+    HistogramCube light;
+    float* out = templates.col(static_cast<Eigen::Index>(index)).data();
+    for (std::size_t c = 0; c < models.size(); ++c) {
+      models[c]->three_bounce(compiled.poses[index], light);
+      out = copy_gates(compiled.scene, compiled.gates[c], light, out);
+    }
   });
   return templates;
 }
@@ -455,20 +451,16 @@ std::vector<std::vector<TimeGate>> closed_form_gates(const CompiledScene& compil
 /// Histograms of the scored poses in closed form, `extra_sigma` (s) wider.
 Templates render_closed_form(const CompiledScene& compiled, double extra_sigma) {
   std::vector<Templates::Column> columns(compiled.poses.size());
-  // Isolated: whoever waits here must not pick up another fit that waits for these.
-  tbb::this_task_arena::isolate([&] {
-    // Chunks, so that what the object's middle sees is worked out once for its yaws.
-    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, columns.size(), 16),
-                      [&](const auto& part) {
-                        SparseLight light;
-                        for (std::size_t i = part.begin(); i != part.end(); ++i) {
-                          for (const CoarseModel& model : compiled.coarse) {
-                            model.three_bounce(compiled.poses[i], extra_sigma, light);
-                            append_light(compiled.scene.sensor, light, columns[i]);
-                          }
-                          cut_to_gates(compiled, columns[i]);
-                        }
-                      });
+  // Chunks, so that what the object's middle sees is worked out once for its yaws.
+  parallel_for(tbb::blocked_range<std::size_t>(0, columns.size(), 16), [&](const auto& part) {
+    SparseLight light;
+    for (std::size_t i = part.begin(); i != part.end(); ++i) {
+      for (const CoarseModel& model : compiled.coarse) {
+        model.three_bounce(compiled.poses[i], extra_sigma, light);
+        append_light(compiled.scene.sensor, light, columns[i]);
+      }
+      cut_to_gates(compiled, columns[i]);
+    }
   });
   return {gate_rows(compiled), std::move(columns)};
 }
@@ -496,18 +488,16 @@ std::vector<CompiledScene::ObjectGrid> render_objects(const CompiledScene& compi
     grid.poses = std::move(alone.poses);
     grid.spacing = alone.spacing;
     std::vector<Templates::Column> columns(grid.poses.size());
-    tbb::this_task_arena::isolate([&] {
-      tbb::parallel_for(std::size_t{0}, grid.poses.size(), [&](std::size_t i) {
-        std::vector<Placement> placements = stated_placements(scene);
-        placements[static_cast<std::size_t>(object)] =
-            placements_at(alone.scene, grid.poses[i]).front();
-        SparseLight light;
-        for (const CoarseModel& model : compiled.coarse) {
-          model.three_bounce(placements, extra, light, object);
-          append_light(scene.sensor, light, columns[i]);
-        }
-        cut_to_gates(compiled, columns[i]);
-      });
+    parallel_for(std::size_t{0}, grid.poses.size(), [&](std::size_t i) {
+      std::vector<Placement> placements = stated_placements(scene);
+      placements[static_cast<std::size_t>(object)] =
+          placements_at(alone.scene, grid.poses[i]).front();
+      SparseLight light;
+      for (const CoarseModel& model : compiled.coarse) {
+        model.three_bounce(placements, extra, light, object);
+        append_light(scene.sensor, light, columns[i]);
+      }
+      cut_to_gates(compiled, columns[i]);
     });
     grid.templates = {gate_rows(compiled), std::move(columns)};
     grids.push_back(std::move(grid));
@@ -721,16 +711,13 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
     for (const double sigma : compiled->widths) compiled->ladder.push_back(models(sigma, cheap));
   }
   knowledge->sampling_step(tolerance);
-  // Isolated: whoever waits here must not pick up another fit that waits for this compilation.
-  tbb::this_task_arena::isolate([&] {
-    tbb::parallel_invoke([&] { compiled->ladder.push_back(models(0, tolerance)); },
-                         [&] {
-                           if (!closed_form) return;
-                           for (const SensorPlacement& placement : placements) {
-                             compiled->coarse.emplace_back(knowledge->coarse(), placement);
-                           }
-                         });
-  });
+  parallel_invoke([&] { compiled->ladder.push_back(models(0, tolerance)); },
+                  [&] {
+                    if (!closed_form) return;
+                    for (const SensorPlacement& placement : placements) {
+                      compiled->coarse.emplace_back(knowledge->coarse(), placement);
+                    }
+                  });
   // Not beside these: who waits for work that is parallel inside may not help with it.
   if (has_static_background(scene)) {
     for (const auto& model : compiled->models()) {

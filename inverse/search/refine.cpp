@@ -2,13 +2,12 @@
 #include "inverse/search/refine.h"
 
 #include <ceres/ceres.h>
-#include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <cmath>
 #include <optional>
 
+#include "forward/support/parallel.h"
 #include "inverse/likelihood/light_slope.h"
 #include "inverse/posterior/fisher_information.h"
 #include "inverse/posterior/mode_merging.h"
@@ -364,10 +363,8 @@ Refined approach(const PoseObjective& objective, const Start& start) {
 std::vector<Refined> approach_all(const PoseObjective& objective,
                                   const std::vector<Start>& starts) {
   std::vector<Refined> reached(starts.size());
-  tbb::this_task_arena::isolate([&] {
-    tbb::parallel_for(std::size_t{0}, starts.size(),
-                      [&](std::size_t i) { reached[i] = approach(objective, starts[i]); });
-  });
+  parallel_for(std::size_t{0}, starts.size(),
+               [&](std::size_t i) { reached[i] = approach(objective, starts[i]); });
   return reached;
 }
 
@@ -426,10 +423,8 @@ std::vector<Refined> polish_all(const PoseObjective& objective,
                                 std::vector<Refined> optima) {
   const std::size_t known = optima.size();
   optima.resize(known + starts.size());
-  tbb::this_task_arena::isolate([&] {
-    tbb::parallel_for(std::size_t{0}, starts.size(),
-                      [&](std::size_t i) { optima[known + i] = polish(objective, starts[i]); });
-  });
+  parallel_for(std::size_t{0}, starts.size(),
+               [&](std::size_t i) { optima[known + i] = polish(objective, starts[i]); });
   optima = merge(objective.compiled(), std::move(optima), negligible);
   return without_slopes(objective, std::move(optima));
 }
@@ -439,12 +434,10 @@ std::vector<Refined> settle_all(const PoseObjective& objective, std::vector<Refi
   const CompiledScene& compiled = objective.compiled();
   if (compiled.coarse.empty() || optima.empty()) return optima;
   const double least = optima.front().value.log_posterior - kWorthSettling;
-  tbb::this_task_arena::isolate([&] {
-    tbb::parallel_for(std::size_t{0}, optima.size(), [&](std::size_t i) {
-      if (optima[i].slope.size() == 0 && optima[i].value.log_posterior >= least) {
-        settle(objective, optima[i]);
-      }
-    });
+  parallel_for(std::size_t{0}, optima.size(), [&](std::size_t i) {
+    if (optima[i].slope.size() == 0 && optima[i].value.log_posterior >= least) {
+      settle(objective, optima[i]);
+    }
   });
   return merge(compiled, std::move(optima), negligible);
 }

@@ -2,8 +2,6 @@
 #include "inverse/search/scoring.h"
 
 #include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <cmath>
@@ -15,6 +13,7 @@
 
 #include "blindcorner/forward/constants.h"
 #include "forward/support/multiversion.h"
+#include "forward/support/parallel.h"
 
 namespace blindcorner {
 namespace {
@@ -274,14 +273,11 @@ Eigen::MatrixXf MatchedFilter::scores_of(const Templates& templates, const Eigen
       gains->norm[pose] = norm;
     }
   };
-  // Isolated: whoever waits here must not pick up work that waits for this.
-  tbb::this_task_arena::isolate([&] {
-    tbb::parallel_for(tbb::blocked_range<Eigen::Index>(0, poses, 64), [&](const auto& part) {
-      Eigen::VectorXf along = Eigen::VectorXf::Zero(sets), projection = along, total = along;
-      for (Eigen::Index pose = part.begin(); pose != part.end(); ++pose) {
-        score(pose, along, projection, total);
-      }
-    });
+  parallel_for(tbb::blocked_range<Eigen::Index>(0, poses, 64), [&](const auto& part) {
+    Eigen::VectorXf along = Eigen::VectorXf::Zero(sets), projection = along, total = along;
+    for (Eigen::Index pose = part.begin(); pose != part.end(); ++pose) {
+      score(pose, along, projection, total);
+    }
   });
   return scores;
 }
@@ -477,13 +473,11 @@ std::vector<PoseVector> other_places(const PoseObjective& objective, const PoseV
       return pose;
     };
     Eigen::VectorXf scores(std::ssize(grid.poses));
-    tbb::this_task_arena::isolate([&] {
-      tbb::parallel_for(Eigen::Index{0}, scores.size(), [&](Eigen::Index i) {
-        LinearSolution solution = linear;
-        scores[i] = static_cast<float>(
-            objective.evaluate(light, with(static_cast<int>(i)), solution, true, kAccuracy)
-                .log_posterior);
-      });
+    parallel_for(Eigen::Index{0}, scores.size(), [&](Eigen::Index i) {
+      LinearSolution solution = linear;
+      scores[i] = static_cast<float>(
+          objective.evaluate(light, with(static_cast<int>(i)), solution, true, kAccuracy)
+              .log_posterior);
     });
     for (const int i : apart(best_first(scores, grid.poses.size()), most, NextTo{grid})) {
       chosen.push_back(with(i));
@@ -537,13 +531,10 @@ Scored score(const PoseObjective& objective, const LinearSolution& empty, int co
         known[static_cast<std::size_t>(pose)] = true;
         scored.push_back({pose, 0, compiled.poses[static_cast<std::size_t>(pose)]});
       }
-      tbb::this_task_arena::isolate([&] {
-        tbb::parallel_for(first, scored.size(), [&](std::size_t k) {
-          LinearSolution solution;
-          scored[k].log_posterior =
-              objective.evaluate_template(scored[k].index, solution, false, kAccuracy)
-                  .log_posterior;
-        });
+      parallel_for(first, scored.size(), [&](std::size_t k) {
+        LinearSolution solution;
+        scored[k].log_posterior =
+            objective.evaluate_template(scored[k].index, solution, false, kAccuracy).log_posterior;
       });
       for (std::size_t k = first; k < scored.size(); ++k) {
         if (scored[k].log_posterior <= best) continue;
@@ -619,13 +610,11 @@ std::vector<PoseVector> best_by_model(const PoseObjective& objective, const Scor
       if (!start) places.push_back({0, c.pose});
     }
   }
-  tbb::this_task_arena::isolate([&] {
-    tbb::parallel_for(std::size_t{0}, places.size(), [&](std::size_t i) {
-      LinearSolution linear;
-      places[i].log_posterior =
-          objective.evaluate(objective.models(), places[i].pose, linear, false, kAccuracy)
-              .log_posterior;
-    });
+  parallel_for(std::size_t{0}, places.size(), [&](std::size_t i) {
+    LinearSolution linear;
+    places[i].log_posterior =
+        objective.evaluate(objective.models(), places[i].pose, linear, false, kAccuracy)
+            .log_posterior;
   });
   std::ranges::stable_sort(places, std::greater{}, &Place::log_posterior);
   const auto next_to = [&](const Place& a, const Place& b) {

@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "inverse/search/sharpen.h"
 
-#include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
-
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
@@ -13,6 +10,7 @@
 #include <limits>
 #include <utility>
 
+#include "forward/support/parallel.h"
 #include "inverse/likelihood/light_slope.h"
 #include "inverse/posterior/fisher_information.h"
 #include "inverse/posterior/goodness_of_fit.h"
@@ -86,11 +84,9 @@ void sharpen_each(const PoseObjective& objective, std::vector<Refined>& optima,
   std::vector<double> rough;
   for (const Refined& optimum : optima) rough.push_back(optimum.value.log_posterior);
   const auto settle_those = [&](double least, double below) {
-    tbb::this_task_arena::isolate([&] {
-      tbb::parallel_for(std::size_t{0}, optima.size(), [&](std::size_t i) {
-        if (rough[i] < least || rough[i] >= below) return;
-        settle(objective, optima[i], i == 0 ? &here : nullptr);
-      });
+    parallel_for(std::size_t{0}, optima.size(), [&](std::size_t i) {
+      if (rough[i] < least || rough[i] >= below) return;
+      settle(objective, optima[i], i == 0 ? &here : nullptr);
     });
   };
   const double least = best - kWorthSharpening;

@@ -1,15 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "inverse/search/spline_grid.h"
 
-#include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
-
 #include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <cmath>
 
 #include "forward/support/multiversion.h"
+#include "forward/support/parallel.h"
 
 namespace blindcorner {
 namespace {
@@ -98,18 +96,15 @@ SplineGrid::SplineGrid(const Eigen::MatrixXf& values, std::vector<GridAxis> axes
     const Eigen::Index from = sizes_[d];
     const Eigen::Index to = matrix.rows();
     Eigen::MatrixXf next(coefficients_.rows(), outer * to * inner);
-    // Isolated: whoever waits here must not pick up a fit that waits for this compilation.
-    tbb::this_task_arena::isolate([&] {
-      tbb::parallel_for(Eigen::Index{0}, outer * inner, [&](Eigen::Index line) {
-        const Eigen::Index o = line / inner;
-        const Eigen::Index i = line % inner;
-        Eigen::MatrixXf points(coefficients_.rows(), from);
-        for (Eigen::Index k = 0; k < from; ++k) {
-          points.col(k) = coefficients_.col((o * from + k) * inner + i);
-        }
-        const Eigen::MatrixXf solved = points * matrix.transpose();
-        for (Eigen::Index k = 0; k < to; ++k) next.col((o * to + k) * inner + i) = solved.col(k);
-      });
+    parallel_for(Eigen::Index{0}, outer * inner, [&](Eigen::Index line) {
+      const Eigen::Index o = line / inner;
+      const Eigen::Index i = line % inner;
+      Eigen::MatrixXf points(coefficients_.rows(), from);
+      for (Eigen::Index k = 0; k < from; ++k) {
+        points.col(k) = coefficients_.col((o * from + k) * inner + i);
+      }
+      const Eigen::MatrixXf solved = points * matrix.transpose();
+      for (Eigen::Index k = 0; k < to; ++k) next.col((o * to + k) * inner + i) = solved.col(k);
     });
     coefficients_ = std::move(next);
     sizes_[d] = static_cast<int>(to);

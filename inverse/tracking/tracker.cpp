@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "blindcorner/inverse/tracking/tracker.h"
 
-#include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
-
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
@@ -15,6 +12,7 @@
 #include <utility>
 
 #include "blindcorner/forward/error.h"
+#include "forward/support/parallel.h"
 #include "inverse/posterior/posterior.h"
 #include "inverse/posterior/prior_moments.h"
 #include "inverse/search/compiled_scene.h"
@@ -295,12 +293,9 @@ std::vector<Tracker::Hypothesis> Tracker::explain(const FrameLikelihood& frame, 
   std::vector<Hypothesis> shown;
   bool surprised = false;
   std::vector<FrameLikelihood::Update> updates(modes_.size());
-  // Isolated: whoever waits here must not pick up work that waits for this.
-  tbb::this_task_arena::isolate([&] {
-    tbb::parallel_for(std::size_t{0}, modes_.size(), [&](std::size_t i) {
-      const Gaussian prior = measured_part(layout_, modes_[i].state);
-      updates[i] = frame.update(prior, prior.mean, inflation_);
-    });
+  parallel_for(std::size_t{0}, modes_.size(), [&](std::size_t i) {
+    const Gaussian prior = measured_part(layout_, modes_[i].state);
+    updates[i] = frame.update(prior, prior.mean, inflation_);
   });
   for (std::size_t i = 0; i < modes_.size(); ++i) {
     const TrackMode& mode = modes_[i];
@@ -360,11 +355,9 @@ std::vector<Tracker::Hypothesis> Tracker::explain(const FrameLikelihood& frame, 
 void Tracker::search(const FrameLikelihood& frame, std::span<const VectorXd> starts, double share,
                      std::vector<Hypothesis>& hypotheses) const {
   std::vector<FrameLikelihood::Update> updates(starts.size());
-  tbb::this_task_arena::isolate([&] {
-    tbb::parallel_for(std::size_t{0}, starts.size(), [&](std::size_t i) {
-      updates[i] = modes_.empty() ? frame.update(unknown_, starts[i], inflation_)
-                                  : frame.rough_update(unknown_, starts[i], inflation_);
-    });
+  parallel_for(std::size_t{0}, starts.size(), [&](std::size_t i) {
+    updates[i] = modes_.empty() ? frame.update(unknown_, starts[i], inflation_)
+                                : frame.rough_update(unknown_, starts[i], inflation_);
   });
   for (const FrameLikelihood::Update& update : updates) {
     Hypothesis born;
@@ -447,9 +440,7 @@ void Tracker::search_young(std::vector<VectorXd> places, std::vector<Hypothesis>
   for (const Hypothesis& h : shown) places.push_back(h.filtered.mean.head(layout_.measured));
   const std::vector<Gaussian> before = before_young();
   const auto in_parallel = [](std::vector<Hypothesis>& all, const auto& judge) {
-    tbb::this_task_arena::isolate([&] {
-      tbb::parallel_for(std::size_t{0}, all.size(), [&](std::size_t i) { all[i] = judge(i); });
-    });
+    parallel_for(std::size_t{0}, all.size(), [&](std::size_t i) { all[i] = judge(i); });
     std::stable_sort(all.begin(), all.end(), [](const Hypothesis& a, const Hypothesis& b) {
       return a.log_weight > b.log_weight;
     });

@@ -195,6 +195,19 @@ def test_ctrl_c_ends_fits_at_once(scene):
     assert fitter.fit(many[0]).modes
 
 
+def test_ctrl_c_at_any_moment_leaves_a_fitter_that_serves(scene):
+    many = bc.render(scene, pose=[{}] * 40, photons=2000, seed=4, model="fast")
+    expected = without_times(bc.Fitter(scene, many).fit(many[0]).to_dict())
+    for moment in range(20):
+        fitter = bc.Fitter(scene, many)
+        timer = interrupt_after(0.01 + 0.005 * moment)
+        with pytest.raises(KeyboardInterrupt):
+            while True:
+                fitter.fit_each(many)
+        timer.join()
+        assert without_times(fitter.fit(many[0]).to_dict()) == expected
+
+
 def test_ctrl_c_leaves_fits_of_other_threads_alone(scene, several):
     many = bc.render(scene, pose=[{}] * 400, photons=2000, seed=4, model="fast")
     fitter = bc.Fitter(scene, many)

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 /// `blindcorner benchmark forward`: error of the forward models against run time.
-#include <tbb/parallel_for.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -17,6 +16,7 @@
 #include "commands/cpu_clock.h"
 #include "commands/number_check.h"
 #include "commands/progress.h"
+#include "forward/support/parallel.h"
 #include "forward/support/quantile.h"
 #include "report/formatted.h"
 
@@ -97,7 +97,7 @@ Truth make_truth(const ForwardArguments& arguments, const Scene& scene,
       make_reference_renderer(scene, sensor, reference_sampling(arguments.truth));
   truth.light.resize(truth.poses.size());
   Progress progress(scene.name + ": truth", truth.poses.size());
-  tbb::parallel_for(std::size_t{0}, truth.poses.size(), [&](std::size_t i) {
+  parallel_for(std::size_t{0}, truth.poses.size(), [&](std::size_t i) {
     reference->three_bounce(truth.poses[i], truth.light[i]);
     progress.advance();
   });

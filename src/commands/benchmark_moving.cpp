@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 /// `blindcorner benchmark moving`: run time, memory and accuracy with a sensor that stands
 /// elsewhere in every frame.
-#include <tbb/parallel_for.h>
-#include <tbb/partitioner.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -31,6 +29,7 @@
 #include "commands/progress.h"
 #include "commands/synthetic_trials.h"
 #include "commands/thread_limit.h"
+#include "forward/support/parallel.h"
 #include "forward/support/quantile.h"
 #include "report/formatted.h"
 
@@ -123,7 +122,7 @@ std::vector<Capture> render(const MovingArguments& arguments, const Scene& scene
   if (arguments.photons > 0) budget.third_bounce_photons = arguments.photons;
   std::vector<Capture> captures(path.size());
   Progress progress(scene.name + ": rendering", path.size());
-  tbb::parallel_for(std::size_t{0}, path.size(), [&](std::size_t i) {
+  parallel_for(std::size_t{0}, path.size(), [&](std::size_t i) {
     const auto renderer = make_reference_renderer(seen[i], sensor_placement(seen[i]),
                                                   reference_sampling(arguments.truth));
     // The first capture shows the first object, as the first frame does.

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 /// `blindcorner benchmark solver`: the solver against an exhaustive search, on captures that the
 /// reference renderer made.
-#include <tbb/parallel_for.h>
 
 #include <CLI/CLI.hpp>
 #include <Eigen/Cholesky>
@@ -27,6 +26,7 @@
 #include "commands/printout.h"
 #include "commands/progress.h"
 #include "commands/synthetic_trials.h"
+#include "forward/support/parallel.h"
 #include "forward/support/quantile.h"
 #include "report/table.h"
 
@@ -179,7 +179,7 @@ std::vector<Capture> render_captures(const SolverArguments& arguments, const Sce
       make_reference_renderer(scene, sensor_placement(scene), reference_sampling(arguments.truth));
   std::vector<Capture> captures(truths.size());
   Progress rendering(scene.name + ": rendering", truths.size());
-  tbb::parallel_for(std::size_t{0}, truths.size(), [&](std::size_t i) {
+  parallel_for(std::size_t{0}, truths.size(), [&](std::size_t i) {
     if (Interruptible::asked()) return;
     captures[i] = make_capture(scene, *reference, truths[i], budgets[i],
                                arguments.seed + 1'000'003 * (i + 1));
@@ -239,7 +239,7 @@ Study run_study(const SolverArguments& arguments, const std::string& path) {
   const ExhaustiveSearch exhaustive(scene, arguments.exhaustive);
   study.trials.resize(count);
   Progress fitting(scene.name + ": " + std::to_string(exhaustive.poses()) + " poses each", count);
-  tbb::parallel_for(std::size_t{0}, count, [&](std::size_t i) {
+  parallel_for(std::size_t{0}, count, [&](std::size_t i) {
     if (Interruptible::asked()) return;
     study.trials[i] = run_trial(scene, captures[i], truths[i], fitter, exhaustive);
     study.trials[i].photons = *budgets[i].third_bounce_photons;

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 /// `blindcorner bound SCENE`: the error to expect over the hidden area, before there is a capture.
-#include <tbb/parallel_for.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -25,6 +24,7 @@
 #include "commands/pose_text.h"
 #include "commands/printout.h"
 #include "commands/progress.h"
+#include "forward/support/parallel.h"
 #include "report/bound_page.h"
 
 namespace blindcorner {
@@ -127,7 +127,7 @@ BoundMap map_of(const BoundArguments& arguments, const Scene& scene, const Senso
   const ErrorBound bound(scene, sensor, options, [&] { progress.advance(); });
   map.prior_error = bound.prior_error();
   map.places.resize(count);
-  tbb::parallel_for(std::size_t{0}, count, [&](std::size_t i) {
+  parallel_for(std::size_t{0}, count, [&](std::size_t i) {
     PoseVector pose = held;
     if (x) pose[static_cast<Eigen::Index>(*x)] = map.x_m[i % map.x_m.size()];
     if (y) pose[static_cast<Eigen::Index>(*y)] = map.y_m[i / map.x_m.size()];

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 /// `blindcorner crossvalidate SCENE CAPTURES -o DIR`: calibrate on some positions, evaluate on
 /// others.
-#include <tbb/parallel_for.h>
 #include <tbb/partitioner.h>
 
 #include <CLI/CLI.hpp>
@@ -22,6 +21,7 @@
 #include "commands/output_directory.h"
 #include "commands/printout.h"
 #include "commands/progress.h"
+#include "forward/support/parallel.h"
 #include "report/evaluation_page.h"
 
 namespace blindcorner {
@@ -50,7 +50,7 @@ void evaluate_split(const Scene& calibrated, const FitOptions& options,
   const Fitter fitter(calibrated, options);
   std::vector<EstimateError> own(chosen.size());
   Progress progress("captures", chosen.size());
-  tbb::parallel_for(
+  parallel_for(
       std::size_t{0}, chosen.size(),
       [&](std::size_t i) {
         const FitResult result = fitter.fit(captures[chosen[i]]);

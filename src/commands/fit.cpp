@@ -2,7 +2,6 @@
 /// `blindcorner fit SCENE CAPTURE... -o DIR [--joint | --track]`.
 #include "blindcorner/inverse/fit.h"
 
-#include <tbb/parallel_for.h>
 #include <tbb/partitioner.h>
 
 #include <CLI/CLI.hpp>
@@ -30,6 +29,7 @@
 #include "commands/printout.h"
 #include "commands/progress.h"
 #include "commands/thread_limit.h"
+#include "forward/support/parallel.h"
 
 namespace blindcorner {
 
@@ -98,7 +98,7 @@ std::vector<FitResult> fit_each(const Fitter& fitter, const std::vector<CaptureI
     if (progress) progress->advance();
   };
   // One task per capture: their times differ by an order of magnitude.
-  tbb::parallel_for(std::size_t{0}, inputs.size(), fit_one, tbb::simple_partitioner());
+  parallel_for(std::size_t{0}, inputs.size(), fit_one, tbb::simple_partitioner());
   return results;
 }
 

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "blindcorner/simulation/claim_study.h"
 
-#include <tbb/parallel_for.h>
-
 #include <cmath>
 
 #include "blindcorner/forward/error.h"
 #include "blindcorner/forward/transport/forward_model.h"
+#include "forward/support/parallel.h"
 
 namespace blindcorner {
 namespace {
@@ -59,7 +58,7 @@ std::vector<ClaimLevel> light_levels(const Scene& scene, const ClaimStudyOptions
 
 void run_trials(std::size_t count, const std::function<void()>& advance,
                 const std::function<void(std::size_t)>& run) {
-  tbb::parallel_for(std::size_t{0}, count, [&](std::size_t i) {
+  parallel_for(std::size_t{0}, count, [&](std::size_t i) {
     run(i);
     if (advance) advance();
   });

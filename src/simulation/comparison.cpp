@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "blindcorner/simulation/comparison.h"
 
-#include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 
 #include <algorithm>
@@ -20,6 +19,7 @@
 #include "blindcorner/inverse/baseline/back_projection.h"
 #include "blindcorner/inverse/baseline/multilateration.h"
 #include "blindcorner/inverse/fit.h"
+#include "forward/support/parallel.h"
 #include "forward/support/quantile.h"
 
 namespace blindcorner {
@@ -323,7 +323,7 @@ std::vector<std::vector<MethodAnswer>> answer_all(const std::vector<ComparedMeth
   for (const ComparedMethod& method : methods) {
     answers.emplace_back(captures.size());
     std::vector<MethodAnswer>& own = answers.back();
-    tbb::parallel_for(std::size_t{0}, captures.size(), [&](std::size_t i) {
+    parallel_for(std::size_t{0}, captures.size(), [&](std::size_t i) {
       own[i] = timed_answer(method, captures[i]);
       if (advance) advance();
     });

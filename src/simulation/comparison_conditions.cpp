@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "blindcorner/simulation/comparison_conditions.h"
 
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
 #include <cmath>
 #include <numeric>
@@ -17,6 +15,7 @@
 #include "forward/relay/ray_scene.h"
 #include "forward/relay/relay.h"
 #include "forward/support/comma_list.h"
+#include "forward/support/parallel.h"
 #include "simulation/scene_changes.h"
 
 namespace blindcorner {
@@ -237,7 +236,7 @@ void render(const Scene& told, Staged& staged, std::uint64_t seed,
   const std::vector<std::string> names = unknown_names(told);
   std::vector<Capture>& captures = staged.condition.captures;
   captures.resize(staged.stands.size());
-  tbb::parallel_for(std::size_t{0}, captures.size(), [&](std::size_t i) {
+  parallel_for(std::size_t{0}, captures.size(), [&](std::size_t i) {
     const Stand& stand = staged.stands[i];
     // Photons of neighbouring captures come from seeds far apart.
     captures[i] =

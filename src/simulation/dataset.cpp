@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "blindcorner/simulation/dataset.h"
 
-#include <tbb/parallel_for.h>
-
 #include <cmath>
 #include <random>
 
@@ -12,6 +10,7 @@
 #include "blindcorner/simulation/simulated_sensor.h"
 #include "blindcorner/simulation/synthetic.h"
 #include "forward/relay/ray_scene.h"
+#include "forward/support/parallel.h"
 
 namespace blindcorner {
 namespace {
@@ -120,7 +119,7 @@ std::vector<Capture> render_dataset(const Scene& scene, const DatasetPlan& plan,
                                     const std::function<void()>& advance) {
   const SimulatedSensor sensor(scene);
   std::vector<Capture> captures(plan.captures());
-  tbb::parallel_for(std::size_t{0}, captures.size(), [&](std::size_t i) {
+  parallel_for(std::size_t{0}, captures.size(), [&](std::size_t i) {
     // Photons of neighbouring captures come from seeds far apart.
     const std::uint64_t seed = options.seed + 1'000'003 * (i + 1);
     const std::size_t object = plan.paired ? i : i / plan.sensors.size();

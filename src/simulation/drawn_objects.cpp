@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "blindcorner/simulation/drawn_objects.h"
 
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -10,6 +8,7 @@
 
 #include "blindcorner/forward/error.h"
 #include "blindcorner/simulation/simulated_sensor.h"
+#include "forward/support/parallel.h"
 #include "simulation/scene_changes.h"
 
 namespace blindcorner {
@@ -124,7 +123,7 @@ std::vector<DrawnObject> draw_objects(const Scene& scene, const DrawOptions& opt
     poses.push_back(alone ? object.pose : with_second_pose(scene, object.pose, second));
   }
   const LightOfTruth light(truth, options.light, options.sampling);
-  tbb::parallel_for(std::size_t{0}, objects.size(), [&](std::size_t i) {
+  parallel_for(std::size_t{0}, objects.size(), [&](std::size_t i) {
     light.light(poses[i], objects[i]);
     if (advance) advance();
   });

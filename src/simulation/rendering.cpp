@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "blindcorner/simulation/rendering.h"
 
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
 #include <memory>
 
@@ -10,6 +8,7 @@
 #include "blindcorner/forward/sensor/photon_noise.h"
 #include "blindcorner/simulation/sensor_path.h"
 #include "blindcorner/simulation/synthetic.h"
+#include "forward/support/parallel.h"
 
 namespace blindcorner {
 namespace {
@@ -134,7 +133,7 @@ CaptureFile render_captures(const Scene& scene,
   file.sensor = scene.sensor.name;
   file.description = "rendered from scene " + scene.name + " by the " + options.model + " model";
   file.captures.resize(count);
-  tbb::parallel_for(std::size_t{0}, sensors.size(), [&](std::size_t s) {
+  parallel_for(std::size_t{0}, sensors.size(), [&](std::size_t s) {
     if (stopped()) return;
     Scene free = fully_free(seen[s]);
     widen_to(free, placements);
@@ -144,7 +143,7 @@ CaptureFile render_captures(const Scene& scene,
                                 : make_reference_renderer(free, sensor, reference_options(options));
     const std::size_t first = sensors.size() == 1 ? 0 : s;
     const std::size_t end = sensors.size() == 1 ? count : s + 1;
-    tbb::parallel_for(first, end, [&](std::size_t i) {
+    parallel_for(first, end, [&](std::size_t i) {
       if (stopped()) return;
       file.captures[i] =
           render_one(options, seen[s], free, *model, placements[placements.size() == 1 ? 0 : i],

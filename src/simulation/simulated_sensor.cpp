@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "blindcorner/simulation/simulated_sensor.h"
 
-#include <tbb/parallel_invoke.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -16,6 +14,7 @@
 #include "blindcorner/forward/transport/forward_model.h"
 #include "forward/relay/relay_setup.h"
 #include "forward/sensor/pulse_table.h"
+#include "forward/support/parallel.h"
 #include "forward/transport/scene_transport.h"
 #include "forward/transport/static_background.h"
 
@@ -190,7 +189,7 @@ const Scene& SimulatedSensor::scene() const { return impl_->scene; }
 SensedLight SimulatedSensor::light(const Transform& T_world_sensor,
                                    const std::optional<PoseVector>& pose) const {
   SensedLight light;
-  tbb::parallel_invoke(
+  parallel_invoke(
       [&] {
         light.three_bounce =
             pose ? impl_->three_bounce(T_world_sensor, *pose) : dark(scene().sensor);

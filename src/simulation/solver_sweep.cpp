@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "blindcorner/simulation/solver_sweep.h"
 
-#include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 
 #include <Eigen/Cholesky>
@@ -26,6 +25,7 @@
 #include "blindcorner/simulation/claim_tests.h"
 #include "blindcorner/simulation/pareto_front.h"
 #include "blindcorner/simulation/traced_scene.h"
+#include "forward/support/parallel.h"
 #include "forward/support/quantile.h"
 
 namespace blindcorner {
@@ -139,7 +139,7 @@ void add_bounds(const Scene& scene, const std::vector<DrawnObject>& objects, std
                               ? scene.linear.fixed_amplitude
                               : scene.linear.amplitude_prior.median;
   std::vector<Eigen::MatrixXd> covariances(objects.size());
-  tbb::parallel_for(std::size_t{0}, objects.size(), [&](std::size_t i) {
+  parallel_for(std::size_t{0}, objects.size(), [&](std::size_t i) {
     covariances[i] =
         of_positions(scene, bound.at(objects[i].pose, objects[i].amplitude / expected).with_prior);
   });

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 /// Rows about captures so bright that the model's own error decides.
-#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <cmath>
@@ -8,6 +7,7 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/simulation/synthetic.h"
+#include "forward/support/parallel.h"
 #include "stability/cases.h"
 #include "stability/themes.h"
 
@@ -42,7 +42,7 @@ struct BrightPoses {
     std::mt19937_64 random(1);
     for (int i = 0; i < kPoses; ++i) poses.push_back(draw_pose(scene, random));
     model->static_background();
-    tbb::parallel_for(std::size_t{0}, poses.size(), [&](std::size_t i) {
+    parallel_for(std::size_t{0}, poses.size(), [&](std::size_t i) {
       light[i] = model->three_bounce(poses[i]);
       known[i] = model->shadowed_background(poses[i]);
     });

@@ -13,7 +13,7 @@
 namespace blindcorner {
 namespace {
 
-constexpr double kFriction = 8.8;  // m/s^2
+constexpr double kHardest = 8.8;  // m/s^2
 constexpr double kWanted = 14;     // m/s
 
 class Occluded : public ::testing::Test {
@@ -50,7 +50,7 @@ class Occluded : public ::testing::Test {
       state.position = {x, 0};
       occluded.see(0.5 / kWanted, state);
     }
-    return occluded.limits(straight_path(35, 0.5), 0, kWanted, kFriction);
+    return occluded.limits(straight_path(35, 0.5), 0, kWanted, kHardest);
   }
   static double least(const std::vector<double>& speeds) {
     return *std::ranges::min_element(speeds);
@@ -102,7 +102,7 @@ TEST_F(Occluded, CanStopForWhoeverStartsBehindTheCorner) {
   for (std::size_t i = 0; i < 36; ++i) {
     const double front = 0.5 * static_cast<double>(i) + 2.25, before = 20 - front;
     const double v = std::min(speeds[i], kWanted);
-    const double stops = v * options_.reaction_time + v * v / (2 * kFriction);
+    const double stops = v * options_.reaction_time + v * v / (2 * kHardest);
     const double there = before / std::max(v, 0.1);
     EXPECT_TRUE(before < 0 || stops <= before + 0.5 || there < comes + 1) << front << " " << v;
   }

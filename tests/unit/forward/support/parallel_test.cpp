@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "forward/support/parallel.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cstddef>
+#include <thread>
+#include <vector>
+
+namespace blindcorner {
+namespace {
+
+struct Stopped {};
+
+/// One iteration throws while the loop inside another one runs: the inner loop must write all its
+/// results before the code behind it reads them.
+TEST(ParallelFor, AnExceptionBesideALoopDoesNotCutIt) {
+  constexpr std::size_t kInner = 200;
+  std::atomic<bool> inside{false};
+  std::atomic<int> cut{0};
+  const auto loop = [&](std::size_t i) {
+    using namespace std::chrono_literals;
+    if (i == 0) {
+      for (int k = 0; k < 2000 && !inside; ++k) std::this_thread::sleep_for(1ms);
+      throw Stopped{};
+    }
+    std::vector<int> written(kInner, 0);
+    parallel_for(std::size_t{0}, kInner, [&](std::size_t k) {
+      inside = true;
+      std::this_thread::sleep_for(100us);
+      written[k] = 1;
+    });
+    if (std::ranges::find(written, 0) != written.end()) ++cut;
+  };
+  EXPECT_THROW(parallel_for(std::size_t{0}, std::size_t{4}, loop), Stopped);
+  EXPECT_EQ(cut, 0);
+}
+
+TEST(ParallelInvoke, AnExceptionBesideALoopDoesNotCutIt) {
+  std::atomic<bool> inside{false};
+  std::vector<int> written(200, 0);
+  const auto throwing = [&] {
+    using namespace std::chrono_literals;
+    for (int k = 0; k < 2000 && !inside; ++k) std::this_thread::sleep_for(1ms);
+    throw Stopped{};
+  };
+  const auto looping = [&] {
+    parallel_for(std::size_t{0}, written.size(), [&](std::size_t k) {
+      inside = true;
+      std::this_thread::sleep_for(std::chrono::microseconds(100));
+      written[k] = 1;
+    });
+    EXPECT_EQ(std::ranges::count(written, 1), std::ssize(written));
+  };
+  EXPECT_THROW(parallel_invoke(looping, throwing), Stopped);
+}
+
+}  // namespace
+}  // namespace blindcorner
