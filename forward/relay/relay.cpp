@@ -181,8 +181,9 @@ class Sampler {
       if (hit) fill(cell, *hit, patch);
       return hit ? Trace::whole : Trace::nothing;
     }
-    // Corners a hair inside, so that a field that ends on a surface's edge is not mixed.
-    constexpr double kInset = 0.02;
+    // Corners a hair inside, so that a field that ends on a surface's edge is not mixed. A border
+    // nearer to a cell's edge than that is overlooked.
+    constexpr double kInset = 1e-3;
     const std::array<double, 2> us = {cell.u0 + kInset * (cell.u1 - cell.u0),
                                       cell.u1 - kInset * (cell.u1 - cell.u0)};
     const std::array<double, 2> vs = {cell.v0 + kInset * (cell.v1 - cell.v0),
@@ -247,16 +248,17 @@ class Sampler {
   /// A mixed cell as a patch for each flat surface in it, with its share of the cell and of the
   /// cell's edges, by rays along a lattice that has a column and a row for each ray.
   std::vector<RelayPatch> parts_of(const Cell& cell) const {
-    constexpr int kRays = 34, kTurn = 21;  // Fibonacci
+    const int rays = sampling_.edge_rays;
+    const int turn = static_cast<int>(std::lround(rays * (std::sqrt(5.0) - 1) / 2));  // Fibonacci
     struct Part {
       RelayPatch patch;
       double weight, u, v, uu, vv;
     };
     std::vector<Part> parts;
     double all = 0;
-    for (int k = 0; k < kRays; ++k) {
-      const double u = (k + 0.5) / kRays;
-      const double v = (k * kTurn % kRays + 0.5) / kRays;
+    for (int k = 0; k < rays; ++k) {
+      const double u = (k + 0.5) / rays;
+      const double v = (k * turn % rays + 0.5) / rays;
       const double cell_u = cell.u0 + u * (cell.u1 - cell.u0);
       const double cell_v = cell.v0 + v * (cell.v1 - cell.v0);
       const double weight = cell.density(cell_u, cell_v);
@@ -282,7 +284,7 @@ class Sampler {
       // Even light of the same mean and variance along both edges; one ray stands for its own row.
       const auto side = [&](double from, double to, double sum, double squares) {
         const double mean = sum / part.weight;
-        const double own = 1.0 / (12 * kRays * kRays);
+        const double own = 1.0 / (12 * rays * rays);
         const double half = std::sqrt(3 * std::max(squares / part.weight - mean * mean + own, own));
         return std::array{from + (mean - half) * (to - from), from + mean * (to - from),
                           from + (mean + half) * (to - from)};

@@ -40,6 +40,7 @@ using CellPlaces = std::array<std::array<Eigen::Vector3d, 3>, 3>;
 struct RelaySampling {
   int divisions = 1;          ///< least divisions of the region along each side
   int edge_depth = 4;         ///< quarterings where a cell straddles the border of surfaces
+  int edge_rays = 34;         ///< that share such a cell between its surfaces; a Fibonacci number
   bool centers_only = false;  ///< one ray to a cell: what its centre sees stands for all of it
   bool with_radiance = true;  ///< seen patches know what they send back
   int split_depth = 12;       ///< most halvings demanded by `split`

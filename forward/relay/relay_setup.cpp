@@ -26,6 +26,10 @@ constexpr double kRelayPointTolerance = 0.5;
 constexpr int kRimDivisions = 64;
 constexpr int kRimPoints = 4;
 
+/// Rays to a cell over a border of surfaces. On the crossing, {4, 0.3, 5} with these errs as little
+/// as with 34 and takes three quarters of the time.
+constexpr int kDirectEdgeRays = 13;
+
 /// Spreads that two, three, ... Gauss nodes stand for as well as two stand for one: a node more
 /// takes half as much work as a cell halved (street: the same error in 0.45 of the time).
 constexpr std::array<double, 4> kDirectReach = {1, 1.7, 2.4, 3};
@@ -317,6 +321,7 @@ HistogramCube RelaySetup::direct_return(const PulseTable& pulses,
   RelaySampling sampling;
   sampling.divisions = cells.divisions;
   sampling.edge_depth = cells.edge_depth;
+  sampling.edge_rays = kDirectEdgeRays;
   sampling.halves_inherit = true;
   // Paths between neighbouring nodes must lie well within the pulse, or a grazing floor becomes a
   // comb.

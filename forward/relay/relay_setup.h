@@ -37,7 +37,8 @@ struct SurfaceRays {
 
 /// Cells of the direct return, each of two to five Gauss nodes along either side. By default their
 /// light is within 1e-4 (L2) of that of {24, 0.2, 5} on the wall, the corridor, the street and the
-/// reference floor; so is that of {4, 0.3, 2}.
+/// reference floor. Of a sensor that moves over the crossing, {4, 0.3, 5} errs by 3e-5 to 1.5e-4;
+/// {4, 0.3, 2}, which leaves larger cells over the borders of surfaces, by 1e-4 to 1.3e-3.
 struct DirectSampling {
   int divisions = 10;   ///< cells along each side of a zone, at least
   double spread = 0.3;  ///< path spread of two nodes against the pulse's standard deviation

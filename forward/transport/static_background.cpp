@@ -40,14 +40,14 @@ constexpr double kNoLight = 1e-7;
 constexpr double kSensorAngle = 0.4;
 /// Cells of the direct return, by judgement of time; how far off they are is measured
 /// (StaticBackgroundModel::error) and carried in the likelihood.
-constexpr DirectSampling kDirectCells{4, 0.3, 2};
+constexpr DirectSampling kDirectCells{4, 0.3, 5};
 /// Those that tell how far off they are: two Gauss nodes err by the fourth power of a cell, so that
 /// these are 2 to 5 times as good.
-constexpr DirectSampling kBetterCells{6, 0.25, 2};
+constexpr DirectSampling kBetterCells{6, 0.25, 6};
 /// The same for bright captures. Against cells a tenth as large (L2 over photon noise) the usual
 /// ones are 1.6e-5 (TMF8828 wall), 1e-4 (its floor) and 8e-5 (street) off, these 2e-7, 1e-6 and
 /// 1e-5.
-constexpr DirectSampling kFineCells{12, 0.1, 2}, kBetterThanFine{16, 0.07, 2};
+constexpr DirectSampling kFineCells{12, 0.1, 4}, kBetterThanFine{16, 0.07, 5};
 /// Share of the bounces' squared error up to which the direct return keeps its usual cells.
 constexpr double kMinorError = 0.1;
 /// Parts in which the bounces are summed, side by side; fixed, so that sums do not depend on

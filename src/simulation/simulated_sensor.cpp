@@ -42,7 +42,7 @@ constexpr double kTolerance = 0.01;
 constexpr double kBetweenSteps = 0.85;
 /// Cells of the direct return and of the later static bounces; the fit's are {4, 0.3, 2} and the
 /// defaults.
-constexpr DirectSampling kDirectCells{5, 0.27, 3};
+constexpr DirectSampling kDirectCells{5, 0.27, 6};
 constexpr StaticLightSampling kBounceCells{.zone_divisions = 1,
                                            .outer_divisions = 2,
                                            .field_divisions = 9,

@@ -158,6 +158,25 @@ TEST(RelayTest, FieldOverTwoSurfacesIsSharedBetweenThem) {
   EXPECT_NEAR(share[1], floor, strip);
 }
 
+// A seam that runs along a cell's edge, a hundredth of the cell inside: it is not overlooked.
+TEST(RelayTest, ASeamNearACellsEdgeIsSeen) {
+  RelaySampling sampling;
+  sampling.edge_depth = 5;
+  sampling.edge_rays = 13;
+  const double top = std::tan(-5 * kDegree), bottom = std::tan(5 * kDegree);
+  const double seam = 0.01 * (bottom - top);
+  const std::vector<Surface> room = {
+      wall({3, 0, 0}, -Vector3d::UnitX(), 10, 10),
+      wall({0, 0, -3 * (bottom - seam)}, Vector3d::UnitZ(), 10, 10, 0.3),
+  };
+  double on_floor = 0;
+  for (const RelayPatch& patch : sample(room, rectangle(-5, 5, -5, 5), sampling)) {
+    if (patch.surface == 1) on_floor += patch.solid_angle;
+  }
+  const double exact = 2 * (corner_angle(bottom, bottom) - corner_angle(bottom, bottom - seam));
+  EXPECT_NEAR(on_floor, exact, 0.1 * exact);
+}
+
 // The seam between a wall and a floor, along the cells: wherever it lies in one, each surface gets
 // its share, and the middle of it.
 TEST(RelayTest, CellsOverASeamAreShared) {
