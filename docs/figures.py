@@ -21,7 +21,8 @@ Markers in a page, all invisible where Markdown is shown:
     <!-- figure:NAME bare -->                            `plain` and without the unit
     <!-- age:RUN -->this version<!-- /age -->            how old the run is
 
-A run is of this version as long as what it depends on is what it was at the run's commit.
+A run is of this version as long as what it depends on is what it was at the run's commit; comments of
+C++ files do not count.
 """
 import argparse
 import csv
@@ -113,12 +114,34 @@ def pathspecs(depends):
             *(f":!{folder}/{name}" for folder in ("src", "include/blindcorner") for name in DRIVES)]
 
 
+COMMENT_OR_TOKEN = re.compile(
+    r"""(?P<comment>//[^\n]*|/\*.*?\*/)|R"(?P<mark>[^(\s]*)\(.*?\)(?P=mark)"|"(?:\\.|[^"\\])*\""""
+    r"""|\b\d[\w.']*|'(?:\\.|[^'\\])*'|\s+""", re.DOTALL)
+
+
+def code_of(source):
+    """C++ source without its comments, and with one space for any white space outside of literals."""
+    def kept(match):
+        return " " if match.group("comment") or match.group().isspace() else match.group()
+    return re.sub(" +", " ", COMMENT_OR_TOKEN.sub(kept, source)).strip()
+
+
+def has_same_code(root, commit, path):
+    """Whether a file is today what it was at the commit, or a C++ file that differs in comments only."""
+    then, now = git(root, "show", f"{commit}:{path}"), root / path
+    if Path(path).suffix not in (".cpp", ".h") or then.returncode != 0 or not now.exists():
+        return False
+    return code_of(then.stdout) == code_of(now.read_text())
+
+
 def is_current(root, stored, depends):
-    """Whether what the run depends on is today what it was then."""
+    """Whether what the run depends on is today what it was then, but for comments."""
     commit = stored.get("commit")
     if not commit or stored.get("modified"):
         return False
-    return git(root, "diff", "--quiet", commit, "--", *pathspecs(depends)).returncode == 0
+    changed = git(root, "diff", "--name-only", "-z", "--relative", commit, "--", *pathspecs(depends))
+    return changed.returncode == 0 and all(
+        has_same_code(root, commit, path) for path in changed.stdout.split("\0") if path)
 
 
 def age_of(root, stored, depends):

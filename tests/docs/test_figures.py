@@ -125,6 +125,21 @@ class Figures(unittest.TestCase):
         self.figures("write")
         self.assertIn(">3.0 cm<", self.page())
 
+    def test_comments_leave_it_current(self):
+        source = self.root / "source/model.cpp"
+        source.write_text("// old\nconst char* a = \"/* b */ // c\";  /* of\n two */ int n = 1'000;\n")
+        self.commit("a model")
+        self.figures("run", "study")
+        self.figures("write")
+        source.write_text("/* new */ const char* a =\n  \"/* b */ // c\"; int n = 1'000;  // n\n")
+        self.commit("comments")
+        self.figures("check")
+        self.assertNotIn("study", self.figures("run", "--stale"))
+        source.write_text("const char* a = \"/* b */ // d\"; int n = 1'000;\n")
+        self.commit("a string")
+        self.assertIn("study", self.figures("list"))
+        self.figures("check", code=1)
+
     def test_changes_elsewhere_leave_it_current(self):
         self.figures("run", "study")
         self.figures("write")
