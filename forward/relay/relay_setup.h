@@ -42,7 +42,7 @@ struct SurfaceRays {
 struct DirectSampling {
   int divisions = 10;   ///< cells along each side of a zone, at least
   double spread = 0.3;  ///< path spread of two nodes against the pulse's standard deviation
-  int edge_depth = 4;   ///< quarterings of a cell over the border of two surfaces
+  int edge_depth = 6;   ///< quarterings of a cell over the border of two surfaces
 };
 
 /// Geometry of one sensor placement, compiled for sampling. The scene must outlive it.

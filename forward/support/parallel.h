@@ -16,22 +16,28 @@
 
 namespace blindcorner {
 
-/// tbb::parallel_for of these arguments. Throws what an iteration throws.
-template <typename... Arguments>
-void parallel_for(const Arguments&... arguments) {
-  tbb::this_task_arena::isolate([&] {
-    tbb::task_group_context own(tbb::task_group_context::isolated);
-    tbb::parallel_for(arguments..., own);
-  });
-}
+/// tbb::parallel_for of its arguments; throws what an iteration throws. An object, because of a
+/// function of this name, oneTBB's own would be taken wherever an argument is oneTBB's (a range, a
+/// partitioner).
+inline constexpr struct {
+  template <typename... Arguments>
+  void operator()(const Arguments&... arguments) const {
+    tbb::this_task_arena::isolate([&] {
+      tbb::task_group_context own(tbb::task_group_context::isolated);
+      tbb::parallel_for(arguments..., own);
+    });
+  }
+} parallel_for;
 
-/// tbb::parallel_invoke of these functions. Throws what one of them throws.
-template <typename... Functions>
-void parallel_invoke(const Functions&... functions) {
-  tbb::this_task_arena::isolate([&] {
-    tbb::task_group_context own(tbb::task_group_context::isolated);
-    tbb::parallel_invoke(functions..., own);
-  });
-}
+/// tbb::parallel_invoke of its functions; throws what one of them throws.
+inline constexpr struct {
+  template <typename... Functions>
+  void operator()(const Functions&... functions) const {
+    tbb::this_task_arena::isolate([&] {
+      tbb::task_group_context own(tbb::task_group_context::isolated);
+      tbb::parallel_invoke(functions..., own);
+    });
+  }
+} parallel_invoke;
 
 }  // namespace blindcorner

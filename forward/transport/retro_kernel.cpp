@@ -41,6 +41,7 @@ void RetroKernel::render(const ObjectInPlace& object, Scratch& s) const {
   } else {
     thread_local std::vector<Scratch> parts(kParts);
     std::vector<Scratch>& own = parts;  // this thread's, whoever works on them
+    // Isolated (parallel.h): another render on this thread would need the same scratch.
     parallel_for(std::size_t{0}, kParts, [&](std::size_t part) {
       own[part].prepare(scene().sensor.zone_count(), path_cells_);
       own[part].pair_count = 0;

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 /// The cheapest sampling that meets a tolerance, by what finer ones would change.
-
 #include <algorithm>
 #include <cmath>
 #include <functional>

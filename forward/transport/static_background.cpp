@@ -41,8 +41,9 @@ constexpr double kSensorAngle = 0.4;
 /// Cells of the direct return, by judgement of time; how far off they are is measured
 /// (StaticBackgroundModel::error) and carried in the likelihood.
 constexpr DirectSampling kDirectCells{4, 0.3, 5};
-/// Better cells, against which that error is measured: two Gauss nodes err by the fourth power of a
-/// cell, so that the better cells err by 0.2 to 0.9 times as much.
+/// Better cells, against which that error is measured: inside a surface, two Gauss nodes err by the
+/// fourth power of a cell, and over a border the better cells are a third as long. The better cells
+/// err by 0.2 to 0.9 times as much as the usual ones.
 constexpr DirectSampling kBetterCells{6, 0.25, 6};
 /// Cells for bright captures. Against cells a tenth as large (L2 over photon noise), the usual
 /// cells are off by 1.6e-5 (TMF8828 wall), 1e-4 (its floor) and 7e-5 (street), the fine cells by

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 /// `blindcorner benchmark forward`: error of the forward models against run time.
-
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 /// `blindcorner benchmark moving`: run time, memory and accuracy with a sensor that stands
 /// elsewhere in every frame.
-
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>

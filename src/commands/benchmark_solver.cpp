@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 /// `blindcorner benchmark solver`: the solver against an exhaustive search, on captures that the
 /// reference renderer made.
-
 #include <CLI/CLI.hpp>
 #include <Eigen/Cholesky>
 #include <algorithm>

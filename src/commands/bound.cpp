@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 /// `blindcorner bound SCENE`: the error to expect over the hidden area, before there is a capture.
-
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>

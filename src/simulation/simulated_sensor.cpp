@@ -40,7 +40,7 @@ constexpr std::size_t kObjectPoses = 4;  // by judgement
 /// how much coarser than the fit's step it then is.
 constexpr double kTolerance = 0.01;
 constexpr double kBetweenSteps = 0.85;
-/// Cells of the direct return and of the later static bounces; the fit's are {4, 0.3, 2} and the
+/// Cells of the direct return and of the later static bounces; the fit's are {4, 0.3, 5} and the
 /// defaults.
 constexpr DirectSampling kDirectCells{5, 0.27, 6};
 constexpr StaticLightSampling kBounceCells{.zone_divisions = 1,

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 /// Rows about captures so bright that the model's own error decides.
-
 #include <algorithm>
 #include <cmath>
 #include <random>

@@ -170,17 +170,17 @@ TEST(Tmf8829Message, NoDamageDoesMoreThanAnError) {
 
 #ifdef BLINDCORNER_TEST_ZEROMQ
 
-/// A publisher on a port of this machine.
+/// A publisher at an address of this machine, "host:port"; * is a free port.
 class Publisher {
  public:
-  explicit Publisher(const std::string& port = "*") {
+  explicit Publisher(const std::string& address = "127.0.0.1:*") {
     const int none = 0;
     zmq_setsockopt(socket_, ZMQ_LINGER, &none, sizeof none);
-    EXPECT_EQ(zmq_bind(socket_, ("tcp://127.0.0.1:" + port).c_str()), 0) << zmq_strerror(errno);
+    EXPECT_EQ(zmq_bind(socket_, ("tcp://" + address).c_str()), 0) << zmq_strerror(errno);
     char endpoint[64] = {};
     std::size_t size = sizeof endpoint;
     zmq_getsockopt(socket_, ZMQ_LAST_ENDPOINT, endpoint, &size);
-    address_ = endpoint;
+    address_ = std::string(endpoint).substr(std::string_view("tcp://").size());
   }
   ~Publisher() {
     zmq_close(socket_);
@@ -189,7 +189,8 @@ class Publisher {
   Publisher(const Publisher&) = delete;
   Publisher& operator=(const Publisher&) = delete;
 
-  std::string port() const { return address_.substr(address_.rfind(':') + 1); }
+  /// The address with the port that was taken.
+  const std::string& address() const { return address_; }
   /// Until then nobody would get what is sent.
   void wait_for_subscriber() {
     char byte = 0;
@@ -217,7 +218,7 @@ bool comes(Input& input, Input::Event wanted, std::string& bytes) {
 TEST(ZeroMqInput, FramesComeThroughAndDamagedMessagesCostThemselvesAlone) {
   Publisher publisher;
   Tally tally;
-  Input input({"zmq://127.0.0.1:" + publisher.port(), 115200, true}, tally);
+  Input input({"zmq://" + publisher.address(), 115200, true}, tally);
   publisher.wait_for_subscriber();
   Sensor sensor;
   sensor.rows = sensor.columns = 16;
@@ -244,10 +245,12 @@ TEST(ZeroMqInput, FramesComeThroughAndDamagedMessagesCostThemselvesAlone) {
 }
 
 TEST(ZeroMqInput, APublisherThatGoesIsWaitedFor) {
+  // Between two publishers the port is free. Tests that run beside this one use 127.0.0.1 and
+  // cannot take a port of another address.
   Tally tally;
-  auto publisher = std::make_unique<Publisher>();
-  const std::string port = publisher->port();
-  Input input({"zmq://127.0.0.1:" + port, 115200, true}, tally);
+  auto publisher = std::make_unique<Publisher>("127.0.0.2:*");
+  const std::string address = publisher->address();
+  Input input({"zmq://" + address, 115200, true}, tally);
   std::string bytes;
   publisher->wait_for_subscriber();
   publisher->send(whole_message(1));
@@ -255,7 +258,7 @@ TEST(ZeroMqInput, APublisherThatGoesIsWaitedFor) {
   publisher.reset();
   ASSERT_TRUE(comes(input, Input::Event::interrupted, bytes));
   EXPECT_EQ(tally.of(Count::interruptions), 1);
-  Publisher again(port);
+  Publisher again(address);
   again.wait_for_subscriber();
   again.send(whole_message(2));
   ASSERT_TRUE(comes(input, Input::Event::bytes, bytes));
@@ -265,7 +268,7 @@ TEST(ZeroMqInput, APublisherThatGoesIsWaitedFor) {
 TEST(ZeroMqInput, OnceAsksForAPublisherAndEndsWithIt) {
   Tally tally;
   auto publisher = std::make_unique<Publisher>();
-  const std::string address = "zmq://127.0.0.1:" + publisher->port();
+  const std::string address = "zmq://" + publisher->address();
   Input input({address, 115200, false}, tally);
   publisher->wait_for_subscriber();
   publisher.reset();

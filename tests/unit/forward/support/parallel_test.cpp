@@ -2,6 +2,8 @@
 #include "forward/support/parallel.h"
 
 #include <gtest/gtest.h>
+#include <tbb/blocked_range.h>
+#include <tbb/partitioner.h>
 
 #include <algorithm>
 #include <atomic>
@@ -15,20 +17,22 @@ namespace {
 
 struct Stopped {};
 
-/// One iteration throws while the loop inside another one runs: the inner loop must write all its
-/// results before the code behind it reads them.
-TEST(ParallelFor, AnExceptionBesideALoopDoesNotCutIt) {
+/// One iteration throws while a loop runs inside another one: `inner` must write all results before
+/// the code behind it reads them. `inner` takes the number
+/// of iterations and what each of them does.
+template <typename Inner>
+void expect_whole(const Inner& inner) {
+  using namespace std::chrono_literals;
   constexpr std::size_t kInner = 200;
   std::atomic<bool> inside{false};
   std::atomic<int> cut{0};
   const auto loop = [&](std::size_t i) {
-    using namespace std::chrono_literals;
     if (i == 0) {
       for (int k = 0; k < 2000 && !inside; ++k) std::this_thread::sleep_for(1ms);
       throw Stopped{};
     }
     std::vector<int> written(kInner, 0);
-    parallel_for(std::size_t{0}, kInner, [&](std::size_t k) {
+    inner(kInner, [&](std::size_t k) {
       inside = true;
       std::this_thread::sleep_for(100us);
       written[k] = 1;
@@ -37,6 +41,25 @@ TEST(ParallelFor, AnExceptionBesideALoopDoesNotCutIt) {
   };
   EXPECT_THROW(parallel_for(std::size_t{0}, std::size_t{4}, loop), Stopped);
   EXPECT_EQ(cut, 0);
+}
+
+TEST(ParallelFor, AnExceptionBesideALoopDoesNotCutIt) {
+  expect_whole(
+      [](std::size_t count, const auto& body) { parallel_for(std::size_t{0}, count, body); });
+}
+
+TEST(ParallelFor, NorALoopOverARange) {
+  expect_whole([](std::size_t count, const auto& body) {
+    parallel_for(tbb::blocked_range<std::size_t>(0, count, 8), [&](const auto& part) {
+      for (std::size_t i = part.begin(); i != part.end(); ++i) body(i);
+    });
+  });
+}
+
+TEST(ParallelFor, NorALoopWithAPartitioner) {
+  expect_whole([](std::size_t count, const auto& body) {
+    parallel_for(std::size_t{0}, count, body, tbb::simple_partitioner());
+  });
 }
 
 TEST(ParallelInvoke, AnExceptionBesideALoopDoesNotCutIt) {

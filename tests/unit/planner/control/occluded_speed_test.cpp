@@ -14,7 +14,7 @@ namespace blindcorner {
 namespace {
 
 constexpr double kHardest = 8.8;  // m/s^2
-constexpr double kWanted = 14;     // m/s
+constexpr double kWanted = 14;    // m/s
 
 class Occluded : public ::testing::Test {
  protected:
