@@ -18,6 +18,8 @@ namespace {
 constexpr std::int64_t kLongestMessage = 4 << 20;
 /// Messages that wait here; older ones are gone, as with a sensor.
 constexpr int kWaiting = 4;
+/// Time for a connection to be made before the next attempt, ms.
+constexpr int kConnectPatience = 2000;
 constexpr const char* kMonitor = "inproc://monitor";
 
 class Socket {
@@ -57,11 +59,14 @@ struct ZeroMqSubscriber::Impl {
 ZeroMqSubscriber::ZeroMqSubscriber(const std::string& address, const std::string& field)
     : impl_(std::make_unique<Impl>()) {
   void* const socket = impl_->subscriber.get();
-  const int none = 0, yes = 1, waiting = kWaiting;
+  const int none = 0, yes = 1, waiting = kWaiting, patience = kConnectPatience;
   zmq_setsockopt(socket, ZMQ_LINGER, &none, sizeof none);
   zmq_setsockopt(socket, ZMQ_IPV6, &yes, sizeof yes);
   zmq_setsockopt(socket, ZMQ_RCVHWM, &waiting, sizeof waiting);
   zmq_setsockopt(socket, ZMQ_MAXMSGSIZE, &kLongestMessage, sizeof kLongestMessage);
+  // A publisher that goes while a connection is made would keep the subscriber for half a minute.
+  zmq_setsockopt(socket, ZMQ_CONNECT_TIMEOUT, &patience, sizeof patience);
+  zmq_setsockopt(socket, ZMQ_HANDSHAKE_IVL, &patience, sizeof patience);
   zmq_setsockopt(socket, ZMQ_SUBSCRIBE, "", 0);
   const bool ready =
       zmq_socket_monitor(socket, kMonitor,
