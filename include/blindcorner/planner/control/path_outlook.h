@@ -13,33 +13,36 @@
 namespace blindcorner {
 
 struct PathOutlookOptions {
-  double horizon = 50;         ///< m ahead of the vehicle that are looked at
+  double horizon = 50;         ///< m ahead of the vehicle that are examined
   double station_spacing = 1;  ///< m between the places from which sight is predicted
-  /// m that the vehicle's body is widened by on each side: how far it strays from its path.
+  /// m by which the vehicle's body is widened on each side: how far the vehicle strays from its
+  /// path.
   double side_margin = 0.1;
 
   /// Throws Error naming the field.
   void validate() const;
 };
 
-/// For one path; make a new one when the path changes. Sight is cast at the known scene once for a
-/// place.
+/// Examines one path; make a new outlook when the path changes. At each station, rays are cast at
+/// the known scene only once.
 class PathOutlook {
  public:
-  /// `sight` must outlive it. Throws Error for a path without points and options that are wrong.
+  /// `sight` must outlive this object. Throws Error for a path without points and for wrong
+  /// options.
   PathOutlook(std::vector<PathPoint> path, const VehicleRectangle& body,
               const Transform& T_vehicle_sensor, const LineOfSight& sight, const GridGeometry& grid,
               const PathOutlookOptions& options = {});
 
-  /// Where the vehicle, now at arc length `from`, would touch and first see the hypotheses. Those
-  /// that it does not touch are left out, and those that it would touch where it is. Contacts are
-  /// rounded backwards and sights forwards to the next station, so that both err to the safe side.
+  /// Where the vehicle, now at arc length `from`, would touch and first see the hypotheses.
+  /// Hypotheses are left out when the vehicle would not touch them within the horizon, or touches
+  /// them already. A contact is rounded back to the step before (half a cell), and a sight is
+  /// rounded forward to the next station, so that both err on the safe side.
   std::vector<Encounter> encounters(std::span<const PoseHypothesis> hypotheses, double from);
 
  private:
   struct Station {
     PathPoint place;
-    std::vector<std::size_t> sees;  ///< cells, once `looked`
+    std::vector<std::size_t> sees;  ///< cells; valid once `looked` is true
     bool looked = false;
   };
 
@@ -53,7 +56,7 @@ class PathOutlook {
   GridGeometry grid_;
   PathOutlookOptions options_;
   std::vector<Station> stations_;
-  std::vector<double> first_touched_;  ///< [cells] m, the vehicle comes so far; infinity: untouched
+  std::vector<double> first_touched_;  ///< [cells] m, arc length of the first touch; infinity: none
 };
 
 }  // namespace blindcorner

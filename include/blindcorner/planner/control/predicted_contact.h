@@ -11,22 +11,23 @@
 namespace blindcorner {
 
 struct PredictionOptions {
-  double period = 0.05;   ///< s, of the predicted control
-  double distance = 15;   ///< m that are driven ahead, from where the vehicle is
-  double time_limit = 5;  ///< s of driving after which nothing more is predicted
+  double period = 0.05;   ///< s, control period of the prediction
+  double distance = 15;   ///< m that the prediction drives, from the vehicle's place
+  double time_limit = 5;  ///< s of driving after which the prediction ends
 
   /// Throws Error naming the field.
   void validate() const;
 };
 
-/// Arc length of the follower's path at which its vehicle will touch an obstacle of the grid, m;
-/// none where it will not. The path may be free where its vehicle is not: one that turns more
-/// quickly than the steering can is left on the outside of the turn. So copies of both drive on,
-/// the vehicle by its own equations and as the follower tells it, until it stays where it is or has
-/// driven `distance`, or for `time_limit`. A vehicle that turns on the spot stays where it is. The
-/// answer is rounded backwards to the place of the step before. What is beside the grid is free. A
-/// disc of the body that is in an obstacle from the start on may leave it, but not go deeper (than
-/// to its centre).
+/// Arc length on the follower's path at which its vehicle will touch an obstacle of the grid, m;
+/// nullopt if it will not. The path may be free where the vehicle is not: a path that turns faster
+/// than the steering can leaves the vehicle on the outside of the turn. Therefore copies of the
+/// vehicle and the follower drive on. The vehicle moves by its own equations and obeys the
+/// follower, until it stands still, has driven `distance`, or has driven for `time_limit`. A
+/// vehicle that turns on the spot counts as standing still. The answer is rounded back to the place
+/// of the step before. The outside of the grid is free, unless the grid's border is closed. A disc
+/// of the body that is in an obstacle at the start may leave the obstacle, but must not go deeper
+/// into it (depth is measured up to the disc's centre).
 std::optional<double> predicted_contact(Vehicle vehicle, PathFollower follower,
                                         const PlanningGrid& grid, const VehicleFootprint& body,
                                         const PredictionOptions& options = {});

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// How a grid of square cells lies on the ground plane.
+/// Position and resolution of a grid of square cells on the ground plane.
 #pragma once
 
 #include <Eigen/Core>
@@ -11,7 +11,7 @@
 
 namespace blindcorner {
 
-/// A cell of a grid, or a place beside it. Column 0 has the lowest x, row 0 the lowest y.
+/// A cell of a grid, or a place outside it. Column 0 has the lowest x, row 0 the lowest y.
 struct Cell {
   int column = 0;
   int row = 0;
@@ -19,7 +19,7 @@ struct Cell {
   bool operator==(const Cell&) const = default;
 };
 
-/// Extent and resolution of a grid. Values of cells are stored row by row, row 0 first.
+/// Extent and resolution of a grid. Cell values are stored row by row, row 0 first.
 struct GridGeometry {
   int columns = 0;
   int rows = 0;
@@ -32,31 +32,33 @@ struct GridGeometry {
   bool contains(const Cell& cell) const {
     return cell.column >= 0 && cell.column < columns && cell.row >= 0 && cell.row < rows;
   }
-  /// Where a cell of the grid is stored.
+  /// Storage index of a cell of the grid.
   std::size_t index(const Cell& cell) const {
     return static_cast<std::size_t>(cell.row) * static_cast<std::size_t>(columns) +
            static_cast<std::size_t>(cell.column);
   }
-  /// The cell that is stored at `index`.
+  /// The cell with a storage index.
   Cell cell(std::size_t index) const;
-  /// Centre of a cell, m. Also of cells beside the grid.
+  /// Centre of a cell, m; also for cells outside the grid.
   Eigen::Vector2d center(const Cell& cell) const {
     return origin + cell_size * Eigen::Vector2d(cell.column + 0.5, cell.row + 0.5);
   }
-  /// The cell that holds a point (its lower and left sides belong to it), maybe beside the grid.
+  /// The cell that contains a point; it may lie outside the grid. A cell includes its lower and
+  /// left sides.
   Cell cell_at(const Eigen::Vector2d& point) const {
     const Eigen::Vector2d cells = (point - origin) / cell_size;
     return {whole_below(cells.x()), whole_below(cells.y())};
   }
-  /// Cells of the grid that a box (m) reaches into, row by row; a box beside the grid has none.
+  /// Cells of the grid that overlap a box (m), row by row; none if the box lies outside the grid.
   std::vector<Cell> cells_in(const Eigen::AlignedBox2d& box) const;
 
-  /// Throws Error naming the field when there is no cell, or its size is not a positive number.
+  /// Throws Error naming the field when there is no cell, or when its size is not a positive
+  /// number.
   void validate() const;
 
  private:
-  /// Whole number not above `value`, kept to what an int holds (for points far outside, and for
-  /// what is not a number).
+  /// Largest integer that is not above `value`, clamped to what an int holds (for points far
+  /// outside, and for values that are not numbers).
   static int whole_below(double value) {
     constexpr double kFarthest = std::numeric_limits<int>::max() / 4.0;
     const double kept = value > -kFarthest ? std::min(value, kFarthest) : -kFarthest;

@@ -12,12 +12,12 @@
 namespace blindcorner {
 
 /// min over cells c of f(c) + |centre(c) - centre(here)|^2 for each cell, in units of cells.
-/// Infinite values of f do not count. Throws Error unless f has a value per cell.
+/// Infinite values of f are ignored. Throws Error unless f has a value per cell.
 std::vector<double> lowered_by_parabolas(const GridGeometry& geometry, std::span<const double> f);
 
 /// Squared distance of each cell's centre from the nearest point of an obstacle's square, in units
-/// of cells; 0 in obstacles, infinity when there is none. Throws Error unless `obstacle` has a
-/// value per cell (0: none).
+/// of cells; 0 in obstacles, infinity without obstacles. Throws Error unless `obstacle` has a value
+/// per cell (0: no obstacle).
 std::vector<double> squared_distances(const GridGeometry& geometry,
                                       std::span<const std::uint8_t> obstacle);
 

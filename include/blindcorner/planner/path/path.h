@@ -18,42 +18,42 @@ struct PathPoint {
   double arc_length = 0;                               ///< m from the path's start
 };
 
-/// Where a body is whose reference point drives through a point of a path.
+/// Pose of a body whose reference point drives through a point of a path.
 PlanarPose body_on_path(const VehicleFootprint& body, const PathPoint& place);
 
-/// Between two points of a path linearly (headings the shorter way round), clamped to its ends.
-/// `points` has one or more, in order of arc length.
+/// Interpolates linearly between two points of a path (headings the shorter way round), clamped to
+/// the path's ends. `points` holds one or more points, in order of arc length.
 PathPoint path_at(std::span<const PathPoint> points, double arc_length);
 
-/// Arc length of the place on a path that is nearest to `position`, m, looked for within [from,
-/// to]; the first of several.
+/// Arc length of the place on a path that is nearest to `position`, m, within [from, to]; the first
+/// place if there are several.
 double nearest_arc_length(std::span<const PathPoint> points, const Eigen::Vector2d& position,
                           double from, double to);
 
 /// Where a path ends: at a point, or anywhere on a line.
 struct PathGoal {
-  Eigen::Vector2d point = Eigen::Vector2d::Zero();  ///< m; of a line one end
-  std::optional<double> heading;                    ///< rad, at a point; none: any
+  Eigen::Vector2d point = Eigen::Vector2d::Zero();  ///< m; one end of a line
+  std::optional<double> heading;                    ///< rad, at a point; empty: any heading
   std::optional<Eigen::Vector2d> line_to;           ///< m, the other end of a line
 
-  /// Share of the way between two points at which it crosses the line; none: it does not, or the
-  /// goal is a point.
+  /// Share of the way between two points at which the way crosses the line; empty: it does not
+  /// cross, or the goal is a point.
   std::optional<double> crossing(const Eigen::Vector2d& from, const Eigen::Vector2d& to) const;
 };
 
-/// Points about evenly spaced from start to goal; one point when both are the same place. A path
-/// that is found is one that the vehicle can drive without touching anything.
+/// Roughly evenly spaced points from start to goal; one point when both are the same place. If a
+/// path is found, the vehicle can drive it without touching anything.
 struct Path {
   PathStatus status = PathStatus::no_path;
   std::vector<PathPoint> points;  ///< empty unless found
   double length = 0;              ///< m
-  double cost = 0;                ///< m, integral of the cost factor along it
-  std::size_t expansions = 0;     ///< of the search: cells, or poses
-  double time = 0;                ///< s, that the plan took
+  double cost = 0;                ///< m, integral of the cost factor along the path
+  std::size_t expansions = 0;     ///< of the search: cells or poses
+  double time = 0;                ///< s, run time of the plan
 
   bool found() const { return status == PathStatus::found; }
-  double greatest_curvature() const;  ///< 1/m, of its points
-  /// path_at and nearest_arc_length of its points, of which there must be one.
+  double greatest_curvature() const;  ///< 1/m, of the points
+  /// path_at and nearest_arc_length of the path's points; the path must have a point.
   PathPoint at(double arc_length) const { return path_at(points, arc_length); }
   double nearest(const Eigen::Vector2d& position, double from = 0) const {
     return nearest_arc_length(points, position, from, points.back().arc_length);

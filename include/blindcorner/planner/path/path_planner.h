@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// The planner as a whole: occupancy probabilities in, a path out.
+/// The whole planner: occupancy probabilities in, a path out.
 #pragma once
 
 #include <Eigen/Core>
@@ -20,8 +20,8 @@ struct PathPlannerOptions {
   PlanningGridOptions grid;  ///< radii of 0 are taken from the footprint
   GridSearchOptions search;
   VehicleFootprint footprint;
-  CurveLimits curves;  ///< a turning radius of 0: paths have corners, and the vehicle turns there
-  /// Whether a vehicle whose curves have a radius can turn on the spot before it drives off.
+  CurveLimits curves;  ///< turning radius 0: paths have corners; the vehicle turns there
+  /// Whether a vehicle whose curves have a radius can turn on the spot before it starts to drive.
   bool turns_on_the_spot = false;
   double point_spacing = 0.5;  ///< m between points of a path, at most
 
@@ -34,17 +34,17 @@ struct PathPlannerOptions {
 
 struct PathRequest {
   Eigen::Vector2d start = Eigen::Vector2d::Zero();  ///< m
-  std::optional<double> start_heading;  ///< rad, where the vehicle points; none: anywhere
+  std::optional<double> start_heading;  ///< rad, the vehicle's heading; empty: any heading
   PathGoal goal;
-  double start_curvature = 0;  ///< 1/m, left is positive; counts where `start_heading` is given
+  double start_curvature = 0;  ///< 1/m, positive to the left; used where `start_heading` is given
   double speed = 0;            ///< m/s, at the start
-  std::span<const Mover> movers = {};  ///< that the path keeps away from
+  std::span<const Mover> movers = {};  ///< movers that the path avoids
 };
 
-/// Plans what the vehicle can drive, or nothing: every step of the search is one that it can drive
-/// and that touches nothing (planner/path/drivable_search.h; of what turns on the spot
-/// planner/path/turning_path.h). Can be moved, but not copied; one that was moved from must not
-/// plan.
+/// Plans a path that the vehicle can drive, or none: the vehicle can drive every step of the search
+/// without touching anything (planner/path/drivable_search.h; for vehicles that turn on the spot
+/// planner/path/turning_path.h). The planner can be moved but not copied; a moved-from planner must
+/// not plan.
 class PathPlanner {
  public:
   explicit PathPlanner(const PathPlannerOptions& options = {});
@@ -53,11 +53,11 @@ class PathPlanner {
   PathPlanner& operator=(PathPlanner&&) noexcept;
 
   const PathPlannerOptions& options() const { return options_; }
-  /// A grid as this planner's options want it. Throws Error as PlanningGrid does.
+  /// A grid with this planner's options. Throws Error as PlanningGrid does.
   PlanningGrid grid(const GridGeometry& geometry, std::span<const double> occupancy) const;
-  /// `grid` as `grid()` makes it. Paths that are not there are told by the status; throws Error
-  /// only for coordinates and curvatures that are not numbers, and for a goal that is a line where
-  /// there is no turning radius. Thread safe.
+  /// `grid` is made by `grid()`. The status tells why there is no path. Throws Error only for
+  /// coordinates, headings, curvatures and speeds that are not numbers, and for a goal line if the
+  /// turning radius is 0. Thread safe.
   Path plan(const PlanningGrid& grid, const PathRequest& request) const;
 
  private:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Planning at every frame: the present plan is kept while it is good, and the reason is told.
+/// Planning at every frame: a good plan is kept, and the reason for each decision is told.
 #pragma once
 
 #include <Eigen/Core>
@@ -14,28 +14,29 @@ namespace blindcorner {
 
 enum class PlanAction {
   keep,    ///< the present plan
-  replan,  ///< a new one
-  stop,    ///< there is none: brake along what is left of the present one
+  replan,  ///< a new plan
+  stop,    ///< there is no plan: brake along the rest of the present one
 };
 
-/// Why. The first group keeps, the second plans anew, whatever comes of that, the third stops.
+/// Reason of an action. The first group keeps the plan. The second group asks for a new plan, which
+/// may fail. The third group stops.
 enum class PlanReason {
   still_good,
-  new_plan_no_better,  ///< it was time to look for a better one, and there is none
+  new_plan_no_better,  ///< a better plan was looked for and not found
 
   first_plan,
   goal_changed,  ///< or its heading, since the present plan was made
   off_path,      ///< the vehicle is too far from the path
-  blocked,       ///< the path leads through an obstacle by now
-  crossed,       ///< what moves will be on the path when the vehicle comes there
+  blocked,       ///< the path now leads through an obstacle
+  crossed,       ///< a mover will be on the path when the vehicle gets there
   costlier,      ///< the rest of the path has become too risky
-  refresh,       ///< plans become old: what has become free is seen in no other way
-  stopped,       ///< there was no path in the last frame
+  refresh,       ///< the plan is old: only a new plan uses cells that became free
+  stopped,       ///< the last frame had no path
 
   at_goal,     ///< the plan is dropped
-  not_finite,  ///< the vehicle's pose or speed, or the goal, is not a number
+  not_finite,  ///< the vehicle's pose, speed or curvature, or the goal, is not a number
 };
-/// "keep", "still_good", ... as logs have it.
+/// "keep", "still_good", ... as written in logs.
 std::string_view plan_action_word(PlanAction action);
 std::string_view plan_reason_word(PlanReason reason);
 
@@ -43,13 +44,14 @@ struct ReplannerOptions {
   double max_offset = 0.5;       ///< m between vehicle and path
   double max_cost_growth = 0.1;  ///< of the rest of the path, relative, since it was planned
   int refresh_after = 20;        ///< frames after which a kept plan is questioned; 0: never
-  /// m: the vehicle is at its goal; a goal that is less than this from the plan's is not new.
+  /// m: the vehicle is at its goal within this distance, and a goal within this distance of the
+  /// plan's goal is not new.
   double goal_tolerance = 0.1;
-  /// rad: likewise of the heading at the goal. What a car of 4.5 m shows at its ends is 0.1 m, as
-  /// the goal's tolerance.
+  /// rad: a goal heading within this angle of the plan's is not new. At the ends of a car of 4.5 m
+  /// this is 0.1 m, as is the goal's tolerance.
   double goal_heading_tolerance = 0.05;
   double deceleration = 4.0;  ///< m/s^2 of a safe stop: half of what dry tyres (mu 0.9) can do
-  double stop_margin = 0.5;   ///< m between a safe stop's end and the first place that is blocked
+  double stop_margin = 0.5;   ///< m between the end of a safe stop and the first blocked place
 
   /// Throws Error naming the field.
   void validate() const;
@@ -58,12 +60,13 @@ struct ReplannerOptions {
 struct PlanUpdate {
   PlanAction action = PlanAction::stop;
   PlanReason reason = PlanReason::first_plan;
-  PathStatus status = PathStatus::no_path;  ///< of the search, where there was one; else found
-  Path path;              ///< to follow, from the start of the plan; of a stop the free stretch,
-                          ///< without points when nothing is known of where the vehicle is
-  double arc_length = 0;  ///< m along `path`, where the vehicle is
-  bool stops_too_late = false;  ///< a stop with `deceleration` ends behind the path's end
-  double time = 0;              ///< s, of this update
+  PathStatus status = PathStatus::no_path;  ///< of the search if there was one; otherwise found
+  Path path;  ///< to follow, from the plan's start. Of a stop: the free stretch, up to where
+              ///< braking ends; no points if the vehicle's place is unknown
+  double arc_length = 0;        ///< m along `path`, the vehicle's place
+  bool stops_too_late = false;  ///< a stop with `deceleration` passes the first blocked place, the
+                                ///< path's end by `stop_margin`, or the goal's tolerance
+  double time = 0;              ///< s, run time of this update
 
   /// One line for a log: "keep: still_good", "stop: blocked, no_path".
   std::string text() const;
@@ -72,14 +75,14 @@ struct PlanUpdate {
 class Replanner {
  public:
   /// `body`: the vehicle without the room that the planner's footprint leaves beside it. A plan is
-  /// kept until the body itself would touch something: what is seen a little nearer than before is
-  /// no reason for another one.
+  /// kept until the body itself would touch something: an obstacle that appears slightly nearer
+  /// than before is no reason for a new plan.
   explicit Replanner(const PathPlannerOptions& planner = {}, const VehicleFootprint& body = {},
                      const ReplannerOptions& options = {});
 
-  /// Decides for one frame; stops where a number is not finite. `grid` as `PathPlanner::grid` makes
-  /// it; `speed` forward, m/s; `curvature` that the vehicle drives now, 1/m: new plans begin with
-  /// both. Where no path keeps away from the movers there is still one to brake on.
+  /// Decides for one frame; stops if a number is not finite. `grid` is made by `PathPlanner::grid`.
+  /// `speed` is the forward speed, m/s, and `curvature` the present curvature, 1/m: new plans begin
+  /// with both. If no path avoids the movers, there is still a path to brake on.
   PlanUpdate update(const PlanningGrid& grid, const PlanarPose& vehicle, double speed,
                     const PathGoal& goal, double curvature = 0, std::span<const Mover> movers = {});
   const PathPlanner& planner() const { return planner_; }
@@ -103,9 +106,9 @@ class Replanner {
   VehicleFootprint body_;
   ReplannerOptions options_;
   std::optional<Path> plan_;
-  std::vector<double> planned_cost_;  ///< m, from each point of the plan to its end, when planned
+  std::vector<double> planned_cost_;  ///< m, from each plan point to the plan's end, when planned
   PathGoal goal_;                     ///< of the plan
-  double arc_length_ = 0;             ///< m along the plan, where the vehicle is
+  double arc_length_ = 0;             ///< m along the plan, the vehicle's place
   int age_ = 0;                       ///< frames since the plan was made or questioned
   bool stopped_ = false;
 };

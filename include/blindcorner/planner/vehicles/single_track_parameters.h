@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Measures of a car as a single track.
+/// Dimensions of a car as a single track.
 #pragma once
 
 namespace blindcorner {
@@ -17,7 +17,7 @@ struct SingleTrackParameters {
   double gravity_center_height = 0.61373004;  ///< of the sprung mass, as the models use it, m
   double wheel_inertia = 1.7;                 ///< of an axle's wheels, kg m^2
   double wheel_radius = 0.344;                ///< m
-  double front_drive_share = 0;               ///< of the engine's torque: rear wheels drive
+  double front_drive_share = 0;               ///< of the engine's torque; 0: the rear wheels drive
   double steering_angle = 1.066;              ///< largest, rad
   double steering_rate = 0.4;                 ///< largest, rad/s
   double acceleration = 11.5;                 ///< largest, m/s^2

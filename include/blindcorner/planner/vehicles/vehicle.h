@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// A vehicle that drives: equations of motion, their present states and an integrator.
+/// A driving vehicle: equations of motion, their present states and an integrator.
 #pragma once
 
 #include <memory>
@@ -9,17 +9,18 @@
 
 namespace blindcorner {
 
-/// Copies drive on independently, so a controller can try ahead.
+/// Copies drive on independently, so a controller can simulate ahead.
 class Vehicle {
  public:
-  /// Stands in the origin and looks along +x.
+  /// The vehicle stands at the origin and looks along +x.
   explicit Vehicle(std::shared_ptr<const VehicleModel> model,
                    std::shared_ptr<const Integrator> integrator = make_stiff_integrator());
 
   void place(const VehicleState& state) { x_ = model_->initial(state); }
-  /// Moves on by `dt` seconds with the settings held. Any dt > 0; made for 1 to 100 ms.
+  /// Advances by `dt` seconds with the command held. Throws Error unless dt is a number > 0 and the
+  /// command is finite. Made for dt of 1 to 100 ms.
   void step(const VehicleCommand& command, double dt);
-  /// The same with what a controller wants.
+  /// The same for a controller's request.
   void step(const DriveRequest& request, double dt) { step(model_->command(x_, request, dt), dt); }
 
   VehicleState state() const { return model_->motion(x_); }
