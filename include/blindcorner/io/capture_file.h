@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Native capture file: OpenEXR, channel Y, one row per histogram, JSON metadata in the string
-/// attribute `blindcorner`.
+/// Native capture file: OpenEXR with channel Y, one row per histogram, and JSON metadata in the
+/// string attribute `blindcorner`.
 #pragma once
 
 #include <string>
@@ -19,8 +19,8 @@ struct CaptureFile {
 };
 
 /// Reads a capture file. Throws Error (one line: file, what is wrong, what is accepted) for a file
-/// that is missing, truncated, not EXR, of another pixel type, without metadata or with metadata
-/// that does not fit the pixels. Values are not judged here: NaN is the fit's to refuse.
+/// that is missing, truncated or not EXR, has another pixel type, has no metadata, or has metadata
+/// that does not fit the pixels. The values are not checked here: the fit refuses NaN.
 CaptureFile read_captures(const std::string& path);
 
 /// Writes atomically (a temporary file beside `path`, then a rename). All captures must have equal

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// The JSON text that accompanies the counts of a capture file, whether in EXR or .npz
-/// (docs/capture.md), for programs that keep the counts elsewhere.
+/// The JSON text that accompanies the counts of a capture file in EXR or .npz (docs/capture.md),
+/// for programs that keep the counts elsewhere.
 #pragma once
 
 #include <string>
@@ -9,16 +9,16 @@
 
 namespace blindcorner {
 
-/// Throws Error naming `path` unless there is at least one capture, all have the same rows, columns
-/// and bins, and everything that is stored beside the counts is in range.
+/// Throws Error naming `path` unless there is at least one capture, all captures have the same
+/// rows, columns and bins, and all values stored beside the counts are in range.
 void check_captures(const CaptureFile& file, const std::string& path);
 
-/// Metadata of format "blindcorner.capture/1"; `file` has passed `check_captures`.
+/// Metadata of format "blindcorner.capture/1"; `file` must have passed `check_captures`.
 std::string metadata_text(const CaptureFile& file);
 
-/// The inverse: captures with rows, columns and bins, but no counts yet (the caller allocates them
-/// once it has seen that the file is large enough to hold them), nor source and index. `where`
-/// (file and field) begins the messages of the Error that wrong metadata throws.
+/// The inverse: captures with rows, columns and bins, but without source, index and counts (the
+/// caller allocates the counts after checking that the file is large enough to hold them). Throws
+/// Error for wrong metadata; its message begins with `where` (file and field).
 CaptureFile parse_metadata(const std::string& text, const std::string& where);
 
 }  // namespace blindcorner

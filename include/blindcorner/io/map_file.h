@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// A map from whichever kind of file holds it, as planning grids take it.
+/// A map from any supported kind of file, in the form that planning grids take.
 #pragma once
 
 #include <string>
@@ -14,8 +14,7 @@ struct OccupancyMap {
   std::vector<double> occupancy;  ///< [cell] probability, NaN: unknown
 };
 
-/// Reads a ROS map (.yaml, .yml) or a MovingAI map (.map), told apart by the file's ending. Throws
-/// Error.
+/// Reads a ROS map (.yaml, .yml) or a MovingAI map (.map); the file's ending decides. Throws Error.
 OccupancyMap read_map(const std::string& path);
 
 }  // namespace blindcorner

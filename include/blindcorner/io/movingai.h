@@ -11,8 +11,8 @@
 
 namespace blindcorner {
 
-/// What a cell is made of. Paths stay on the terrain that they start on, as the benchmark's rules
-/// have it (its README: water is "traversable, but not passable from terrain").
+/// The terrain of a cell. Paths stay on the terrain on which they start, by the benchmark's rules
+/// (its README: water is "traversable, but not passable from terrain").
 enum class Terrain : std::uint8_t {
   blocked,  ///< '@', 'O', 'T'
   ground,   ///< '.', 'G', 'S'
@@ -24,7 +24,7 @@ struct MovingAiMap {
   GridGeometry geometry;         ///< cells of 1 m, origin (0, 0)
   std::vector<Terrain> terrain;  ///< [cell]
 
-  /// 0 on that terrain, 1 elsewhere, as planning grids take it.
+  /// 0 on the terrain `free`, 1 elsewhere, as planning grids take it.
   std::vector<double> occupancy(Terrain free = Terrain::ground) const;
 };
 
@@ -33,17 +33,17 @@ struct MovingAiProblem {
   int bucket = 0;
   Cell start, goal;   ///< in a map's rows, the lowest first
   double length = 0;  ///< cells
-  /// By how much `length` can be off because of its rounding, cells: half a unit of the last digit,
-  /// of six significant ones where the file shows no more.
+  /// Largest error of `length` from its rounding, cells: half a unit of the last digit. If the file
+  /// shows at most six significant digits, the last digit is the sixth.
   double rounding = 0;
 };
 
-/// Reads `type octile`, `height`, `width`, `map` and as many rows. Throws Error naming file, line,
-/// what was found and what is accepted.
+/// Reads `type octile`, `height`, `width`, `map` and as many rows as `height` says. Throws Error
+/// naming file, line, what was found and what is accepted.
 MovingAiMap read_movingai_map(const std::string& path);
 
-/// Reads the problems of a `.scen` file for a map of this size. Throws Error likewise, also when
-/// the file is for a map of another size, or a cell is not on it.
+/// Reads the problems of a `.scen` file for a map of this size. Throws Error in the same way, also
+/// when the file is for a map of another size or a cell is not on the map.
 std::vector<MovingAiProblem> read_movingai_scenario(const std::string& path,
                                                     const GridGeometry& geometry);
 

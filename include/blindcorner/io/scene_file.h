@@ -11,21 +11,21 @@
 namespace blindcorner {
 
 /// Reads a scene file. Throws Error with one line for each problem (at most 100): file, field path,
-/// what was found, what is accepted. Unknown fields are errors.
+/// found value, accepted values. Unknown fields are errors.
 Scene read_scene(const std::string& path);
 
-/// The same with what a calibration found out put over it: the `patch` of an instrument file
-/// (docs/instrument.md), a JSON merge patch (RFC 7386). An empty `instrument` is none.
+/// The same with a calibration's results applied: the `patch` of an instrument file
+/// (docs/instrument.md), a JSON merge patch (RFC 7386). An empty `instrument` means no patch.
 Scene read_scene(const std::string& path, const std::string& instrument);
 
-/// The same from JSON in memory; `path` names it in messages and resolves relative file names.
+/// The same from JSON in memory; messages name `path`, and relative file names start from it.
 Scene parse_scene(const nlohmann::json& json, const std::string& path);
 
-/// The same from the text of a scene file, whose unknowns keep their order.
+/// The same from the text of a scene file; the unknowns keep their order.
 Scene parse_scene_text(const std::string& text, const std::string& path);
 
-/// The text of a scene file with an instrument file's patch put over it (empty: none), as
-/// `read_scene` takes it. Throws Error.
+/// The text of a scene file with the patch of an instrument file applied (empty: none), as
+/// `read_scene` uses it. Throws Error.
 std::string scene_text(const std::string& path, const std::string& instrument = {});
 
 /// How the hidden object may move: the field `motion` of a scene file, for a tracker.
