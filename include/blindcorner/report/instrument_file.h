@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Instrument files: what a calibration found out, as a patch of the scene.
+/// Instrument files: the results of a calibration, as a patch of the scene.
 #pragma once
 
 #include <nlohmann/json.hpp>

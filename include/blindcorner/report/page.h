@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// `result.html`: the results of a fit as one page that needs no network; the same page of a scene
-/// before anything is fitted.
+/// `result.html`: the results of a fit as one page that needs no network, and the same page for a
+/// scene before any fit.
 #pragma once
 
 #include <string>
@@ -12,35 +12,35 @@
 
 namespace blindcorner {
 
-/// How one capture was taken, as far as the page draws it.
+/// Conditions of one capture, as far as the page draws them.
 struct CaptureConditions {
   Transform T_world_sensor = Transform::Identity();
   std::vector<Eigen::Vector3d> relay_points;  ///< [zones], m, world; empty: the scene's zones
   std::vector<double> variance_floor;         ///< [zones] counts^2
-  std::vector<double> variance_per_count;     ///< [zones] counts, per expected count on top of that
+  std::vector<double> variance_per_count;     ///< [zones] counts, added per expected count
 };
 
-/// Conditions of a capture: its own where it has them, the scene's otherwise.
+/// Conditions of a capture: its own where it has them, otherwise the scene's.
 CaptureConditions conditions_of(const Scene& scene, const Capture& capture);
 
 struct PageOptions {
-  /// Captures whose histograms are embedded at most; they are spread evenly over all of them. The
-  /// modes of all captures are always there.
+  /// Largest number of captures whose histograms are embedded; they are spread evenly over all
+  /// captures. The modes of all captures are always embedded.
   int max_histogram_captures = 60;
-  /// Zones embedded per capture at most: those with most light from the object.
+  /// Largest number of zones embedded per capture: those with most light from the object.
   int max_zones = 64;
-  /// Histogram bins embedded in the whole page at most; each takes about 20 bytes.
+  /// Largest number of histogram bins embedded in the whole page; each takes about 20 bytes.
   int max_bins = 600'000;
 };
 
-/// The page. `conditions[i]` lists the conditions of the captures of `results[i]` in their order;
-/// where a list is missing or too short the scene's own are taken.
+/// The page. `conditions[i]` lists the conditions of the captures of `results[i]` in their order.
+/// If a list is missing or too short, the scene's own conditions are used.
 std::string result_page(const Scene& scene, const std::vector<FitResult>& results,
                         const std::vector<std::vector<CaptureConditions>>& conditions = {},
                         const PageOptions& options = {});
 
-/// The scene alone, as that page draws it: surfaces, what the sensor sees, the search region and
-/// the object where the scene file puts it.
+/// The scene alone, as the page of a fit draws it: surfaces, the sensor's view, the search region,
+/// and the object where the scene file puts it.
 std::string scene_page(const Scene& scene);
 
 }  // namespace blindcorner

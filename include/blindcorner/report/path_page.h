@@ -9,9 +9,9 @@
 
 namespace blindcorner {
 
-/// What was asked, and what came of it.
+/// A request for a path and its answer.
 struct PlannedPath {
-  std::string map;  ///< as it was named
+  std::string map;  ///< name of the map, as the user gave it
   PathRequest request;
   const PlanningGrid& grid;
   const Path& path;
@@ -20,7 +20,8 @@ struct PlannedPath {
 /// Text of `path.json`, format "blindcorner.path/1" (docs/plan.md).
 std::string path_json(const PlannedPath& planned);
 
-/// A self-contained page with a picture of map and path. `occupancy`: per cell, NaN where unknown.
+/// A self-contained page with a picture of map and path. `occupancy`: one value per cell, NaN where
+/// unknown.
 std::string path_page(const PlannedPath& planned, std::span<const double> occupancy);
 
 }  // namespace blindcorner

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// `result.json`: what a fit found, for other programs. Every field is explained in docs/result.md.
+/// `result.json`: what a fit found, for other programs. docs/result.md explains every field.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -13,15 +13,15 @@ namespace blindcorner {
 
 inline constexpr const char* kResultFormat = "blindcorner.result/1";
 
-/// A joint fit lists the sources and indices of all its captures.
+/// Whether a result is of a joint fit, which lists the sources and indices of all its captures.
 bool is_joint(const FitResult& result);
 
-/// The results in the order given. Vectors follow the scene's unknowns (SI units). A number that is
-/// not finite becomes null, so the file is always valid JSON; a capture with an error has no modes
-/// and null where the answer would be.
+/// The results in the given order. Vectors follow the scene's unknowns (SI units). A number that is
+/// not finite becomes null, so the file is always valid JSON. A capture with an error has no modes,
+/// and null in place of the answer.
 nlohmann::json result_json(const Scene& scene, const std::vector<FitResult>& results);
 
-/// One result as it stands in the list `captures`.
+/// One result as an entry of the list `captures`.
 nlohmann::json capture_json(const Scene& scene, const FitResult& result);
 
 /// Writes DIR/result.json atomically; the directory must exist. Throws Error.
@@ -31,15 +31,16 @@ void write_result(const std::string& directory, const Scene& scene,
 /// The number, or null when it is not finite.
 nlohmann::json number_or_null(double value);
 
-/// Compact text of any JSON value; bytes that are not UTF-8 (odd file names) are replaced.
+/// Text of any JSON value, compact unless `indent` is 0 or more; bytes that are not UTF-8 (odd file
+/// names) are replaced.
 std::string dump_json(const nlohmann::json& value, int indent = -1);
 
-/// True values of the scene's unknowns as far as `truth` knows them, in their order; NaN where it
-/// does not. Empty when it knows none.
+/// True values of the scene's unknowns in their order; NaN where `truth` does not contain the
+/// value. Empty if `truth` contains none.
 std::vector<double> truth_vector(const Scene& scene, const std::map<std::string, double>& truth);
 
-/// Distance of the heaviest mode's position from the true one over the unknown coordinates, m; NaN
-/// without mode, without truth or when no coordinate is unknown.
+/// Distance of the first mode's position (the heaviest mode) from the true one over the unknown
+/// coordinates, m; NaN without a mode, without truth, or if no coordinate is unknown.
 double position_error(const Scene& scene, const FitResult& result);
 
 }  // namespace blindcorner

@@ -13,27 +13,29 @@
 
 namespace blindcorner {
 
-/// Two replays (drive_replay) of one seed as an entry of the lists below. `pages`: where all about
-/// each drive is, relative to the page; empty: nowhere. Throws Error unless the seeds are the same.
+/// Two replays (drive_replay) of one seed as an entry of the lists below. `pages`: the place of
+/// each drive's own page, relative to this page; empty: no page. Throws Error unless the seeds are
+/// the same.
 nlohmann::json replay_pair(nlohmann::json first, nlohmann::json second,
                            const std::pair<std::string, std::string>& pages = {});
 
-/// What a plain page holds to play a list of pairs, with a choice where there are several; it shows
-/// the first, at the moment that tells both drives apart, and waits.
+/// The part of a plain page that plays a list of pairs, with a choice if there are several. It
+/// shows the first pair at the moment that tells both drives apart, and waits.
 std::string side_by_side_part(const nlohmann::json& pairs);
 
-/// A self-contained page of its own, which begins to play.
+/// A self-contained page that starts to play at once. `pairs` must not be empty.
 std::string side_by_side_page(const std::string& title, const nlohmann::json& pairs);
 
-/// The two perceptions of a study whose comparison says most: direct sight, and what sees around
-/// the corner. Empty: there is none.
+/// The two perceptions of a study whose comparison tells most: direct sight, and one that sees
+/// around the corner. Empty: the study has fewer than two perceptions.
 std::optional<std::pair<std::string, std::string>> telling_perceptions(
     const std::vector<TrialResult>& results);
 
-/// Seeds to play both drives of, at most `most`. First the one where the first perception collides
-/// and the second reaches its goal; then one of each other kind, so that what speaks against the
-/// second is there too: the first stands or the second is the one that fails, both collide, both
-/// arrive with the greatest difference in time. Then more of these, in the same order.
+/// Seeds whose two drives are worth playing, at most `most`. First comes a seed where the first
+/// perception collides and the second reaches its goal. Then comes one seed of each other kind, so
+/// that evidence against the second perception is included: the second is better in another way,
+/// only the second fails, both collide, both arrive with the greatest difference in time, any
+/// other. Then more seeds follow in the same order.
 std::vector<std::uint64_t> telling_seeds(const std::vector<TrialResult>& results,
                                          const std::pair<std::string, std::string>& perceptions,
                                          int most);

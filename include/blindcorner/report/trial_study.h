@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// A study of trials in a directory: what `blindcorner trials` does, for whoever spreads it over
-/// threads or machines.
+/// A study of trials in a directory: the work of `blindcorner trials`, for programs that spread it
+/// over threads or machines.
 #pragma once
 
 #include <cstdint>
@@ -18,21 +18,21 @@
 
 namespace blindcorner {
 
-/// What is asked.
+/// What a study is asked to do.
 struct TrialRequest {
   std::string drive;                 ///< path of the drive file
-  double light = 0;                  ///< factor on the laser's light; 0: the drive file's
+  double light = 0;                  ///< factor on the laser's light; 0: the drive file's value
   std::vector<std::string> weights;  ///< files, for perceptions that are networks
   TrialsOptions options;
 };
 
-/// Drives trials; keeps what all of them share. Thread safe.
+/// Drives trials and keeps the data that all of them share. Thread safe.
 class TrialRunner {
  public:
   /// Reads the drive file, its scene and the weights. Throws Error.
   explicit TrialRunner(const TrialRequest& request);
 
-  /// The same trial has the same result, run time excepted.
+  /// The same trial has the same result, apart from the run time.
   TrialResult run(const Trial& trial) const;
 
   const Drive& drive() const { return drive_; }
@@ -40,7 +40,7 @@ class TrialRunner {
   const std::shared_ptr<const Fitter>& fitter() const { return fitter_; }
   const PerceptionNetworks& networks() const { return networks_; }
   const std::map<std::string, std::string>& weight_files() const { return files_; }
-  /// JSON of all that results depend on (trial_study).
+  /// JSON of everything that the results depend on (trial_study).
   const std::string& study() const { return study_; }
 
  private:
@@ -52,12 +52,12 @@ class TrialRunner {
   std::shared_ptr<const Fitter> fitter_;
 };
 
-/// A study and its directory: journal, tables and pages. One process at a time; not thread safe but
-/// for run().
+/// A study and its directory: journal, tables and pages. One process at a time; only run() is
+/// thread safe.
 class TrialStudy {
  public:
-  /// Opens the study of a directory, or begins it; the directory is made. Throws Error where it
-  /// holds another study, or another process works on it.
+  /// Opens the study of a directory, or begins it and makes the directory. Throws Error if the
+  /// directory holds another study, or if another process works on it.
   TrialStudy(const TrialRequest& request, const std::string& directory);
 
   const Drive& drive() const { return runner_.drive(); }
@@ -65,24 +65,26 @@ class TrialStudy {
   /// Trials without a result, in the order of their plan.
   std::vector<Trial> open() const;
   TrialResult run(const Trial& trial) const { return runner_.run(trial); }
-  /// Adds a result durably; one that is there already is not added again. Throws Error.
+  /// Adds a result durably, unless the trial already has one. Throws Error.
   void add(const TrialResult& result);
-  /// In the order of files.
+  /// Results in the order in which files list them.
   std::vector<TrialResult> results() const;
 
-  /// limits.json, unless it is there, or the drive file does not say who is met (drive_limits.h).
+  /// Writes limits.json, unless it exists or the drive file does not say who is met
+  /// (drive_limits.h).
   void write_limits() const;
-  /// trials.csv, and errors.csv where trials have injected errors.
+  /// Writes trials.csv, and errors.csv if trials have injected errors.
   void write_tables() const;
-  /// Failed trials, at most `most` of each perception, whose page is not there yet.
+  /// Failed trials whose page does not exist yet, among the first `most` failed trials of each
+  /// perception.
   std::vector<Trial> missing_replays(int most) const;
   void write_replay(const Trial& trial) const;
-  /// Trials of the `most` seeds that tell most (telling_seeds), of the two perceptions that the
-  /// page plays side by side, whose drives are not kept yet.
+  /// Trials whose drives are not kept yet, of the `most` seeds that tell most (telling_seeds) and
+  /// of the two perceptions that the page plays side by side.
   std::vector<Trial> missing_pairs(int most) const;
-  /// Drives a trial and keeps what the page plays of it.
+  /// Drives a trial and keeps the data that the page needs to play it.
   void keep_for_pair(const Trial& trial) const;
-  /// trials.html.
+  /// Writes trials.html.
   void write_page() const;
 
  private:
