@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// The one exception type of the library: a single clear line for whoever caused it.
+/// The exception type of the library, with a clear one-line message for the user.
 #pragma once
 
 #include <stdexcept>
@@ -8,7 +8,7 @@
 namespace blindcorner {
 
 /// Wrong input. `what()` is one line that names the place (file, field), what was found there and
-/// what is accepted; for a scene with several problems, one such line for each.
+/// what is accepted. A scene with several problems gives one such line for each.
 class Error : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
@@ -18,7 +18,7 @@ class Error : public std::runtime_error {
       : std::runtime_error(where + ": " + problem) {}
 };
 
-/// Nothing wrong with the input: what came of it could not be written.
+/// The input is right, but the output could not be written.
 class OutputError : public Error {
  public:
   using Error::Error;

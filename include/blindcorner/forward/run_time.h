@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// How long something takes.
+/// Measurement of run times.
 #pragma once
 
 #include <chrono>
@@ -7,8 +7,8 @@
 
 namespace blindcorner {
 
-/// Times in s: on the clock, and of all of the program's processors together, which other programs
-/// on the machine do not lengthen.
+/// Times in s: on the clock, and summed over all processors that the program uses. Other programs
+/// on the machine do not lengthen the latter.
 struct RunTime {
   double wall = 0, processor = 0;
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Rotations as people write them.
+/// Rotations as yaw, pitch and roll.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -7,15 +7,16 @@
 
 namespace blindcorner {
 
-/// Yaw, pitch and roll, rad: about z, then the new y, then the new x. Positive pitch looks down.
+/// Rotation by yaw, pitch and roll, rad: about z, then the new y, then the new x. Positive pitch
+/// looks down.
 inline Eigen::Matrix3d rotation_of(const Eigen::Vector3d& yaw_pitch_roll) {
   return Eigen::AngleAxisd(yaw_pitch_roll[0], Eigen::Vector3d::UnitZ()).toRotationMatrix() *
          Eigen::AngleAxisd(yaw_pitch_roll[1], Eigen::Vector3d::UnitY()).toRotationMatrix() *
          Eigen::AngleAxisd(yaw_pitch_roll[2], Eigen::Vector3d::UnitX()).toRotationMatrix();
 }
 
-/// The inverse; pitch within +-pi/2. Straight up or down yaw and roll turn about one axis: all of
-/// it is yaw then.
+/// The inverse of rotation_of(); pitch is within +-pi/2. Straight up or down, yaw and roll turn
+/// about the same axis: the whole turn is then returned as yaw.
 inline Eigen::Vector3d yaw_pitch_roll_of(const Eigen::Matrix3d& rotation) {
   const double cosine = std::hypot(rotation(0, 0), rotation(1, 0));
   const double pitch = std::atan2(-rotation(2, 0), cosine);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Where the hidden object is: placements, and the vector of unknowns that a scene frees.
+/// Placement of the hidden object, and the vector of a scene's unknowns.
 #pragma once
 
 #include <Eigen/Core>
@@ -10,13 +10,13 @@
 
 namespace blindcorner {
 
-/// Takes sensor coordinates to world coordinates (or object to world).
+/// Transforms sensor coordinates to world coordinates (or object to world).
 using Transform = Eigen::Isometry3d;
 
-/// What may be unknown about the hidden object.
+/// Components of the hidden object's placement that may be unknown.
 enum class Component { x, y, z, yaw, size };
 
-/// Name with unit as results use it: "x_m", "y_m", "z_m", "yaw_rad", "size".
+/// Name with unit, as in results: "x_m", "y_m", "z_m", "yaw_rad", "size".
 std::string component_name(Component component);
 
 /// Full placement of an object: position of its anchor in metres (world), yaw in radians about +z
@@ -36,25 +36,25 @@ struct NormalPrior {
   double sigma = 1.0;
 };
 
-/// One freed component: the prior is uniform on [lower, upper], times the normal one if given.
+/// One unknown component. The prior is uniform on [lower, upper], times the normal prior if given.
 struct Unknown {
   Component component = Component::x;
   double lower = 0.0;  ///< m, rad or 1
   double upper = 1.0;  ///< m, rad or 1
   std::optional<NormalPrior> prior;
-  int object = 0;  ///< which of the scene's hidden objects it belongs to
+  int object = 0;  ///< the hidden object that the unknown belongs to
 
   double range() const { return upper - lower; }
 };
 
-/// Values of the unknowns in the order in which the scene lists them (SI units).
+/// Values of the unknowns in the order of the scene (SI units).
 using PoseVector = Eigen::VectorXd;
 
-/// `known` with the values of `pose` put in place of the unknown components of one object.
+/// The placement `known` of one object, with its unknown components replaced by values of `pose`.
 Placement place(const Placement& known, const std::vector<Unknown>& unknowns,
                 const PoseVector& pose, int object = 0);
 
-/// The values of the unknown components of the only object's placement.
+/// The values of the unknown components of the placement, for a scene with a single object.
 PoseVector pose_of(const Placement& placement, const std::vector<Unknown>& unknowns);
 
 /// The same for several objects, one placement each.

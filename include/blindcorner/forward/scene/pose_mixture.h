@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// The answer of the inverse solver as everything downstream reads it: a Gaussian mixture over
-/// poses with a probability that there is an object at all.
+/// The answer of the inverse solver for all later stages: a Gaussian mixture over poses, and the
+/// probability that an object is present.
 #pragma once
 
 #include <Eigen/Core>
@@ -15,9 +15,9 @@ struct PoseMode {
   double weight = 0.0;            ///< share of the posterior given that an object is present
   PoseVector pose;                ///< mean of the mode
   Eigen::MatrixXd covariance;     ///< [n, n]
-  std::vector<int> undetermined;  ///< indices of unknowns the data left open
+  std::vector<int> undetermined;  ///< indices of unknowns that the data leave open
   double log_likelihood = 0.0;    ///< at the mode's optimum, linear unknowns maximised
-  PoseVector optimum;             ///< the maximiser itself (mean and maximum differ if skewed)
+  PoseVector optimum;  ///< the maximum itself (it differs from the mean of a skewed mode)
 };
 
 /// Modes heaviest first; their weights sum to one.

@@ -14,11 +14,11 @@
 
 namespace blindcorner {
 
-/// The answers of a shape to all that is asked below, in its own file of forward/scene/shapes;
-/// inside of the library only.
+/// Implements the functions below for one shape. Each shape has its own file in
+/// forward/scene/shapes. Internal to the library.
 class ShapeGeometry;
 
-/// Flat rectangle in its own y-z plane, normal +x; reflects on the normal's side only.
+/// Flat rectangle in its own y-z plane with normal +x. Only the side of the normal reflects.
 struct RectangleShape {
   double width = 1.0;   ///< m, along its own y
   double height = 1.0;  ///< m, along its own z
@@ -40,27 +40,27 @@ struct CylinderShape {
   std::unique_ptr<const ShapeGeometry> geometry() const;
 };
 
-/// Triangles about the centroid of their area, m. Made by `make_mesh`.
+/// Triangles in coordinates about the centroid of their area, m. Made by `make_mesh`.
 struct TriangleMesh {
   std::vector<Eigen::Vector3d> vertices;
   std::vector<std::array<int, 3>> triangles;         ///< counter-clockwise seen from outside
-  Eigen::Vector3d origin = Eigen::Vector3d::Zero();  ///< of the given vertices' own coordinates
-  Eigen::Vector3d extent = Eigen::Vector3d::Zero();  ///< m, of the bounding box along its own axes
-  Eigen::Vector3d lowest = Eigen::Vector3d::Zero();  ///< corner of the bounding box
-  double radius = 0.0;                               ///< m, farthest vertex from the centroid
+  Eigen::Vector3d origin = Eigen::Vector3d::Zero();  ///< origin of the given vertices' coordinates
+  Eigen::Vector3d extent = Eigen::Vector3d::Zero();  ///< m, bounding box along the mesh's own axes
+  Eigen::Vector3d lowest = Eigen::Vector3d::Zero();  ///< lowest corner of the bounding box
+  double radius = 0.0;  ///< m, distance of the farthest vertex from the centroid
   bool closed = false;  ///< every edge joins two triangles that run along it in opposite directions
   bool convex = false;  ///< closed, and no vertex lies outside of any face
 };
 
-/// Moves the vertices to the centroid and finds out the rest. Throws Error when there is no
-/// triangle of an area, a vertex is not finite or an index is out of range.
+/// Moves the vertices to the centroid and computes the other fields. Throws Error when no triangle
+/// has an area, a vertex is not finite or an index is out of range.
 std::shared_ptr<const TriangleMesh> make_mesh(std::vector<Eigen::Vector3d> vertices,
                                               std::vector<std::array<int, 3>> triangles);
 
 /// Body or sheet made of triangles.
 struct MeshShape {
   std::shared_ptr<const TriangleMesh> mesh;
-  bool two_sided = false;  ///< reflects on both sides, else on the outer one; both block
+  bool two_sided = false;  ///< true: both sides reflect, else only the outer one; both block
   std::unique_ptr<const ShapeGeometry> geometry() const;
 };
 
@@ -69,31 +69,34 @@ using Shape = std::variant<RectangleShape, BoxShape, SphereShape, CylinderShape,
 /// "rectangle", "box", "sphere", "cylinder" or "mesh".
 std::string shape_name(const Shape& shape);
 
-/// Which point of the shape its position names: the centre, or the centre of its footprint.
+/// Point of the shape that a position refers to: the centre, or the centre of the footprint.
 enum class Anchor { center, base };
 
 /// `base` for shapes that stand (box, cylinder), `center` otherwise.
 Anchor default_anchor(const Shape& shape);
 
-/// Whether the shape encloses a volume: its faces count only as seen from outside.
+/// Whether the shape encloses a volume. Its faces then count only when seen from outside.
 bool is_closed(const Shape& shape);
 
-/// Whether no line between two points of the shape leaves it: it cannot shadow itself.
+/// Whether every line between two points of the shape stays inside the shape. Such a shape cannot
+/// shadow itself.
 bool is_convex(const Shape& shape);
 
-/// Period in radians after which a yaw turn looks the same: 2 pi for a rectangle, pi for a box,
-/// pi/2 for a box of square footprint, 2 pi for a mesh, 0 for shapes that yaw does not change.
+/// Period in radians of the yaw angles at which the shape looks the same: 2 pi for a rectangle, pi
+/// for a box, pi/2 for a box of square footprint, 2 pi for a mesh, 0 for shapes that yaw does not
+/// change.
 double yaw_period(const Shape& shape);
 
-/// Largest distance of a point of the shape from its anchor, m.
+/// Largest distance of a point of the shape from its anchor, m. An upper bound for a mesh with the
+/// anchor `base`.
 double bounding_radius(const Shape& shape, Anchor anchor);
 
-/// Half edges (m) of the box about the shape's centre and parallel to the world's axes that holds
-/// the shape turned by `yaw` rad; turned by any yaw where none is given.
+/// Half edges (m) of a box that holds the shape turned by `yaw` rad. The box is centred on the
+/// shape and parallel to the world's axes. Without `yaw`, the box holds the shape at any yaw.
 Eigen::Vector3d half_extents(const Shape& shape, std::optional<double> yaw);
 
-/// Small flat piece of a surface, in world coordinates (m). For curved shapes it lies in the
-/// tangent plane and its area is that of the curved piece.
+/// Small flat piece of a surface, in world coordinates (m). On a curved shape the cell lies in the
+/// tangent plane, and its area is that of the curved piece.
 struct SurfaceCell {
   Eigen::Vector3d center;
   Eigen::Vector3d normal;  ///< unit, outward
@@ -102,25 +105,26 @@ struct SurfaceCell {
   double area = 0.0;       ///< m^2
 };
 
-/// Takes the shape's own centred coordinates to the world, for a placement of its anchor. Lengths
-/// are scaled by `placement.size` separately.
+/// Transforms the shape's own centred coordinates to the world, for a placement of its anchor. The
+/// factor `placement.size` on lengths is applied separately.
 Transform object_to_world(const Shape& shape, Anchor anchor, const Placement& placement);
 
-/// Divides the placed shape into flat cells whose edges are at most `max_edge` metres (before the
-/// factor `size`), and at least `min_divisions` along each edge. The number and the order of cells
-/// depend only on the shape and these two numbers, never on the placement, so that sums over cells
-/// are smooth in the placement. Cells of a curved shape carry the area of the curved piece.
+/// Divides the placed shape into flat cells. Cell edges are at most `max_edge` metres (before the
+/// factor `size`), and each edge of the shape has at least `min_divisions` cells. The number and
+/// the order of cells depend only on the shape and these two numbers, never on the placement. Sums
+/// over cells are therefore smooth in the placement. Cells of a curved shape carry the area of the
+/// curved piece.
 std::vector<SurfaceCell> divide(const Shape& shape, const Transform& T_world_shape, double size,
                                 double max_edge, int min_divisions = 1);
 
-/// Point of a surface (m) and the area that it stands for (m^2).
+/// Point of a surface (m) and the area that the point represents (m^2).
 struct SurfacePoint {
   Eigen::Vector3d center;
   Eigen::Vector3d normal;  ///< unit, outward
   double area = 0.0;
 };
 
-/// Largest distances between points of a rule, m: in horizontal directions and upwards.
+/// Largest distances between quadrature points, m: in horizontal directions and upwards.
 struct PointSpacing {
   double across;
   double up;
@@ -131,11 +135,11 @@ struct PointSpacing {
   double least() const { return across < up ? across : up; }
 };
 
-/// Quadrature points of the shape in its own coordinates, no farther apart than about `spacing`
-/// (spheres and meshes: the lesser of its two everywhere): Gauss-Legendre rules over flat faces,
-/// heights and radii, even steps around a circle, three points (degree 2) for each part of a
-/// triangle. Smooth functions of the surface are integrated with an error that falls exponentially
-/// in 1 / spacing (mesh: with its third power).
+/// Quadrature points of the shape in its own coordinates, at most about `spacing` apart (spheres
+/// and meshes use the smaller of the two spacings everywhere). Flat faces, heights and radii have
+/// Gauss-Legendre rules, circles have even steps, and each part of a triangle has three points
+/// (degree 2). For smooth functions of the surface, the integration error falls exponentially in
+/// 1/spacing (mesh: with the third power of the spacing).
 std::vector<SurfacePoint> quadrature(const Shape& shape, const PointSpacing& spacing);
 
 using Triangle = std::array<Eigen::Vector3d, 3>;
@@ -148,11 +152,11 @@ std::vector<Triangle> triangulate(const Shape& shape, const Transform& T_world_s
 /// Corners of a planar face, counter-clockwise seen from outside.
 using Quad = std::array<Eigen::Vector3d, 4>;
 
-/// Flat faces of a rectangle (1), a box (6) or a mesh (of a triangle, the third corner is in the
-/// middle of an edge); throws Error for curved shapes.
+/// Flat faces of a rectangle (1), a box (6) or a mesh (one face for each triangle; the third corner
+/// of the face is the middle of an edge). Throws Error for curved shapes.
 std::vector<Quad> flat_faces(const Shape& shape, const Transform& T_world_shape, double size);
 
-/// Unit normal of a face, towards the side from which its corners run counter-clockwise.
+/// Unit normal of a face. It points to the side from which the corners run counter-clockwise.
 Eigen::Vector3d face_normal(const Quad& corners);
 
 }  // namespace blindcorner

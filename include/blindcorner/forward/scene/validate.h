@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Whether a scene can be computed with, wherever it was made.
+/// Checks whether a scene can be used for computation, whatever its source.
 #pragma once
 
 #include "blindcorner/forward/scene/scene.h"

@@ -21,8 +21,8 @@ struct Tail {
   double fraction = 0.1;
   double decay = 1e-10;
 };
-/// Gaussian core of which each tail's fraction is convolved with a one-sided exponential
-/// (diffusion tail of a SPAD).
+/// Gaussian core. For each tail, the tail's fraction of the core is convolved with a one-sided
+/// exponential (diffusion tail of a SPAD).
 struct ExponentialTailResponse {
   double sigma = 1e-10;
   std::vector<Tail> tails;
@@ -36,7 +36,7 @@ struct TableResponse {
 using ResponseShape =
     std::variant<GaussianResponse, BoxGaussianResponse, ExponentialTailResponse, TableResponse>;
 
-/// A response that integrates to one, with its time axis moved so that its peak is at t = 0.
+/// A response that integrates to one. Its time axis is shifted so that its peak is at t = 0.
 class ImpulseResponse {
  public:
   /// Throws Error when the shape is not a density (negative values, no width, fractions over one).
@@ -48,11 +48,12 @@ class ImpulseResponse {
   /// time `t` (s) after the unblurred peak.
   double cumulative(double t, double blur = 0.0) const;
 
-  /// Standard deviation of a Gaussian with the same full width at half maximum, s. It is the width
-  /// against which path spreads are judged.
+  /// Standard deviation of a Gaussian with the same full width at half maximum, s. Path spreads are
+  /// judged against this width.
   double core_sigma() const { return core_sigma_; }
 
-  /// Smallest times with at most `outside` of the energy before the first and after the second, s.
+  /// Start and end of the pulse, s: at most the share `outside` of the energy lies before the
+  /// start, and at most the same share after the end.
   std::pair<double, double> support(double outside, double blur = 0.0) const;
 
  private:
@@ -60,7 +61,7 @@ class ImpulseResponse {
   double density_from_origin(double t) const;
 
   ResponseShape shape_;
-  std::vector<double> table_integral_;  // of TableResponse at its times, normalised
+  std::vector<double> table_integral_;  // of TableResponse up to its times, not normalised
   double peak_ = 0.0;                   // s, of the unshifted density
   double core_sigma_ = 0.0;             // s
 };

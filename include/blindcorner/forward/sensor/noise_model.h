@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/// How counts scatter about what is expected. A noise model is a type here, its likelihood in
-/// inverse/likelihood/likelihood.cpp and its place in scene files in src/io/sensor_reader.cpp.
+/// How counts scatter about their expected values. Each noise model is a type in this file. Its
+/// likelihood is in inverse/likelihood/likelihood.cpp, and src/io/sensor_reader.cpp reads its
+/// fields from scene files.
 #pragma once
 
 #include <algorithm>
@@ -12,7 +13,8 @@
 
 namespace blindcorner {
 
-/// Variance of one exposure's counts: floor + per_count * mean, counts^2 and counts.
+/// Variance of one exposure's counts, floor + per_count * mean: `floor` in counts^2, `per_count` in
+/// counts.
 struct VarianceLine {
   double floor = 0, per_count = 0;
 };
@@ -37,8 +39,8 @@ struct PoissonNoise {
   }
 };
 
-/// Gaussian counts, as of a sensor that subtracts its own background:
-/// variance = floor + per_count * expected signal. Negative values are data.
+/// Gaussian counts, such as those of a sensor that subtracts its own background: variance = floor +
+/// per_count * expected signal. Negative values are valid data.
 struct GaussianNoise {
   static constexpr const char* kName = "Gaussian";
   static constexpr bool kCountsPhotons = false;
@@ -82,24 +84,25 @@ struct NoiseModel : std::variant<PoissonNoise, GaussianNoise> {
   const char* name() const {
     return visit([](const auto& model) { return model.kName; });
   }
-  /// Counts are of photons: never negative, and the sum over bins that expect the same is as good
-  /// as the bins. Otherwise a sensor has processed them.
+  /// Whether the counts are photons. Photon counts are never negative, and the sum over bins of
+  /// equal expectation tells as much as the single bins. Other counts were processed by the sensor.
   bool counts_photons() const {
     return visit([](const auto& model) { return model.kCountsPhotons; });
   }
-  /// Variance of one exposure that expects `mean`, counts^2. `dispersion` is the sensor's.
+  /// Variance (counts^2) of one exposure whose expected count is `mean`. `dispersion` is the
+  /// sensor's.
   double variance(double mean, double dispersion) const {
     return visit([&](const auto& model) { return model.variance(mean, dispersion); });
   }
-  /// The variance where the model states it as a line; nothing where the dispersion does that.
+  /// The variance line that the model states; nothing where the dispersion gives the variance.
   std::optional<VarianceLine> stated_line() const {
     return visit([](const auto& model) { return model.stated_line(); });
   }
-  /// States it, if the model does that.
+  /// Sets the variance line, if the model states one.
   void state_line(const VarianceLine& line) {
     std::visit([&](auto& model) { model.state_line(line); }, static_cast<Base&>(*this));
   }
-  /// Replaces the expected counts of a row of bins by random ones, the average of `exposures`.
+  /// Replaces the expected counts of a row of bins by random counts, averaged over `exposures`.
   template <class Random>
   void draw(double* counts, int bins, double exposures, double dispersion, Random& random) const {
     visit([&](const auto& model) { model.draw(counts, bins, exposures, dispersion, random); });

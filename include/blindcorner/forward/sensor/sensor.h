@@ -28,22 +28,21 @@ struct AngularCone {
 };
 using FieldOfIllumination = std::variant<AngularRectangle, AngularCone>;
 
-/// What one histogram looks at: a rectangle of directions, or one known point on a relay surface
-/// (world, m) that stands for a spot too small to matter.
+/// Footprint of the zone of one histogram: a rectangle of directions, or one known point on a relay
+/// surface (world, m). The point stands for a spot of negligible size.
 using ZoneFootprint = std::variant<AngularRectangle, Eigen::Vector3d>;
 
 struct Zone {
   ZoneFootprint footprint = AngularRectangle{};
-  double time_zero = 0.0;  ///< s, when light of zero path length peaks
+  double time_zero = 0.0;  ///< s, time at which light of zero path length peaks
   double gain = 1.0;       ///< counts per W/m^2
-  bool dead = false;       ///< carries no information
+  bool dead = false;       ///< the zone carries no information
   int first_valid_bin = 0;
-  int last_valid_bin = -1;  ///< inclusive; -1: the sensor's last bin
-  int wrap_bins = -1;       ///< as the sensor's, of this zone; -1: the sensor's
-  double variance_floor =
-      -1;  ///< counts^2, as a Gaussian noise model's, of this zone; -1: the model's
-  /// [bins] static light as measured (cover glass, crosstalk, clutter that the scene does not
-  /// know), counts beside the ambient light and the direct return; empty: none.
+  int last_valid_bin = -1;     ///< inclusive; -1: the sensor's last bin
+  int wrap_bins = -1;          ///< this zone's value of Sensor::wrap_bins; -1: the sensor's
+  double variance_floor = -1;  ///< counts^2, this zone's Gaussian noise floor; -1: the model's
+  /// [bins] measured static light, counts, in addition to the ambient light and the direct return:
+  /// cover glass, crosstalk, or clutter that the scene does not describe. Empty: none.
   std::vector<double> background;
 
   double background_at(int bin) const {
@@ -52,14 +51,14 @@ struct Zone {
 };
 
 enum class Illumination {
-  flash,    ///< one field lights all, every zone sees light from everywhere
-  confocal  ///< each zone is lit by itself
+  flash,    ///< one field lights everything, and every zone sees light from everywhere
+  confocal  ///< each zone is lit separately
 };
 
-/// From where optical path lengths are counted.
+/// Where optical path lengths start.
 enum class PathOrigin {
   sensor,  ///< source to detector, all legs
-  relay    ///< the direct path of each zone (twice its distance) has been taken off
+  relay    ///< the direct path of each zone (twice its distance) has been subtracted
 };
 
 struct Sensor {
@@ -73,22 +72,23 @@ struct Sensor {
   int wrap_bins = 0;  ///< light later than this bin reappears this many bins earlier; 0: never
   NoiseModel noise = PoissonNoise{};
   double dispersion = 1.0;  ///< variance / mean of one exposure's counts
-  /// Laser pulses times detectors of a zone in one capture. Each detector reports at most the first
-  /// photon of a pulse, so early light hides later light (pile-up). 0: no pile-up.
+  /// Number of laser pulses in one capture times number of detectors in a zone. Each detector
+  /// reports at most the first photon of a pulse, so early light hides later light (pile-up). 0: no
+  /// pile-up.
   double pile_up_cycles = 0.0;
-  double saturation = 0.0;  ///< most counts that a bin can hold; 0: any number
-  /// [receiving zone][zone] share of a zone's light that a zone records, row by row; empty: each
-  /// zone records its own light and no other.
+  double saturation = 0.0;  ///< largest count that a bin can hold; 0: no limit
+  /// [receiving zone][zone] share of a zone's light that the receiving zone records, row by row.
+  /// Empty: each zone records only its own light.
   std::vector<double> crosstalk;
   Illumination illumination = Illumination::flash;
   FieldOfIllumination field = AngularCone{};
   double radiant_intensity = 1.0;                          ///< W/sr inside the field
   Eigen::Vector3d light_offset = Eigen::Vector3d::Zero();  ///< m, sensor frame
   PathOrigin path_origin = PathOrigin::sensor;
-  std::optional<Link> link;  ///< where given, gains and radiant intensity come from it
+  std::optional<Link> link;  ///< if given, gains and radiant intensity follow from the link
 
   int zone_count() const { return rows * columns; }
-  /// Bins after which light of a zone reappears at the start; 0: never.
+  /// Number of bins after which a zone's light reappears at the start; 0: never.
   int wrap(int zone) const {
     const int own = zones[static_cast<std::size_t>(zone)].wrap_bins;
     return own < 0 ? wrap_bins : own;
