@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// A classical baseline: the captured light is projected back onto a grid over the search region.
+/// A classical baseline: back-projection of the captured light onto a grid over the search region.
 #pragma once
 
 #include <memory>
@@ -10,26 +10,27 @@
 namespace blindcorner {
 
 struct BackProjectionOptions {
-  /// Distance of two voxels, in standard deviations of pulse and bin as path: half a step
-  /// off, paths there and back are 0.5 off at most, and a score keeps exp(-0.5^2 / 4) = 0.94 of it.
+  /// Distance of two voxels, as a path in standard deviations of pulse and bin. Half a step off,
+  /// the path there and back is at most 0.5 off, and a score keeps exp(-0.5^2 / 4) = 0.94 of its
+  /// value.
   double spacing = 0.5;
-  /// Of the first grid, whose spacing grows until they are no more: 20 along each of three axes. By
-  /// judgement: a limit of the time.
+  /// Most voxels of the first grid: 20 along each of three axes. The grid's spacing grows until it
+  /// has no more voxels. By judgement, to limit the time.
   int max_voxels = 8000;
 
   /// Throws Error naming the field that is out of range.
   void validate() const;
 };
 
-/// Static background is taken off the histograms. The rest is projected back onto every voxel:
-/// light by way of it arrives in each zone as a pulse whose time and width follow from the lit and
-/// the seen relay patches (sensor - relay - voxel - relay - sensor), and the correlation of these
-/// pulses with the counts, weighted with the photon noise, is the voxel's score. Shadows of known
-/// bodies count; the object's extent and its turn do not, so that the answer is where it shines
-/// most and not its middle. The strongest voxel, refined by parabolas, is the position. An axis
-/// along which the score changes by less than half a unit of log likelihood cannot be told: it is
-/// answered by the middle of the prior, as are yaw and size always, and all unknowns of a capture
-/// without light.
+/// Subtracts the static background from the histograms and projects the rest back onto every voxel.
+/// Light by way of a voxel arrives in each zone as a pulse. The pulse's time and width follow from
+/// the lit and the seen relay patches (sensor - relay - voxel - relay - sensor). The voxel's score
+/// is the correlation of these pulses with the counts, weighted with the photon noise. Shadows of
+/// known bodies count. The object's extent and yaw do not, so the answer is where the object shines
+/// most and not its middle. From the strongest voxel, a climb over ever finer voxels and then
+/// parabolas lead to the position. An axis along which the score changes by less than half a unit
+/// of log likelihood cannot be determined: its answer is the middle of the prior. The middle of the
+/// prior also answers yaw and size always, and all unknowns of a capture without light.
 class BackProjection {
  public:
   /// Throws Error for a scene of several hidden objects or without an unknown position.
@@ -38,8 +39,8 @@ class BackProjection {
   BackProjection(BackProjection&&) noexcept;
   BackProjection& operator=(BackProjection&&) noexcept;
 
-  /// Values of the scene's unknowns from one capture, at its own sensor pose where it carries one.
-  /// Thread safe. Throws Error for a capture that does not suit the scene.
+  /// Values of the scene's unknowns from one capture, at the capture's own sensor pose where it has
+  /// one. Thread safe. Throws Error for a capture that does not suit the scene.
   PoseVector predict(const Capture& capture) const;
 
  private:
@@ -47,7 +48,7 @@ class BackProjection {
   std::unique_ptr<Impl> impl_;
 };
 
-/// The middle of the scene's prior: what says nothing about the capture.
+/// The middle of the scene's prior: an answer that does not use the capture.
 PoseVector middle_of_prior(const Scene& scene);
 
 }  // namespace blindcorner

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// A classical baseline: the best of a grid of poses, as a matched filter scores them.
+/// A classical baseline: the best pose of a grid by the score of a matched filter.
 #pragma once
 
 #include <memory>
@@ -10,19 +10,21 @@
 namespace blindcorner {
 
 struct MatchedFilterOptions {
-  /// Of the grid, whose spacing grows until they are no more: as FitOptions::max_scored_poses.
+  /// Most poses of the grid, whose spacing grows until it has no more poses. As
+  /// FitOptions::max_scored_poses.
   int max_poses = 20'000;
-  /// Their histograms are closed-form pulses, of microseconds each; else the cheap fast model's,
-  /// whose tables take seconds.
+  /// True: the poses' histograms are closed-form pulses, which take microseconds each. False: they
+  /// come from the cheap fast model, whose tables take seconds.
   bool closed_form = true;
 
   /// Throws Error naming the field that is out of range.
   void validate() const;
 };
 
-/// The expected histogram of every pose of a grid over the search region is compared with the
-/// capture; the best of them is the answer, without any refinement. These are the poses and the
-/// scores that a fit starts from, so that the difference is what refinement is worth.
+/// Compares the expected histogram of every pose of a grid over the search region with the capture.
+/// The best pose is the answer, without any refinement. A fit starts from such poses and scores (in
+/// closed form, of at most FitOptions::max_closed_form_poses poses), so the difference from a fit
+/// shows what refinement is worth.
 class MatchedFilterBaseline {
  public:
   explicit MatchedFilterBaseline(const Scene& scene, const MatchedFilterOptions& options = {});
@@ -30,9 +32,9 @@ class MatchedFilterBaseline {
   MatchedFilterBaseline(MatchedFilterBaseline&&) noexcept;
   MatchedFilterBaseline& operator=(MatchedFilterBaseline&&) noexcept;
 
-  /// Values of the scene's unknowns from one capture, at its own sensor pose where it carries one;
-  /// the middle of the prior for a capture without light. Thread safe. Throws Error for a capture
-  /// that does not suit the scene.
+  /// Values of the scene's unknowns from one capture, at the capture's own sensor pose where it has
+  /// one. A capture without light gets the middle of the prior. Thread safe. Throws Error for a
+  /// capture that does not suit the scene.
   PoseVector predict(const Capture& capture) const;
 
  private:

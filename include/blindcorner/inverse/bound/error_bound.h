@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// How well any method can do: error to expect and probability of detection at a place, before
-/// there is a capture.
+/// Limits of any method at a place, before there is a capture: the error to expect and the
+/// probability of detection.
 #pragma once
 
 #include <Eigen/Core>
@@ -13,15 +13,15 @@
 namespace blindcorner {
 
 struct BoundOptions {
-  /// Light of one capture: the scene's own, or as a link budget says.
-  double exposures = 1.0;  ///< > 0, how many are averaged
-  double ambient = 0.0;    ///< >= 0, counts per bin of one exposure
-  /// Poses of the search region that are looked at for being mistaken for each other. What lies
+  /// Light of one capture: the scene's own, or from a link budget.
+  double exposures = 1.0;  ///< > 0, number of averaged exposures
+  double ambient = 0.0;    ///< >= 0, counts per bin and exposure, where the scene fixes none
+  /// Poses of the search region that are tested for confusion with each other. Confusion with poses
   /// between them is not found, which makes the bound lower, never wrong.
   int test_poses = 1000;          ///< by judgement: ten along each axis of three unknowns
-  bool prior = true;              ///< count what the scene says about the pose before any capture
+  bool prior = true;              ///< include what the scene says about the pose before any capture
   double model_tolerance = 0.05;  ///< of the fast model, by judgement
-  int empty_captures = 128;       ///< simulated for the false-alarm threshold, as a fit's
+  int empty_captures = 128;       ///< simulated for the false-alarm threshold, as for a fit
   std::uint64_t seed = 1;
 
   /// Throws Error naming the field that is out of range.
@@ -32,30 +32,31 @@ struct BoundOptions {
 /// covariances, SI units, in the order of the scene's unknowns.
 struct PoseBound {
   PoseVector pose;
-  double photons = 0;  ///< expected of the object's light
-  /// Cramer-Rao bound of the photons alone; holds for unbiased methods that know the right place
+  double photons = 0;  ///< expected number of the object's photons
+  /// Cramer-Rao bound of the photons alone. It holds for unbiased methods that know the right place
   /// roughly. Unknowns that the light says nothing about have huge variances.
   Eigen::MatrixXd cramer_rao;
   /// The same with the prior counted as a measurement (van Trees at this pose).
   Eigen::MatrixXd with_prior;
-  /// Weiss and Weinstein's bound with s = 1/2 over the poses that look like this one: holds for any
-  /// method, ambiguous or not.
+  /// Weiss and Weinstein's bound with s = 1/2 over the poses that look like this one. It holds for
+  /// any method, ambiguous or not.
   Eigen::MatrixXd ambiguity;
-  /// Distance over all unknown positions, m: square root of the larger trace of the last two.
+  /// Distance over all unknown positions, m: square root of the larger trace of `with_prior` and
+  /// `ambiguity`.
   double position_error = 0;
   bool ambiguous = false;  ///< the ambiguity bound is the larger one
-  /// Share of captures in which an object here would be noticed, at the threshold that a fit has.
+  /// Share of captures in which an object here would be noticed, at the threshold of a fit.
   double detection_probability = 0;
 };
 
-/// Trace over the positions among the unknowns, m^2.
+/// Trace over the position unknowns, m^2.
 double position_trace(const Scene& scene, const Eigen::MatrixXd& covariance);
 
-/// The bounds of one scene and one place of its sensor.
+/// The bounds of one scene and one sensor placement.
 class ErrorBound {
  public:
-  /// Called after each test pose, from any thread. With it they are looked at when this is made,
-  /// else when somebody asks for what needs them.
+  /// Called after each test pose, from any thread. If it is given, the constructor evaluates the
+  /// test poses; else the first call that needs them does.
   using Advance = std::function<void()>;
 
   ErrorBound(const Scene& scene, const SensorPlacement& placement, const BoundOptions& options = {},
@@ -64,23 +65,24 @@ class ErrorBound {
   ErrorBound(ErrorBound&&) noexcept;
   ErrorBound& operator=(ErrorBound&&) noexcept;
 
-  /// With an object `brightness` times as bright as the scene states (the median of its prior where
-  /// the brightness is unknown). Thread safe.
+  /// The bounds for an object `brightness` times as bright as the scene states (the median of its
+  /// prior where the brightness is unknown). Thread safe.
   PoseBound at(const PoseVector& pose, double brightness = 1.0) const;
 
-  /// Cramer-Rao bound alone, [n, n]: what at() gives as `cramer_rao`, without what takes its time.
+  /// The Cramer-Rao bound alone, [n, n]: equal to `cramer_rao` of at(), without the slow parts of
+  /// at().
   Eigen::MatrixXd cramer_rao(const PoseVector& pose, double brightness = 1.0) const;
 
-  /// [n, n] Covariance of the estimate about errors of the light that it is made from, which no
-  /// number of photons averages out. `error`: their standard deviation in W/m^2 [zones][bins];
-  /// `correlation` [bins, bins], positive definite: of those of one zone; zones have errors of
-  /// their own.
+  /// [n, n] Covariance of the estimate due to errors of the light that the estimate is made from.
+  /// No number of photons averages these errors out. `error` is their standard deviation, W/m^2
+  /// [zones][bins]. `correlation` [bins, bins], positive definite, is the correlation of the errors
+  /// of one zone. Errors of different zones are independent.
   Eigen::MatrixXd carried_error(const PoseVector& pose, const HistogramCube& error,
                                 const Eigen::MatrixXd& correlation, double brightness = 1.0) const;
 
   /// [n, n] Covariance of the prior.
   const Eigen::MatrixXd& prior() const;
-  /// Position error of an answer that does not look at the capture, m.
+  /// Position error of an answer that ignores the capture, m.
   double prior_error() const;
 
  private:
