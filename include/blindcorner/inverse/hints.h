@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// What nobody sees in a scene file or a result, in sentences that say what to do about it.
+/// Hints about problems that a scene file or a result does not show by itself. Each hint is a
+/// sentence that says what to do.
 #pragma once
 
 #include <string>
@@ -11,9 +12,9 @@
 
 namespace blindcorner {
 
-/// How much of a search region no zone can see, as shares of its places (0 to 1).
+/// Shares (0 to 1) of the places of a search region that no zone can see.
 struct RegionReach {
-  double behind = 0;  ///< behind all of the relay that is lit and seen
+  double behind = 0;  ///< behind all lit and seen parts of the relay
   double early = 0;   ///< all light comes before the first bin that is used
   double late = 0;    ///< all light comes after the last bin that is used
   std::string relay;  ///< names of the relay surfaces that are lit and seen
@@ -21,23 +22,25 @@ struct RegionReach {
   double unseen() const { return behind + early + late; }
 };
 
-/// Places on a lattice over the unknown coordinates of one object, from the geometry alone: what
-/// known bodies hide is not looked at, nor what the object turns away from the relay.
+/// Shares over places on a lattice of the unknown coordinates of one object, from the geometry
+/// alone. Occlusion by known bodies is ignored, and so is the side that the object turns away from
+/// the relay.
 RegionReach region_reach(const Scene& scene, const SensorPlacement& sensor, int object = 0);
 
-/// The same of one placement of each object, the worst of them.
+/// The same for one placement of each object. The result is that of the worst placement.
 RegionReach placement_reach(const Scene& scene, const SensorPlacement& sensor,
                             const std::vector<Placement>& placements);
 
-/// About a scene before there is a capture: parts of the search region in which nothing can be
-/// found. Empty: nothing to say.
+/// Hints about a scene before there is a capture: parts of the search region in which nothing can
+/// be found. Empty: no hints.
 std::vector<std::string> scene_hints(const Scene& scene, const SensorPlacement& sensor);
 
-/// About an object that is put somewhere on purpose.
+/// Hints about objects that are placed somewhere on purpose.
 std::vector<std::string> placement_hints(const Scene& scene, const SensorPlacement& sensor,
                                          const std::vector<Placement>& placements);
 
-/// About a fit whose light the scene cannot have made, as when gains were never calibrated.
+/// Hints about a fit whose light the scene cannot explain, as when gains were never calibrated, and
+/// about a position that an unchecked time zero may shift.
 std::vector<std::string> fit_hints(const Scene& scene, const FitResult& result);
 
 }  // namespace blindcorner
