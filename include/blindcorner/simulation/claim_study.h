@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// The frame of studies of what fits claim: captures of objects that come from a scene's priors, at
-/// levels of light, and claims that are judged all together.
+/// Common frame of the studies that test the claims of fits. Captures show objects drawn from a
+/// scene's priors, at several levels of light. All claims are judged together.
 #pragma once
 
 #include <algorithm>
@@ -20,12 +20,12 @@
 namespace blindcorner {
 
 struct ClaimStudyOptions {
-  int captures = 200;  ///< with an object, of each scene and level of light, the model right
-  /// Photons of the third bounce on average over the search region, as exposure_for(); empty: the
+  int captures = 200;  ///< captures with an object, per scene and level of light; right model
+  /// Photons of the third bounce, averaged over the search region, as in exposure_for(). Empty: the
   /// scene's own exposure.
   std::vector<double> photons;
   TrueLight light = TrueLight::reference;
-  double sampling = 1.0;  ///< of the reference renderer, as DrawOptions::sampling
+  double sampling = 1.0;  ///< sampling of the reference renderer, as in DrawOptions::sampling
   FitOptions fit;
   std::uint64_t seed = 1;
 
@@ -33,48 +33,49 @@ struct ClaimStudyOptions {
   void validate() const;
 };
 
-/// One level of light of a scene, and what is claimed at it.
+/// One level of light of a scene, and the claims made at this level.
 struct ClaimLevel {
   std::optional<double> photons;  ///< empty: the scene's own exposure
   Exposure exposure;
-  std::uint64_t seed = 0;  ///< of its captures, far from those of other levels
+  std::uint64_t seed = 0;  ///< seed of the captures, far from the seeds of other levels
   std::vector<ClaimTest> claims;
   int failures = 0;  ///< captures without an answer
 };
 
-/// What the truth's own sampling may add to the mean squared normalised error: as much as 2000
-/// captures of two unknowns tell.
+/// Largest part that the truth's own sampling may add to the mean squared normalised error: the
+/// smallest part that 2000 captures of two unknowns can show.
 inline constexpr double kMaxTruthError = 0.05;
 
-/// One scene; `Level` is a ClaimLevel with what the study keeps of it.
+/// One scene of a study. `Level` is a ClaimLevel with the results that the study adds.
 template <class Level>
 struct StudyScene {
   Scene scene;
   std::vector<Level> levels;
 };
 
-/// What a study ran with and found.
+/// Options and results of a study.
 template <class Options, class Level>
 struct StudyReport {
   Options options;
-  std::vector<StudyScene<Level>> scenes;  ///< judged
+  std::vector<StudyScene<Level>> scenes;  ///< scenes with judged claims
 };
 
 /// How a study's objects are drawn.
 DrawOptions draw_options(const ClaimStudyOptions& options);
 
-/// The levels of light that are asked for, with nothing claimed yet.
+/// The levels of light that the options ask for, without claims yet.
 std::vector<ClaimLevel> light_levels(const Scene& scene, const ClaimStudyOptions& options);
 
-/// What `advance` may throw to end a study: it returns the levels of light that are finished.
+/// Exception that `advance` may throw to end a study. The study then returns the finished levels of
+/// light.
 struct StudyInterrupted : std::exception {};
 
-/// Calls `run` with each place below `count`, on all threads, and `advance` after each.
+/// Calls `run` with each index below `count`, on all threads. Calls `advance` after each index.
 void run_trials(std::size_t count, const std::function<void()>& advance,
                 const std::function<void(std::size_t)>& run);
 
-/// A trial for each place below `count`: what `answer` returns, or, where it throws, one whose
-/// `error` says why.
+/// One trial for each index below `count`: the return value of `answer`. If `answer` throws, the
+/// trial's `error` says why.
 template <class Answer>
 auto answered_trials(std::size_t count, const std::function<void()>& advance,
                      const Answer& answer) {
@@ -90,7 +91,7 @@ auto answered_trials(std::size_t count, const std::function<void()>& advance,
   return trials;
 }
 
-/// Fills each level of light by `fill` and adds it to the study, until one is interrupted.
+/// Fills each level of light by `fill` and adds it to the study, until a level is interrupted.
 template <class Level, class Fill>
 void add_levels(const std::vector<ClaimLevel>& lights, StudyScene<Level>& study, const Fill& fill) {
   try {
@@ -100,11 +101,11 @@ void add_levels(const std::vector<ClaimLevel>& lights, StudyScene<Level>& study,
       fill(level);
       study.levels.push_back(std::move(level));
     }
-  } catch (const StudyInterrupted&) {  // with what is finished
+  } catch (const StudyInterrupted&) {  // the study keeps the finished levels
   }
 }
 
-/// Trials without an answer.
+/// Number of trials without an answer.
 template <class Trial>
 int failures_of(const std::vector<Trial>& trials) {
   int failures = 0;
@@ -112,7 +113,7 @@ int failures_of(const std::vector<Trial>& trials) {
   return failures;
 }
 
-/// Judges all claims of all scenes together, with 95 %. Returns whether all hold.
+/// Judges all claims of all scenes together, with 95 % confidence. Returns whether all claims hold.
 template <class Level>
 bool judge_study(std::vector<StudyScene<Level>>& scenes) {
   std::vector<ClaimTest*> claims;
@@ -125,7 +126,7 @@ bool judge_study(std::vector<StudyScene<Level>>& scenes) {
   return std::ranges::all_of(claims, [](const ClaimTest* c) { return c->holds; });
 }
 
-/// How many claims hold.
+/// Number of claims, and number of claims that hold.
 struct ClaimCount {
   int claims = 0, holding = 0;
 };

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Several methods on the same captures: errors with intervals, claims, and who is better.
+/// Compares several methods on the same captures: errors with intervals, claims, and which method
+/// is better.
 #pragma once
 
 #include <cstdint>
@@ -16,61 +17,63 @@
 
 namespace blindcorner {
 
-/// What a method says of one capture.
+/// A method's answer to one capture.
 struct MethodAnswer {
   PoseVector pose;
-  /// As credible_level says, where the method claims a region.
+  /// The result of credible_level(), if the method claims a region.
   std::optional<double> credible_level{};
-  std::vector<std::string> flags{};  ///< of a fit
+  std::vector<std::string> flags{};  ///< flags of a fit
   double time = 0;                   ///< s, wall clock
-  std::string error{};               ///< why there is no answer; empty: there is
+  std::string error{};               ///< why there is no answer; empty: there is one
 };
 
 struct ComparedMethod {
   std::string name;
-  std::string training;  ///< what it learnt from; "none"
-  /// Answers one capture; may throw Error. Thread safe. Time and error are filled in by the runner.
+  std::string training;  ///< what the method learnt from; "none"
+  /// Answers one capture. May throw Error. Thread safe. The runner fills in time and error.
   std::function<MethodAnswer(const Capture&)> answer;
 };
 
-/// How likely the method's own posterior finds what is true, by 2000 samples.
+/// Credible level of a capture's truth in the method's own posterior: credible_level() with 2000
+/// samples.
 double credible_level_of(const Scene& scene, const PoseMixture& posterior, const Capture& capture,
                          std::uint64_t seed);
 
-/// A network as a method, under a name. What states a covariance claims a region.
+/// A network as a method with this name. A network that states a covariance claims a region.
 ComparedMethod network_method(const Scene& scene, const CnnBaseline& cnn, std::string name,
                               std::string training, std::uint64_t seed);
 
-/// The solver (posterior mean and 95 % region), multilateration, back-projection and the middle of
-/// the prior: what needs no training. The solver comes first. All are told this scene.
+/// The methods that need no training: the solver (posterior mean and 95 % region), multilateration,
+/// back-projection and the middle of the prior. The solver comes first. All methods are told this
+/// scene.
 std::vector<ComparedMethod> untrained_methods(const Scene& scene, std::uint64_t seed,
                                               const FitOptions& fit = {});
 
-/// Answers [methods][captures]. `advance` is called after each, from any thread. Times excepted,
-/// the same at any number of threads.
+/// Answers [methods][captures]. `advance` is called after each answer, from any thread. Except for
+/// times, the answers are the same at any number of threads.
 std::vector<std::vector<MethodAnswer>> answer_all(const std::vector<ComparedMethod>& methods,
                                                   std::span<const Capture> captures,
                                                   const std::function<void()>& advance = {});
 
-/// A figure with the interval that holds it with 95 %, by the bootstrap's percentiles.
+/// A figure with its 95 % interval, from the percentiles of a bootstrap.
 struct BootstrapInterval {
   double value = 0, low = 0, high = 0;
 };
 
-/// Captures that are drawn together, because they show the same place: [captures] numbers of their
-/// places. Empty: each by itself.
+/// Numbers of the places that captures show, [captures]. Captures of the same place are drawn
+/// together. Empty: each capture is drawn by itself.
 using CaptureClusters = std::vector<std::size_t>;
 
-/// A figure of some values, at least one: their median, for example.
+/// A figure of at least one value: the median, for example.
 using Statistic = std::function<double(std::vector<double>)>;
 
-/// A statistic of values, captures drawn again 2000 times. Values that are not finite are left out;
-/// NaN without others.
+/// A statistic of the values. For its interval, the captures (or their places) are drawn again 2000
+/// times. Values that are not finite are left out. The result is NaN if no value is left.
 BootstrapInterval bootstrap(std::span<const double> values, const Statistic& statistic,
                             std::uint64_t seed, const CaptureClusters& clusters = {});
 
-/// That of the first less that of the second, of the same captures: each draw takes both, and only
-/// captures of which both are finite.
+/// The statistic of the first values minus that of the second, for the same captures. Each draw
+/// takes the same captures of both. Only captures with two finite values count.
 BootstrapInterval bootstrap_difference(std::span<const double> first,
                                        std::span<const double> second, const Statistic& statistic,
                                        std::uint64_t seed, const CaptureClusters& clusters = {});
@@ -82,29 +85,32 @@ struct ClaimFigures {
   ShareInterval interval;
 };
 
-/// One method under one condition. Intervals are the bootstrap's, but for that of the claim.
+/// Figures of one method under one condition. All intervals come from the bootstrap, except that of
+/// the claim.
 struct MethodFigures {
   std::string method;
   int answers = 0, failures = 0;
-  std::vector<BootstrapInterval> mean_absolute;  ///< [unknowns] m, rad or 1; yaw: its symmetry's
+  std::vector<BootstrapInterval> mean_absolute;  ///< [unknowns] m, rad or 1; yaw: modulo symmetry
   BootstrapInterval position;                    ///< m, median Euclidean distance
-  BootstrapInterval p90;                         ///< m, that 90 % stay within
-  BootstrapInterval rmse;                        ///< m, over the unknown coordinates of position
+  BootstrapInterval p90;   ///< m, distance that 90 % of the answers stay within
+  BootstrapInterval rmse;  ///< m, over the unknown coordinates of position
   std::optional<ClaimFigures> claim;
   BootstrapInterval time;  ///< s, median
-  /// Median distance less the first method's, and mean absolute error of yaw (where it is unknown)
-  /// less the first method's, over captures that both answered; empty for the first.
+  /// Median distance minus the first method's, and mean absolute error of yaw (where yaw is
+  /// unknown) minus the first method's, over the captures that both methods answered. Empty for the
+  /// first method.
   std::optional<BootstrapInterval> against_first, yaw_against_first;
-  /// Shares of the answers that carry the solver's words about itself.
+  /// Shares of the answers that carry the solver's flags model_misfit, multimodal and at_bound.
   double misfit = 0, multimodal = 0, at_bound = 0;
-  std::string first_error;  ///< of the failures
+  std::string first_error;  ///< error of the first failure
 };
 
 struct ConditionFigures {
-  Condition condition;  ///< its captures left out
+  Condition condition;  ///< the condition without its captures
   std::vector<MethodFigures> methods;
-  /// Sentences: where another method has a smaller median distance or mean error of yaw than the
-  /// first, with the interval of the difference below zero, and why as far as the figures tell.
+  /// Sentences about other methods with a smaller median distance or mean error of yaw than the
+  /// first method, if the interval of the difference is below zero. The sentences say why, as far
+  /// as the figures tell.
   std::vector<std::string> findings;
 };
 

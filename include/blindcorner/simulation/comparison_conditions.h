@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Captures for a comparison of methods: as a network was trained, and everything else that may be
-/// different where it is used.
+/// Captures for a comparison of methods: some as in a network's training, others with each change
+/// that may occur where the network is used.
 #pragma once
 
 #include <cstdint>
@@ -15,12 +15,12 @@
 namespace blindcorner {
 
 struct ComparisonOptions {
-  int captures = 40;  ///< of each condition
-  /// The data set that networks are taken to have learnt: its grid, its poses of the sensor and its
-  /// exposures. Photons are drawn anew.
+  int captures = 40;  ///< captures of each condition
+  /// The data set that the networks are taken to have learnt. Its grid, its sensor poses and its
+  /// exposures are used. Photons are drawn anew.
   DatasetOptions dataset;
-  std::uint64_t seed = 1;                 ///< of what is drawn for the comparison
-  std::vector<std::string> conditions{};  ///< names of those wanted; empty: all
+  std::uint64_t seed = 1;                 ///< seed of all draws for the comparison
+  std::vector<std::string> conditions{};  ///< names of the wanted conditions; empty: all
 
   /// Throws Error naming the field that is out of range.
   void validate() const;
@@ -30,28 +30,29 @@ struct ComparisonOptions {
 struct Condition {
   std::string name;         ///< "relay tilted"
   std::string description;  ///< a sentence: where the captures come from
-  /// What the scene that methods are told says and that is wrong here; empty: it is right.
+  /// What is wrong here in the scene that the methods are told. Empty: that scene is right.
   std::string wrong;
-  std::string left_out;  ///< why there are no captures; empty: there are
-  /// [captures] with truth (in the unknowns of the scene that methods are told) and sensor pose.
+  std::string left_out;  ///< why there are no captures; empty: there are some
+  /// [captures] with the sensor pose and the truth, in the unknowns of the scene that methods are
+  /// told.
   std::vector<Capture> captures{};
 };
 
 /// Names of all conditions in order.
 std::vector<std::string> condition_names();
-/// The name that a word stands for: itself, or the only one that begins so. Throws Error that lists
-/// those that are possible.
+/// The condition's name for a word: the word itself, or the only name that begins with the word.
+/// Otherwise throws Error that lists the possible names.
 std::string condition_named(const std::string& word);
 
-/// The conditions with captures of the simulated sensor. Those that change something other than
-/// places share their places with "trained positions". The same at any number of threads. `advance`
-/// is called after each capture, from any thread. Throws Error for a scene of which plan_dataset
-/// makes no data set, and one of several hidden objects.
+/// The conditions with captures of the simulated sensor. Conditions that change something other
+/// than places use the places of "trained positions". The captures are the same at any number of
+/// threads. `advance` is called after each capture, from any thread. Throws Error for a scene with
+/// several hidden objects, and for a scene from which plan_dataset makes no data set.
 std::vector<Condition> render_conditions(const Scene& scene, const ComparisonOptions& options,
                                          const std::function<void()>& advance = {});
 
-/// Whether the first hidden object at a pose stays clear of all known surfaces: boxes around both
-/// are apart (1 mm may overlap, so that objects may stand on a floor).
+/// Whether the first hidden object at a pose is clear of all known surfaces: the boxes around
+/// object and surface are apart. They may overlap by 1 mm, so that objects may stand on a floor.
 bool clear_of_surfaces(const Scene& scene, const PoseVector& pose);
 
 }  // namespace blindcorner

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Whether a posterior holds what it claims to hold.
+/// Tests whether a posterior holds the truth as often as it claims.
 #pragma once
 
 #include <cstdint>
@@ -11,19 +11,19 @@
 namespace blindcorner {
 
 /// Probability of the mixture's region of highest density whose border runs through `truth`, from
-/// samples (to 0.5 % with 2000 of them): the truth lies in the 95 % region where this is at most
-/// 0.95. Of a single mode it is the chi-square probability of the squared Mahalanobis distance.
+/// samples (to 0.5 % with 2000 samples). The truth lies in the 95 % region if this probability is
+/// at most 0.95. For a single mode, it is the chi-square probability of the squared Mahalanobis
+/// distance.
 double credible_level(const Scene& scene, const PoseMixture& mixture, const PoseVector& truth,
                       int samples = 2000, std::uint64_t seed = 1);
 
-/// Interval of a share found in `trials` trials that holds 95 % (Wilson 1927); all of 0 to 1
-/// without trials.
+/// 95 % interval of a share found in `trials` trials (Wilson 1927). Without trials, it is 0 to 1.
 struct ShareInterval {
   double low = 0, high = 1;
 };
 ShareInterval wilson_interval(int successes, int trials);
 
-/// Mean of values with the interval that holds it with 95 % (Student's t).
+/// Mean of values with its 95 % interval (Student's t).
 struct MeanInterval {
   double mean = 0;
   double low = 0, high = 0;

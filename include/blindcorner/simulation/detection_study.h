@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Whether the fit notices that an object is there, and how often it takes nothing for one.
+/// Tests whether the fit notices an object, and how often it reports an object where there is none.
 #pragma once
 
 #include <cstdint>
@@ -15,40 +15,42 @@ namespace blindcorner {
 struct DetectionOptions : ClaimStudyOptions {
   DetectionOptions() { photons = {3, 10, 30, 100, 300, 1000}; }
 
-  int empty_captures = 1000;  ///< without an object, at each level of light, drawn apart from those
-                              ///< that fits calibrate themselves with
+  int empty_captures = 1000;  ///< captures without an object at each level of light, drawn apart
+                              ///< from the empty captures that fits calibrate themselves with
 
   /// Throws Error naming the field that is out of range.
   void validate() const;
 };
 
-/// What a fit says about presence.
+/// A fit's statement about presence.
 struct DetectionTrial {
-  std::string error;  ///< why there is no answer; empty: there is
+  std::string error;  ///< why there is no answer; empty: there is one
   double presence = 0;
   double false_alarm = 1;
   bool reported = false;  ///< the fit is not flagged `nothing_detected`
 };
 
-/// A threshold's share of empty captures above it, and of those with an object.
+/// Shares of the empty captures, and of the captures with an object, that score at least a
+/// threshold.
 struct RocPoint {
   double false_share = 0, true_share = 0;
 };
 
-/// From (0, 0) to (1, 1), a point for each value that occurs: captures whose score is at least so
-/// much are called detections.
+/// Curve from (0, 0) to (1, 1) with a point for each score that occurs. Captures that score at
+/// least this value are called detections.
 std::vector<RocPoint> roc_curve(std::span<const double> with, std::span<const double> without);
 /// Probability that a capture with an object scores higher than an empty one; equal scores count
 /// half.
 double area_below(std::span<const RocPoint> curve);
-/// Share of detections at a share of false alarms, linear between points.
+/// Share of detections at a share of false alarms, interpolated linearly between points.
 double true_share_at(std::span<const RocPoint> curve, double false_share);
 
-/// One level of light of a scene. Its claims: the share of empty captures whose false-alarm
+/// One level of light of a scene. Each of its claims is a share of empty captures whose false-alarm
 /// probability is below p.
 struct DetectionLevel : ClaimLevel {
   std::vector<DetectionTrial> with, without;
-  /// Presence (its odds) and the false-alarm probability (the smaller the higher) as statistics.
+  /// Curves whose score is the presence probability, or the false-alarm probability (the smaller,
+  /// the higher the score).
   std::vector<RocPoint> by_presence, by_false_alarm;
   int reported_with = 0, reported_without = 0;  ///< not flagged nothing_detected
 };

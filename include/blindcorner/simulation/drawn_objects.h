@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Objects drawn from a scene's prior and the light that they send, for studies that take captures
-/// of each at many levels of light.
+/// Objects drawn from a scene's prior, and the light that they send. They serve studies that take
+/// captures of each object at many levels of light.
 #pragma once
 
 #include <cstdint>
@@ -14,15 +14,15 @@
 
 namespace blindcorner {
 
-/// Whose light captures hold. Neither is the fit's own.
+/// Source of the light in captures. Neither source is the fit's own model.
 enum class TrueLight {
-  reference,  ///< the reference renderer's, pair by pair
-  sensor,     ///< the simulated sensor's of a drive: off by 1 to 2 %, in milliseconds
+  reference,  ///< the reference renderer, pair by pair
+  sensor,     ///< the simulated sensor of a drive: off by 1 to 2 %, takes milliseconds
 };
 
-/// An object as it was drawn, and its light in W/m^2 per bin.
+/// A drawn object, and its light in W/m^2 per bin.
 struct DrawnObject {
-  PoseVector pose;  ///< of the unknowns that methods are told of
+  PoseVector pose;  ///< values of the unknowns that methods are told of
   double amplitude = 1.0;
   HistogramCube three_bounce, static_background;
 };
@@ -32,9 +32,9 @@ struct DrawOptions {
 
   int objects = 100;
   TrueLight light = TrueLight::reference;
-  double sampling = 1.0;  ///< of the reference renderer, in units of its default
-  /// How the true scene differs from the one that methods are told: a name of wrong_assumptions();
-  /// empty: it does not.
+  double sampling = 1.0;  ///< sampling of the reference renderer, in units of its default
+  /// How the true scene differs from the scene that methods are told: a name of
+  /// wrong_assumptions(). Empty: it does not differ.
   std::string wrong;
   std::uint64_t seed = 1;
 
@@ -42,26 +42,28 @@ struct DrawOptions {
   void validate() const;
 };
 
-/// A way in which what the scene says may be wrong.
+/// One way in which the scene's description may be wrong.
 struct WrongAssumption {
   std::string name, description;
-  std::string left_out;  ///< why this scene cannot be changed so; empty: it can
+  std::string left_out;  ///< why this scene cannot be changed in this way; empty: it can
 };
 
-/// Another albedo, size and material, a time zero that is off, a tilted relay, a second object.
+/// All wrong assumptions: another albedo, size and material, a time zero that is off, a tilted
+/// relay surface, a second object.
 std::vector<WrongAssumption> wrong_assumptions(const Scene& scene);
 
 /// Poses and brightness from the scene's priors, the same for every `wrong` and `light`, with the
-/// light of the true scene. The same at any number of threads. `advance` is called after each, from
-/// any thread. Throws Error where the scene cannot be changed as `options.wrong` asks.
+/// light of the true scene. The results are the same at any number of threads. `advance` is called
+/// after each object, from any thread. Throws Error if the scene cannot be changed as
+/// `options.wrong` asks.
 std::vector<DrawnObject> draw_objects(const Scene& scene, const DrawOptions& options,
                                       const std::function<void()>& advance = {});
 
-/// A capture of one of them as the scene's sensor takes it, with its truth.
+/// A capture of a drawn object as the scene's sensor takes it, with its truth.
 Capture capture_of(const Scene& scene, const DrawnObject& object, const Exposure& exposure,
                    std::uint64_t seed);
 
-/// The same without noise.
+/// The same capture without noise.
 Capture expected_capture_of(const Scene& scene, const DrawnObject& object,
                             const Exposure& exposure);
 
@@ -69,7 +71,7 @@ Capture expected_capture_of(const Scene& scene, const DrawnObject& object,
 Capture empty_capture(const Scene& scene, const HistogramCube& static_background,
                       const Exposure& exposure, std::uint64_t seed);
 
-/// The static light of the scene without an object, W/m^2 per bin.
+/// The static background of the scene without an object, W/m^2 per bin.
 HistogramCube empty_static_background(const Scene& scene);
 
 }  // namespace blindcorner

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Methods compared on measured captures: what learns or is calibrated does so with some of them,
-/// all answer the others.
+/// Compares methods on measured captures. Methods that learn or are calibrated use some of the
+/// captures. All methods answer the others.
 #pragma once
 
 #include <cstdint>
@@ -32,17 +32,17 @@ struct MeasuredComparisonOptions {
   void validate() const;
 };
 
-/// What is measured: captures with their truth.
+/// Measured captures with their truth.
 struct MeasuredCaptures {
   std::vector<Capture> captures;
-  /// Others at the same positions, with fewer exposures; may be empty. Networks learn them as well,
-  /// and folds are evaluated on them besides.
+  /// Other captures at the same positions, with fewer exposures. May be empty. Networks learn from
+  /// them as well, and folds are also evaluated on them.
   std::vector<Capture> samples;
 };
 
-/// One condition for each scheme of splits. Solver and classical methods are told the scene as it
-/// is calibrated with the captures that are learnt. `stage` is told what is done next. Throws Error
-/// for captures without truth, and where no scheme has a split.
+/// One condition for each scheme of splits, and one more for the samples of folds. The solver and
+/// the classical methods are told the scene as calibrated with the learnt captures. `stage` is told
+/// the next step. Throws Error for captures without truth, and if no scheme has a split.
 SceneComparison compare_measured(const Scene& scene, const MeasuredCaptures& measured,
                                  const MeasuredComparisonOptions& options,
                                  const std::function<void(const std::string&)>& stage = {});

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Which of several methods nothing beats in both time and error.
+/// Finds the methods that no other method beats in both time and error.
 #pragma once
 
 #include <cstddef>
@@ -12,9 +12,9 @@ struct CostAndError {
   double cost = 0, error = 0;
 };
 
-/// Places of those that no other one is better than, by ascending cost: none of the others has a
-/// cost and an error that are both at most theirs and one of them smaller. Of equal ones all are
-/// there. What is not finite is not.
+/// Indices of the points that no other point beats, by ascending cost. A point beats another if its
+/// cost and its error are both at most the other's, and one of them is smaller. All of several
+/// equal points are listed. Points that are not finite are left out.
 std::vector<std::size_t> pareto_front(std::span<const CostAndError> points);
 
 }  // namespace blindcorner

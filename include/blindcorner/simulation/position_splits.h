@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Ways to divide measured captures into those that are learnt and those that are evaluated, by
-/// the true positions of the object.
+/// Ways to divide measured captures into captures to learn and captures to evaluate, by the true
+/// positions of the object.
 #pragma once
 
 #include <cstddef>
@@ -14,8 +14,8 @@
 
 namespace blindcorner {
 
-/// A position by its true values, and its place in an order that depends on nothing else, so that
-/// splits are the same whatever else is in the file.
+/// A position given by its true values. Its hash gives an order that depends on nothing else, so
+/// that splits are the same whatever else is in the file.
 struct LabelledPosition {
   std::string key;
   std::uint64_t hash = 0;
@@ -27,14 +27,15 @@ LabelledPosition position_of(const Scene& scene, const Capture& capture);
 std::vector<LabelledPosition> positions_of(const Scene& scene, std::span<const Capture> captures);
 
 struct PositionSplit {
-  std::vector<std::size_t> learn;     ///< captures
+  std::vector<std::size_t> learn;     ///< indices of captures
   std::vector<std::string> evaluate;  ///< keys of positions, sorted
 
-  /// Captures at the positions that are evaluated.
+  /// Indices of the captures at the evaluated positions.
   std::vector<std::size_t> evaluated(std::span<const LabelledPosition> positions) const;
 };
 
-/// One way of dividing; each of its splits is evaluated, together they make one row of a table.
+/// One way of dividing. Each of its splits is evaluated. Together, the splits make one row of a
+/// table.
 struct SplitScheme {
   std::string scheme;  ///< "folds"
   std::string name;    ///< "5 folds", "lower half of x_m calibrated"
@@ -42,17 +43,18 @@ struct SplitScheme {
 };
 
 struct SplitOptions {
-  /// "folds": learn all folds but one; "few": a few positions of one fold; "halves": one half of
-  /// the volume, along each coordinate and each way.
+  /// "folds": learn all folds but one. "few": learn a few positions of one fold. "halves": learn
+  /// one half of the volume, along each coordinate and each way.
   std::vector<std::string> schemes{"folds", "few", "halves"};
-  int folds = 5;  ///< by a hash of the true position
-  int few = 40;   ///< positions of the scheme "few"
+  int folds = 5;  ///< number of folds, by a hash of the true position
+  int few = 40;   ///< positions that the scheme "few" learns
 
   /// Throws Error naming the field that is out of range.
   void validate() const;
 };
 
-/// Schemes in the order asked for, those without any split left out. `names` are the unknowns'.
+/// Schemes in the order asked for, without schemes that have no split. `names` are the names of the
+/// unknowns.
 std::vector<SplitScheme> split_schemes(std::span<const LabelledPosition> positions,
                                        const std::vector<std::string>& names,
                                        const SplitOptions& options);
