@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Drives as commands read them.
+/// Drive files as the commands read them.
 #pragma once
 
 #include <string>
@@ -8,8 +8,8 @@
 
 namespace blindcorner {
 
-/// Reads a drive file; its scene has the laser's light. `light`: factor on that light in place of
-/// the file's; 0: the file's. Throws Error.
+/// Reads a drive file. Its scene gets the laser light and the ambient light of the drive. `light`:
+/// factor on the laser light in place of the file's factor; 0: the file's factor. Throws Error.
 Drive read_lit_drive(const std::string& path, double light);
 
 }  // namespace blindcorner

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// What is really there on a drive: walls, hidden objects that may move, and where the vehicle is
-/// against where it takes itself to be.
+/// The true world of a drive: walls, hidden objects that may move, and the vehicle's place compared
+/// with the place that it believes in.
 #pragma once
 
 #include <Eigen/Core>
@@ -16,8 +16,8 @@ namespace blindcorner {
 
 class TrueWorld {
  public:
-  /// Draws what the drive file leaves open; the same seed gives the same truth. `speed`: wanted,
-  /// m/s, instead of the drive file's.
+  /// Draws what the drive file leaves open. The same seed gives the same truth. `speed`: wanted
+  /// speed, m/s, instead of the drive file's.
   TrueWorld(const Drive& drive, std::uint64_t seed, std::optional<double> speed = std::nullopt);
 
   /// Where the vehicle starts, m.
@@ -25,12 +25,14 @@ class TrueWorld {
 
   /// The hidden objects' true pose at a time, s; empty: there are none.
   std::optional<PoseVector> hidden(double time) const;
-  /// The same as placements; none without hidden objects.
+  /// The same pose as placements; empty without hidden objects.
   std::vector<Placement> placements(double time) const;
 
-  /// Where the vehicle takes itself to be: off by the same place and turn for the whole drive.
+  /// The state that the vehicle believes in. It is off by the same offset and turn for the whole
+  /// drive.
   VehicleState believed(const VehicleState& truth) const;
-  /// Where a vehicle that is there would place the hidden objects that it sees without error.
+  /// Where a vehicle in the state `truth` would place the hidden objects, if it sees them without
+  /// error.
   std::optional<PoseVector> believed_hidden(const VehicleState& truth, double time) const;
 
   /// Wanted speed of this drive, m/s.
@@ -38,17 +40,18 @@ class TrueWorld {
   /// [objects] m/s
   const std::vector<Eigen::Vector2d>& velocity() const { return velocity_; }
 
-  /// Corners (m) of the known surfaces that stand in the vehicle's way, seen from above: what
-  /// reaches into the heights between a kerb and the vehicle's roof.
+  /// Corners (m), seen from above, of the known surfaces that stand in the vehicle's way. These
+  /// surfaces reach into the heights between a kerb and the vehicle's roof.
   const std::vector<std::vector<Eigen::Vector2d>>& walls() const { return walls_; }
   /// Cells of the drive's map whose circumcircle a wall reaches into.
   std::vector<Cell> wall_cells() const;
-  /// Of the hidden objects.
+  /// Outlines of the hidden objects at a time, s; corners in m.
   std::vector<std::vector<Eigen::Vector2d>> bodies(double time) const;
 
-  /// Distance of a convex outline (corners, m) to the nearest wall or body; 0 where it touches one.
+  /// Distance of a convex outline (corners, m) to the nearest wall or body; 0 if the outline
+  /// touches one.
   double clearance(const std::vector<Eigen::Vector2d>& outline, double time) const;
-  /// The name of the hidden object, or else of the wall, that it touches; empty: none.
+  /// The name of the hidden object, or else of the wall, that the outline touches; empty: none.
   std::string touched(const std::vector<Eigen::Vector2d>& outline, double time) const;
 
  private:
@@ -57,8 +60,8 @@ class TrueWorld {
   std::vector<Eigen::Vector2d> velocity_;  ///< [objects] m/s
   double speed_ = 0;
   bool present_ = true;
-  Eigen::Vector2d offset_ = Eigen::Vector2d::Zero();  ///< of the vehicle's belief, m
-  double turn_ = 0;                                   ///< of the vehicle's belief, rad
+  Eigen::Vector2d offset_ = Eigen::Vector2d::Zero();  ///< error of the vehicle's believed place, m
+  double turn_ = 0;                                   ///< error of the vehicle's believed yaw, rad
   std::vector<std::vector<Eigen::Vector2d>> walls_;
   std::vector<std::string> wall_names_;  ///< [walls]
 };
