@@ -24,16 +24,16 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-/// A direction counts as measured when the frame took away this share of its variance: a per cent
-/// of its standard deviation. By judgement.
+/// A direction counts as measured when the frame took away this share of its variance, which is a
+/// per cent of its standard deviation. By judgement.
 constexpr double kMeasured = 0.02;
-/// One innovation counts at most this much when the inflation is adapted, three standard deviations
-/// squared: it may be an outlier.
+/// Most that one innovation counts when the inflation is adapted, as it may be an outlier: three
+/// standard deviations squared.
 constexpr double kMaxSurprise = 9;
-/// Below this probability of presence a track ends: absence is then the likelier.
+/// Below this probability of presence a track ends, because absence is then more likely.
 constexpr double kGone = 0.5;
-/// Share of the time constant that one frame may count, by judgement: after a long gap, one frame
-/// must not set the inflation.
+/// Largest share of the time constant that one frame may count for, by judgement: after a long gap,
+/// a single frame must not set the inflation.
 constexpr double kMaxElapsed = 0.1;
 
 double log_sum(double a, double b) {
@@ -85,8 +85,9 @@ Gaussian unknown_state(const Scene& scene, const TrackLayout& layout) {
   return prior;
 }
 
-/// A filtered state given also what the frames after a step say (Rauch, Tung & Striebel 1965):
-/// `step` takes it to `predicted`, which with these frames is `after`.
+/// The smoothed state, which adds the later frames to a filtered state (Rauch, Tung & Striebel
+/// 1965). `step` takes `filtered` to `predicted`; with the later frames, `predicted` becomes
+/// `after`.
 Gaussian smoothed_by(const TrackLayout& layout, const MatrixXd& step, const Gaussian& filtered,
                      const Gaussian& predicted, const Gaussian& after) {
   const MatrixXd gain = predicted.covariance.ldlt().solve(step * filtered.covariance).transpose();
@@ -192,7 +193,8 @@ void condition(const TrackLayout& layout, const Gaussian& measured, Gaussian& st
 
 Innovation innovation(const TrackLayout& layout, const Gaussian& predicted,
                       const Gaussian& measured) {
-  // With prior P = L L' and posterior C the update moves the mean by a vector of covariance P - C.
+  // With prior P = L L' and posterior C, the update moves the mean by a vector with covariance
+  // P - C.
   const Eigen::LLT<MatrixXd> root(predicted.covariance);
   const auto L = root.matrixL();
   MatrixXd left = L.solve(measured.covariance);
@@ -210,7 +212,7 @@ Innovation innovation(const TrackLayout& layout, const Gaussian& predicted,
   return result;
 }
 
-/// A mode of the next frame, before it is known which are kept.
+/// A candidate for a mode after the next frame. Tracker::keep() decides which ones are kept.
 struct Tracker::Hypothesis {
   double log_weight = 0;
   Gaussian predicted, filtered;
@@ -261,20 +263,20 @@ void Tracker::predict_all(double dt) {
   for (TrackMode& mode : modes_) predict(layout_, motion_, dt, mode.state);
   since_search_ += dt;
   heaviest_age_ += dt;
-  // An object comes and goes at random, at rates that keep the prior probability in the long run.
+  // An object comes and goes at random. In the long run, the rates keep the prior probability.
   const double leave = 1 - std::exp(-dt / options_.dwell_time);
   const double come = std::min(1.0, leave * presence_prior_ / (1 - presence_prior_));
   presence_ = presence_ * (1 - leave) + (1 - presence_) * come;
 }
 
-/// A young track may have begun at the wrong one of several optima, which its own predictions never
-/// leave: the region is searched again each time its age has doubled.
+/// A young track may have begun at the wrong one of several optima, and its own predictions never
+/// leave that one. The region is therefore searched again each time the track's age has doubled.
 bool Tracker::search_is_due() const {
   return since_search_ >= std::min(options_.search_interval, heaviest_age_ / 2);
 }
 
-/// Of presence after a frame, whose evidences with an object and without these are. With a prior of
-/// one there is no doubt; logs of zero are meant.
+/// Log odds of presence after a frame, from the frame's log evidence with an object and without
+/// one. A prior of one leaves no doubt; the logarithm of zero is then intended.
 double Tracker::log_odds(double log_present, double log_empty) const {
   return std::log(presence_) + log_present - std::log(1 - presence_) - log_empty;
 }
@@ -324,8 +326,7 @@ std::vector<Tracker::Hypothesis> Tracker::explain(const FrameLikelihood& frame, 
     if (!modes_.empty() && !young_.empty()) search_young(starts, shown);
     const double share = modes_.empty() ? 1.0 : options_.lost_probability;
     search(frame, starts, share, all);
-    // When the frame is not what was predicted: what a new object would explain, a disturbance may
-    // explain as well.
+    // If the frame is not as predicted, a disturbance may explain it as well as a new object.
     for (const Hypothesis& h : all) {
       if (surprised) log_other = log_sum(log_other, h.log_weight - std::log(share));
     }
@@ -351,7 +352,7 @@ std::vector<Tracker::Hypothesis> Tracker::explain(const FrameLikelihood& frame, 
   return all;
 }
 
-/// New hypotheses from the whole search region; `share` is their prior weight together.
+/// New hypotheses from the whole search region. `share` is their total prior weight.
 void Tracker::search(const FrameLikelihood& frame, std::span<const VectorXd> starts, double share,
                      std::vector<Hypothesis>& hypotheses) const {
   std::vector<FrameLikelihood::Update> updates(starts.size());
@@ -380,7 +381,7 @@ Gaussian Tracker::at_first(const Gaussian& measured) const {
   return state;
 }
 
-/// What is known before any frame of a young track, at each frame's time.
+/// The state at each frame's time without any of the young track's frames.
 std::vector<Gaussian> Tracker::before_young() const {
   std::vector<Gaussian> before{at_first(unknown_)};
   for (std::size_t k = 1; k < young_.size(); ++k) {
@@ -390,14 +391,14 @@ std::vector<Gaussian> Tracker::before_young() const {
   return before;
 }
 
-/// What all frames of a young track say of an object that is where `latest`, the latest of them
-/// alone, says. The frames are taken in backwards: the latest shows the most, and the ones before
-/// are then looked at about a place that is known. For linear frames that is the filter's own
-/// answer. `before`: before_young().
+/// The hypothesis from all frames of a young track, for the object at the place that the latest
+/// frame alone gives (`latest`). The frames are added backwards in time. The latest frame shows the
+/// most, so each earlier frame is evaluated about a known place. For linear frames the result
+/// equals the filter's own. `before` is the result of before_young().
 Tracker::Hypothesis Tracker::judged_by_all(const std::vector<Gaussian>& before,
                                            const Hypothesis& latest) const {
   struct Step {
-    MatrixXd back;  ///< takes the state of the frame after to this frame's
+    MatrixXd back;  ///< takes the next frame's state to this frame's
     Gaussian predicted, filtered;
   };
   std::vector<Step> steps{{{}, before.back(), latest.filtered}};
@@ -406,7 +407,7 @@ Tracker::Hypothesis Tracker::judged_by_all(const std::vector<Gaussian>& before,
   Gaussian state = latest.filtered;
   for (std::size_t k = young_.size() - 1; k-- > 0;) {
     Step step;
-    // The motion reversed: the state before, given the one after.
+    // The reversed motion gives the earlier state from the later one.
     const MatrixXd F = transition(layout_, young_[k + 1].dt);
     const MatrixXd& after = before[k + 1].covariance;
     step.back = after.ldlt().solve(F * before[k].covariance).transpose();
@@ -432,9 +433,9 @@ Tracker::Hypothesis Tracker::judged_by_all(const std::vector<Gaussian>& before,
   return result;
 }
 
-/// A young track may have begun at the wrong one of several places, or lack the right one: where
-/// the object may be is judged by all frames since. `places` are those that a search found in the
-/// latest, `shown` the track's own modes, which become the outcome.
+/// A young track may have begun at the wrong one of several places, or may lack the right one. All
+/// frames since its begin therefore judge where the object may be. `places` come from a search of
+/// the latest frame. `shown` holds the track's own modes and receives the result.
 void Tracker::search_young(std::vector<VectorXd> places, std::vector<Hypothesis>& shown) const {
   const std::size_t searched = places.size();
   for (const Hypothesis& h : shown) places.push_back(h.filtered.mean.head(layout_.measured));
@@ -457,8 +458,8 @@ void Tracker::search_young(std::vector<VectorXd> places, std::vector<Hypothesis>
     condition(layout_, update.posterior, next.filtered);
     return next;
   });
-  // Places that led to the same optimum would go the same way through the frames before; and where
-  // none leads elsewhere than the track's own, nothing has to be judged.
+  // Places that led to the same optimum would take the same way through the earlier frames. If all
+  // places lead to the track's own optima, there is nothing to judge.
   std::vector<Hypothesis> distinct;
   std::vector<bool> known;
   for (Hypothesis& next : latest) {
@@ -476,7 +477,7 @@ void Tracker::search_young(std::vector<VectorXd> places, std::vector<Hypothesis>
   std::vector<Hypothesis> result;
   for (Hypothesis& next : judged) {
     if (like(result, next) != result.end()) continue;
-    // One that the track has already goes on as such.
+    // A mode that the track already has continues that mode.
     if (const auto own = like(shown, next); own != shown.end()) {
       next.parent = own->parent;
       next.predicted = own->predicted;
@@ -497,14 +498,14 @@ bool Tracker::too_close(const Hypothesis& a, const Hypothesis& b) const {
   return d.head(n).dot(spread.ldlt().solve(d)) < options_.merge_distance2;
 }
 
-/// The first of `among` that a hypothesis is too close to be another; their end where there is
-/// none.
+/// The first of `among` that is too close to `hypothesis` to be a different one; the end if there
+/// is none.
 std::vector<Tracker::Hypothesis>::iterator Tracker::like(std::vector<Hypothesis>& among,
                                                          const Hypothesis& hypothesis) const {
   return std::ranges::find_if(among, [&](const Hypothesis& h) { return too_close(h, hypothesis); });
 }
 
-/// Merges, prunes and normalises; what is left are the modes.
+/// Merges, prunes and normalises the hypotheses. The remaining ones are the modes.
 void Tracker::keep(std::vector<Hypothesis> hypotheses) {
   std::stable_sort(
       hypotheses.begin(), hypotheses.end(),
@@ -553,8 +554,8 @@ void Tracker::keep(std::vector<Hypothesis> hypotheses) {
                    [](const TrackMode& a, const TrackMode& b) { return a.weight > b.weight; });
 }
 
-/// The measurement's covariance follows the innovations: their normalised squares should be one per
-/// degree of freedom.
+/// Adapts the inflation of the measurement's covariance to the innovations. Their normalised
+/// squares should be one per degree of freedom.
 void Tracker::adapt(const Innovation& innovation, double dt) {
   if (innovation.freedom < 1) return;
   const double surprise = std::min(innovation.squared / innovation.freedom, kMaxSurprise);
@@ -562,7 +563,7 @@ void Tracker::adapt(const Innovation& innovation, double dt) {
   inflation_ = std::clamp(inflation_, 1.0, options_.max_inflation);
 }
 
-/// Frames before the lag, and their nodes.
+/// Drops frames before the lag, and their nodes.
 void Tracker::forget() {
   if (options_.lag <= 0) return;
   while (static_cast<int>(heaviest_.size()) > options_.lag + 1) heaviest_.pop_front();
@@ -580,7 +581,7 @@ std::vector<std::optional<Gaussian>> Tracker::smoothed() const {
   for (std::size_t frame = heaviest_.size(); frame-- > 0;) {
     int at = heaviest_[frame];
     if (at < 0 || result[frame]) continue;
-    // A chain of hypotheses that no later one continues.
+    // The end of a chain: no later hypothesis continues this one.
     Gaussian smooth = node_of(at).filtered;
     while (!result[place(at)]) {
       const Node& node = node_of(at);
@@ -596,7 +597,7 @@ std::vector<std::optional<Gaussian>> Tracker::smoothed() const {
 
 namespace {
 
-/// Pose part of a state as it is reported: wrapped, with the model's position error.
+/// The pose part of a state for the report: wrapped, and with the model's position error.
 void report(const Scene& scene, const Motion& motion, const Gaussian& state, PoseVector& pose,
             MatrixXd& covariance) {
   const auto n = static_cast<Index>(scene.unknowns.size());
@@ -646,8 +647,8 @@ TrackSummary summary_of(const TrackLayout& layout, const TrackPoint& point) {
   return summary;
 }
 
-/// Whether a position is where the search held it back: within 1e-3 of the range, because the
-/// filter moves a mean off the border a little, where a fit's optimum stays on it.
+/// Whether a position lies at a border of the search region. A fit's optimum stays on the border,
+/// but the filter moves a mean off it a little; the margin is therefore 1e-3 of the range.
 bool at_bound(const Scene& scene, const Gaussian& state) {
   for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
     const Unknown& unknown = scene.unknowns[i];

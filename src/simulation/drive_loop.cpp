@@ -37,24 +37,24 @@ using Eigen::Vector2d;
 
 /// Control period, s: 20 cm at the highest speed of a street.
 constexpr double kStep = 0.02;
-/// A vehicle that has stood for so long without a path that it can drive has stopped for good, s.
+/// A vehicle that stands this long without a drivable path has stopped for good, s.
 constexpr double kGivesUpAfter = 3.0;
-/// A vehicle slower than this stands, m/s: 6 cm until it gives up.
+/// A vehicle slower than this counts as standing, m/s: it moves at most 6 cm until it gives up.
 constexpr double kStands = 0.02;
 /// Braking that is hardly felt, a share of the friction limit.
 constexpr double kGentle = 0.05;
-/// Speeds for what may come from where nothing is seen are found anew so often, s.
+/// Interval at which the speed limits for road users out of sight are computed again, s.
 constexpr double kLooksAgain = 0.3;
-/// m before the start from which a vehicle that starts at speed has looked around already.
+/// A vehicle that starts at speed has looked around over this distance before its start, m.
 constexpr double kLookedBefore = 20;
 /// Log likelihood ratio of a cell in which the known scene has a wall: a thousand to one.
 constexpr double kWallEvidence = 6.9;
-/// Frames of one drive draw their photons from seeds this far apart: a prime beyond their number.
+/// Distance between the photon seeds of two frames of one drive: a prime beyond the frames' number.
 constexpr std::uint64_t kFrameSeeds = 1'000'003;
-/// The perception's own chances (which frames are late) are drawn from another sequence.
+/// A random sequence of its own decides which frames are missing or late.
 constexpr std::uint64_t kFaultSeed = 0x9e3779b97f4a7c15;
 
-/// Adds the wall-clock time until it is destroyed to a sum, ms.
+/// Adds the wall-clock time of its own life to a sum, ms.
 class StageTimer {
  public:
   explicit StageTimer(double& sum) : sum_(sum) {}
@@ -109,12 +109,12 @@ class DriveLoop {
   void mark_walls();
 
   VehicleState state() const { return vehicle_.state(); }
-  /// What the vehicle takes its state to be: all that it does with a map starts from here.
+  /// The vehicle's estimate of its own state. Everything that it does with a map starts from here.
   VehicleState believed() const { return world_.believed(state()); }
   Polygon outline() const;
   std::vector<double> occupancy() const;
   std::vector<double> within_lane() const;
-  /// 1/m that the wheels are turned to; 0 of what turns on the spot.
+  /// Curvature that the wheels are turned to, 1/m; 0 for a vehicle that turns on the spot.
   double steered_curvature() const {
     return limits_.wheelbase > 0 ? std::tan(believed().steering_angle) / limits_.wheelbase : 0.0;
   }
@@ -130,7 +130,7 @@ class DriveLoop {
   double delay_;
   LineOfSight sight_;
   Sightings sightings_;
-  Scene map_scene_;  ///< hidden objects as the map has them
+  Scene map_scene_;  ///< with the hidden objects as the map represents them
   OccupancyGrid grid_;
   PoseHypotheses hypotheses_;
   Vehicle vehicle_;
@@ -139,32 +139,32 @@ class DriveLoop {
   Replanner replanner_;
   std::optional<PublishedController> published_;  ///< empty: this project's own planner drives
   std::optional<PathFollower> follower_;
-  std::optional<PathOutlook> outlook_;   ///< of the follower's path, where speed is chosen by it
-  std::optional<LineOfSight> around_;    ///< of the same place, all round
-  std::optional<OccludedSpeed> unseen_;  ///< of who is expected where nothing is seen
+  std::optional<PathOutlook> outlook_;   ///< along the follower's path; only for safe speeds
+  std::optional<LineOfSight> around_;    ///< from the same place, in all directions
+  std::optional<OccludedSpeed> unseen_;  ///< for road users expected out of sight
   std::vector<double> unseen_limits_;    ///< m/s, at the samples of the follower's path
   double unseen_limits_time_ = 0;        ///< s
   double unseen_time_ = 0;               ///< s
   bool no_way_ = true;                   ///< no path leads to the goal
   bool brake_ = true;                    ///< no path to follow, or one that ends too soon
-  bool held_ = false;                    ///< by what it would touch beside its path
+  bool held_ = false;                    ///< the body would touch something beside the path
   TrafficDecision traffic_;
   double acceleration_ = 0;  ///< m/s^2, asked for in the last control period
   std::mt19937_64 faults_;
 
   double time_ = 0;             ///< s
-  double map_time_ = 0;         ///< s, of the map's last update
-  double busy_until_ = 0;       ///< s: perception works on a frame
-  double standing_since_ = -1;  ///< s; negative: it drives, or has a plan
-  double clearance_ = std::numeric_limits<double>::infinity();  ///< m, since the last frame
+  double map_time_ = 0;         ///< s, time of the map's last update
+  double busy_until_ = 0;       ///< s; until then perception works on a frame
+  double standing_since_ = -1;  ///< s; negative: the vehicle drives, or has a plan
+  double clearance_ = std::numeric_limits<double>::infinity();  ///< m, least since the last frame
   VehicleState sensed_from_;  ///< true, at the time of the frame that perception works on
-  AnswerEvent perceived_;     ///< the last before any hidden object came in direct sight
+  AnswerEvent perceived_;     ///< last answer before a hidden object came in direct sight
   std::size_t next_goal_ = 0;
-  Vector2d passed_from_;  ///< m, where the vehicle took itself to be when the goal was looked at
+  Vector2d passed_from_;  ///< m, the vehicle's estimated position when the goal was last checked
   std::deque<SensedEvent> arriving_;  ///< in order of arrival
   std::deque<AnswerEvent> answers_;   ///< in order of readiness
   std::optional<AnswerEvent> latest_;
-  std::vector<double> occupancy_;  ///< as the last plan saw it
+  std::vector<double> occupancy_;  ///< that the last plan used
   std::string plan_text_;
   std::vector<Vector2d> path_;
   double target_speed_ = 0;
@@ -216,7 +216,7 @@ DriveLoop::DriveLoop(const Drive& drive, const SimulatedSensor& sensor, const Dr
   result_.trace_step = kStep;
 }
 
-/// Who starts at speed has come straight on to here.
+/// A vehicle that starts at speed is taken to have driven straight up to its start.
 void DriveLoop::look_before_start() {
   const VehicleState start = believed();
   const double step = drive_.vehicle.length / 2;
@@ -228,7 +228,7 @@ void DriveLoop::look_before_start() {
   }
 }
 
-/// The known scene is in the map from the start.
+/// Enters the walls of the known scene into the map, which therefore has them from the start.
 void DriveLoop::mark_walls() {
   for (const Cell& cell : world_.wall_cells()) grid_.add_static_evidence(cell, kWallEvidence);
 }
@@ -254,7 +254,7 @@ std::vector<double> DriveLoop::occupancy() const {
   return probabilities;
 }
 
-/// What may be driven on: what lies beside the lane is taken as occupied.
+/// Occupancy for the planner, to which cells beside the lane are occupied.
 std::vector<double> DriveLoop::within_lane() const {
   std::vector<double> open = occupancy_;
   if (!drive_.lane) return open;
@@ -264,7 +264,7 @@ std::vector<double> DriveLoop::within_lane() const {
   return open;
 }
 
-/// The sensor's frame of this moment, which arrives now, later or never.
+/// Captures the sensor's frame of this moment. The frame arrives now, later or never.
 void DriveLoop::capture_frame() {
   if (options_.progress) options_.progress(time_);
   SensedEvent event;
@@ -287,7 +287,7 @@ void DriveLoop::capture_frame() {
   arriving_.insert(later, event);
 }
 
-/// What the vehicle knows when a frame is due.
+/// Notes the vehicle's state and the truth when a frame is due.
 void DriveLoop::note_frame() {
   if (!options_.keep_pictures) forget_maps();
   DriveFrame frame;
@@ -300,7 +300,8 @@ void DriveLoop::note_frame() {
   times_ = {};
 }
 
-/// Maps that last_map() will not find any more. What becomes of frames on their way is open yet.
+/// Drops maps that last_map() cannot find any more. While frames are on their way, their fate is
+/// open, and all maps stay.
 void DriveLoop::forget_maps() {
   if (!arriving_.empty()) return;
   const DriveFrame* last = last_map(result_);
@@ -309,8 +310,8 @@ void DriveLoop::forget_maps() {
   }
 }
 
-/// Direct sight goes to the map at once; the histograms go to perception, unless it is busy or
-/// hidden objects are in sight.
+/// The map takes what is in direct sight at once. The histograms go to perception, unless
+/// perception is busy or hidden objects are or have been in sight.
 void DriveLoop::take_frame(const SensedEvent& event) {
   DriveFrame& frame = result_.frames[event.frame];
   const Transform T_world_believed =
@@ -331,7 +332,7 @@ void DriveLoop::take_frame(const SensedEvent& event) {
     answer.answer = sightings_.answer(perceived_.answer,
                                       std::max(0.0, event.capture_time - perceived_.capture_time),
                                       event.capture_time);
-    answers_.clear();  // of what was not in sight
+    answers_.clear();  // answers from before the object was in sight
   } else if (sightings_.any()) {
     frame.fate = FrameFate::seen_before;
   } else if (time_ < busy_until_) {
@@ -352,7 +353,8 @@ void DriveLoop::take_frame(const SensedEvent& event) {
       frame.object_counts = std::move(sensed.object_counts);
     }
   }
-  // Objects in sight are tracked: what of them a ray met is where their track is, as it moves on.
+  // Objects in sight are tracked. Their track stands for the points that rays met on them, and it
+  // moves on with the object.
   scan.object_hits.clear();
   update_map(&scan, nullptr);
   if (frame.fate == FrameFate::used || frame.fate == FrameFate::in_sight) {
@@ -373,8 +375,8 @@ void DriveLoop::update_map(const LineOfSightScan* scan, const AnswerEvent* event
   map_time_ = time_;
 }
 
-/// An answer as it is now. The published controller has no movers: all that is known stays on its
-/// map.
+/// An answer predicted to now, split into standing and moving objects. The published controller
+/// knows no movers, so all objects stay on its map.
 StandingAndMoving DriveLoop::split(const AnswerEvent& event) const {
   const HiddenAnswer answer{*event.answer.mixture, time_ - event.capture_time,
                             event.answer.velocities};
@@ -399,12 +401,13 @@ void DriveLoop::plan() {
   if (!follower_) return;
   limit_speed(planning);
   TrafficOptions traffic = traffic_options(drive_);
-  // Who brakes goes on until the way is clear: less would let the vehicle creep up to the other.
+  // A vehicle that brakes goes on braking until the way is clear. Otherwise it would creep up to
+  // the other road user.
   if (before.braking > 0) traffic.comfortable = kGentle;
   traffic_ = decide_for_traffic(*follower_, at, body_, limits_.friction, movers, traffic);
 }
 
-/// The published controller plans anew with every map and never brakes.
+/// The published controller makes a new plan with every map and never brakes.
 void DriveLoop::plan_as_published(const PlanningGrid& planning) {
   const PathStatus status = published_->plan(planning, believed(), goal(), drive_.vehicle.length);
   plan_text_ = status == PathStatus::found ? "replan: published"
@@ -413,8 +416,8 @@ void DriveLoop::plan_as_published(const PlanningGrid& planning) {
   brake_ = false;
 }
 
-/// A follower for a new path. A stop is driven along what is left of the path, to its end; where
-/// that is too short, at the friction limit.
+/// Makes a follower for a new path. To stop, the vehicle drives the rest of the path to its end. If
+/// the rest is too short, it brakes at the friction limit.
 void DriveLoop::follow(const PlanUpdate& update) {
   no_way_ = update.action == PlanAction::stop;
   brake_ = no_way_ && (update.stops_too_late || update.path.points.size() < 2);
@@ -428,8 +431,8 @@ void DriveLoop::follow(const PlanUpdate& update) {
   }
   PathFollowerOptions options = follower_options(limits_);
   options.profile.speed = speed();
-  // A plan that looks at friction is made for the speed that is held. One that was made after a
-  // stop turns tighter, and is driven accordingly.
+  // A plan that considers friction is made for the held speed. A plan made after a stop turns
+  // tighter, and the vehicle drives it accordingly.
   if (drive_.vehicle.cornering_share)
     options.profile.cornering = *drive_.vehicle.cornering_share;
   else if (!drive_.vehicle.brakes_for_curves) {
@@ -441,8 +444,8 @@ void DriveLoop::follow(const PlanUpdate& update) {
   unseen_limits_.clear();
 }
 
-/// Lowers the follower's speeds to those at which the steering follows, and from which the vehicle
-/// can stop for what may be there, and for what it would touch beside its path.
+/// Lowers the follower's speeds until the steering can follow, and until the vehicle can stop for
+/// objects that may be there and for what it would touch beside its path.
 void DriveLoop::limit_speed(const PlanningGrid& planning) {
   if (!drive_.vehicle.brakes_for_curves && !unseen_) return;
   const std::vector<PathPoint>& path = follower_->path();
@@ -476,8 +479,8 @@ void DriveLoop::limit_speed(const PlanningGrid& planning) {
   follower_->limit_speed(limits, believed());
 }
 
-/// Lowers speeds at the samples of the follower's path to those from which the vehicle can stop for
-/// whoever may come from where it does not see.
+/// Lowers speeds at the samples of the follower's path until the vehicle can stop for a road user
+/// who comes from a place out of its sight.
 void DriveLoop::limit_for_unseen(std::vector<double>& limits, double here) {
   if (unseen_limits_.empty() || time_ - unseen_limits_time_ >= kLooksAgain) {
     unseen_limits_ = unseen_->limits(follower_->path(), here, speed(), limits_.friction);
@@ -487,13 +490,13 @@ void DriveLoop::limit_for_unseen(std::vector<double>& limits, double here) {
                          [](double a, double b) { return std::min(a, b); });
 }
 
-/// The next point of the route, or the line behind its last one.
+/// The next point of the route, or the finish line after the last point.
 PathGoal DriveLoop::goal() const {
   if (next_goal_ < drive_.route.size()) return {drive_.route[next_goal_], {}, {}};
   return {drive_.finish_line->front(), {}, drive_.finish_line->back()};
 }
 
-/// Whether the vehicle, where it takes itself to be, has come to the goal since it was asked last.
+/// Whether the vehicle's estimated position has reached the goal since the last call.
 bool DriveLoop::passed_goal() {
   const Vector2d before = std::exchange(passed_from_, believed().position);
   const PathGoal next = goal();
@@ -530,7 +533,7 @@ void DriveLoop::step() {
   result_.trace.emplace_back(after.position.x(), after.position.y(), after.yaw);
 }
 
-/// What the vehicle brakes for, the gravest first.
+/// The reason why the vehicle brakes; the gravest if there are several.
 std::string DriveLoop::braking_for() const {
   constexpr double kBrakes = 0.5;  // m/s^2: less is control
   if (published_ || acceleration_ > -kBrakes || believed().speed < kStands) return "";
