@@ -21,46 +21,50 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Grid step in units of the pulse's path standard deviation: half a step off, a matched filter
-/// still keeps exp(-0.5^2 / 4 * 1.2^2) = 0.91 of its response.
+/// Grid step in units of the standard deviation of the pulse's path. Half a step off, a matched
+/// filter still keeps exp(-0.5^2 / 4 * 1.2^2) = 0.91 of its response.
 constexpr double kGridStep = 1.2;
-/// Finite-difference step in the same unit: truncation (h / sigma)^2 / 6 = 1.5e-4.
+/// Finite-difference step in the same unit: the truncation error is (h / sigma)^2 / 6 = 1.5e-4.
 constexpr double kDifferenceStep = 0.03;
-/// Largest yaw steps, rad: cosines change even where no path does. Half a step off, one still is
-/// cos(pi / 16) = 0.98; a difference errs by h^2 / 6 = 2e-5.
+/// Largest yaw steps, rad: cosines change even where no path does. Half a grid step off, a cosine
+/// still is cos(pi / 16) = 0.98. A finite difference errs by h^2 / 6 = 2e-5.
 constexpr double kYawGrid = kPi / 8;
 constexpr double kYawDifference = 0.01;
-/// Largest difference steps of a size, whose light goes with its square, and of any unknown against
-/// its range: by judgement, far above rounding, and a hundredth of what they are taken over.
+/// Largest finite-difference steps: of a size, because light is proportional to the size's square,
+/// and of any unknown as a share of its range. By judgement: far above rounding, and a hundredth
+/// of the size or of the range.
 constexpr double kSizeDifference = 0.01;
 constexpr double kRangeDifference = 0.01;
-/// Least rate of a path, m per unit, where an object that moves straight away has 2: else an
-/// unknown that changes no path would have steps without end. By judgement.
+/// Least rate of a path, m per unit; an object that moves straight away has 2. Without this limit,
+/// an unknown that changes no path would have steps without end. By judgement.
 constexpr double kMinRate = 0.2;
-/// Light below this share of the brightest bin does not count as reaching a bin: of 100,000 photons
-/// it is less than one.
+/// Light below this share of the brightest bin does not count as reaching a bin: it is less than
+/// one of 100,000 photons.
 constexpr double kReach = 1e-5;
 /// Static background below this share of the brightest bin is rounding (kNoLight in
 /// static_background.cpp).
 constexpr double kNoBackground = 1e-7;
-/// Most memory for the scored poses' histograms: by judgement, what a computer of a few GB spares.
+/// Most memory for the scored poses' histograms, bytes. By judgement, a computer with a few GB can
+/// spare it.
 constexpr double kTemplateBytes = 6e8;
-/// Share of all bins that histograms hold, to tell how many fit: a rough mean, by judgement.
+/// Share of all bins that a histogram holds, to estimate how many histograms fit into the memory: a
+/// rough mean, by judgement.
 constexpr double kBinsHeld = 0.6;
-/// Factor by which a pulse is widened until the grid is small enough: the grid of three unknowns
-/// then has up to 1.1^3 = 1.3 times fewer poses than it might. Widened so far, it tells nothing.
+/// Factor by which a pulse is widened until the grid is small enough: a grid of three unknowns then
+/// has up to 1.1^3 = 1.3 times fewer poses than it might. At the largest widening, the pulse tells
+/// nothing.
 constexpr double kWiden = 1.1, kMaxWidening = 64;
-/// Poses of a grid that are kept, some 200 bytes each, and looked at: half a minute.
+/// Most poses of a grid. They are kept, with some 200 bytes each, and scored in half a minute.
 constexpr double kMostGridPoses = 2e6;
-/// Grid step for a spline, in units of the pulse: its error is then 0.25 %.
+/// Grid step for a spline, in units of the pulse: the spline's error is then 0.25 %.
 constexpr double kSplineStep = 0.75;
-/// Limits of the spline through them: it touches 4^unknowns histograms for one pose, 64 of three
-/// unknowns and 256 of four; its memory is on top of theirs, and less.
+/// Limits of the spline through the histograms. For one pose it reads 4^unknowns of them: 64 for
+/// three unknowns and 256 for four. Its memory adds to the histograms' own, and is less.
 constexpr std::size_t kSplineUnknowns = 3;
 constexpr double kSplineBytes = 4e8;
 
-/// Root mean square over the search region of how fast the path from relay to object and back
-/// changes with each unknown, m per unit.
+/// Rate at which the path from the relay to the object and back changes with each unknown, m per
+/// unit: root mean square over the search region.
 PoseVector path_rates(const Scene& scene, const std::vector<Vector3d>& relay) {
   const auto n = static_cast<Eigen::Index>(scene.unknowns.size());
   PoseVector rates = PoseVector::Zero(n);
@@ -100,7 +104,7 @@ std::vector<Vector3d> relay_sample(const Scene& scene, const SensorPlacement& pl
   return points;
 }
 
-/// Points along one unknown, both bounds among them, at least the four that a cubic needs.
+/// Points along one unknown, with both bounds: at least four, because a cubic needs them.
 GridAxis grid_axis(const Scene& scene, std::size_t unknown, double step) {
   const Unknown& u = scene.unknowns[unknown];
   GridAxis axis;
@@ -134,7 +138,7 @@ double grid_size(const CompiledScene& compiled) {
   return size;
 }
 
-/// Throws Error where even the widest pulse leaves more poses than can be kept and scored.
+/// Throws Error if even the widest pulse leaves more poses than can be kept and scored.
 void check_grid_size(const CompiledScene& compiled) {
   if (grid_size(compiled) <= kMostGridPoses) return;
   const auto longest =
@@ -308,7 +312,8 @@ std::optional<SamplingStep> SceneKnowledge::sampling_step(double tolerance) cons
   if (known != sampling_steps_.end()) return known->second;
   FastModelOptions fast;
   fast.tolerance = tolerance;
-  // Isolated: whoever waits for the lock must not be asked to work for its holder.
+  // Isolated: while the lock's holder waits for its own loops, it must not take up a task that
+  // waits for the lock.
   const SamplingStep found =
       tbb::this_task_arena::isolate([&] { return *choose_sampling(transport_, own, fast); });
   return sampling_steps_.emplace(tolerance, found).first->second;
@@ -316,7 +321,7 @@ std::optional<SamplingStep> SceneKnowledge::sampling_step(double tolerance) cons
 
 namespace {
 
-/// Lays the grid of scored poses: its axes and points.
+/// Fills the grid with the scored poses and their log priors.
 void fill_grid(CompiledScene& compiled) {
   const Scene& scene = compiled.scene;
   const auto count = static_cast<std::size_t>(grid_size(compiled));
@@ -336,7 +341,7 @@ void fill_grid(CompiledScene& compiled) {
   }
 }
 
-/// Copies the bins of the time gates of one capture's light, times the zones' gains.
+/// Copies one capture's light inside the time gates, times the zones' gains.
 float* copy_gates(const Scene& scene, const std::vector<TimeGate>& gates,
                   const HistogramCube& light, float* out) {
   for (int z = 0; z < light.zones(); ++z) {
@@ -363,7 +368,7 @@ Eigen::MatrixXf render_templates(const CompiledScene& compiled, const ModelSet& 
   return templates;
 }
 
-/// Where the rows of each zone begin, [all captures' zones with rows + 1].
+/// First row of each zone, [all captures' zones with rows + 1].
 std::vector<int> zone_rows(const CompiledScene& compiled) {
   std::vector<int> begin{0};
   for (const auto& gates : compiled.gates) {
@@ -374,7 +379,7 @@ std::vector<int> zone_rows(const CompiledScene& compiled) {
   return begin;
 }
 
-/// Adds one capture's light, times the zones' gains, to a column; its rows are still bins.
+/// Adds one capture's light, times the zones' gains, to a column. The column's rows are still bins.
 void append_light(const Sensor& sensor, const SparseLight& light, Templates::Column& column) {
   for (std::size_t z = 0; z < light.lit.size(); ++z) {
     const SparseLight::Range& lit = light.lit[z];
@@ -405,8 +410,8 @@ void cut_to_gates(const CompiledScene& compiled, Templates::Column& column) {
   column.pieces = std::move(pieces);
 }
 
-/// Time gates from closed form: what any pose may light, and the tails that the closed form cuts
-/// off.
+/// Time gates from the closed form: the bins that any pose may light, and the tails of the pulse
+/// that the closed form cuts off.
 std::vector<std::vector<TimeGate>> closed_form_gates(const CompiledScene& compiled) {
   const Scene& scene = compiled.scene;
   const Sensor& sensor = scene.sensor;
@@ -448,10 +453,10 @@ std::vector<std::vector<TimeGate>> closed_form_gates(const CompiledScene& compil
   return all;
 }
 
-/// Histograms of the scored poses in closed form, `extra_sigma` (s) wider.
+/// Histograms of the scored poses in closed form, with pulses wider by `extra_sigma` (s).
 Templates render_closed_form(const CompiledScene& compiled, double extra_sigma) {
   std::vector<Templates::Column> columns(compiled.poses.size());
-  // Chunks, so that what the object's middle sees is worked out once for its yaws.
+  // In chunks: the view from the object's middle is then computed once for all its yaws.
   parallel_for(tbb::blocked_range<std::size_t>(0, columns.size(), 16), [&](const auto& part) {
     SparseLight light;
     for (std::size_t i = part.begin(); i != part.end(); ++i) {
@@ -465,7 +470,7 @@ Templates render_closed_form(const CompiledScene& compiled, double extra_sigma) 
   return {gate_rows(compiled), std::move(columns)};
 }
 
-/// Each object's light by itself, at as many poses as a scene with that object alone would score.
+/// The light of each object alone, at as many poses as a scene with only that object would score.
 std::vector<CompiledScene::ObjectGrid> render_objects(const CompiledScene& compiled, int most) {
   const Scene& scene = compiled.scene;
   std::vector<CompiledScene::ObjectGrid> grids;
@@ -509,7 +514,7 @@ std::vector<CompiledScene::ObjectGrid> render_objects(const CompiledScene& compi
 
 namespace {
 
-/// The fast models of all captures; `made` is told the share that is there.
+/// The fast models of all captures. `made` receives the share of them that is finished.
 ModelSet make_models(const CompiledScene& compiled, FastModelOptions fast,
                      const std::function<void(double)>& made = {}) {
   ModelSet set;
@@ -523,16 +528,16 @@ ModelSet make_models(const CompiledScene& compiled, FastModelOptions fast,
   return set;
 }
 
-/// Edges of the rough models of pairs of lobes against those of the models: they sum over a
-/// thirtieth to an eightieth of the paths. The crossing cyclist's light is 13 % off and its slopes
-/// 28 %, so that their information is 0.8 to 1.2 times the models'.
+/// Edges of patches in the rough models of lobe pairs, against those in models(). Rough models sum
+/// over a thirtieth to an eightieth of the paths. The crossing cyclist's light is then 13 % off and
+/// its slopes 28 %, so their information is 0.8 to 1.2 times that of models().
 constexpr double kRough = 2;
-/// Their level among the others, which are finer than models().
+/// Level of the rough models. The other levels are finer than models().
 constexpr int kRoughLevel = -1;
 
-/// What a level asks of the fast model. Light of lobes comes from pairs, because one sum has an
-/// error of its own; of coarser pairs than sqrt(8) it was larger than that of one sum. Their
-/// sampling follows from the first level's; no search is made.
+/// Options of the fast model at a level. The light of lobes comes from patch pairs, because a
+/// single sum has an error of its own; pairs coarser than sqrt(8) had a larger error than a single
+/// sum. The pairs' sampling follows from the first level's, without a search.
 FastModelOptions options_of(int level, const CompiledScene& compiled, bool lobes) {
   FastModelOptions fast;
   if (level == kRoughLevel) {
@@ -547,8 +552,9 @@ FastModelOptions options_of(int level, const CompiledScene& compiled, bool lobes
       fast.sampling_step = compiled.knowledge->sampling_step(fast.tolerance);
       return fast;
     }
-    // A search as fine takes seconds: twice as many points as the level before along the object's
-    // edges, on which a partition's shadow ends, and half as many again along the relay's.
+    // A search this fine takes seconds. Instead, the level takes twice as many points as the level
+    // before along the object's edges, on which a partition's shadow ends, and sqrt(2) times as
+    // many along the relay's.
     fast.sampling_step =
         compiled.knowledge->sampling_step(kLevelTolerance[static_cast<std::size_t>(level) - 1]);
     if (fast.sampling_step) {
@@ -562,7 +568,8 @@ FastModelOptions options_of(int level, const CompiledScene& compiled, bool lobes
   const double finer = std::pow(2.0, 0.5 * (level - 1));
   SamplingStep pairs{std::sqrt(8.0) / finer, std::sqrt(8.0) / finer, true};
   if (first.lobe_pairs) {
-    // Else the step from the first level is none, and what it does not move passes for exact.
+    // Otherwise this level might be no finer than the first one, and a result that it does not move
+    // would pass for exact.
     pairs.relay = std::min(pairs.relay, first.relay / std::sqrt(2.0) / finer);
     pairs.object = std::min(pairs.object, first.object / std::sqrt(2.0) / finer);
   }
@@ -579,7 +586,8 @@ const ModelSet& CompiledScene::models_at(int level) const {
   if (known != finer_.end()) return known->second;
   const bool lobes = std::holds_alternative<RetroreflectiveMaterial>(scene.hidden.material);
   const FastModelOptions fast = options_of(level, *this, lobes);
-  // Isolated: whoever waits for the lock must not be asked to work for its holder.
+  // Isolated: while the lock's holder waits for its own loops, it must not take up a task that
+  // waits for the lock.
   return finer_
       .emplace(level, tbb::this_task_arena::isolate([&] { return make_models(*this, fast); }))
       .first->second;
@@ -605,7 +613,7 @@ const ModelSet* CompiledScene::models_within(int level, double most_paths) const
 
 namespace {
 
-/// Light of one capture inside its gates, `unit` counts per W/m^2 at unit gain.
+/// Appends the light of one capture inside its gates, with `unit` counts per W/m^2 at unit gain.
 void append_gated(const CompiledScene& compiled, std::size_t capture, const HistogramCube& light,
                   double unit, std::vector<double>& rows) {
   for (int z = 0; z < light.zones(); ++z) {
@@ -615,7 +623,7 @@ void append_gated(const CompiledScene& compiled, std::size_t capture, const Hist
   }
 }
 
-/// Light in the order of append_gated(), gains applied already.
+/// Appends counts, which include the gains already, in the order of append_gated().
 void append_counts(const CompiledScene& compiled, std::size_t capture, const HistogramCube& counts,
                    std::vector<double>& rows) {
   for (int z = 0; z < counts.zones(); ++z) {
@@ -625,7 +633,7 @@ void append_counts(const CompiledScene& compiled, std::size_t capture, const His
   }
 }
 
-/// `light`: the models' own, [captures], as counts.
+/// `light` is the models' own static background, [captures], in counts.
 GatedBackground gated_background(const CompiledScene& compiled, const ModelSet& models,
                                  const std::vector<HistogramCube>& light) {
   GatedBackground gated;
@@ -672,7 +680,7 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
   const double features = static_cast<double>(placements.size()) * scene.sensor.zone_count() *
                           scene.sensor.bins * kBinsHeld;
   double most = std::min<double>(grid.max_poses, kTemplateBytes / (4 * features));
-  // A grid fine enough for a spline, where that is affordable.
+  // The grid is made fine enough for a spline if that is affordable.
   bool spline = false;
   if (grid.spline && !closed_form && scene.unknowns.size() <= kSplineUnknowns) {
     make_grid(*compiled, rates, kSplineStep / kGridStep * compiled->pulse_path,
@@ -683,9 +691,9 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
     closed_form = true;
     most = grid.closed_form_poses;
   }
-  // Else widen the pulse until the grid is small enough. In closed form poses are cheap: as many as
-  // there may be, because a pulse as wide as the search region says nothing of where the light of a
-  // shadow or a lobe changes.
+  // Otherwise the pulse is widened until the grid is small enough. In closed form poses are cheap,
+  // so the grid has as many as it may: a pulse as wide as the search region does not tell where the
+  // light of a shadow or a lobe changes.
   double widening = 1 / grid.density;
   if (!spline) {
     const auto lay = [&] {
@@ -700,7 +708,7 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
   }
   widening = std::max(widening * grid.density, 1.0);
   const double widest = grid.widen ? pulse_time * std::sqrt(widening * widening - 1) : 0.0;
-  // From twice the pulse a descent lands where the pulse itself leads on.
+  // A descent with twice the pulse's width ends at a place from which the pulse itself leads on.
   for (double sigma = widest; sigma > (closed_form ? 1.0 : 0.5) * pulse_time; sigma /= 2) {
     compiled->widths.push_back(sigma);
   }
@@ -718,7 +726,8 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
                       compiled->coarse.emplace_back(knowledge->coarse(), placement);
                     }
                   });
-  // Not beside these: who waits for work that is parallel inside may not help with it.
+  // This is not part of the parallel call above: a thread that waits for work that is parallel
+  // inside may not help with it.
   if (has_static_background(scene)) {
     for (const auto& model : compiled->models()) {
       compiled->static_background.push_back(static_background(scene, model->static_background()));
@@ -730,7 +739,7 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
   if (closed_form) {
     compiled->gates = closed_form_gates(*compiled);
     compiled->render_later(compiled->widths.front(), grid.max_poses);
-    // Objects' own grids are so fine that a descent need not begin with a wide pulse.
+    // The objects' own grids are so fine that a descent need not begin with a wide pulse.
     if (object_count(scene) > 1) compiled->widths = {0};
   } else {
     compiled->gates = reach(*compiled);
@@ -749,7 +758,7 @@ const GatedBackground& CompiledScene::fine_background() const {
   std::call_once(fine_background_once_, [this] {
     FastModelOptions fast;
     fast.sampling_step = models().front()->sampling_step();
-    // Isolated: whoever waits here must not pick up another fit that waits for this.
+    // Isolated: a thread that waits here must not take up another fit that waits for this one.
     tbb::this_task_arena::isolate([&] {
       fast.known_light = KnownLightSampling::fine;
       const ModelSet fine = make_models(*this, fast);
@@ -790,7 +799,7 @@ std::size_t CompiledScene::Rendered::bytes() const {
 
 std::size_t CompiledScene::bytes() const {
   const std::size_t points = poses.size() * (sizeof(PoseVector) + sizeof(double) * axes.size());
-  // Models: patches of relay and object, a few hundred bytes each, and tabulated pulses.
+  // A model holds patches of relay and object, a few hundred bytes each, and tabulated pulses.
   const std::size_t a_model = 2'000'000;
   std::size_t sets = ladder.size();
   {

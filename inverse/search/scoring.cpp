@@ -18,35 +18,36 @@
 namespace blindcorner {
 namespace {
 
-/// Poses scored exactly: this many times the wanted starts, but at least `kMinExact`. By judgement:
-/// neighbours of a local maximum score nearly as well, and one of them becomes a start.
+/// Number of poses scored exactly: this many times the wanted starts, but at least `kMinExact`. By
+/// judgement: neighbours of a local maximum score nearly as well, and only one of them becomes a
+/// start.
 constexpr int kExactPerStart = 8;
 constexpr int kMinExact = 64;
-/// Gain in log likelihood over the empty scene below which an object is faint: about a hundred
-/// photons on a background of as many; a signal-to-noise ratio of sqrt(2 * 100) = 14.
+/// An object is faint below this gain in log likelihood over the empty scene. This is about a
+/// hundred photons on a background of as many, with a signal-to-noise ratio of sqrt(2 * 100) = 14.
 constexpr double kFaint = 100;
-/// Poses that the model scores again where closed form is too rough: it costs a hundred times as
-/// much, so that they cost ten times as much as closed form's 600 poses.
+/// Most poses that the model scores again where the closed form is too rough. The model costs a
+/// hundred times as much, so these poses cost ten times as much as the closed form's 600.
 constexpr std::size_t kMaxByModel = 64;
-/// Accuracy of a template's log posterior, far below what half a grid step does to it.
+/// Accuracy of a template's log posterior, far below the effect of half a grid step.
 constexpr double kAccuracy = 1e-2;
-/// Templates whose exact scores are worked out at a time, by judgement: some for each core, few
-/// enough to stop in time.
+/// Templates that are scored exactly at a time. By judgement: some for each core, and few enough to
+/// stop in time.
 constexpr std::size_t kTogether = 8;
-/// Starts that are refined even when the grid has fewer local maxima: ridges run between its
-/// points. By judgement: as many as are followed at a time.
+/// Starts that are refined even if the grid has fewer local maxima, because ridges run between the
+/// grid points. By judgement: as many as are followed at a time.
 constexpr std::size_t kMinStarts = 4;
 
-/// A variance that a weight, which is single precision and ends at 1e38, stands.
+/// Least variance. Its inverse still fits into a weight of single precision, which ends at 1e38.
 constexpr double kNoVariance = 1e-30;
 
-/// Gain in log likelihood of the best amplitude that is not negative.
+/// Gain in log likelihood at the best non-negative amplitude.
 float gain(float projection, float norm) {
   const float positive = std::max(projection, 0.0F);
   return 0.5F * positive * positive / std::max(norm, 1e-30F);
 }
 
-/// Floats of the widest vector register (512 bits).
+/// Floats in the widest vector register (512 bits).
 constexpr int kLanes = 16;
 
 /// sum t a
@@ -80,8 +81,8 @@ BLINDCORNER_MULTIVERSION float weighted_square(const float* t, const float* w, i
   return std::accumulate(lanes, lanes + kLanes, 0.0F);
 }
 
-/// The first `most` of a list, best first, that are next to none taken before. `next_to` compares
-/// two of them.
+/// The first `most` elements of a list (best first) that are not next to an element taken before.
+/// `next_to` compares two elements.
 template <typename Element>
 std::vector<Element> apart(const std::vector<Element>& list, std::size_t most,
                            const auto& next_to) {
@@ -109,9 +110,10 @@ std::vector<int> best_first(const Eigen::VectorXf& scores, std::size_t count) {
 }  // namespace
 
 // max over u of p e^u - n e^2u / 2 - (u - mu)^2 / 2 s^2, by Newton's method from both sides: there
-// may be a maximum at what the data say and one at what the prior says.
+// may be one maximum near the data's amplitude and another near the prior's.
 Eigen::VectorXf gain_under_prior(const GainOfAmplitude& gains, const AmplitudePrior& prior) {
-  // From starts on the right side each at least doubles the digits: enough to compare poses.
+  // From starts on the right side, each step at least doubles the digits. This is enough to compare
+  // poses.
   constexpr int kSteps = 3;
   using Array = Eigen::ArrayXf;
   const Array p = gains.projection.array();
@@ -127,8 +129,8 @@ Eigen::VectorXf gain_under_prior(const GainOfAmplitude& gains, const AmplitudePr
     const Array a = u.exp();
     return a * (p - 0.5F * n * a) - 0.5F * precision * (u - mu).square();
   };
-  // With the quadratic term alone the maximum is at mu - W(2 s^2 n e^2mu) / 2, with a negative
-  // linear one alone at mu - W(-s^2 p e^mu), W being Lambert's function.
+  // With the quadratic term alone, the maximum is at mu - W(2 s^2 n e^2mu) / 2. With a negative
+  // linear term alone, it is at mu - W(-s^2 p e^mu). W is Lambert's function.
   const auto lambert = [](const Array& x) -> Array {
     const Array w = x.log1p();
     return w * (1 - w.log1p() / (2 + w));
@@ -175,11 +177,11 @@ MatchedFilter::MatchedFilter(const PoseObjective& objective, const LinearSolutio
       weight_[row + k] = static_cast<float>(zone.weight_of(k) /
                                             std::max(noise_model.variance(level), kNoVariance));
     }
-    // Nuisance directions: the ambient light (its prior and its bins outside the gate count as
-    // well), then the direct return, orthogonal in the weighted inner product.
+    // Nuisance directions: the ambient light (its prior and the bins outside the gate count as
+    // well), then the direct return, made orthogonal in the weighted inner product.
     const auto w = weight_.segment(row, bins);
     const auto zone_index = static_cast<Eigen::Index>(z);
-    double beyond = 0;  // information about the ambient light from elsewhere, and its slope there
+    double beyond = 0;  // information about the ambient light from elsewhere; below, its slope
     double slope = 0;
     if (unknowns.ambient == LinearMode::per_zone) {
       const double c = empty.ambient[z];
@@ -222,7 +224,7 @@ Eigen::MatrixXf MatchedFilter::scores_of(const Templates& templates, const Eigen
   const bool shared = objective_.solver().unknowns().amplitude != LinearMode::per_zone;
   const bool nuisance = (basis_.array() != 0).any();
 
-  // What the nuisance does not explain, weighted; [sets, rows].
+  // Weighted counts that the nuisance does not explain, [sets, rows].
   const Eigen::MatrixXf weighted_basis = weight_.asDiagonal() * basis_;
   Eigen::MatrixXf residual = (counts.colwise() - mean_).transpose();
   for (std::size_t z = 0; z + 1 < zone_begin_.size() && nuisance; ++z) {
@@ -307,7 +309,7 @@ Eigen::VectorXf MatchedFilter::largest_scores(const Eigen::MatrixXf& counts) con
 
 namespace {
 
-/// Some of the objects in places, the light of these, and how well that explains the counts.
+/// Places of some of the objects, the light of these objects, and how well it explains the counts.
 struct Arrangement {
   std::vector<int> place;  // [objects] index into the object's grid; -1: not placed
   Eigen::VectorXf light;   // [rows]
@@ -325,7 +327,7 @@ struct NextTo {
   }
 };
 
-/// `pose` with an object where its grid has the place.
+/// Moves one object of `pose` to a place on that object's grid.
 void put(const CompiledScene& compiled, std::size_t object, int place, PoseVector& pose) {
   const PoseVector& own = compiled.objects()[object].poses[static_cast<std::size_t>(place)];
   const auto& unknowns = compiled.scene.unknowns;
@@ -336,7 +338,7 @@ void put(const CompiledScene& compiled, std::size_t object, int place, PoseVecto
   }
 }
 
-/// Objects' places, one after the other.
+/// Finds places for the objects one after the other.
 class Arranger {
  public:
   Arranger(const PoseObjective& objective, const LinearSolution& empty)
@@ -348,7 +350,7 @@ class Arranger {
     return {std::vector<int>(grids_.size(), -1), Eigen::VectorXf::Zero(objective_.rows()), 0};
   }
 
-  /// The arrangement with the object in its `most` best places, none next to a better one.
+  /// The arrangements with the object at its `most` best places, none of them next to a better one.
   std::vector<Arrangement> placed(Arrangement from, std::size_t object, std::size_t most) const {
     const CompiledScene::ObjectGrid& grid = grids_[object];
     if (from.place[object] >= 0) {
@@ -380,7 +382,7 @@ class Arranger {
   }
 
  private:
-  /// With all objects in place, with their shadows on each other.
+  /// The log posterior. Once all objects are placed, it includes their shadows on each other.
   double value_of(const Arrangement& arrangement) const {
     LinearSolution solution;
     if (std::ranges::any_of(arrangement.place, [](int place) { return place < 0; })) {
@@ -406,8 +408,8 @@ class Arranger {
 
 std::vector<Candidate> object_starts(const PoseObjective& objective, const LinearSolution& empty,
                                      std::size_t count) {
-  // Places of the first object, of each further one beside them, and sweeps over what is best. By
-  // judgement: they bound the time.
+  // Places for the first object, places for each further object beside it, and arrangements that
+  // are swept afterwards. By judgement: they bound the time.
   constexpr std::size_t kFirst = 12, kNext = 6, kSwept = 8;
   const std::size_t objects = objective.compiled().objects().size();
   const Arranger arranger(objective, empty);
@@ -509,16 +511,17 @@ Scored score(const PoseObjective& objective, const LinearSolution& empty, int co
   const auto wanted = static_cast<std::size_t>(std::max(kMinExact, kExactPerStart * count));
   std::vector<bool> known(compiled.poses.size());
   double best = -std::numeric_limits<double>::infinity();
-  double gain = 0;  // of the best, over the empty scene
-  // A template half a step off keeps at least 0.8 of its gain over the empty scene (kGridStep: 0.91
-  // squared), and lacks at most 0.25 of what it has.
+  double gain = 0;  // of the best pose, over the empty scene
+  // A template half a grid step off keeps at least 0.8 of its gain over the empty scene (kGridStep:
+  // 0.91 squared). It therefore lacks at most 0.25 of the gain that it keeps.
   const auto cut = [&] { return best - negligible - 0.25 * gain; };
-  // Exact scores of poses that a filter thinks best. Its score approximates the gain over the empty
-  // scene; when even half as much again falls short of what a start needs, the rest does too.
+  // Computes exact scores of the poses that the filter puts first. The filter's score approximates
+  // the gain over the empty scene. If even half as much again is too little for a start, the
+  // remaining poses are too low as well.
   const auto evaluate_best = [&](const Eigen::VectorXf& scores, const std::vector<int>& order,
                                  std::size_t end) {
     for (std::size_t i = 0; i < order.size() && scored.size() < end;) {
-      // As many as are worked on at a time; fixed, so that answers do not depend on threads.
+      // The number scored at a time is fixed, so that answers do not depend on threads.
       const std::size_t first = scored.size();
       bool hopeless = false;
       for (; i < order.size() && scored.size() < std::min(end, first + kTogether); ++i) {
@@ -544,8 +547,8 @@ Scored score(const PoseObjective& objective, const LinearSolution& empty, int co
       if (hopeless) break;
     }
   };
-  // A bright object's photons raise the variance of their bins; where a few photons lie on a faint
-  // background, taking each for a bright object's would rob it of its weight.
+  // The photons of a bright object raise the variance of their bins. If a few photons lie on a
+  // faint background, the same variance would take their weight away.
   using Weights = MatchedFilter::Weights;
   result.scores = scores_with(Weights::observed);
   const std::vector<int> order = best_first(result.scores, wanted);
@@ -564,7 +567,7 @@ Scored score(const PoseObjective& objective, const LinearSolution& empty, int co
     return within_spacings(compiled, compiled.poses[static_cast<std::size_t>(a.index)],
                            compiled.poses[static_cast<std::size_t>(b.index)], kNextOnGrid);
   };
-  // Local maxima of the grid first; then the best of what lies on slopes, in case a ridge runs
+  // The grid's local maxima come first. The best poses on slopes follow, in case a ridge runs
   // between the grid points.
   std::vector<Candidate>& chosen = result.starts;
   std::vector<Candidate> slopes;
@@ -601,7 +604,8 @@ std::vector<PoseVector> best_by_model(const PoseObjective& objective, const Scor
   };
   std::vector<Place> places;
   for (const Candidate& c : scored.starts) places.push_back({0, c.pose});
-  // Of several objects, starts are arranged; scored poses of all together are far between.
+  // For several objects, the starts are arrangements: the scored poses of all objects together are
+  // too far apart.
   if (compiled.objects().empty()) {
     for (const Candidate& c : scored.exact) {
       if (places.size() >= kMaxByModel) break;

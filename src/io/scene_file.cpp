@@ -51,8 +51,8 @@ Vector3d read_direction(const JsonReader& reader) {
   return v.normalized();
 }
 
-/// Columns x (given), y = z cross x, z ("up" made orthogonal to x). Up is +z unless given, and +x
-/// when x is itself vertical.
+/// Matrix with the columns x (given), y = z cross x, and z ("up" made orthogonal to x). By default
+/// up is +z, or +x if x itself is vertical.
 Eigen::Matrix3d axes(const Vector3d& x, const JsonReader& up_field) {
   const bool vertical = x.cross(Vector3d::UnitZ()).norm() < kParallel;
   Vector3d up = vertical ? Vector3d::UnitX() : Vector3d::UnitZ();
@@ -84,7 +84,7 @@ Eigen::Matrix3d read_rotation(const JsonReader& reader) {
   return reader.at("quaternion_wxyz").quaternion().toRotationMatrix();
 }
 
-/// Standard deviations: one number for three axes, or three.
+/// Standard deviations: one number for all three axes, or three numbers.
 Vector3d read_sigmas(const JsonReader& reader, const NumberRange& range) {
   if (reader.is_array()) return reader.vector(range);
   return Vector3d::Constant(reader.number_or(0, range));
@@ -105,7 +105,8 @@ void read_sensor_pose(const JsonReader& reader, Scene& scene) {
 
 // --- Shapes --------------------------------------------------------------------------------------
 
-/// "file", "scale" and "two_sided" of a mesh. Relative files are looked for beside the scene file.
+/// "file", "scale" and "two_sided" of a mesh. A relative file name counts from the scene file's
+/// folder.
 MeshShape read_mesh(const JsonReader& reader) {
   const JsonReader file = reader.at("file");
   const std::filesystem::path beside = std::filesystem::path(reader.file()).parent_path();
@@ -121,7 +122,7 @@ MeshShape read_mesh(const JsonReader& reader) {
   return shape;
 }
 
-/// Refuses a hidden body whose faces show inwards, as no light leaves its outside.
+/// Refuses a hidden body whose faces point inwards, because no light would leave its outside.
 void check_winding(const JsonReader& reader, const Shape& shape) {
   const auto* mesh = std::get_if<MeshShape>(&shape);
   if (mesh == nullptr || !mesh->mesh->closed || mesh->two_sided) return;
@@ -174,8 +175,8 @@ struct ShapeEntry {
   std::string_view name;
   std::vector<std::string_view> dimensions;  ///< fields
   Shape (*read)(const JsonReader&);
-  /// Fields that place a known surface of this shape, and their reader; none for round shapes,
-  /// which relays and occluders cannot have.
+  /// Fields that place a known surface of this shape, and their reader. Round shapes have none,
+  /// because relays and occluders cannot be round.
   std::vector<std::string_view> placing;
   Transform (*place)(const JsonReader&, const Shape&);
 };
@@ -213,7 +214,7 @@ const std::array kShapes = {
 static_assert(kShapes.size() == std::variant_size_v<Shape>,
               "a shape that scene files cannot state");
 
-/// The entry that "shape" names: any, or one that a known surface may have.
+/// The entry that "shape" names. For a known surface, only its possible shapes are accepted.
 const ShapeEntry& read_entry(const JsonReader& reader, bool surface) {
   std::vector<std::string_view> names;
   for (const ShapeEntry& entry : kShapes) {
@@ -222,7 +223,7 @@ const ShapeEntry& read_entry(const JsonReader& reader, bool surface) {
   return *std::ranges::find(kShapes, reader.at("shape").deciding_word(names), &ShapeEntry::name);
 }
 
-/// Adds fields that are not yet among them.
+/// Adds those of `more` that `fields` does not contain yet.
 void add_fields(std::vector<std::string_view>& fields, const std::vector<std::string_view>& more) {
   for (const std::string_view field : more) {
     if (std::ranges::find(fields, field) == fields.end()) fields.push_back(field);
@@ -311,7 +312,7 @@ Material read_material(const JsonReader& reader) {
 
 bool has_yaw(const Shape& shape) { return yaw_period(shape) > 0; }
 
-/// "accepted" for one of the unknowns' ranges.
+/// Text for "accepted" from one unknown's range.
 std::string range_words(const Unknown& unknown, double unit) {
   return NumberRange::between(unknown.lower / unit, unknown.upper / unit).text();
 }
@@ -340,8 +341,7 @@ Unknown read_unknown(const JsonReader& reader, const UnknownName& name) {
   return unknown;
 }
 
-/// Component and object that a key names: "x_m", or "front.x_m" where objects have names to tell
-/// them apart.
+/// Component and object that a key names: "x_m", or "front.x_m" if names tell the objects apart.
 std::pair<const UnknownName*, int> find_unknown_name(const std::string& key,
                                                      const std::vector<HiddenObject>& objects) {
   for (int object = 0; object < static_cast<int>(objects.size()); ++object) {
@@ -401,8 +401,8 @@ const Unknown* find_unknown(const std::vector<Unknown>& unknowns, Component comp
   return it == unknowns.end() ? nullptr : &*it;
 }
 
-/// Value of one component: the given one, which must suit the unknown's range if the component is
-/// unknown; else the middle of that range, or the default of a known component.
+/// Value of one component. A given value must lie within the unknown's range if the component is
+/// unknown. An absent value is the middle of that range, or the default of a known component.
 void read_component(const JsonReader& field, const UnknownName& name, const NumberRange& range,
                     std::optional<double> absent, const Unknown* unknown, Placement& placement) {
   if (!field.present() || field.is_null()) {
@@ -426,10 +426,10 @@ void read_component(const JsonReader& field, const UnknownName& name, const Numb
   placement.set(name.component, value);
 }
 
-/// Refuses an absent position of which components are known: those have to be given.
+/// Refuses an absent position if some of its components are known, because these have to be given.
 void require_position(const JsonReader& position, const std::array<const Unknown*, 3>& unknowns) {
   std::string form = "[";
-  std::string letters, known;  // of the components that have to be given
+  std::string letters, known;  // of components that have to be given
   int count = 0;
   for (std::size_t i = 0; i < 3; ++i) {
     const std::string letter(1, "XYZ"[i]);
@@ -639,7 +639,7 @@ Motion read_motion_object(const JsonReader& reader) {
   return motion;
 }
 
-/// Throws what was noted down, a line each.
+/// Throws the collected errors, one per line.
 void raise(const std::vector<std::string>& errors) {
   if (errors.empty()) return;
   std::string lines = errors.front();
@@ -669,7 +669,7 @@ Scene read_document(const Json& json, const std::string& path) {
        [&](const JsonReader& r) { read_linear(r, scene.sensor.zones.size(), scene.linear); });
   scene.presence_prior = reader.at("presence_prior").number_or(0.5, kInside01);
   scene.outlier_probability = reader.at("outlier_probability").number_or(0, kProperShare);
-  part("motion", [](const JsonReader& r) { read_motion_object(r); });  // wrong in every command
+  part("motion", [](const JsonReader& r) { read_motion_object(r); });  // an error in any command
   raise(errors);
   const JsonReader linear = reader.at("linear");
   const JsonReader ambient = linear.present() ? linear.at("ambient") : linear;
@@ -678,7 +678,7 @@ Scene read_document(const Json& json, const std::string& path) {
   return scene;
 }
 
-/// A scene file with what an instrument file says put over it.
+/// A scene file with the fields of an instrument file put over its own.
 Json patched(const std::string& path, const std::string& instrument) {
   Json document = parse_file_kind(FileKind::scene, read_bytes(path), path);
   const Json file = parse_file_kind(FileKind::instrument, read_bytes(instrument), instrument);
@@ -725,7 +725,7 @@ Motion parse_motion_text(const std::string& text, const std::string& path) {
 
 Scene parse_scene(const nlohmann::json& json, const std::string& path) {
   Json document = json;
-  // This kind of JSON does not keep the order of fields, so the unknowns get the usual one.
+  // This kind of JSON does not keep the order of fields, so the unknowns get the usual order.
   if (document.is_object() && document.contains("unknowns") && document["unknowns"].is_object()) {
     const Json given = document["unknowns"];
     Json ordered = Json::object();
