@@ -20,7 +20,7 @@ struct NormalTail {
   double log_phi, ratio;
 };
 
-/// Stable in the far tail.
+/// The exact values, stable in the far tail.
 NormalTail exact_normal_tail(double x) {
   if (x > -20) {
     const double p = 0.5 * std::erfc(-x / std::numbers::sqrt2);
@@ -32,8 +32,8 @@ NormalTail exact_normal_tail(double x) {
   return {-0.5 * x * x - std::log(-x * std::sqrt(2 * kPi)) + std::log(series), -x / series};
 }
 
-/// log Phi and phi/Phi on a grid; cubic interpolation with the exact slopes, good to 1e-8. Beyond
-/// its ends, where few bins are, they are worked out.
+/// log Phi and phi/Phi on a grid. Cubic interpolation with the exact slopes is good to 1e-8. Few
+/// bins lie beyond the grid's ends, where exact_normal_tail() takes over.
 class NormalTailTable {
  public:
   static constexpr double kLowest = -12;
@@ -108,7 +108,7 @@ BLINDCORNER_MULTIVERSION void gaussian_slopes(const double* n, const double* m, 
   }
 }
 
-/// 1 / sigma, row by row.
+/// 1 / sigma of each bin.
 BLINDCORNER_MULTIVERSION void inverse_sigmas(const double* m, int bins, double floor,
                                              double per_count, double* out) {
   BLINDCORNER_INDEPENDENT
@@ -117,8 +117,8 @@ BLINDCORNER_MULTIVERSION void inverse_sigmas(const double* m, int bins, double f
   }
 }
 
-/// Sums of (n - m)^2 / (2 V) and of log(V) / 2, the logarithm taken of eight bins at a time: their
-/// product ends at 1e308, a variance may be 1e38.
+/// Sums of (n - m)^2 / (2 V) and of log(V) / 2. One logarithm is taken of the product of eight
+/// bins' variances: a product ends at 1e308, and one variance may be 1e38.
 BLINDCORNER_MULTIVERSION double gaussian_sum(const double* n, const double* m,
                                              const double* counted, int bins, double floor,
                                              double per_count) {
@@ -149,9 +149,9 @@ BLINDCORNER_MULTIVERSION double gaussian_sum(const double* n, const double* m,
   return 0.5 * (squares + logs);
 }
 
-/// Mean and variance of the deviance of a Poisson count with mean mu, by a table in 400 steps of
-/// 3.8 %, between which a straight line errs by 0.038^2 / 8 = 2e-4. Below it, they are in
-/// proportion to mu but for a logarithm; above, the expansion in 1 / mu takes over.
+/// Mean and variance of the deviance of a Poisson count with mean mu, from a table in 400 steps of
+/// 3.8 %. Linear interpolation between the steps errs by 0.038^2 / 8 = 2e-4. Below the table, both
+/// are proportional to mu except for a logarithm. Above it, the expansion in 1 / mu takes over.
 struct PoissonDeviance {
   static constexpr double kLow = 1e-4, kHigh = 300;
   static constexpr int kSteps = 400;
@@ -190,9 +190,10 @@ struct PoissonDeviance {
   }
 };
 
-/// The photons that a Poisson count with this mean exceeds as rarely as a normal one exceeds `z`.
+/// The number of photons that a Poisson count with this mean exceeds as rarely as a standard normal
+/// deviate exceeds `z`.
 double poisson_quantile(double mean, double z) {
-  // From here on Cornish and Fisher's expansion is good to a twentieth of a photon.
+  // Above this mean, Cornish and Fisher's expansion is good to a twentieth of a photon.
   constexpr double kMany = 30;
   if (mean > kMany) return std::max(std::round(mean + std::sqrt(mean) * z + (z * z - 1) / 6), 0.0);
   double photons = 0;
@@ -205,7 +206,8 @@ double poisson_quantile(double mean, double z) {
   return photons;
 }
 
-/// Counts and means closer than this share of the counts: the series below is then good to 1e-11.
+/// A mean is near its count if they differ by less than this share of the count. The series below
+/// is then good to 1e-11.
 constexpr double kNear = 0.05;
 
 /// (x - log(1 + x)) / x^2 for |x| < kNear.
@@ -216,7 +218,8 @@ inline double log_remainder(double x) {
                    x * (1.0 / 5 - x * (1.0 / 6 - x * (1.0 / 7 - x * (1.0 / 8 - x / 9))))));
 }
 
-/// Signed roots of the deviances of bins whose means are near the counts; returns how many are not.
+/// Signed roots of the deviances of bins whose means are near the counts. Returns the number of
+/// bins whose means are not.
 BLINDCORNER_MULTIVERSION int poisson_residuals(const double* n, const double* m, int bins,
                                                double scale, double* out) {
   int far = 0;
@@ -230,7 +233,7 @@ BLINDCORNER_MULTIVERSION int poisson_residuals(const double* n, const double* m,
   return far;
 }
 
-/// The weights of a row, ones where it has none.
+/// The weights of a row, or ones if the row has none.
 const double* weights_of(const CountRow& row) {
   if (row.weight != nullptr) return row.weight;
   thread_local std::vector<double> ones;
@@ -240,10 +243,11 @@ const double* weights_of(const CountRow& row) {
   return ones.data();
 }
 
-/// Half deviances of the bins whose means are near the counts, before the noise model's scale.
+/// Sum of the half deviances of bins whose means are near the counts, before the noise model's
+/// scale. `far` receives the number of the other bins.
 BLINDCORNER_MULTIVERSION double poisson_half_deviance(const double* n, const double* m,
                                                       const double* weight, int bins, int* far) {
-  constexpr int kLanes = 8;  // doubles of the widest vector register (512 bits)
+  constexpr int kLanes = 8;  // doubles in the widest vector register (512 bits)
   double sums[kLanes] = {};
   int many[kLanes] = {};
   const auto add = [&](int i, int lane) {
@@ -273,7 +277,7 @@ BLINDCORNER_MULTIVERSION void poisson_terms(const double* n, const double* weigh
                                             const double* t, int bins, double amplitude,
                                             double direct, double ambient, double least,
                                             LinearTerms* terms) {
-  constexpr int kLanes = 4;  // half as many: nine sums have to stay in registers
+  constexpr int kLanes = 4;  // half as many, because nine sums have to stay in registers
   double ga[kLanes] = {}, gc[kLanes] = {}, gb[kLanes] = {}, haa[kLanes] = {}, hac[kLanes] = {},
          hab[kLanes] = {}, hcc[kLanes] = {}, hcb[kLanes] = {}, hbb[kLanes] = {};
   const auto add = [&](int i, int k) {
@@ -332,7 +336,7 @@ class PoissonLikelihood final : public BinLikelihood {
 
   double residual(double n, double mean, double /*least_value*/, double best_mean) const override {
     const double m = std::max(mean, kMinMean);
-    // Without cancellation where m is close to n.
+    // This form has no cancellation when m is close to n.
     if (near(n, m)) return (m - n) * std::sqrt(2 * scale() * log_remainder((m - n) / n) / n);
     const double root = std::sqrt(std::max(2 * half_deviance(n, m, 0), 0.0));
     return m >= best_mean ? root : -root;
@@ -408,7 +412,7 @@ class PoissonLikelihood final : public BinLikelihood {
   }
 
  private:
-  /// As the loops over rows decide it.
+  /// The same condition as in the loops over rows.
   static bool near(double n, double m) { return std::abs((m - n) / std::max(n, 1e-300)) < kNear; }
 
   static constexpr double kMinMean = 1e-300;
@@ -481,8 +485,8 @@ double GaussianLikelihood::information(double m) const {
   const double above = 0.5 * std::erfc(-x / std::numbers::sqrt2);
   const double sigma = std::sqrt(v);
   const double dx = -1 / sigma + 0.5 * m * slope / (v * sigma);
-  // Uncensored part: score of mean and variance, truncated normal moments; censored part: its
-  // probability times the squared score.
+  // The uncensored part has the score of mean and variance, with truncated normal moments. The
+  // censored part is its probability times the squared score.
   return (above - x * density) / v + (x * x + 1) * density * slope / (v * sigma) +
          (2 * above - (x * x * x + x) * density) * slope * slope / (4 * v * v) +
          (1 - above) * std::pow(ratio * dx, 2);
@@ -491,8 +495,8 @@ double GaussianLikelihood::information(double m) const {
 double GaussianLikelihood::best(double n) const {
   if (censored_ && n <= 0) return -std::numeric_limits<double>::max();
   if (per_count_ <= 0 || n <= 0) return n;
-  // Stationary point of (n - m)^2 / (2V) + log(V) / 2 with V = f + k m, a quadratic in m; below
-  // zero V no longer changes and the value falls towards n > 0, so m = 0 is then the best.
+  // Stationary point of (n - m)^2 / (2V) + log(V) / 2 with V = f + k m, a quadratic in m. Below
+  // zero, V no longer changes and the value falls towards n > 0, so m = 0 is then the best.
   const double half = floor_ / per_count_ + 0.5 * per_count_;
   const double constant = 2 * n * floor_ / per_count_ + n * n - floor_;
   return std::max(std::sqrt(std::max(half * half + constant, 0.0)) - half, 0.0);
@@ -551,8 +555,8 @@ BinLikelihood::Terms GaussianLikelihood::equal_bins(double bins, double sum, dou
 // By quadrature.
 void GaussianLikelihood::add_deviance_moments(std::span<const double> means, double& expected,
                                               double& variance_sum) const {
-  // Between four standard deviations, which all but 6e-5 lie within, in steps of a third of one:
-  // the rule of even steps errs by exp(-2 pi^2 9) on Gaussians.
+  // The range is four standard deviations on either side, and all but 6e-5 lie within it. The steps
+  // are a third of one: the rule of even steps errs by exp(-2 pi^2 9) on Gaussians.
   constexpr int kPoints = 24;
   for (const double m : means) {
     double first = 0, second = 0, total = 0;

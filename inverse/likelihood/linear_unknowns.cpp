@@ -11,26 +11,27 @@
 namespace blindcorner {
 namespace {
 
-/// Newton's steps, by judgement far more than it takes: full ones double the digits. What has not
-/// converged by then says so.
+/// Most Newton steps, by judgement far more than are needed: full steps double the digits. The
+/// solution notes if it has not converged by then.
 constexpr int kMaxIterations = 100;
-/// Newton decrement below which one more full step reaches machine precision.
+/// Below this Newton decrement, one more full step reaches machine precision.
 constexpr double kQuadratic = 1e-6;
-/// Expected photons at which the ambient light of a whole zone is taken as none.
+/// The ambient light of a whole zone counts as none at this number of expected photons.
 constexpr double kAmbientFloor = 1e-6;
-/// Photons below which a residual, a root of the mean then, bends within a difference step; its
-/// slope is taken over a change by as many. By judgement: a bin with so few, and without a count,
-/// adds 0.02 to the deviance.
+/// Below this number of expected photons, a residual is a root of the mean and bends within a
+/// difference step. Its slope is therefore taken over a change of this many photons. By judgement:
+/// a bin with so few photons, and without a count, adds 0.02 to the deviance.
 constexpr double kFewPhotons = 1e-2;
-/// Share of an unknown's column that must be left for it to be told from those before it: light as
-/// even as the ambient one leaves rounding, 1e-16 a bin and 1e-12 with room for thousands of them.
+/// Share of an unknown's column that must remain to tell this unknown from the ones before it.
+/// Light as even as the ambient light leaves only rounding: 1e-16 per bin, and 1e-12 with room for
+/// thousands of bins.
 constexpr double kNothingNew = 1e-12;
 constexpr double kDoubleMax = std::numeric_limits<double>::max();
-/// Residuals below which their slope is that of the quadratic about the best mean: their squares
-/// are then differences of rounding.
+/// Below this size, a residual's slope comes from the quadratic about the best mean, because the
+/// residual's square is then a difference of rounding errors.
 constexpr double kSmallResidual = 1e-6;
 
-/// Bins [begin, end) of a zone.
+/// Counts and weights of the bins [begin, end) of a zone.
 CountRow row_of(const ObservedZone& zone, int begin, int end) {
   thread_local std::vector<int> censored;
   censored.clear();
@@ -42,7 +43,7 @@ CountRow row_of(const ObservedZone& zone, int begin, int end) {
           zone.weight.empty() ? nullptr : zone.weight.data() + begin};
 }
 
-/// What the bins from `begin` on expect.
+/// Expected light of the bins from `begin` on.
 LinearLight light_of(const ZoneShapes& shapes, int begin, double amplitude, double ambient,
                      double direct) {
   return {shapes.object != nullptr ? shapes.object + begin : nullptr,
@@ -51,13 +52,13 @@ LinearLight light_of(const ZoneShapes& shapes, int begin, double amplitude, doub
 
 /// Logarithm of the integral over x >= 0 of exp(-gradient x - curvature x^2 / 2), gradient > 0.
 double log_half_line(double gradient, double curvature) {
-  constexpr double kSteep = 20;  // beyond, the square changes less than 1 / kSteep^2
+  constexpr double kSteep = 20;  // beyond it, the square changes less than 1 / kSteep^2
   if (!(curvature > 0) || gradient > kSteep * std::sqrt(curvature)) return -std::log(gradient);
   const double z = gradient / std::sqrt(curvature);
   return 0.5 * (std::log(kPi / (2 * curvature)) + z * z) + std::log(std::erfc(z / std::sqrt(2.0)));
 }
 
-/// Logarithm of the share of a normal distribution about a mean >= 0 that lies above zero.
+/// Logarithm of the share above zero of a normal distribution with a mean >= 0.
 double log_share_above(double mean, double variance) {
   if (!(variance > 0)) return 0;
   return std::log(0.5 * std::erfc(-mean / std::sqrt(2 * variance)));
@@ -96,7 +97,8 @@ LinearSolver::LinearSolver(const Observation& observation, const LinearUnknowns&
       prefix.push_back(next);
     }
     prefix_.push_back(std::move(prefix));
-    // The mean of the lower half: the object and the direct return only add.
+    // The ambient level is the mean of the lower half of the counts, because the object and the
+    // direct return only add light.
     std::vector<double> sorted = zone.counts;
     const std::size_t half = std::max<std::size_t>(1, sorted.size() / 2);
     const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(half);
@@ -105,7 +107,7 @@ LinearSolver::LinearSolver(const Observation& observation, const LinearUnknowns&
     if (zone.outside_bins > 0) level = std::max(level, zone.outside_count / zone.outside_bins);
     lower_half_.push_back(level);
   }
-  unknowns_.fixed_direct = 1;  // what is fixed is part of the shape
+  unknowns_.fixed_direct = 1;  // the shape already includes a fixed direct return
   if (unknowns_.ambient != LinearMode::per_zone) unknowns_.ambient_prior.clear();
   if (!unknowns_.ambient_prior.empty()) {
     residual_count_ += static_cast<int>(observation_.zones.size());
@@ -221,8 +223,8 @@ void LinearSolver::start(std::span<const ZoneShapes> shapes, LinearSolution& sol
   }
 }
 
-/// Newton for zones [begin, end) that share one amplitude. Unknowns: u = log a, and (c, b) of each
-/// zone, whose blocks are eliminated (the Hessian is an arrow).
+/// Newton's method for zones [begin, end) that share one amplitude. The unknowns are u = log a and
+/// (c, b) of each zone. The zones' blocks are eliminated (the Hessian is an arrow).
 void LinearSolver::solve_shared(std::span<const ZoneShapes> shapes, std::size_t begin,
                                 std::size_t end, LinearSolution& solution, double accuracy) const {
   const bool ambient_free = unknowns_.ambient == LinearMode::per_zone;
@@ -236,7 +238,7 @@ void LinearSolver::solve_shared(std::span<const ZoneShapes> shapes, std::size_t 
     double gc, gb, hcc, hcb, hbb, hac, hab;  // inverse of the local block in hcc, hcb, hbb
     double own_cc, own_bb;                   // the local block's diagonal
     bool c_free, b_free;
-    bool c_held, b_held;  // at zero, because the slope leads below it
+    bool c_held, b_held;  // held at zero, because the slope leads below zero
   };
   thread_local std::vector<Block> blocks;
   blocks.resize(end - begin);
@@ -276,7 +278,7 @@ void LinearSolver::solve_shared(std::span<const ZoneShapes> shapes, std::size_t 
       double i_cc = 0, i_cb = 0, i_bb = 0;
       if (block.c_free && block.b_free) {
         const double det = h.hcc * h.hbb - h.hcb * h.hcb;
-        if (det > 1e-14 * h.hcc * h.hbb) {  // else rounding: the two cannot be told apart
+        if (det > 1e-14 * h.hcc * h.hbb) {  // else it is rounding, and c and b cannot be told apart
           i_cc = h.hbb / det;
           i_cb = -h.hcb / det;
           i_bb = h.hcc / det;
@@ -313,8 +315,8 @@ void LinearSolver::solve_shared(std::span<const ZoneShapes> shapes, std::size_t 
     double du = 0;
     if (amplitude_free) {
       double curvature = hessian - schur;
-      // In the logarithm of the amplitude the likelihood is not convex everywhere; where the prior
-      // does not make up for it, by judgement to a tenth, the part that is never negative is taken.
+      // In the logarithm of the amplitude the loss is not convex everywhere. If the prior does not
+      // make up for this (to a tenth, by judgement), the part that is never negative is used.
       if (!(curvature > 0.1 * prior_weight)) curvature = std::max(positive - schur, prior_weight);
       const double force = gradient - reduced;
       du = -force / curvature;
@@ -323,18 +325,18 @@ void LinearSolver::solve_shared(std::span<const ZoneShapes> shapes, std::size_t 
       dimension += 1;
     }
     if (last) break;
-    // Half the squared decrement is what the log posterior still lacks.
+    // The log posterior still lacks half the squared decrement.
     const double lambda = std::sqrt(std::max(decrement, 0.0));
     if (0.5 * lambda * lambda < accuracy) {
       last = true;
       break;
     }
     last = lambda < kQuadratic;
-    // Damped Newton steps converge from anywhere, full ones from a decrement of a quarter on
-    // (Nesterov and Nemirovskii 1994, self-concordant functions).
+    // Damped Newton steps converge from anywhere. Full steps converge once the decrement is below a
+    // quarter (Nesterov and Nemirovskii 1994, self-concordant functions).
     double step = lambda > 0.25 ? 1 / (1 + lambda) : 1.0;
-    // Far from the optimum damping by the decrement alone is slow for bright data; half of a change
-    // by a factor of three (logarithm 1.1) up or down (share 0.7) is safe as well.
+    // Far from the optimum, damping by the decrement alone is slow for bright data. Half of a
+    // change by a factor of three, up (logarithm 1.1) or down (share 0.7), is safe as well.
     double largest = std::abs(du) / 1.1;
     for (std::size_t z = begin; z < end; ++z) {
       const Block& block = blocks[z - begin];
@@ -378,9 +380,9 @@ void LinearSolver::solve_shared(std::span<const ZoneShapes> shapes, std::size_t 
     solution.log_prior += log_normal_prior(u, unknowns_.amplitude_prior);
   }
   solution.log_volume += -0.5 * log_det + 0.5 * dimension * std::log(2 * kPi);
-  // Of what cannot be negative the volume ends at zero, else a photon that the object explains in
-  // place of the ambient light would free that light's whole volume: one of 23 log units at 1e8
-  // exposures.
+  // The volume of an unknown that cannot be negative ends at zero. Otherwise, a photon that the
+  // object explains instead of the ambient light would free the whole volume of the ambient light:
+  // 23 log units at 1e8 exposures.
   for (std::size_t z = begin; z < end; ++z) {
     const Block& block = blocks[z - begin];
     if (observation_.noise_model(observation_.zones[z]).counts_photons()) {
@@ -389,8 +391,8 @@ void LinearSolver::solve_shared(std::span<const ZoneShapes> shapes, std::size_t 
       if (block.c_free && block.own_cc > 0) {
         solution.log_volume += log_share_above(ambient, block.hcc);
       } else if (block.c_free && block.gc > 0) {
-        // Without a photon the likelihood falls exponentially from zero on, and Newton's steps,
-        // which have no curvature, stay where they began.
+        // Without a photon, the likelihood falls exponentially from zero on. Newton's steps then
+        // have no curvature and stay where they began.
         solution.log_volume += block.gc * ambient - std::log(block.gc) - 0.5 * std::log(2 * kPi);
       }
     }
@@ -469,7 +471,7 @@ void LinearSolver::residuals(std::span<const ZoneShapes> shapes, const LinearSol
     mean.resize(zone.counts.size());
     expected(zone, shapes[z], solution.amplitude[z], solution.ambient[z], solution.direct[z],
              mean.data());
-    // Bins without object light keep their residual when nothing else is unknown.
+    // Bins without object light keep their residual if nothing else is unknown.
     const bool known_dark = unknowns_.ambient == LinearMode::fixed && shapes[z].direct == nullptr;
     const std::size_t lit_first =
         shapes[z].object != nullptr ? static_cast<std::size_t>(shapes[z].object_first) : 0;
@@ -524,7 +526,7 @@ void LinearSolver::zone_jacobian(std::size_t z, const ZoneShapes& shapes,
   const CountRow row = row_of(zone, 0, zone.bins());
   noise_model.slopes(row, mean.data(), first.data(), second.data());
 
-  // Of each residual in its mean, [bins].
+  // Derivative of each residual by its bin's mean, [bins].
   thread_local Eigen::ArrayXd rate;
   rate.resize(bins);
   const double few = noise_model.counts_photons() ? kFewPhotons / noise_model.scale() : -kDoubleMax;
@@ -551,8 +553,8 @@ void LinearSolver::zone_jacobian(std::size_t z, const ZoneShapes& shapes,
     out.col(n).head(bins).array() =
         a * rate * Eigen::Map<const Eigen::ArrayXd>(shapes.object, bins);
   }
-  // Columns of the zone's own unknowns, made orthonormal one after the other: what they explain is
-  // taken off.
+  // Columns of the zone's own unknowns, made orthonormal one after the other. The part of `out`
+  // that they explain is removed.
   thread_local Eigen::MatrixXd own;
   own.setZero(out.rows(), 3);
   Eigen::Index count = 0;
@@ -589,7 +591,7 @@ void LinearSolver::zone_jacobian(std::size_t z, const ZoneShapes& shapes,
     take_off();
   }
   if (unknowns_.amplitude == LinearMode::per_zone) {
-    // What is left of its column is taken off the others'.
+    // The rest of the amplitude's column is removed from the other columns.
     out(next, n) = 1 / unknowns_.amplitude_prior.sigma_log;
     own.col(count) = out.col(n);
     take_off();
@@ -603,7 +605,7 @@ void LinearSolver::jacobian(std::span<const ZoneShapes> shapes, const LinearSolu
   const Eigen::Index n = slope.cols();
   Eigen::Map<RowMajor> all(out, residual_count_, n);
   thread_local Eigen::MatrixXd zone;
-  thread_local Eigen::VectorXd amplitude;  // column of the shared one
+  thread_local Eigen::VectorXd amplitude;  // column of the shared amplitude
   amplitude.resize(residual_count_);
   Eigen::Index row = 0, bin = 0;
   for (std::size_t z = 0; z < observation_.zones.size(); ++z) {

@@ -23,51 +23,52 @@
 namespace blindcorner {
 namespace {
 
-/// Degrees of freedom of the proposal's Student t: tails heavier than any posterior's, with the
-/// fewest whole degrees that leave a fourth moment.
+/// Degrees of freedom of the proposal's Student t. Its tails are heavier than any posterior's, and
+/// this is the fewest whole degrees that leave a fourth moment.
 constexpr double kTailFreedom = 5;
-/// Share of the first samples that are drawn over the scored grid's cells; least share later on, by
-/// which no weight of what the grid covers is more than ten times the grid's own (Hesterberg 1995).
-/// By judgement, as is the most that the grid may get.
+/// Share of the first samples that are drawn over the scored grid's cells, and least and largest
+/// share later on, all by judgement. With the least share, no weight within the grid is more than
+/// ten times its weight under the grid alone (Hesterberg 1995).
 constexpr double kGridShare = 0.4;
 constexpr double kMinGridShare = 0.1, kMaxGridShare = 0.9;
-/// Share of a new component, share that all components have alike, and the least weight of a peak
-/// at first, against the heaviest. By judgement: none must be starved.
+/// Share of a new component, share that is divided evenly among all components, and least first
+/// weight of a peak against the heaviest. By judgement: no component must be starved.
 constexpr double kNewShare = 0.15;
 constexpr double kSharedOut = 0.1;
 constexpr double kMinEvidence = 1e-2;
-/// Factor on the variance of the samples' own moments: they are drawn from 14 % wider than they
-/// are, because a proposal that is too narrow costs more than one that is too wide. By judgement.
+/// Factor on the variance of the samples' own moments. The proposal is 14 % wider than the samples,
+/// because a proposal that is too narrow costs more than one that is too wide. By judgement.
 constexpr double kWiden = 1.3;
-/// The grid's scores are flattened by this power before they are sampled: closed form is some log
-/// units off, and what it scores too low must still be drawn: ten units count as four, by
+/// Power that flattens the grid's scores before they are sampled. The closed form is some log units
+/// off, and poses that it scores too low must still be drawn. Ten units count as four, by
 /// judgement.
 constexpr double kGridTemper = 0.4;
-/// Accuracy of a sample's log posterior: its weight is right to a per cent, where 256 samples of
-/// like weight tell a share to 6 %.
+/// Accuracy of a sample's log posterior. The sample's weight is then right to a per cent, while 256
+/// samples of equal weight give a share to 6 %.
 constexpr double kAccuracy = 1e-2;
 /// Growth of a standard deviation, and move of the mean in standard deviations, that the later half
-/// of the samples may still bring. Compared with the stage before, ridges that grew by less at each
-/// stage passed for settled: on a ridge with two arms (mirror_wall, 1000 captures) .927 of truths
-/// were in the 95 % region and .936 now, mean squared normalised error 1.15 and 1.05.
+/// of the samples may still bring. A comparison with the stage before took ridges for settled that
+/// grew by less at each stage: on a ridge with two arms (mirror_wall, 1000 captures), .927 of the
+/// truths were in the 95 % region and .936 are now; the mean squared normalised error was 1.15 and
+/// is 1.05.
 constexpr double kGrowth = 1.2;
 constexpr double kShift = 0.4;
-/// Samples about the heaviest one that a component is made of: some twice the 21 moments of six
-/// unknowns.
+/// Number of samples about the heaviest one that make up a component: some twice the 21 moments of
+/// six unknowns.
 constexpr std::size_t kNeighbours = 40;
-/// LocalModel::error() that samples' light may have: log posteriors are then off by 0.55 at random,
-/// and the weights of 256 samples by as much as those of 190 independent ones.
+/// Largest LocalModel::error() of the samples' light. Log posteriors are then off by 0.55 at
+/// random, and the weights of 256 samples are as uncertain as those of 190 independent ones.
 constexpr double kLightTolerance = 0.15;
-/// Samples' moments lay a local model's region when so many are effective for each unknown; it is
-/// laid anew when there are so many times the nodes.
+/// A local model's region follows from the samples' moments once this many samples per unknown are
+/// effective. It is set anew once the number of nodes has grown by the second factor.
 constexpr double kEffectiveEach = 4, kMoreNodes = 1.5;
-/// Draws of the answer that exact light checks, and the difference in log posterior, root mean
-/// square, above which local light is given up: twice what its error may be.
+/// Number of draws from the answer that are checked with exact light, and root mean square
+/// difference in log posterior above which local light is given up: twice its allowed error.
 constexpr double kChecks = 4, kMaxOff = 0.7;
 /// By judgement: they bound the time.
-constexpr int kStages = 6;      ///< that make up the samples asked for, at least
-constexpr int kMaxAtOnce = 40;  ///< samples of a stage: the sooner one learns, the fewer it takes
-constexpr int kMaxTimes = 4;    ///< as many samples as asked for, when few are effective
+constexpr int kStages = 6;      ///< least number of stages that make up the samples asked for
+constexpr int kMaxAtOnce = 40;  ///< samples per stage: the earlier it learns, the fewer it needs
+constexpr int kMaxTimes = 4;    ///< times the samples asked for, if few are effective
 
 double log_student(const Peak& peak, double distance2) {
   const auto n = static_cast<double>(peak.center.size());
@@ -76,12 +77,12 @@ double log_student(const Peak& peak, double distance2) {
          0.5 * (kTailFreedom + n) * std::log1p(distance2 / kTailFreedom);
 }
 
-/// Cells of the scored grid, drawn in proportion to a power of the gain that their pose promises.
+/// Draws cells of the scored grid in proportion to a power of their pose's expected gain.
 class GridProposal {
  public:
   GridProposal(const CompiledScene& compiled, const Scored& scored, double inflation)
       : compiled_(compiled), density_(compiled.poses.size()), cumulative_(compiled.poses.size()) {
-    // The filter's promises, brought to the level of the exact values that are known.
+    // The filter's gains, shifted to the level of the known exact values.
     Eigen::VectorXd gain = scored.scores.cast<double>();
     std::vector<double> shifts;
     for (const Candidate& c : scored.exact) {
@@ -106,7 +107,7 @@ class GridProposal {
     }
   }
 
-  /// `u`: in the unit cube, [unknowns] within the cell, the last one for the cell.
+  /// `u` is a point of the unit cube: [unknowns] give the place in the cell, the last one the cell.
   PoseVector draw(const Eigen::VectorXd& u) const {
     const auto it = std::lower_bound(cumulative_.begin(), cumulative_.end(), u[u.size() - 1]);
     const auto cell =
@@ -137,8 +138,8 @@ class GridProposal {
   std::vector<double> cumulative_;
 };
 
-/// Points that fill the unit cube more evenly than independent ones (Sobol 1967), moved by a random
-/// shift modulo one, which makes each of them uniform (Cranley and Patterson 1976).
+/// Points that fill the unit cube more evenly than independent ones (Sobol 1967). A random shift
+/// modulo one makes each point uniform (Cranley and Patterson 1976).
 class EvenPoints {
  public:
   EvenPoints(std::size_t dimensions, std::uint64_t seed)
@@ -162,7 +163,8 @@ class EvenPoints {
   Eigen::VectorXd shift_;
 };
 
-/// `u`: in the unit cube, [unknowns] for the direction, the last one for the tail.
+/// Draws from a peak's Student t. `u` is a point of the unit cube: [unknowns] give the direction,
+/// the last one the tail.
 PoseVector draw_student(const Peak& peak, const Eigen::VectorXd& u) {
   constexpr double kEdge = 1e-12;  // quantiles are infinite at 0 and 1
   PoseVector z(peak.center.size());
@@ -198,7 +200,7 @@ class Sampler {
     double total = 0;
     shares_.push_back(0);
     for (const Peak& peak : components_) {
-      // No mode is starved: its Laplace evidence may be far off.
+      // No mode is starved, because its Laplace evidence may be far off.
       shares_.push_back(std::max(std::exp(peak.log_evidence - best), kMinEvidence));
       total += shares_.back();
     }
@@ -215,7 +217,8 @@ class Sampler {
     weigh();
   }
 
-  /// New shares: how much of the posterior each component stands for, by the samples so far.
+  /// Sets new shares: the part of the posterior that each component stands for, by the samples so
+  /// far.
   void adapt() {
     extend();
     std::vector<double> next(shares_.size(), 0.0);
@@ -224,7 +227,7 @@ class Sampler {
       for (std::size_t c = 0; c < drawn_.size(); ++c) density += drawn_[c] * densities_[i][c];
       if (!(density > 0)) continue;
       for (std::size_t c = 0; c < next.size(); ++c) {
-        // A component that has not been drawn from yet counts as if it had its present share.
+        // A component without any draws yet counts as if it had been drawn at its present share.
         const double amount = drawn_[c] > 0 ? drawn_[c] : shares_[c] * total_drawn();
         next[c] += samples_[i].weight * amount * densities_[i][c] / density;
       }
@@ -247,9 +250,9 @@ class Sampler {
 
   double effective() const { return effective_; }
 
-  /// Local models of the light about the peaks, through the samples so far.
+  /// Fits local models of the light about the peaks to the samples so far.
   void learn() {
-    if (lights_.far.models == nullptr) return;  // what there is costs no more
+    if (lights_.far.models == nullptr) return;  // the present light costs no more
     const auto n = static_cast<double>(scene_.unknowns.size());
     for (std::size_t j = 0; j < peaks_.size(); ++j) {
       Around& about = around_[j];
@@ -279,8 +282,8 @@ class Sampler {
     }
   }
 
-  /// Compares the local light with the exact one at some draws of the answer. Where the two differ
-  /// by more than a sample's weight may, all samples get exact light.
+  /// Compares local light with exact light at some draws from the answer. If their log posteriors
+  /// differ by more than kMaxOff, all samples get exact light.
   void check() {
     std::vector<std::size_t> draws;
     double cumulative = 0;
@@ -314,8 +317,9 @@ class Sampler {
     weigh();
   }
 
-  /// Takes the samples' moments; whether these have hardly changed since there were half as many.
-  /// What still grows has an end that no sample has seen: a ridge that bends away from its peak.
+  /// Notes the samples' moments, and returns whether they have hardly changed since there were half
+  /// as many samples. If they still grow, a part of the posterior has no sample yet: for example
+  /// the end of a ridge that bends away from its peak.
   bool settled() {
     std::vector<const PosteriorSample*> weighty;
     for (const PosteriorSample& sample : samples_) {
@@ -370,14 +374,14 @@ class Sampler {
     densities_.push_back(std::move(densities));
   }
 
-  /// What is known of the light about a peak.
+  /// The known light about a peak.
   struct Around {
     std::vector<LightNode> nodes;  ///< exact light of samples near it
-    std::size_t fitted_to = 0;     ///< so many of them
+    std::size_t fitted_to = 0;     ///< number of nodes at the last fit
     std::optional<LocalModel> model;
   };
 
-  /// Evaluates the samples from this one on.
+  /// Evaluates all samples from `first` on.
   void evaluate_from(std::size_t first) {
     std::vector<std::size_t> which(samples_.size() - first);
     std::iota(which.begin(), which.end(), first);
@@ -385,7 +389,7 @@ class Sampler {
     evaluate(which);
   }
 
-  /// Evaluates samples anew, by exact light.
+  /// Drops all local models and evaluates samples again with exact light.
   void forget(const std::vector<std::size_t>& which) {
     for (Around& about : around_) about.model.reset();
     evaluate(which);
@@ -404,7 +408,7 @@ class Sampler {
     }
   }
 
-  /// `exact` becomes the light where that was exact and the peak is near.
+  /// Evaluates sample `i`. `exact` receives the light if it is exact and the peak is near.
   void evaluate(std::size_t i, Eigen::VectorXd& exact) {
     PosteriorSample& sample = samples_[i];
     local_[i] = 0;
@@ -424,8 +428,8 @@ class Sampler {
     sample.log_target = tempered(value, inflation_);
   }
 
-  /// Information of each row about its light, where that is the mean of the nodes': in bins that
-  /// are dark at one of them and lit at others, light of the one alone would say too much.
+  /// Information of each row about its light, at the mean of the nodes' light. A single node's
+  /// light would claim too much in bins that are dark at this node and lit at others.
   Eigen::VectorXd worth_of(std::size_t peak) const {
     const std::vector<LightNode>& nodes = around_[peak].nodes;
     Eigen::VectorXd mean = Eigen::VectorXd::Zero(nodes.front().light.size());
@@ -460,7 +464,7 @@ class Sampler {
     for (PosteriorSample& sample : samples_) sample.weight /= sum;
   }
 
-  /// A component with the samples' own moments, a little wider.
+  /// A component with the samples' own moments, widened a little.
   Peak peak_of(const std::vector<const PosteriorSample*>& weighty) const {
     const PoseVector reference =
         (*std::ranges::max_element(weighty, {}, &PosteriorSample::weight))->pose;
@@ -471,7 +475,7 @@ class Sampler {
     return peak;
   }
 
-  /// Root and determinant of a component's covariance, which is kept from vanishing: a standard
+  /// Root and determinant of a component's covariance. The covariance cannot vanish: a standard
   /// deviation is at least a hundredth of the grid's spacing.
   void finish_peak(Peak& peak) const {
     for (Eigen::Index i = 0; i < peak.center.size(); ++i) {
@@ -481,8 +485,8 @@ class Sampler {
     peak.log_det = 2 * peak.root.diagonal().array().log().sum();
   }
 
-  /// More components: the samples so far, and what lies about the heaviest of them, where the
-  /// mixture falls short of the posterior most (Raftery and Bao 2010).
+  /// Adds two components: one with the moments of the samples so far, and one about the heaviest
+  /// sample, where the mixture falls short of the posterior most (Raftery and Bao 2010).
   void extend() {
     if (effective_ < 2.0 * static_cast<double>(scene_.unknowns.size() + 1)) return;
     add_component(own());
@@ -500,8 +504,8 @@ class Sampler {
     drawn_.push_back(0);
   }
 
-  /// A component about the heaviest sample, with the moments of its neighbours, of which each
-  /// counts by its weight and by the mean weight alike.
+  /// A component about the heaviest sample, with the moments of its neighbours. Each neighbour
+  /// counts by the sum of its own weight and the mean weight.
   Peak about_heaviest() const {
     const PosteriorSample& heaviest =
         *std::ranges::max_element(samples_, {}, &PosteriorSample::weight);
@@ -528,7 +532,7 @@ class Sampler {
     return here;
   }
 
-  /// The moments of so many samples.
+  /// The moments of the first `samples` samples.
   struct Past {
     std::size_t samples;
     Peak moments;
@@ -542,13 +546,13 @@ class Sampler {
   double inflation_;
   EvenPoints points_;
   GridProposal grid_;
-  std::vector<Peak> components_;  // Student t: the peaks, their ridges, the samples' moments
-  std::vector<double> shares_;    // of the grid, then of the components; sums to one
+  std::vector<Peak> components_;  // Student t: the peaks, their ridges, then extend()'s
+  std::vector<double> shares_;    // of the grid, then of the components; they sum to one
   std::vector<double> drawn_;     // expected number of samples from each so far
   std::vector<PosteriorSample> samples_;
-  std::vector<bool> near_;                      // [sample] to a peak
-  std::vector<char> local_;                     // [sample] evaluated with local light
-  std::vector<Around> around_;                  // [peak]
+  std::vector<bool> near_;                      // [sample] whether a peak is near
+  std::vector<char> local_;                     // [sample] whether evaluated with local light
+  std::vector<Around> around_;                  // [peak] known light
   std::vector<std::vector<double>> densities_;  // [sample][grid, components]
   std::vector<Past> past_;                      // at the end of each stage
   double log_evidence_ = 0;
@@ -594,7 +598,7 @@ PosteriorSamples sample_posterior(const PoseObjective& objective, const SampleLi
                                   const SamplingOptions& options) {
   Sampler sampler(objective, lights, peaks, ridges, optima, scored, options);
   const int stage = std::clamp(options.samples / kStages, 1, kMaxAtOnce);
-  // The model itself is dear: fewer will do.
+  // The model itself is expensive, so a smaller number of effective samples is enough.
   const double enough = options.samples / (lights.far.models == nullptr ? 3.0 : 4.0);
   while (sampler.count() < kMaxTimes * options.samples) {
     sampler.stage(stage);
