@@ -20,24 +20,24 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Widest pulse in standard deviations of the sensor's own; what is wider is taken as this. By
-/// judgement: such light is spread over so many bins that it decides little.
+/// Widest pulse, in standard deviations of the sensor's own; wider pulses are cut to this width. By
+/// judgement: light this wide spreads over so many bins that it decides little.
 constexpr double kWidest = 8;
-/// Edge of an object's cells in standard deviations of the pulse's path. By judgement: of even
-/// light whose paths range over a third of such an edge a Gaussian misses 4 % (L2), of an edge seen
-/// end on, over twice of which they range, 30 %.
+/// Edge of an object's cells in standard deviations of the pulse's path. By judgement: a Gaussian
+/// misses 4 % (L2) of even light whose paths range over a third of such an edge. It misses 30 % for
+/// an edge seen end on, whose paths range over twice the edge.
 constexpr double kObjectEdge = 9;
-/// Most cells of an object; larger ones are taken together. By judgement: a limit of the time, two
-/// for each side of a box.
+/// Most cells of an object; with more, the cells become larger or are merged. By judgement: it
+/// limits the time, and allows two cells for each side of a box.
 constexpr std::size_t kMaxCells = 12;
-/// Paths of a zone's patches that one pulse may stand for: their standard deviation both ways
-/// in the same unit, by judgement.
+/// One pulse may stand for a zone's patches up to this standard deviation of their paths both ways,
+/// in the same unit. By judgement.
 constexpr double kRunSpread = 3;
-/// Footprint of a lobe against the lit spot above which light comes back from elsewhere: as
-/// kSingleSumRatio in transport_plan.cpp.
+/// Ratio of a lobe's footprint to the lit spot above which light comes back from elsewhere; the
+/// same as kSingleSumRatio in transport_plan.cpp.
 constexpr double kWideLobe = 0.05;
-/// Cells along each side of a zone and of the field of illumination, by judgement: n of them lack
-/// 1 / n^2 of an even side's variance, 6 % of the field's.
+/// Cells along each side of a zone and of the field of illumination, by judgement: n cells lack
+/// 1 / n^2 of the variance of an evenly lit side, which is 6 % for the field.
 constexpr int kZoneDivisions = 2;
 constexpr int kFieldDivisions = 4;
 
@@ -45,7 +45,7 @@ double pulse_sigma(const Sensor& sensor) {
   return std::hypot(sensor.response.core_sigma(), sensor.bin_width / std::sqrt(12.0));
 }
 
-/// One cell for all that face the same way, with the moments of their positions.
+/// One cell in place of cells that face the same way, with the moments of their positions.
 SurfaceCell merged(const std::vector<SurfaceCell>& cells) {
   SurfaceCell sum{Vector3d::Zero(), Vector3d::Zero(), Vector3d::Zero(), Vector3d::Zero(), 0};
   for (const SurfaceCell& c : cells) {
@@ -54,7 +54,7 @@ SurfaceCell merged(const std::vector<SurfaceCell>& cells) {
     sum.area += c.area;
   }
   sum.center /= sum.area;
-  // What faces aside sends less: the projected area counts.
+  // Cells that face aside send less light, so the projected area counts.
   sum.area = sum.normal.norm();
   sum.normal.normalize();
   Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
@@ -71,8 +71,8 @@ SurfaceCell merged(const std::vector<SurfaceCell>& cells) {
   return sum;
 }
 
-/// Cells of a shape no larger than `edge`; where that gives too many, larger ones, at last one for
-/// each of the 26 directions that they face.
+/// Cells of a shape no larger than `edge`. If there are too many, the cells become larger, and in
+/// the end there is one for each of the 26 directions that cells face.
 std::vector<SurfaceCell> cells_of(const Shape& shape, double edge) {
   const Transform here = Transform::Identity();
   std::vector<SurfaceCell> cells;
@@ -151,7 +151,7 @@ CoarseModel::CoarseModel(std::shared_ptr<const CoarseScene> shared,
       for (const Vector3d& r : relay) farthest = std::max(farthest, (r - probe.position).norm());
     }
     const double lobe = shared_->objects[static_cast<std::size_t>(i)].lobe_sigma;
-    // Spots without an extent send back what falls on them, however wide the lobe.
+    // A spot without an extent gets its light back, however wide the lobe is.
     const bool wide_lobe = lobe > 0 && extent > 0 && lobe * farthest > kWideLobe * extent;
     wide = wide || wide_lobe;
     pairs_.push_back(lobe <= 0 || wide_lobe);
@@ -166,7 +166,7 @@ CoarseModel::CoarseModel(std::shared_ptr<const CoarseScene> shared,
   } else {
     sampling.divisions = kFieldDivisions;
     std::vector<WeightedPatch> patches = setup.lit(sampling);
-    // Parts of the field whose paths are near each other: quadrants, or patches for a lobe.
+    // Groups are parts of the field with similar paths: quadrants, or single patches for a lobe.
     const Transform to_sensor = placement.T_world_sensor.inverse();
     for (std::size_t i = 0; i < patches.size(); ++i) {
       const Vector3d d = to_sensor * patches[i].patch.center;
@@ -183,7 +183,7 @@ CoarseModel::CoarseModel(std::shared_ptr<const CoarseScene> shared,
   lit_.finish();
 }
 
-/// Whole zones, or single patches where a zone's paths differ too much.
+/// Runs of whole zones, or of single patches if a zone's paths differ too much.
 std::vector<CoarseModel::Run> CoarseModel::seen_runs(double most_spread) const {
   std::vector<Run> runs;
   const std::vector<Placement> probes = probe_placements(shared_->scene);
@@ -209,7 +209,8 @@ std::vector<CoarseModel::Run> CoarseModel::seen_runs(double most_spread) const {
   return runs;
 }
 
-/// Runs of patches as seen from a point, shadows taken away. `comes_back`: their radiance counts.
+/// Views the runs of patches from a point, without the parts in shadow. With `comes_back`, the
+/// patches' radiance counts.
 void CoarseModel::see(const Vector3d& middle, const std::vector<OccluderFace>& occluders,
                       const PatchArrays& patches, const std::vector<Run>& runs, bool comes_back,
                       std::vector<End>& ends) const {
@@ -270,7 +271,7 @@ void CoarseModel::see(const Vector3d& middle, const std::vector<OccluderFace>& o
     end.distance /= end.weight;
     end.angle2 /= end.weight;
     end.variance = std::max(square / end.weight - std::pow(end.leg + end.distance, 2), 0.0);
-    const double length = end.direction.norm() / end.weight;  // below 1: directions differ
+    const double length = end.direction.norm() / end.weight;  // below 1 if directions differ
     end.angle2 += std::max(1 - length, 0.0);
     end.direction.normalize();
   }
@@ -301,11 +302,12 @@ void CoarseModel::add(int zone, double path, double variance, double weight, dou
   lit = {std::min(lit.begin, begin), std::max(lit.end, end)};
 }
 
-/// The light of one piece of an object, seen from there by correcting what its middle sees.
+/// Adds the light of one piece of an object. The piece's view is a correction of the view from the
+/// object's middle.
 void CoarseModel::render(const SurfaceCell& cell, const Vector3d& middle, const View& view,
                          std::size_t object, double extra, SparseLight& out) const {
   struct Seen {
-    double weight = 0;  ///< 0: behind the piece's horizon
+    double weight = 0;  ///< 0 behind the piece's horizon
     double path = 0, cosine = 0;
   };
   const Vector3d offset = cell.center - middle;
@@ -327,7 +329,7 @@ void CoarseModel::render(const SurfaceCell& cell, const Vector3d& middle, const 
       const End& end = view.seen[r];
       const Seen seen = from_cell(end);
       if (seen.weight <= 0) continue;
-      // f goes with 1 / cos: of two cosines one is left. Both legs vary alike.
+      // f is proportional to 1 / cos, so one of two cosines remains. Both legs vary alike.
       const double inner = seen.path - end.leg;
       const double blur = std::pow(lobe * inner, 2) * (2 + 2 * way_in_);
       add(seen_runs_[r].zone, 2 * (way_in_ * end.leg + inner),
@@ -350,7 +352,7 @@ void CoarseModel::render(const SurfaceCell& cell, const Vector3d& middle, const 
       const End& in = view.lit[p];
       double weight = scale * seen.weight * arriving[p].weight;
       if (lobe > 0) {
-        // The lobe, widened by the runs' own widths.
+        // The runs' own widths widen the lobe.
         const double sigma2 = lobe * lobe + in.angle2 + leaving.angle2;
         const double chord2 = (in.direction - leaving.direction).squaredNorm();
         if (chord2 > 16 * sigma2) continue;
@@ -372,7 +374,7 @@ std::vector<SparseLight::Range> CoarseModel::reach() const {
   const auto zones = static_cast<std::size_t>(sensor.zone_count());
   const SparseLight::Range all{0, sensor.bins}, none{sensor.bins, 0};
   std::vector<SparseLight::Range> reached(zones, sensor.crosstalk.empty() ? none : all);
-  // The path between the relay and a region, with the way to the patch times `way`.
+  // Range of the path to the relay patch, times `way`, plus the path from there to a region.
   struct Paths {
     double shortest = std::numeric_limits<double>::infinity(), longest = 0;
   };
@@ -390,7 +392,7 @@ std::vector<SparseLight::Range> CoarseModel::reach() const {
           const Vector3d from = patches.area_center(i) + d;
           const double leg =
               way * (patches.leg[k] + patches.leg_direction(i).dot(from - patches.center(i)));
-          // To the region's nearest point and to its farthest corner.
+          // Paths lead to the region's nearest point and to its farthest corner.
           const Vector3d far = (from - region.center()).cwiseAbs() + 0.5 * region.sizes();
           found.shortest = std::min(found.shortest, leg + region.exteriorDistance(from));
           found.longest = std::max(found.longest, leg + far.norm());
@@ -402,7 +404,7 @@ std::vector<SparseLight::Range> CoarseModel::reach() const {
     for (std::size_t z = 0; z < zones; ++z) {
       const Paths out = paths(seen_, z, pairs ? 1.0 : way_in_);
       const Paths in = pairs ? paths(lit_, confocal_ ? z : 0, 1.0) : out;
-      if (out.longest == 0 || in.longest == 0) continue;  // dead, or without patches
+      if (out.longest == 0 || in.longest == 0) continue;  // dead zone, or zone without patches
       if (sensor.wrap(static_cast<int>(z)) > 0) {
         reached[z] = all;
         continue;
@@ -439,7 +441,8 @@ void CoarseModel::three_bounce(const std::vector<Placement>& placements, double 
   }
   out.lit.assign(zones, {});
 
-  // What the middle sees does not change with yaw: of grids that vary it last, one look will do.
+  // The view from the object's middle does not change with yaw. If a grid varies yaw last, one view
+  // is enough for all its yaws.
   struct Kept {
     std::uint64_t model = 0;
     Vector3d middle = Vector3d::Zero();

@@ -17,8 +17,8 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// What leaving out dim patches may change a bin by, in units of the tolerance: the shares are
-/// means over the probed placements, and a pose near the dim patches sees more of them.
+/// Largest change of a bin when dim patches are left out, in units of the tolerance. The patches'
+/// shares are means over the probed placements, and a pose near the dim patches sees more of them.
 constexpr double kDimBound = 0.3;
 
 std::unique_ptr<TransportKernel> make_kernel(Kernel kernel, const KernelInputs& inputs) {
@@ -52,7 +52,8 @@ bool faces_relay(const Sampling& sampling, const Vector3d& center, const Vector3
   });
 }
 
-/// Pairs where the lobe asks for them, or the sampling_step does; relay points have no lobe.
+/// The view's kernel. Pairs replace the single sum if `sampling_step` asks for them, unless the
+/// relay consists of points, which have no lobe, or the term is switched off.
 Kernel FastModel::kernel_for(const SensorView& view, const FastModelOptions& options,
                              const SamplingStep& sampling_step) {
   const bool pairs = view.kernel == Kernel::retro_single && sampling_step.lobe_pairs &&
@@ -85,8 +86,8 @@ FastModel::FastModel(std::shared_ptr<const SensorView> view, const FastModelOpti
   }
 }
 
-/// Corners of the hulls of all that the model lights and sees, plane by plane: points whose convex
-/// hull is that of all patches.
+/// Corners of the convex hull of all lit and seen patches, plane by plane. These points have the
+/// same convex hull as all patches.
 std::vector<Vector3d> FastModel::relay_corners() const {
   struct Plane {
     Vector3d normal;
@@ -98,7 +99,7 @@ std::vector<Vector3d> FastModel::relay_corners() const {
     for (int i = 0; i < a->size(); ++i) {
       const Vector3d center = a->area_center(i);
       const Vector3d normal = a->normal(i);
-      // Directions alike to 1e-5, offsets to 0.1 mm: one surface, but for rounding.
+      // Directions equal to 1e-5 and offsets equal to 0.1 mm mean one surface, except for rounding.
       auto plane = std::ranges::find_if(planes, [&](const Plane& p) {
         return (p.normal - normal).squaredNorm() < 1e-10 &&
                std::abs(p.normal.dot(center) - p.offset) < 1e-4;
@@ -136,7 +137,7 @@ const TransportPlan& FastModel::plan() const {
   return plan_;
 }
 
-/// Decisions that need the sampled relay.
+/// Makes the decisions that need the sampled relay.
 void FastModel::complete_plan() const {
   const double tolerance = options_.tolerance;
   plan_ = make_plan(scene_, relay_corners(), view_->lit_extent, options_.overrides);
@@ -156,8 +157,8 @@ void FastModel::complete_plan() const {
   if (kernel_ == Kernel::lambertian) {
     pairs.bound = tolerance;
   } else {
-    // Pairs also divide the relay by the lobe: what coarser patches err by, the search's last
-    // change and as much again for what it would go on to.
+    // Pairs also divide the relay by the lobe. The error of coarser patches is the search's last
+    // change, and as much again for the changes that would follow.
     pairs.used = pairs.used || kernel_ != view_->kernel;
     pairs.bound = single_sum_bound() + std::max(tolerance, 2 * found_.unresolved);
   }
@@ -176,16 +177,17 @@ void FastModel::complete_plan() const {
 
 namespace {
 
-/// What one pulse, of the right mean and of the variance that two points of the lobe give, leaves
-/// out of the light that a lobe gathers on the tilted relay, relative to the pulse's peak.
+/// Error of representing the light that a lobe gathers on the tilted relay by one pulse, relative
+/// to the pulse's peak. The pulse has the right mean and the variance of two points of the lobe.
 ///
-/// Turned by z standard deviations along the tilt (angle t off the normal, lobe s, distance r), the
-/// lobe meets the relay a way x = r s z / cos t (1 + s tan t z + ...) off, and the path changes by
-/// a z + b z^2 with a = r s / cos t times the path's gradient and b = a s tan t. The two points
-/// miss the variance 2 b^2, which lowers the peak of a pulse of width w by b^2 / w^2; a Gaussian
-/// misses the third cumulant k = 6 a^2 b + 8 b^3, by max |He3 phi| / phi(0) k / (6 w^3) = 0.23 k /
-/// w^3. An edge that cuts the lobe makes it lopsided besides: at most k = 0.22 a^3, of a half
-/// normal distribution. Oblique edges that meet lose 0.03 of the lobe at the corner.
+/// The lobe is turned by z standard deviations along the tilt (angle t off the normal, lobe s,
+/// distance r). It then meets the relay at a distance x = r s z / cos t (1 + s tan t z + ...). The
+/// path changes by a z + b z^2, with a = r s / cos t times the path's gradient and b = a s tan t.
+/// The two points miss the variance 2 b^2, which lowers the peak of a pulse of width w by
+/// b^2 / w^2. A Gaussian misses the third cumulant k = 6 a^2 b + 8 b^3, by
+/// max |He3 phi| / phi(0) k / (6 w^3) = 0.23 k / w^3. An edge that cuts the lobe also makes it
+/// lopsided: at most k = 0.22 a^3, as for a half normal distribution. Oblique edges that meet lose
+/// 0.03 of the lobe at the corner.
 struct LobeClosure {
   double smooth;   ///< of all light
   double at_edge;  ///< of light within a footprint of an edge
@@ -201,10 +203,11 @@ struct LobeClosure {
 
 }  // namespace
 
-/// Largest change of a bin, as a share of the peak, when pairs of patches replace the single sum:
-/// what LobeClosure leaves out, averaged over each zone's light and relative to the brightest
-/// zone's, at the worst of the probed placements. Edges count for the share of a bin's light within
-/// a footprint on either side of two edges; a bin sees the share kBinShare of the lit spot.
+/// Largest change of a bin, as a share of the peak, when pairs of patches replace the single sum.
+/// It is the error from LobeClosure, averaged over each zone's light and relative to the brightest
+/// zone's light, at the worst of the probed placements. Edges count with the share of a bin's light
+/// that lies within a footprint on either side of two edges. A bin sees the share kBinShare of the
+/// lit spot.
 double FastModel::single_sum_bound() const {
   const auto* retro = std::get_if<RetroreflectiveMaterial>(&scene_.hidden.material);
   const PatchArrays& seen = sampling_->seen;
@@ -240,7 +243,7 @@ double FastModel::single_sum_bound() const {
       if (way.dot(normal) <= 0) continue;
       const auto k = static_cast<std::size_t>(i);
       const double weight = seen.weight[k] * radiance[k] * cosine / (r * r);
-      // Along the tilt, on the relay.
+      // Direction along the tilt, on the relay.
       const Vector3d tilt = way / r - normal * way.dot(normal) / r;
       const double sine = tilt.norm();
       const Vector3d gradient = seen.leg_direction(i) - way / r;
@@ -260,8 +263,8 @@ double FastModel::single_sum_bound() const {
   return bound;
 }
 
-/// First and last bin of any zone that light from the search region can reach, by the shortest and
-/// longest paths by way of a ball around each probed placement.
+/// First and last bin of any zone that light from the search region can reach. They follow from the
+/// shortest and longest paths through a ball around each probed placement.
 std::pair<int, int> FastModel::reachable_bins() const {
   double square = 0;
   double radius = 0;
@@ -300,7 +303,7 @@ std::pair<int, int> FastModel::reachable_bins() const {
   return {std::clamp(first, 0, axis_bins_), std::clamp(end, 0, axis_bins_) - 1};
 }
 
-/// Made when somebody asks: models that only score never do.
+/// Computed on the first call, because models that only score never need it.
 const HistogramCube& FastModel::static_background() const {
   std::call_once(direct_once_, [this] {
     const Sensor& sensor = scene_.sensor;
@@ -338,8 +341,9 @@ bool FastModel::holds_known_light() const {
   return scene_.linear.direct != LinearMode::fixed || scene_.linear.fixed_direct > 0;
 }
 
-/// What bounces on within the known scene is left out only where there is nothing of it: how bright
-/// it is beside an object says nothing about how it compares with the photon noise.
+/// Whether light that bounces on within the known scene is included. It is left out only where
+/// there is none, because its brightness beside an object does not tell how it compares with the
+/// photon noise.
 bool FastModel::bounces() const {
   return view_->transport->static_background()->any_bounces() && !setup_.uses_points() &&
          !options_.overrides.switched_off(Term::known_bounces);
@@ -354,8 +358,9 @@ void FastModel::decide_bounces() const {
                        : "no two reflecting surfaces face each other"});
 }
 
-/// Occluders of this pose where they are not the plan's: all of them outside of the search region,
-/// for which the plan was made, and the object itself when that term is switched on.
+/// Occluders of this pose if they differ from the plan's, which holds for the search region.
+/// Outside of the region, all occluders count. The object itself counts if that term is switched
+/// on.
 std::vector<OccluderFace> FastModel::own_occluders(const Placement& placement,
                                                    const Transform& T) const {
   std::vector<OccluderFace> faces;
@@ -401,17 +406,18 @@ double FastModel::render(const Placement& placement, const MovingBodies& bodies,
 
 namespace {
 
-/// Errors of sampling may fall anywhere, so that those of several objects add up in a bin. What one
-/// sum leaves out of a lobe's light lies where that light does: where it meets another object's, so
-/// do their peaks, and the share of the peak is that of the worse object. Whether pairs are needed
-/// is therefore asked with the whole tolerance, or a street with two lobes would take pairs, at a
-/// hundred times the time, for less than what one object alone is allowed.
+/// Divides the tolerance between the objects: sampling errors may fall anywhere, so the errors of
+/// several objects add up in a bin. The error of a single sum is different, because it lies where
+/// the lobe's light lies. Where two objects' light meets, their peaks meet as well, and the share
+/// of the peak is that of the worse object. The need for pairs is therefore judged with the whole
+/// tolerance. Otherwise a street with two lobes would take pairs, at a hundred times the time, for
+/// an error below that allowed for one object alone.
 FastModelOptions share_of(FastModelOptions options, const SceneTransport& all) {
   options.tolerance /= static_cast<double>(std::max<std::size_t>(all.objects.size(), 1));
   return options;
 }
 
-/// What suits both.
+/// The sampling that is fine enough for both.
 SamplingStep finer(const std::optional<SamplingStep>& a, const SamplingStep& b) {
   if (!a) return b;
   return {std::min(a->relay, b.relay), std::min(a->object, b.object),
@@ -432,8 +438,8 @@ std::unique_ptr<FastModel> make_part(const std::shared_ptr<const SceneTransport>
   return std::make_unique<FastModel>(view, options, std::move(found));
 }
 
-/// Several hidden objects, or one that shadows itself: a model for each, with all bodies that are
-/// in its way. Light that visits two objects has bounced four times and is left out.
+/// Several hidden objects, or one that shadows itself. Each has its own model, which includes all
+/// bodies in its way. Light that visits two objects has bounced four times and is left out.
 class FastObjects final : public ForwardModel {
  public:
   FastObjects(std::shared_ptr<const SceneTransport> transport, const SensorPlacement& placement,
@@ -472,7 +478,7 @@ class FastObjects final : public ForwardModel {
     std::call_once(plan_once_, [this] { join_plans(); });
     return plan_;
   }
-  /// The finest of any object: what suits it suits the others.
+  /// The finest sampling of any object, which is fine enough for all.
   std::optional<SamplingStep> sampling_step() const override {
     std::optional<SamplingStep> all;
     for (const auto& part : parts_) all = finer(all, *part->sampling_step());
@@ -489,8 +495,8 @@ class FastObjects final : public ForwardModel {
                   object_count(scene_) > 1 ? "hidden objects may hide each other"
                                            : "the shape is not convex"});
   }
-  /// What one object needs, the scene needs. No peak of the sum is below that of one object, so
-  /// bounds add.
+  /// Adds one object's plan to the scene's, which needs all that one object needs. No peak of the
+  /// sum is below that of one object, so bounds add.
   void join(const TransportPlan& other, const std::string& name) const {
     for (const OccluderFace& face : other.occluders) {
       const bool known = std::ranges::any_of(

@@ -19,34 +19,37 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Beyond this many standard deviations an edge is out of the lobe's reach (1e-9 of it).
+/// Beyond this many standard deviations, an edge is out of the lobe's reach (it cuts off 1e-9 of
+/// the lobe).
 constexpr double kReach = 6;
-/// Farther than this no relay is, m: scenes end at 100 km (forward/scene/limits.h).
+/// No relay is farther away than this, m: scenes end at 100 km (forward/scene/limits.h).
 constexpr double kFarthest = 1e6;
 using Lane = std::array<double, LobeField::kChunk>;
 
-/// Hermite coefficients of what a region leaves of a standard normal distribution z in the plane:
-/// share, mean of z, and mean of z z' - 1, not divided by the share.
+/// Hermite coefficients of the part of a standard normal distribution z in the plane that lies in a
+/// region: share, mean of z, and mean of z z' - 1, not divided by the share.
 struct alignas(64) Moments {
   Lane m, a, c, aa, ac, cc;
 };
 
-/// Axes along and across the relay's tilt at right angles to each direction; the lobe in them.
+/// Axes along and across the relay's tilt, at right angles to each direction, and the lobe in these
+/// axes.
 struct alignas(64) Frame {
   Lane ax, ay, az, cx, cy, cz;
-  Lane la, lb, lc;  ///< sideways, over the distance, (la z1, lb z1 + lc z2)
+  Lane la, lb, lc;  ///< offset sideways over the distance: (la z1, lb z1 + lc z2)
   Lane oa, oc;      ///< change of the way out along z1 and z2, m
-  Lane ra, rc;      ///< change of the distance along z1 and z2: a patch lies in its plane
-  Lane ga, gc;      ///< relative change of the light that goes out along z1 and z2
-  Lane rest;        ///< variance of the way out beside that, m^2
+  Lane ra, rc;      ///< relative change of the distance along z1 and z2, in the patch's plane
+  Lane ga, gc;      ///< relative change of the outgoing light along z1 and z2
+  Lane rest;        ///< remaining variance of the way out, m^2
 };
 
-/// Edge as each direction sees it: sine of the angle to it, positive inside, and its gradient.
+/// An edge for each direction: sine of the angle to the edge (positive inside), and the sine's
+/// gradient.
 struct alignas(64) EdgeLanes {
   Lane distance, along, across;
 };
 
-/// Distribution function by Abramowitz and Stegun 26.2.17, to 8e-8.
+/// Normal distribution function by Abramowitz and Stegun 26.2.17, good to 8e-8.
 inline double normal_below(double x, double density) {
   const double t = 1 / (1 + 0.2316419 * std::abs(x));
   const double above =
@@ -72,7 +75,7 @@ BLINDCORNER_MULTIVERSION void make_frame(const LobeRays& rays, std::size_t n,
     const double dx = rays.x[i], dy = rays.y[i], dz = rays.z[i];
     const double dn = dx * nx + dy * ny + dz * nz;
     const double de = dx * ex + dy * ey + dz * ez;
-    // Seen head on, any direction in the plane will do.
+    // If the plane is seen head on, any direction in the plane will do.
     const bool flat = 1 - dn * dn < 1e-10;
     const double tx = flat ? ex - de * dx : nx - dn * dx;
     const double ty = flat ? ey - de * dy : ny - dn * dy;
@@ -80,7 +83,8 @@ BLINDCORNER_MULTIVERSION void make_frame(const LobeRays& rays, std::size_t n,
     const double inverse = 1 / std::sqrt(tx * tx + ty * ty + tz * tz);
     const double ax = tx * inverse, ay = ty * inverse, az = tz * inverse;
     const double cx = dy * az - dz * ay, cy = dz * ax - dx * az, cz = dx * ay - dy * ax;
-    // Covariance of the patch's own extent, as angles, and with its change of the way out.
+    // Covariance of the patch's own extent in angles, and its covariance with the change of the way
+    // out.
     const double r = rays.distance[i];
     const double share = rays.extent[i];
     const double turn = share / (r * r);
@@ -90,8 +94,8 @@ BLINDCORNER_MULTIVERSION void make_frame(const LobeRays& rays, std::size_t n,
     const double va = vx * ax + vy * ay + vz * az, vc = vx * cx + vy * cy + vz * cz;
     const double gx = dx + rays.lx[i], gy = dy + rays.ly[i], gz = dz + rays.lz[i];
     const double gu = gx * ux + gy * uy + gz * uz, gv = gx * vx + gy * vy + gz * vz;
-    // The light that goes out changes like (d . m) (d . n) / r^2, m the object's normal. Its cosine
-    // is bounded, by judgement: of faces that are seen from within 3 degrees there is hardly any
+    // The outgoing light changes like (d . m) (d . n) / r^2, where m is the object's normal. The
+    // cosine d . m is bounded, by judgement: faces seen from within 3 degrees send hardly any
     // light.
     const double dm = std::max(dx * mx + dy * my + dz * mz, 0.05);
     const double bx = mx / dm - 4 * dx, by = my / dm - 4 * dy, bz = mz / dm - 4 * dz;
@@ -119,7 +123,7 @@ BLINDCORNER_MULTIVERSION void make_frame(const LobeRays& rays, std::size_t n,
   }
 }
 
-/// A straight edge, by the inward normal of the plane through it and the object.
+/// A straight edge, given by the inward normal of the plane through the edge and the object.
 BLINDCORNER_MULTIVERSION void straight_edge(const LobeRays& rays, std::size_t n, const Frame& f,
                                             const Vector3d& inward, EdgeLanes& edge) {
   const double x = inward.x(), y = inward.y(), z = inward.z();
@@ -131,8 +135,9 @@ BLINDCORNER_MULTIVERSION void straight_edge(const LobeRays& rays, std::size_t n,
   }
 }
 
-/// A cone of light about `axis` from `apex` (from the object), cut by the plane at `height`: where
-/// the direction meets the plane, the distance to the rim and its change as the direction turns.
+/// The edge of a cone of light about `axis` from `apex` (relative to the object), cut by the plane
+/// at `height`. It holds the distance to the rim from the point where the direction meets the
+/// plane, and the change of this distance as the direction turns.
 BLINDCORNER_MULTIVERSION void cone_edge(const LobeRays& rays, std::size_t n, const Frame& f,
                                         const Vector3d& apex, const Vector3d& axis, double tangent,
                                         const Vector3d& normal, double height, EdgeLanes& edge) {
@@ -157,7 +162,7 @@ BLINDCORNER_MULTIVERSION void cone_edge(const LobeRays& rays, std::size_t n, con
   }
 }
 
-/// Takes what lies outside of an edge from the moments.
+/// Removes the part outside of an edge from the moments.
 BLINDCORNER_MULTIVERSION void cut_edge(std::size_t n, double sigma, const EdgeLanes& edge,
                                        Moments& moments) {
   BLINDCORNER_INDEPENDENT
@@ -178,7 +183,7 @@ BLINDCORNER_MULTIVERSION void cut_edge(std::size_t n, double sigma, const EdgeLa
   }
 }
 
-/// Product of two series: the intersection of regions.
+/// Product of two Hermite series, which gives the intersection of two regions.
 BLINDCORNER_MULTIVERSION void intersect(std::size_t n, const Moments& by, Moments& into) {
   BLINDCORNER_INDEPENDENT
   for (std::size_t i = 0; i < n; ++i) {
@@ -207,14 +212,14 @@ BLINDCORNER_MULTIVERSION void subtract(std::size_t n, const Moments& what, Momen
   }
 }
 
-/// Light on a plane: `radiance` over the cube of the distance to the source, which stands at
-/// `source` from the object.
+/// Light on a plane: `radiance` over the cube of the distance to the source. `source` is the
+/// source's position relative to the object.
 struct LitPlane {
   Vector3d normal, source;
   double height, radiance;
 };
 
-/// Adds radiance and path over what is left of the lobe.
+/// Adds radiance and path over the remaining part of the lobe.
 BLINDCORNER_MULTIVERSION void add_light(const LobeRays& rays, std::size_t n, const Frame& f,
                                         const Moments& left, const LitPlane& plane,
                                         const LobeSums& sums) {
@@ -236,7 +241,7 @@ BLINDCORNER_MULTIVERSION void add_light(const LobeRays& rays, std::size_t n, con
     const double joint =
         std::min(std::max((left.ac[i] * inverse - mean_a * mean_c) / spread, -bound), bound);
     const double var_rest = var_c - joint * joint;
-    // What comes from `za` along the tilt, and across it from what goes with that.
+    // Light from the point `za` along the tilt, and `zc` across it, which goes with `za`.
     const auto part = [&](double za, double zc, double& first, double& second) {
       const double along = f.la[i] * za;
       const double across = f.lb[i] * za + f.lc[i] * zc;
@@ -251,7 +256,7 @@ BLINDCORNER_MULTIVERSION void add_light(const LobeRays& rays, std::size_t n, con
       const double d = std::sqrt(d2);
       const double r = std::sqrt(px * px + py * py + pz * pz);
       const double path = rays.path[i] + f.oa[i] * za + f.oc[i] * zc + d + r;
-      // Across the tilt a turn moves p by r at right angles to the ray.
+      // A turn across the tilt moves p by r at right angles to the ray.
       const double change =
           f.oc[i] + f.lc[i] * r * (wx * f.cx[i] + wy * f.cy[i] + wz * f.cz[i]) / d;
       const bool meets = t > 0 && t < kFarthest;
@@ -279,7 +284,7 @@ std::vector<Vector3d> corners_of(const AngularRectangle& field) {
           corner(field.right, field.bottom), corner(field.left, field.bottom)};
 }
 
-/// The part inside of a convex pyramid of rays from `apex`.
+/// The part of a polygon inside a convex pyramid of rays from `apex`.
 std::vector<Vector3d> clip_by_pyramid(std::vector<Vector3d> polygon, const Vector3d& apex,
                                       const std::vector<Vector3d>& rays) {
   Vector3d middle = Vector3d::Zero();
@@ -329,7 +334,7 @@ LobeRays LobeRays::from(std::size_t n) const {
 
 /// Pairs edges that face each other, the most opposite ones first.
 LobeField::Outline LobeField::outline(Corners corners, const Vector3d& normal) {
-  // Clipping leaves corners on top of each other.
+  // Clipping can leave several corners at the same place.
   double reach = 0;
   for (const Vector3d& p : corners) reach = std::max(reach, (p - corners[0]).norm());
   Corners kept;
@@ -343,8 +348,8 @@ LobeField::Outline LobeField::outline(Corners corners, const Vector3d& normal) {
   for (int i = 0; i < count; ++i) {
     across.push_back(normal.cross(corner(i + 1) - corner(i)).normalized());
   }
-  // Cosine of the angle between two edges' normals below which they are opposite: by judgement,
-  // more than 107 degrees; edges that meet at right angles are not.
+  // Two edges are opposite if the cosine of the angle between their normals is below this. By
+  // judgement, this means more than 107 degrees; edges that meet at right angles are not opposite.
   constexpr double kOpposite = -0.3;
   std::vector<bool> taken(across.size(), false);
   Sides sides;
@@ -417,7 +422,7 @@ void LobeField::add_lit(const Scene& scene, const std::vector<Vector3d>& rays, i
   }
 }
 
-/// What other surfaces hide of the lit polygons from the source.
+/// Finds the parts of the lit polygons that other surfaces hide from the source.
 void LobeField::cast_shadows(const Scene& scene) {
   for (const Surface& surface : scene.surfaces) {
     const bool closed = is_closed(surface.shape);
@@ -428,7 +433,8 @@ void LobeField::cast_shadows(const Scene& scene) {
         const Vector3d normal = face_normal(face);
         const double side = normal.dot(source_ - face[0]);
         if (std::abs(side) < 1e-9 || (closed && side < 0)) continue;
-        // Of the polygon, what lies beyond the face by more than rounding; its own plane does not.
+        // The part of the polygon that lies beyond the face by more than rounding. A face in the
+        // polygon's own plane hides nothing.
         const Vector3d beyond = side > 0 ? Vector3d(-normal) : normal;
         Corners corners = clip(lit.outline.corners, face[0] + 1e-6 * beyond, beyond);
         std::vector<Vector3d> rays;
@@ -441,7 +447,7 @@ void LobeField::cast_shadows(const Scene& scene) {
   }
 }
 
-/// Chunk of directions that is being worked on.
+/// The chunk of directions in progress.
 struct LobeField::View::Chunk {
   LobeRays rays{};
   std::size_t count = 0;
@@ -529,14 +535,14 @@ LobeField::View LobeField::seen_from(const Vector3d& origin,
       view.bodies_.push_back(body);
     }
     polygon.occluders = view.bodies_.size();
-    std::size_t last = occluders.size();  // face before this one that counted
+    std::size_t last = occluders.size();  // last face that counted before this one
     for (std::size_t i = 0; i < occluders.size(); ++i) {
       const OccluderFace& face = occluders[i];
       const auto& c = face.corners;
       const Vector3d normal = face_normal(c);
       const double seen = normal.dot(origin - c[0]);
       if (std::abs(seen) < 1e-9 || (face.one_sided && seen < 0)) continue;
-      // What lies before the polygon's plane and not behind the object.
+      // The part of the face on the object's side of the polygon's plane.
       Corners corners = clip({c.begin(), c.end()}, corner, side > 0 ? lit.normal : -lit.normal);
       if (!has_area(corners)) continue;
       const Outline part = outline(std::move(corners), normal);
@@ -563,7 +569,7 @@ bool LobeField::View::reaches(const Region& region, const Chunk& chunk) const {
   return true;
 }
 
-/// Moments inside of a region, to chunk.region.
+/// Writes the moments inside a region to chunk.region.
 void LobeField::View::cut(const Region& region, Chunk& chunk) const {
   fill(chunk.region, chunk.count, 1);
   bool whole = true;
@@ -587,8 +593,8 @@ void LobeField::View::cut(const Region& region, Chunk& chunk) const {
   }
 }
 
-/// Takes away what the bodies [first, end) hide; chunk.light holds the moments. Returns whether
-/// that is anything.
+/// Removes from the moments in chunk.light the parts that the bodies [first, end) hide. Returns
+/// whether any body reaches the lobes.
 bool LobeField::View::shade(std::size_t first, std::size_t end, Chunk& chunk) const {
   bool any = false;
   for (std::size_t b = first; b < end; ++b) {
@@ -618,8 +624,8 @@ bool LobeField::View::shadow_near(const Chunk& chunk, int zone) const {
   });
 }
 
-/// Moments of what the polygon's light fills of the lobes, to chunk.light, occluders aside. Returns
-/// whether the lobes reach it at all.
+/// Writes the moments of the lobes' part that the polygon's light fills to chunk.light, without
+/// occluders. Returns whether the lobes reach the polygon at all.
 bool LobeField::View::fill_light(const Polygon& polygon, Chunk& chunk) const {
   if (!reaches(polygon.region, chunk)) return false;
   make_frame(chunk.rays, chunk.count, polygon.normal, polygon.normal.unitOrthogonal(),

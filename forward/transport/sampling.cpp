@@ -14,44 +14,48 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Gaussian closure: relative L2 error of leaving out a group's higher cumulants, 0.05 s^2 for a
-/// path spread of s pulse variances.
+/// Gaussian closure: a pulse leaves out a group's higher cumulants, with a relative L2 error of
+/// 0.05 s^2 for a path spread of s pulse variances.
 constexpr double kClosureError = 0.05;
-/// Two Gauss nodes along an edge e at distance r: relative error of weights like cos^4 / r^4 is
-/// about 0.01 (e / r)^4.
+/// With two Gauss nodes along an edge e at distance r, weights like cos^4 / r^4 have a relative
+/// error of about 0.01 (e / r)^4.
 constexpr double kQuadratureError = 0.01;
-/// The centre alone: about 0.35 (e / r)^2.
+/// With the centre alone, the relative error is about 0.35 (e / r)^2.
 constexpr double kMidpointError = 0.35;
-/// Gauss-Legendre points a distance d apart in path (standard deviation of even light between
-/// them) for which the error exp(-2 (n s / a)^2) is e: d = kRuleSpread s / sqrt(ln(1 / e)).
+/// Gauss-Legendre points have the error exp(-2 (n s / a)^2) = e if they are a distance
+/// d = kRuleSpread s / sqrt(ln(1 / e)) apart in path (standard deviation of even light between
+/// them).
 constexpr double kRuleSpread = 0.75;
-/// The same for points of the object seen an angle apart, against inverse squares: an angle over
-/// ln(1 / e). By judgement: the search for a sampling scales what the object gets, so that what
-/// matters is how angles compare with paths.
+/// The same for inverse squares and points of the object: the angle between the points is this
+/// value over ln(1 / e). By judgement: the search for a sampling scales the object's sampling, so
+/// only the ratio of angles to paths matters.
 constexpr double kObjectRuleAngle = 1.8;
-/// Points more, for each factor of e in the error, than the rules' exponential law says of few.
+/// Additional points for each factor of e in the error, because the rules' exponential law asks for
+/// too few when points are few.
 constexpr double kFewPoints = 0.13;
-/// Most points along an edge of a relay cell; larger cells are halved, so that dim ones can do with
-/// fewer points. Of the oblique floor, 4 reach an error of 0.2 % (L2) with a quarter fewer points
-/// than 8.
+/// Most points along an edge of a relay cell. Cells that need more are halved, so that dim ones can
+/// do with fewer points. For the oblique floor, a limit of 4 reaches an error of 0.2 % (L2) with a
+/// quarter fewer points than a limit of 8.
 constexpr double kMaxRulePoints = 4;
-/// Quarterings of a cell that straddles a border; what is left of it is shared between the
-/// surfaces, and deeper ones change no shipped scene's error by 1e-4 of the light.
+/// Times that a cell across a border is quartered. The rest of it is shared between the surfaces.
+/// More quarterings change no shipped scene's error by 1e-4 of the light.
 constexpr int kEdgeDepth = 2;
-/// Edge of what shares the lobes of its middle, in those for which a midpoint will do: lobes matter
-/// at the edges of the light only.
+/// Edge of a tile whose cells share the lobes of its middle, in units of the edge for which a
+/// midpoint is enough: lobes matter only at the edges of the light.
 constexpr double kAnchorEdge = 2;
-/// Cosine between normals of cells on one side of the object, 26 degrees: by judgement, boxes have
-/// sides 90 degrees apart.
+/// Least cosine between the normals of cells on one side of the object, 26 degrees. By judgement:
+/// the sides of boxes are 90 degrees apart.
 constexpr double kSameSide = 0.9;
-/// Sine of the elevation of what counts as upright: half way to level.
+/// Sine of the elevation above which an edge counts as upright: half way between level and
+/// vertical.
 constexpr double kUpright = 0.7;
-/// Cells along the longest edge of an object that tell how paths change over it, by judgement.
+/// Number of cells along an object's extent that show how paths change over the object, by
+/// judgement.
 constexpr double kEvenCells = 6;
-/// Doubles of the widest vector register (512 bits).
+/// Doubles in the widest vector register (512 bits).
 constexpr std::size_t kLanes = 8;
 
-/// Middles of the object at the probed placements, in lanes that are summed side by side.
+/// The object's middle at each probed placement, in lanes that are summed side by side.
 class ProbedMiddles {
  public:
   explicit ProbedMiddles(const std::vector<Transform>& T_world_probes)
@@ -69,13 +73,13 @@ class ProbedMiddles {
     }
   }
 
-  /// Sum of the cosine at the patch over the distance squared.
+  /// Sum over the middles of the cosine at the patch over the distance squared.
   double exchange(const RelayPatch& patch) const;
-  /// Means of the squared changes of (direction to the middle + `out`) . half edge along both
-  /// edges, and of one over the distance squared.
+  /// Means over the middles of the squared changes (direction to the middle + `out`) . half edge
+  /// along both edges, and mean of one over the distance squared.
   std::array<double, 3> changes(const RelayPatch& patch, const Vector3d& out) const;
-  /// Half the ranges of the path from `origin` by way of the cell to the middle along both edges,
-  /// and of half edges over the distance: root mean squares over places and probes.
+  /// Half the ranges, along both edges, of the path from `origin` through the cell to the middle,
+  /// and half edges over the distance. All are root mean squares over places and probes.
   struct Ranges {
     double path_u = 0, path_v = 0, angle_u = 0, angle_v = 0;
   };
@@ -97,7 +101,7 @@ class ProbedMiddles {
   }
 
   double count_;
-  std::vector<double> x_, y_, z_, counts_;  ///< the last are 0 of what fills the lanes up
+  std::vector<double> x_, y_, z_, counts_;  ///< counts are 0 where the lanes are padded
 };
 
 BLINDCORNER_MULTIVERSION double ProbedMiddles::exchange(const RelayPatch& patch) const {
@@ -166,8 +170,8 @@ ProbedMiddles::Ranges ProbedMiddles::ranges(const CellPlaces& places,
   return mean;
 }
 
-/// How bright parts of the relay are, judged over the probed placements: dim parts may be sampled
-/// more coarsely, and what adds up to next to nothing is left out.
+/// Brightness of the relay's parts over the probed placements. Dim parts may be sampled more
+/// coarsely, and parts whose light adds up to next to nothing are left out.
 class Brightness {
  public:
   Brightness(const ProbedMiddles& objects, bool twice, const std::vector<RelayPatch>& coarse)
@@ -204,20 +208,20 @@ class Brightness {
   double total_ = 0;
 };
 
-/// Limits of sampling in units of those that the closed-form estimates give for the tolerance.
+/// Sampling limits: `coarseness` times those that the closed-form estimates give for the tolerance.
 struct Limits {
   double coarseness;
   double pulse_sigma;   ///< m of path
   double spread;        ///< m, path spread that one Gaussian may stand for
-  double aspect;        ///< edge against distance of a cell with Gauss nodes
-  double midpoint;      ///< the same where the centre alone will do
+  double aspect;        ///< edge over distance of a cell with Gauss nodes
+  double midpoint;      ///< edge over distance of a cell for which the centre alone is enough
   double rule_spread;   ///< m, standard deviation of the path between two points of a rule
-  double rule_share;    ///< of all light: a relay cell that has no more does with next to no points
-  double object_angle;  ///< the same of the object
+  double rule_share;    ///< of all light; a relay cell with no more needs next to no points
+  double object_angle;  ///< rad, between two points of the object
 
   Limits(const SamplingNeeds& needs, double coarse, const HiddenObject& object)
       : coarseness(coarse), pulse_sigma(needs.pulse_sigma) {
-    // Six axes share each limit: two each of what is lit, what is seen and the object.
+    // Six axes share each limit: two each of the lit relay, the seen relay and the object.
     constexpr double kAxes = 6;
     const double tolerance = needs.tolerance;
     spread = coarseness * needs.pulse_sigma * std::pow(tolerance / kClosureError, 0.25) /
@@ -229,7 +233,7 @@ struct Limits {
     rule_share = tolerance * std::pow(coarseness, 3);
     object_angle = coarseness * kObjectRuleAngle / digits;
     if (needs.kernel == Kernel::retro_pairs) {
-      // A patch stands for a Gaussian within the lobe: it must not be wide against it.
+      // A patch stands for a Gaussian within the lobe, so it must be narrow against the lobe.
       const double sigma = std::get<RetroreflectiveMaterial>(object.material).lobe_sigma;
       aspect = std::min(aspect, coarseness * kLobePatch * sigma);
     }
@@ -238,11 +242,12 @@ struct Limits {
 
 using PatchSets = std::vector<std::vector<WeightedPatch>>;
 
-/// Divides what is lit and seen until cells meet both limits in the root mean square over the
-/// probed placements: a bound for the typical pose, not for the one that touches the relay. Parts
-/// below which a share C of the light comes may be (0.5 / C)^0.15 coarser: their closure error
-/// grows with the fourth power, and the sum of share times error stays within a factor of two.
-/// Where rules of points do, cells have as many points along each edge as rule_points() says.
+/// Divides the lit and seen relay until cells meet both limits in the root mean square over the
+/// probed placements. This bounds the typical pose, not a pose that touches the relay. If only a
+/// share C of the light comes from parts no brighter than a cell, the cell may be (0.5 / C)^0.15
+/// coarser: its closure error grows with the fourth power, and the sum of share times error stays
+/// within a factor of two. Where rules of points are used, rule_points() gives the number of points
+/// along each edge.
 class RelaySampler {
  public:
   RelaySampler(const SensorView& view, const SamplingNeeds& needs)
@@ -308,12 +313,12 @@ class RelaySampler {
     return relay;
   }
 
-  /// Gauss-Legendre points along both edges of a cell, as a fraction. Over a path that changes by
-  /// 2 a, n points err by exp(-2 (n s / a)^2), s the pulse's width; against inverse squares of a
-  /// distance r, over a half edge h, by exp(-2 n asinh(r / h)). Few points err by more: of two or
-  /// three, as much as the formula says of 0.13 ln(1 / error) fewer (from the rules' error terms).
-  /// The error that a cell may have is the tolerance, as a share of all light: a dim one does with
-  /// few points.
+  /// Fractional number of Gauss-Legendre points along both edges of a cell. Over a path that
+  /// changes by 2 a, n points have an error of exp(-2 (n s / a)^2), where s is the pulse's width.
+  /// For inverse squares of a distance r over a half edge h, the error is exp(-2 n asinh(r / h)).
+  /// Few points have a larger error: two or three have the error that the formula gives for 0.13
+  /// ln(1 / error) fewer (from the rules' error terms). A cell's allowed error is the tolerance as
+  /// a share of all light, so a dim cell needs few points.
   std::array<double, 2> rule_points(const RelayPatch& patch, const CellPlaces& places,
                                     const Brightness& brightness) const {
     const double digits = std::log1p(brightness.share(patch) / limits_.rule_share);
@@ -326,7 +331,7 @@ class RelaySampler {
     return {along(ranges.path_u, ranges.angle_u), along(ranges.path_v, ranges.angle_v)};
   }
 
-  /// How far a patch is beyond the limits along half_u and half_v.
+  /// Ratio of a patch's spread or angle to its limit along half_u and half_v.
   std::array<double, 2> excess(const RelayPatch& patch, const Brightness& brightness) const {
     const double below = std::max(brightness.share_below(brightness.density(patch)), 1e-6);
     const double relaxed = std::max(1.0, std::pow(0.5 / below, 0.15));
@@ -340,8 +345,8 @@ class RelaySampler {
             std::max(legs * std::sqrt(path_v) / spread, patch.half_v.norm() * turn) / relaxed};
   }
 
-  /// Dim parts that, with all that is up to twice as bright, hold less than a negligible share are
-  /// left out. The margin is for cells dimmer than any of those whose light was learned.
+  /// Leaves out dim parts: those that, together with all parts up to twice as bright, hold less
+  /// than a negligible share. The margin is for cells dimmer than any cell that Brightness knows.
   std::vector<WeightedPatch> prune(std::vector<WeightedPatch> patches, const Brightness& brightness,
                                    Sampling& into) const {
     into.dim_patches += static_cast<int>(std::erase_if(patches, [&](const WeightedPatch& p) {
@@ -357,22 +362,22 @@ class RelaySampler {
   double negligible_;
 };
 
-/// Patches as the object sees them at a probed placement, in its own frame, in lanes.
+/// Patches in the object's own frame at a probed placement, in lanes.
 struct SeenFromObject {
   std::vector<double> x, y, z, counts;
   std::vector<double> nx, ny, nz;  ///< normals
-  std::vector<double> light;       ///< that the patch sends to the detector, up to a constant
-  /// m^2: a patch stands for several, which spread by that much. A placement that happens to touch
-  /// the one is no nearer to the light.
+  std::vector<double> light;       ///< from the patch to the detector, up to a constant
+  /// m^2, spread of the several patches that one patch stands for. A placement that happens to
+  /// touch this patch is no nearer to the light than that.
   std::vector<double> nearest2;
   double size = 1;
   bool pairs = false;  ///< the light is a sum over pairs of patches
 };
 
-/// Light that a cell would exchange, and that times the squared changes of the path and of the
-/// direction over the cell. Where pairs resolve the lobe, which sends what comes from a patch back
-/// to around it, one form factor counts: with two, an object that stands beside what is lit had
-/// thousands of points.
+/// Light that a cell would exchange, and this light times the squared changes of the path and of
+/// the direction over the cell. Where pairs resolve the lobe, only one form factor counts, because
+/// the lobe sends a patch's light back to around the patch. With two, an object beside the lit
+/// relay had thousands of points.
 struct CellSums {
   double weight = 0, path = 0, angle = 0;
 };
@@ -417,7 +422,8 @@ BLINDCORNER_MULTIVERSION void add_cell(const SurfaceCell& cell, const SeenFromOb
 std::vector<SeenFromObject> seen_from_probes(const PatchArrays& seen, const SceneTransport& of,
                                              bool pairs) {
   std::vector<SeenFromObject> views;
-  // Some 64 of them, by judgement: what a cell exchanges with them is a weight only.
+  // Some 64 patches are taken, by judgement: the light that a cell exchanges with them is only a
+  // weight.
   const int stride = std::max(1, seen.size() / 64);
   for (std::size_t p = 0; p < of.probes.size(); ++p) {
     const Transform to_object = of.T_world_probes[p].inverse(Eigen::Isometry);
@@ -449,9 +455,10 @@ std::vector<SeenFromObject> seen_from_probes(const PatchArrays& seen, const Scen
   return views;
 }
 
-/// What a lobe gathers about a patch changes slowly with the place on the object that it belongs to
-/// (its footprint's size and shape, not its middle), so the middle of several cells will do for
-/// them: the error is of second order in their extent over the distance.
+/// Assigns each cell to the tile whose lobes it shares. The light that a lobe gathers about a patch
+/// changes slowly over the object (the footprint's size and shape do, not its middle). The middle
+/// of several cells is therefore enough for them: the error is of second order in their extent over
+/// the distance.
 void sample_anchors(const Shape& shape, double edge, Sampling& into) {
   const Transform own = Transform::Identity();
   const auto cells = divide(shape, own, 1.0, into.object_edge, 1);
@@ -467,13 +474,14 @@ void sample_anchors(const Shape& shape, double edge, Sampling& into) {
   }
 }
 
-/// How far apart points of a matt object may be: what paths change and how far light comes from,
-/// root mean squares over even cells, each weighted with the light that it would exchange.
+/// Largest spacing of points on a matt object. It follows from the change of paths and the distance
+/// of the light: root mean squares over even cells, each weighted with the light that it would
+/// exchange.
 PointSpacing spacing_of(const std::vector<SurfaceCell>& cells,
                         const std::vector<SeenFromObject>& seen_from, const Limits& limits) {
   double light = 0, near = 0;
-  std::array<double, 2> path{};   // squared gradient, one way, per metre of its own: across, up
-  std::array<double, 2> edges{};  // of the same
+  std::array<double, 2> path{};   // weighted squared gradient, one way, per own metre: across, up
+  std::array<double, 2> edges{};  // sums of these weights
   for (const SeenFromObject& from : seen_from) {
     const double size2 = from.size * from.size;
     for (const SurfaceCell& cell : cells) {
@@ -508,8 +516,8 @@ PointSpacing spacing_of(const std::vector<SurfaceCell>& cells,
   return {spacing(0), spacing(1)};
 }
 
-/// Divides the object until its cells meet both limits, cells weighted with the light that they
-/// would exchange with the relay sampled.
+/// Divides the object until its cells meet both limits. Cells are weighted with the light that they
+/// would exchange with the sampled relay.
 void sample_object(const SensorView& view, const SamplingNeeds& needs, Sampling& into) {
   const HiddenObject& hidden = view.transport->scene.hidden;
   const Limits limits(needs, needs.sampling_step.object, hidden);
@@ -525,9 +533,9 @@ void sample_object(const SensorView& view, const SamplingNeeds& needs, Sampling&
     return;
   }
   CellSums sums;
-  double angle = 1;  // of cells, root mean square
-  // In steps of a quarter, so that cells are not much finer than they must be, down to a limit of
-  // the time, by judgement.
+  double angle = 1;  // edge over distance of cells, root mean square
+  // In steps of a quarter, so that cells are not much finer than necessary. The smallest edge
+  // limits the time, by judgement.
   for (into.object_edge = extent; into.object_edge > extent / 64; into.object_edge /= 1.25) {
     const std::size_t before = cells.size();
     cells = divide(hidden.shape, Transform::Identity(), 1.0, into.object_edge, 1);
@@ -556,7 +564,7 @@ SensorView::SensorView(std::shared_ptr<const SceneTransport> of, const SensorPla
       placement(at),
       setup(transport->scene, placement, transport->rays),
       confocal(transport->scene.sensor.illumination == Illumination::confocal) {
-  // By judgement: what is looked at coarsely chooses kernels and borders, and no light is summed.
+  // The coarse patches choose kernels and borders, and no light is summed over them. By judgement.
   RelaySampling coarse;
   coarse.centers_only = true;
   coarse.with_radiance = false;
@@ -569,7 +577,7 @@ SensorView::SensorView(std::shared_ptr<const SceneTransport> of, const SensorPla
   }
   coarse.divisions = 12;
   if (!confocal) look(setup.lit(coarse), lit);
-  // Says so where nothing is lit or seen.
+  // Throws if nothing is lit or seen.
   if (seen.empty() || (!confocal && lit.empty())) setup.relay_points();
   std::vector<Vector3d> corners;
   if (std::holds_alternative<RetroreflectiveMaterial>(transport->scene.hidden.material)) {
