@@ -12,7 +12,7 @@
 
 namespace blindcorner::embedded {
 
-/// Text of a preset under src/io/presets, empty when there is none of that name.
+/// Text of a preset under src/io/presets, empty if no preset has that name.
 std::string_view sensor_preset(std::string_view name);
 std::vector<std::string_view> sensor_preset_names();
 
@@ -27,12 +27,12 @@ using namespace limits;
 
 constexpr double kPicosecond = 1e-12;
 
-/// Ways to say where zones look; one replaces another that a preset has.
+/// Fields that state the zones' directions. A given one replaces all of the preset's.
 const std::initializer_list<std::string_view> kZoneFields = {"fov_deg", "zones", "zone_columns_deg",
                                                              "zone_rows_deg"};
 
-/// The preset with the fields of `given` put over it: whole fields, and `illumination` field by
-/// field.
+/// The preset with the fields of `given` put over its own. Fields are replaced as a whole, except
+/// that `illumination` is merged field by field.
 Json merge_preset(const JsonReader& given) {
   const std::string name = given.at("preset").word(embedded::sensor_preset_names());
   Json merged = JsonReader::parse(std::string(embedded::sensor_preset(name)), "preset " + name);
@@ -41,7 +41,7 @@ Json merge_preset(const JsonReader& given) {
   if (std::any_of(kZoneFields.begin(), kZoneFields.end(), replaces_zones)) {
     for (const std::string_view field : kZoneFields) merged.erase(std::string(field));
   }
-  if (given.has("link")) {  // says what the preset's own figures stand for
+  if (given.has("link")) {  // the link states what the preset's own figures stand for
     merged.erase("gain");
     if (merged.contains("illumination")) merged["illumination"].erase("radiant_intensity_w_per_sr");
   }
@@ -78,7 +78,7 @@ AngularRectangle read_field_of_view(const JsonReader& reader) {
   return even_rectangle(angles[0].number(kFullAngle), angles[1].number(kFullAngle));
 }
 
-/// Edges of `count` equal parts in tangents, rad.
+/// Edges of `count` parts that are equally wide in the tangent, rad.
 std::vector<std::pair<double, double>> even_edges(double low, double high, int count) {
   const auto edge = [&](int i) {
     return std::atan(std::tan(low) + (std::tan(high) - std::tan(low)) * i / count);
@@ -113,7 +113,7 @@ std::vector<ZoneFootprint> grid(const std::vector<std::pair<double, double>>& co
 std::vector<ZoneFootprint> read_zone_list(const JsonReader& reader, std::size_t count) {
   if (reader.is_string()) {
     reader.word({"from_capture"});
-    // The points come with each capture; without one they are not known.
+    // The points come with each capture and are not known without one.
     const Eigen::Vector3d unknown = Eigen::Vector3d::Constant(std::nan(""));
     return std::vector<ZoneFootprint>(count, unknown);
   }
@@ -152,7 +152,7 @@ std::vector<ZoneFootprint> read_footprints(const JsonReader& reader, int rows, i
                         static_cast<std::size_t>(rows) * static_cast<std::size_t>(columns));
 }
 
-/// One number for all zones, or one for each.
+/// One number for all zones, or one number per zone.
 std::vector<double> read_per_zone(const JsonReader& reader, std::size_t count, double absent,
                                   const NumberRange& range) {
   if (!reader.is_array()) return std::vector<double>(count, reader.number_or(absent, range));
@@ -169,7 +169,7 @@ void read_valid_pair(const JsonReader& reader, int bins, Zone& zone) {
   zone.last_valid_bin = ends[1].integer(zone.first_valid_bin, bins - 1);
 }
 
-/// [first, last] for all zones, or one such pair for each.
+/// [first, last] for all zones, or one such pair per zone.
 void read_valid_bins(const JsonReader& reader, Sensor& sensor) {
   if (!reader.present()) return;
   const auto parts = reader.elements(1);
@@ -212,7 +212,7 @@ void read_zones(const JsonReader& reader, Sensor& sensor) {
   }
 }
 
-/// A list of counts for each zone, one per bin or none.
+/// A list of counts per zone. Each list has one count per bin, or is empty.
 void read_background(const JsonReader& reader, Sensor& sensor) {
   if (!reader.present()) return;
   const bool photons = sensor.noise.counts_photons();
@@ -311,8 +311,8 @@ void read_noise(const JsonReader& reader, Sensor& sensor) {
   sensor.noise = noise;
 }
 
-/// Shares of light that zones spill into others: one number, for each of a zone's neighbours above,
-/// below, left and right, or the whole matrix.
+/// Shares of light that zones spill into other zones: either one number for each of a zone's
+/// neighbours above, below, left and right, or the whole matrix.
 void read_crosstalk(const JsonReader& reader, Sensor& sensor) {
   if (!reader.present()) return;
   const auto zones = static_cast<std::size_t>(sensor.zone_count());
@@ -346,7 +346,8 @@ void read_crosstalk(const JsonReader& reader, Sensor& sensor) {
   }
 }
 
-/// Smallest rectangle of directions around all zones; nothing for zones that are relay points.
+/// Smallest rectangle of directions around all zones. Zones that are relay points have no
+/// rectangle, and get a default cone.
 FieldOfIllumination around_zones(const std::vector<Zone>& zones) {
   if (!std::holds_alternative<AngularRectangle>(zones.front().footprint)) return AngularCone{};
   AngularRectangle all = std::get<AngularRectangle>(zones.front().footprint);
@@ -386,7 +387,7 @@ void read_illumination(const JsonReader& reader, Sensor& sensor) {
   }
 }
 
-/// Everything that the counts depend on. Required fields have no typical value.
+/// All quantities that the counts depend on. Required fields have no typical value.
 Link read_link(const JsonReader& reader) {
   if (!reader.is_object()) reader.fail("an object with \"pulse_energy_nj\"");
   reader.allow_only({"pulse_energy_nj", "repetition_rate_hz", "exposure_s", "wavelength_nm",
@@ -413,7 +414,7 @@ Link read_link(const JsonReader& reader) {
   return link;
 }
 
-/// The link replaces gain and radiant intensity, so neither may be given beside it.
+/// Reads the link. It replaces gain and radiant intensity, so neither may be given beside it.
 void read_link_of(const JsonReader& reader, Sensor& sensor) {
   if (!reader.decided_by("link")) return;
   const JsonReader link = reader.at("link");

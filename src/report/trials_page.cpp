@@ -23,7 +23,7 @@ namespace {
 
 using Results = std::vector<TrialResult>;
 
-/// Bars of the published study: about 33 trials a zone of 1 m/s from 6 to 12 m/s.
+/// Bars of the published study: about 33 trials in each zone of 1 m/s, from 6 to 12 m/s.
 constexpr double kPublishedLowest = 6;
 constexpr std::array kPublishedNlos{1.0, 1.0, 0.81, 0.31, 0.09, 0.0};
 constexpr std::array kPublishedLos{1.0, 1.0, 0.80, 0.17, 0.0, 0.0};
@@ -64,7 +64,7 @@ std::string share_text(const Results& results) {
                    interval.high, good, all);
 }
 
-/// Those of which both were driven.
+/// The pairs of kPairs for which both perceptions were driven.
 std::vector<std::pair<const char*, const char*>> pairs_of(const Results& results) {
   const std::vector<std::string> names = perceptions_of(results);
   const auto driven = [&](const char* name) { return std::ranges::count(names, name) > 0; };
@@ -91,12 +91,12 @@ Bar bar_of(const std::string& name, const Results& results) {
   return bar_of(name, static_cast<double>(good) / all, wilson_interval(good, all));
 }
 
-/// Adds a bar where there were trials: no bar is not a share of 0.
+/// Adds a bar if there were trials. A missing bar does not mean a share of 0.
 void add_bar(BarGroup& group, const std::string& name, const Results& results) {
   if (!results.empty()) group.bars.push_back(bar_of(name, results));
 }
 
-/// Published success in a speed zone that is one of the published ones.
+/// Published success in a speed zone, if the study has this zone.
 std::optional<double> published(const DriveTrials& trials, int zone, const auto& bars) {
   const double place = zone_lower(trials, zone) - kPublishedLowest;
   const double width = zone_lower(trials, zone + 1) - zone_lower(trials, zone);
@@ -132,7 +132,7 @@ std::string success_section(const Drive& drive, const Results& results) {
   std::vector<BarGroup> groups;
   std::string rows = "<table><tr><th>speed zone";
   for (const std::string& name : names) rows += "<th>" + html_safe(name);
-  // The published zones are those of cars: a robot's study has none of them.
+  // The published zones are for cars, so a robot's study has none of them.
   bool compared = false;
   for (int zone = 0; zone < drive.trials.zones; ++zone) {
     compared = compared || published(drive.trials, zone, kPublishedNlos).has_value();
@@ -202,8 +202,8 @@ std::string difference_section(const Drive& drive, const Results& results) {
 
 Results to_the_goal(const Results& results) { return chosen(results, &TrialResult::reached); }
 
-/// Differences of a figure between two perceptions, over trials of both that have it (a speed
-/// through the corner is 0 where there is none).
+/// Differences of a figure between two perceptions, over the trials in which both have it (a
+/// missing speed through the corner is 0).
 std::vector<double> differences(const Results& first, const Results& second,
                                 double TrialResult::*figure) {
   std::map<std::uint64_t, double> other;
@@ -219,7 +219,7 @@ std::vector<double> differences(const Results& first, const Results& second,
   return values;
 }
 
-/// Mean with the interval that holds it with 95 % (Student's t), from the values alone.
+/// Mean and its 95 % interval (Student's t), from the values alone.
 std::string mean_text(const std::vector<double>& values) {
   if (values.empty()) return "-";
   if (values.size() < 2) return formatted("%.3f, n = 1", values.front());
@@ -241,7 +241,8 @@ std::string corner_differences(const Results& results) {
   return rows + "</table>\n";
 }
 
-/// Studies with a corner: what speed costs or wins there, at which rate of collisions.
+/// Section for studies with a corner: the mean speed there, and the rate of collisions that came
+/// with it.
 std::string corner_section(const Drive& drive, const Results& results) {
   const DriveTrials& trials = drive.trials;
   if (trials.corner_radius <= 0) return "";
@@ -302,7 +303,7 @@ std::string error_section(const Results& results) {
          rows + "</table>\n";
 }
 
-/// Share of trials with at most a value.
+/// Share of trials whose value is at most the one on the axis.
 ChartSeries distribution(const std::string& name, std::vector<double> values) {
   std::ranges::sort(values);
   ChartSeries series{name, {}, SeriesStyle::line, colour_of(name)};
@@ -319,7 +320,7 @@ double mean(const std::vector<double>& values) {
   return values.empty() ? 0 : sum / static_cast<double>(values.size());
 }
 
-/// Outcomes other than the goal that at least one trial had.
+/// Outcomes of at least one trial, except reaching the goal.
 std::vector<std::string> failures_of(const Results& results) {
   std::set<std::string> names;
   for (const TrialResult& result : results) {
@@ -334,7 +335,7 @@ std::string outcome_titles(const Results& results) {
   return titles;
 }
 
-/// How many of `here` ended as each of the outcomes of all.
+/// Cells with the number of trials in `here` for each failure among `all`.
 std::string outcome_cells(const Results& all, const Results& here) {
   std::string cells;
   for (const std::string& name : failures_of(all)) {
@@ -384,11 +385,11 @@ std::string path_section(const Results& results) {
   return rows + "</table>\n";
 }
 
-/// Predicted against observed occupancy of one perception's cells.
+/// Observed against predicted occupancy of one perception's cells.
 ChartSeries reliability(const std::string& name, const Results& results, std::string& rows) {
   ChartSeries series{name, {}, SeriesStyle::marked_line, colour_of(name)};
   ReliabilityDiagram all(kMapBins);
-  std::vector<int> trials(all.counts().size());  // with cells in the bin
+  std::vector<int> trials(all.counts().size());  // number of trials with cells in the bin
   for (const TrialResult& result : results) {
     all.merge(result.map);
     for (std::size_t i = 0; i < trials.size(); ++i) {
@@ -433,7 +434,7 @@ std::string pairs_section(const nlohmann::json& pairs) {
          side_by_side_part(pairs);
 }
 
-/// The command that drives a trial again.
+/// The command that repeats a trial.
 std::string replay_command(const Drive& drive, const Trial& trial) {
   std::string text = "blindcorner drive " + drive.path + " -o replay --perception " +
                      trial.perception +
@@ -471,7 +472,7 @@ std::string failures_section(const Drive& drive, const Results& results,
   return html + "</table>\n";
 }
 
-/// Which programs have driven the trials: a study may go on with another version.
+/// The programs that drove the trials, because a study may continue with another version.
 std::string programs_section(const Results& results) {
   std::map<std::string, int> counts;
   for (const TrialResult& result : results) {
