@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// `blindcorner benchmark light`: errors and claims of the fit at every level of light, on captures
-/// whose truth an independent path tracer computed.
+/// `blindcorner benchmark light`: errors and claims of the fit at every level of light. An
+/// independent path tracer computed the light of the captures.
 #include <CLI/CLI.hpp>
 #include <Eigen/Cholesky>
 #include <algorithm>
@@ -41,11 +41,11 @@ namespace fs = std::filesystem;
 
 /// Tolerance of the model that judges whether an optimum is the right one.
 constexpr double kJudge = 0.01;
-/// Sampling of rendered objects, in units of the reference renderer's default: it is itself 0.3 to
-/// 0.5 standard deviations off a denser one at 100,000 photons of the oblique floor, and twice as
-/// dense takes sixteen times as long.
+/// Sampling of rendered objects, in units of the reference renderer's default. At 100,000 photons
+/// of the oblique floor, the default is 0.3 to 0.5 standard deviations off a denser sampling. Twice
+/// the density takes sixteen times as long.
 constexpr double kRenderedSampling = 1;
-/// Deviance this many standard deviations above its expectation is called misfit.
+/// A deviance this many standard deviations above its expectation is a misfit.
 constexpr double kMisfit = 5;
 constexpr double kRegion = 0.95;
 
@@ -63,26 +63,26 @@ struct LightArguments : StudyArguments {
   FitOptions fit;
 };
 
-/// What became of one capture.
+/// Result of one capture.
 struct Trial {
-  std::string error;                ///< not empty: it failed
-  double squared = 0, claimed = 0;  ///< m^2, of the posterior's mean: error and trace, positions
-  double normalised = 0;            ///< d' C^-1 d / unknowns, of the posterior's mean
+  std::string error;                ///< not empty if the fit failed
+  double squared = 0, claimed = 0;  ///< m^2, positions: the mean's squared error; covariance trace
+  double normalised = 0;            ///< d' C^-1 d / unknowns, for the posterior's mean
   bool in_region = false, in_heaviest = false;
   bool flagged = false, misfit = false;
-  double missed = 0;  ///< log posterior
+  double missed = 0;  ///< log posterior that the best mode lacks against the truth's optimum
   double time_ms = 0;
-  long evaluations = 0;  ///< of exact light
+  long evaluations = 0;  ///< number of renders of exact light
   bool wrong() const { return missed > kReached; }
 };
 
 /// One scene at one level of light.
 struct Row {
   std::string scene;
-  std::string without;  ///< the rule that was left out, of a table of rules
+  std::string without;  ///< rule that was left out, in a table of rules
   double photons = 0;
   double bound = 0, file_limit = 0;  ///< m
-  double expected_ratio = 1;  ///< normalised error of an honest fit to light with the file's noise
+  double expected_ratio = 1;         ///< normalised error of an honest fit, with the file's noise
   double first_ms = 0;
   std::vector<Trial> trials;
 
@@ -97,7 +97,7 @@ struct Row {
         std::ranges::count_if(trials, [](const Trial& t) { return !t.error.empty(); }));
   }
   int fitted() const { return captures() - failed(); }
-  /// Root of the mean of a member over the captures that were fitted.
+  /// Root of the mean of a member over the fitted captures.
   double root_mean(double Trial::*member) const {
     double sum = 0;
     for (const Trial& t : trials) sum += t.error.empty() ? t.*member : 0;
@@ -113,7 +113,7 @@ struct Row {
   double median_error() const {
     return median_of([](const Trial& t) { return std::sqrt(t.squared); });
   }
-  /// Of the captures after the first.
+  /// Quantile of the time of the captures after the first.
   double following_ms(double share) const {
     std::vector<double> times;
     for (std::size_t i = 1; i < trials.size(); ++i) {
@@ -133,7 +133,7 @@ struct Row {
 
 bool is_position(const Unknown& unknown) { return unknown.component <= Component::z; }
 
-/// Flags other than the one that only says how the posterior was computed.
+/// Whether the result has a flag, except "sampled", which only says how the posterior was computed.
 bool warns(const FitResult& result) {
   return std::ranges::any_of(result.flags, [](const std::string& f) { return f != "sampled"; });
 }
@@ -177,18 +177,18 @@ Trial run_trial(const Fitter& fitter, const ExhaustiveSearch& judge, const Captu
   return trial;
 }
 
-/// What bounds the position's error, root mean square over the poses.
+/// Bounds of the position's error, root mean square over the poses.
 struct Bounds {
   double photon = 0;  ///< m, Cramer-Rao
-  double file = 0;    ///< m, of the tracer's own noise, at any exposure
-  /// Mean over the unknowns of the tracer's noise against the photons', as variances: it adds to
-  /// the square of the normalised error.
+  double file = 0;    ///< m, from the tracer's own noise, at any exposure
+  /// Ratio of the tracer's noise to the photons' noise, as variances, mean over the unknowns. It
+  /// adds to the square of the normalised error.
   double against = 0;
 };
 
-/// Correlation of the traced light's errors between the bins of a zone, [bins, bins]: a path that
-/// was traced lights all bins under its pulse, so that of bins d apart the errors overlap as two
-/// Gaussian pulses do, by exp(-d^2 / 4 sigma^2).
+/// Correlation of the traced light's errors between the bins of a zone, [bins, bins]. A traced path
+/// lights all bins under its pulse. The errors of bins d apart therefore overlap as two Gaussian
+/// pulses do, by exp(-d^2 / 4 sigma^2).
 Eigen::MatrixXd traced_correlation(const Sensor& sensor) {
   const double sigma = sensor.response.core_sigma() / sensor.bin_width;
   Eigen::MatrixXd correlation(sensor.bins, sensor.bins);
@@ -370,14 +370,14 @@ TracedCaptures traced_captures(const LightArguments& arguments, const Scene& sce
   return {scene, std::move(traced), &renderer->static_background()};
 }
 
-/// Adds the rule of that name, if any, to those that are left out.
+/// Adds the rule of that name, if there is one, to the rules that are left out.
 void leave_out(const std::string& name, FitOptions& options) {
   for (const auto& [rule, own] : fit_rules()) {
     if (own == name) options.left_out.push_back(rule);
   }
 }
 
-/// What to leave out in turn: nothing first; what is named is always left out.
+/// Rules to leave out in turn, first none. Rules that the arguments leave out are always left out.
 std::vector<std::string> rules_to_leave_out(const LightArguments& arguments) {
   std::vector<std::string> rules{""};
   for (const auto& [rule, name] : fit_rules()) {
@@ -386,7 +386,7 @@ std::vector<std::string> rules_to_leave_out(const LightArguments& arguments) {
   return rules;
 }
 
-/// A scene's captures at one level of light, which are kept where that is asked for.
+/// A scene's captures at one level of light. They are saved if the arguments name a directory.
 std::vector<Capture> captures_of(const LightArguments& arguments, const Scene& scene,
                                  const TracedCaptures& truth, std::size_t poses, double photons) {
   std::vector<Capture> captures(poses * static_cast<std::size_t>(arguments.seeds));
@@ -398,7 +398,7 @@ std::vector<Capture> captures_of(const LightArguments& arguments, const Scene& s
   return captures;
 }
 
-/// All these captures, with a fitter that knows nothing yet.
+/// Fits all these captures with a new fitter, which knows nothing yet.
 Row study(const LightArguments& arguments, const Scene& scene, const TracedCaptures& truth,
           std::size_t poses, const ExhaustiveSearch& judge, const std::vector<Capture>& captures,
           double photons, const std::string& without) {
@@ -411,7 +411,7 @@ Row study(const LightArguments& arguments, const Scene& scene, const TracedCaptu
   leave_out(without, options);
   const Fitter fitter(scene, options);
   Progress progress(scene.name + formatted(", %g photons", photons), count);
-  // One after the other: a fit's time is that of one that has the machine for itself.
+  // One after the other, so that each fit is timed with the machine for itself.
   for (std::size_t i = 0; i < count && !Interruptible::asked(); ++i) {
     row.trials.push_back(run_trial(fitter, judge, captures[i], truth.traced().poses[i % poses]));
     progress.advance();
@@ -441,7 +441,7 @@ int run_light(const LightArguments& arguments) {
                             : truth.poses();
     ExhaustiveOptions judging;
     judging.model_tolerance = kJudge;
-    judging.max_poses = 1;  // it only descends
+    judging.max_poses = 1;  // the judge only descends
     const ExhaustiveSearch judge(scene, judging);
     for (const double photons : arguments.photons) {
       if (Interruptible::asked()) return kSomeFailed;

@@ -31,18 +31,20 @@
 namespace blindcorner {
 namespace {
 
-/// Of the bound's model: its own error must not show in an efficiency.
+/// Tolerance of the bound's model, whose own error must not show in an efficiency.
 constexpr double kBoundTolerance = 0.02;
-/// The bound's probability of detection is not asked for: as few empty captures as are allowed.
+/// The least allowed number of empty captures, because the bound's probability of detection is not
+/// needed.
 constexpr int kFewestEmptyCaptures = 16;
-/// Errors drawn from the bound of each capture, for the quantiles of a method at the bound.
+/// Number of errors drawn from the bound of each capture, for the quantiles of a method at the
+/// bound.
 constexpr int kDrawnErrors = 200;
 constexpr double kClaimedRegion = 0.95, kRightRegion = 0.99;
-/// All ratios of errors to the default's hold together with this probability of being wrong.
+/// Probability that any of the intervals of ratios to the default is wrong.
 constexpr double kFamily = 0.05;
-/// Of the sign test that says that regions hold the truth less often than the default's.
+/// Level of the sign test for regions that hold the truth less often than the default's.
 constexpr double kHoldsLess = 0.01;
-/// m; a smaller error is as good as none.
+/// A smaller error counts as this, m: it is as good as none.
 constexpr double kNoDistance = 1e-9;
 /// Seeds of captures are far apart.
 constexpr std::uint64_t kCaptureSeed = 1'000'003, kLevelSeed = 7'919'000'017;
@@ -53,7 +55,8 @@ struct Clocks {
   double cpu = 0, wall = 0;  ///< s
 };
 
-/// Time of all threads of the process and on the wall. Nothing else may run in the process.
+/// CPU time of all threads of the process, and wall-clock time. Nothing else may run in the
+/// process.
 Clocks now() {
   timespec cpu{};
   clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &cpu);
@@ -64,7 +67,7 @@ Clocks now() {
 
 Clocks operator-(const Clocks& a, const Clocks& b) { return {a.cpu - b.cpu, a.wall - b.wall}; }
 
-/// What the sweep judges answers with.
+/// Judges the answers of the sweep.
 struct Judge {
   const Scene& scene;
   std::vector<std::string> names = unknown_names(scene);
@@ -89,7 +92,8 @@ struct Judge {
   }
 };
 
-/// One answer; of the first capture with all that the method prepares.
+/// Asks a method for one answer. The time of the first answer includes the method's preparation and
+/// is kept separately.
 void ask(const Judge& judge, const SweptMethod& method, const Capture& capture,
          const DrawnObject& object, std::uint64_t seed, SweepAnswerer& answerer, bool first,
          SweepCell& cell) {
@@ -116,7 +120,7 @@ void ask(const Judge& judge, const SweptMethod& method, const Capture& capture,
   cell.trials.push_back(std::move(trial));
 }
 
-/// Rows and columns of the positions among the unknowns.
+/// The covariance's rows and columns for the positions among the unknowns.
 Eigen::MatrixXd of_positions(const Scene& scene, const Eigen::MatrixXd& covariance) {
   std::vector<Eigen::Index> places;
   for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
@@ -125,7 +129,7 @@ Eigen::MatrixXd of_positions(const Scene& scene, const Eigen::MatrixXd& covarian
   return covariance(places, places);
 }
 
-/// The bound of each capture, and the quantiles of errors that are normal with it.
+/// Adds the bound of each capture, and the quantiles of normal errors at the bound.
 void add_bounds(const Scene& scene, const std::vector<DrawnObject>& objects, std::uint64_t seed,
                 SweepLevel& level) {
   BoundOptions options;
@@ -195,7 +199,7 @@ double quantile_or_none(const std::vector<double>& values, double share) {
   return values.empty() ? kNone : quantile(values, share);
 }
 
-/// Mean of values in clusters, with its interval of Student's t.
+/// Mean over clusters of each cluster's mean value, with its interval by Student's t.
 struct ClusteredMean {
   double mean = kNone, low = kNone, high = kNone;
 };
@@ -277,7 +281,8 @@ SweepRatio ratio_of(const RatioSums& sums, double confidence) {
   return ratio;
 }
 
-/// Whether nothing at this level of light is cheaper with a smaller error beyond the intervals.
+/// Whether no method at this level of light is both cheaper than the default and better, beyond the
+/// intervals.
 bool default_on_front(const SweepLevel& level, double confidence) {
   return std::ranges::none_of(level.cells, [&](const SweepCell& cell) {
     RatioSums sums;
@@ -287,7 +292,7 @@ bool default_on_front(const SweepLevel& level, double confidence) {
   });
 }
 
-/// Objects from the priors, or the traced ones in turn.
+/// Draws objects from the priors, or takes the traced objects in turn.
 std::vector<DrawnObject> objects_of(const Scene& scene, const SweepOptions& options) {
   if (options.traced.empty()) {
     DrawOptions draw;
@@ -342,7 +347,7 @@ SweepScene sweep_scene(const Scene& scene, const std::vector<SweptMethod>& metho
           sweep_level(scene, methods, objects, exposure, sweep.pulse, seed, advance));
       sweep.levels.back().photons = photons;
     }
-  } catch (const StudyInterrupted&) {  // with what is finished
+  } catch (const StudyInterrupted&) {  // the sweep keeps the finished levels
   }
   return sweep;
 }
@@ -394,7 +399,8 @@ SweepFigures figures_of(const SweepCell& cell, const std::vector<double>& bound,
 }
 
 bool SweepRatio::holds_less() const {
-  // The chance of so few of its own among the captures in which the two differ, if both were alike.
+  // Probability that so few of the differing captures are held by this method alone, if both
+  // methods were alike.
   const int differing = held_alone + default_alone;
   if (differing == 0) return false;
   const boost::math::binomial_distribution<double> alike(differing, 0.5);
@@ -404,7 +410,7 @@ bool SweepRatio::holds_less() const {
 SweepVerdict verdict_of(const std::vector<SweepScene>& scenes) {
   SweepVerdict verdict;
   std::vector<RatioSums> sums;
-  std::map<std::string, std::size_t> places;  // in `sums`, by the method's name
+  std::map<std::string, std::size_t> places;  // index into `sums` by the method's name
   std::size_t objects = 0;
   for (const SweepScene& scene : scenes) {
     for (std::size_t m = 0; m < scene.methods.size(); ++m) {
@@ -423,7 +429,7 @@ SweepVerdict verdict_of(const std::vector<SweepScene>& scenes) {
     verdict.pictures += static_cast<int>(scene.levels.size());
     if (!scene.levels.empty()) objects += scene.levels.front().bound.size();
   }
-  // A time and an error of each method but the default.
+  // Each method except the default has an interval for its time and one for its error.
   const int intervals = 2 * (static_cast<int>(sums.size()) - 1);
   for (const SweepScene& scene : scenes) {
     for (const SweepLevel& level : scene.levels) {
