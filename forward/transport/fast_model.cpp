@@ -86,8 +86,8 @@ FastModel::FastModel(std::shared_ptr<const SensorView> view, const FastModelOpti
   }
 }
 
-/// Corners of the convex hull of all lit and seen patches, plane by plane. These points have the
-/// same convex hull as all patches.
+/// Corners of the convex hulls of all lit and seen patches, one hull per plane. The convex hull of
+/// these points is that of all patches.
 std::vector<Vector3d> FastModel::relay_corners() const {
   struct Plane {
     Vector3d normal;

@@ -552,7 +552,7 @@ BinLikelihood::Terms GaussianLikelihood::equal_bins(double bins, double sum, dou
   return t;
 }
 
-// By quadrature.
+// The moments come from quadrature.
 void GaussianLikelihood::add_deviance_moments(std::span<const double> means, double& expected,
                                               double& variance_sum) const {
   // The range is four standard deviations on either side, and all but 6e-5 lie within it. The steps

@@ -181,8 +181,8 @@ MatchedFilter::MatchedFilter(const PoseObjective& objective, const LinearSolutio
     // well), then the direct return, made orthogonal in the weighted inner product.
     const auto w = weight_.segment(row, bins);
     const auto zone_index = static_cast<Eigen::Index>(z);
-    double beyond = 0;  // information about the ambient light from elsewhere; below, its slope
-    double slope = 0;
+    double beyond = 0;  // information about the ambient light from elsewhere
+    double slope = 0;   // of the log posterior, from there
     if (unknowns.ambient == LinearMode::per_zone) {
       const double c = empty.ambient[z];
       const double weight = 1 / std::max(noise_model.variance(noise_model.lit(c)), kNoVariance);
@@ -548,7 +548,7 @@ Scored score(const PoseObjective& objective, const LinearSolution& empty, int co
     }
   };
   // The photons of a bright object raise the variance of their bins. If a few photons lie on a
-  // faint background, the same variance would take their weight away.
+  // faint background, treating each as a bright object's would take its weight away.
   using Weights = MatchedFilter::Weights;
   result.scores = scores_with(Weights::observed);
   const std::vector<int> order = best_first(result.scores, wanted);

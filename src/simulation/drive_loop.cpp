@@ -74,10 +74,10 @@ struct SensedEvent {
   double capture_time = 0;  ///< s
   double arrival = 0;       ///< s
   std::size_t frame = 0;
-  VehicleState vehicle;  ///< true
+  VehicleState vehicle;  ///< true state
 };
 
-/// What the perception says of a frame, and when it says it.
+/// The perception's answer to a frame, and the time at which it is ready.
 struct AnswerEvent {
   double capture_time = 0;  ///< s
   double ready = 0;         ///< s
@@ -157,7 +157,7 @@ class DriveLoop {
   double busy_until_ = 0;       ///< s; until then perception works on a frame
   double standing_since_ = -1;  ///< s; negative: the vehicle drives, or has a plan
   double clearance_ = std::numeric_limits<double>::infinity();  ///< m, least since the last frame
-  VehicleState sensed_from_;  ///< true, at the time of the frame that perception works on
+  VehicleState sensed_from_;  ///< true state at the time of the frame that perception works on
   AnswerEvent perceived_;     ///< last answer before a hidden object came in direct sight
   std::size_t next_goal_ = 0;
   Vector2d passed_from_;  ///< m, the vehicle's estimated position when the goal was last checked
@@ -535,7 +535,7 @@ void DriveLoop::step() {
 
 /// The reason why the vehicle brakes; the gravest if there are several.
 std::string DriveLoop::braking_for() const {
-  constexpr double kBrakes = 0.5;  // m/s^2: less is control
+  constexpr double kBrakes = 0.5;  // m/s^2; weaker braking is normal control
   if (published_ || acceleration_ > -kBrakes || believed().speed < kStands) return "";
   if (no_way_) return "no plan";
   if (traffic_.braking > 0) return traffic_.mover;
