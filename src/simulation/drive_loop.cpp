@@ -447,7 +447,8 @@ void DriveLoop::follow(const PlanUpdate& update) {
 /// Lowers the follower's speeds until the steering can follow, and until the vehicle can stop for
 /// objects that may be there and for what it would touch beside its path.
 void DriveLoop::limit_speed(const PlanningGrid& planning) {
-  if (!drive_.vehicle.brakes_for_curves && !unseen_) return;
+  const bool safe = drive_.speed_mode == SpeedMode::safe;
+  if (!drive_.vehicle.brakes_for_curves && !unseen_ && !safe) return;
   const std::vector<PathPoint>& path = follower_->path();
   const double here = nearest_arc_length(path, believed().position, path.front().arc_length,
                                          path.back().arc_length);
@@ -456,7 +457,7 @@ void DriveLoop::limit_speed(const PlanningGrid& planning) {
     std::ranges::fill(steerable, std::numeric_limits<double>::infinity());
   }
   if (unseen_) limit_for_unseen(steerable, here);
-  if (drive_.speed_mode != SpeedMode::safe) return follower_->limit_speed(steerable, believed());
+  if (!safe) return follower_->limit_speed(steerable, believed());
   if (!outlook_) {
     outlook_.emplace(path, vehicle_.model().footprint(), drive_.sensor.T_vehicle_sensor, sight_,
                      drive_.map, outlook_options(drive_, limits_, speed()));

@@ -400,6 +400,20 @@ TEST(SafeSpeedDrive, WhoKnowsThatNothingIsThereNeedNotSlowDown) {
   EXPECT_LT(blind + 0.5, slowest_at_the_corner(drive, drive_through(drive, street, options)));
 }
 
+TEST(SafeSpeedDrive, SlowsDownACarThatDoesNotBrakeForCurves) {
+  Drive drive = read_drive(std::string(SOURCE_DIR) + "/scenes/street_safe_drive.json");
+  drive.truth.present = 0;
+  drive.vehicle.brakes_for_curves = false;
+  const SimulatedSensor street(drive.scene);
+  DriveOptions options;
+  options.keep_pictures = false;
+  options.speed = 8;
+  options.perception = "los";
+  const double safe = slowest_at_the_corner(drive, drive_through(drive, street, options));
+  drive.speed_mode = SpeedMode::wanted;
+  EXPECT_LT(safe + 0.5, slowest_at_the_corner(drive, drive_through(drive, street, options)));
+}
+
 Drive published_turn() {
   return read_drive(std::string(SOURCE_DIR) + "/scenes/published_turn_drive.json");
 }
