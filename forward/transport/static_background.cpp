@@ -33,17 +33,18 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Light below this share of a zone's brightest is rounding, and what pulse tables leave out.
+/// Light below this share of the brightest light is rounding error or the part that pulse tables
+/// leave out. add() compares within a zone, relative_error() over all zones.
 constexpr double kNoLight = 1e-7;
-/// Largest edge of a patch against its distance to the sensor: by judgement, as the patches of two
-/// bounces against what they face (patch_angle).
+/// Largest edge of a patch relative to its distance to the sensor: by judgement the same as that of
+/// two-bounce patches relative to their distance to the facing surfaces (patch_angle).
 constexpr double kSensorAngle = 0.4;
-/// Cells of the direct return, by judgement of time; how far off they are is measured
+/// Cells of the direct return, by judgement of time. Their error is measured
 /// (StaticBackgroundModel::error) and carried in the likelihood.
 constexpr DirectSampling kDirectCells{4, 0.3, 5};
-/// Better cells, against which that error is measured: inside a surface, two Gauss nodes err by the
-/// fourth power of a cell, and over a border the better cells are a third as long. The better cells
-/// err by 0.2 to 0.9 times as much as the usual ones.
+/// Better cells, against which that error is measured. Inside a surface, the error of two Gauss
+/// nodes grows with the fourth power of the cell's edge. Over a border, the better cells are a
+/// third as long. The better cells err by 0.2 to 0.9 times as much as the usual ones.
 constexpr DirectSampling kBetterCells{6, 0.25, 6};
 /// Cells for bright captures. Against cells a tenth as large (L2 over photon noise), the usual
 /// cells are off by 1.6e-5 (TMF8828 wall), 1e-4 (its floor) and 7e-5 (street), the fine cells by
@@ -52,19 +53,20 @@ constexpr DirectSampling kBetterCells{6, 0.25, 6};
 constexpr DirectSampling kFineCells{12, 0.1, 4}, kBetterThanFine{16, 0.07, 5};
 /// Share of the bounces' squared error up to which the direct return keeps its usual cells.
 constexpr double kMinorError = 0.1;
-/// Parts in which the bounces are summed, side by side; fixed, so that sums do not depend on
-/// threads. By judgement: some for each core.
+/// Number of parts in which the bounces are summed in parallel. It is fixed, so that sums do not
+/// depend on the number of threads. By judgement: some for each core.
 constexpr std::size_t kParts = 8;
-/// Patches or cells that take the same parts of a tree of patches: by judgement, as many as are
-/// looked at together for shadows.
+/// Number of patches or cells that share the same parts of a patch tree: by judgement, the number
+/// that is checked together for shadows.
 constexpr std::size_t kBlock = ShadowView::kChunk;
-/// Least relative error of the direct return: what the pulse tables leave out.
+/// Least relative error of the direct return: the part that the pulse tables leave out.
 constexpr double kMinBackgroundError = 1e-6;
 
-/// Finer samplings, each with a third of the squared error of the one before or less on the
-/// reference floor, whose own light is 80 times the object's: 10 % of what bounces there (L2 over
-/// photon noise) without them, then 2.8, 1.6 and 0.9 %. Patches that touch what they face need the
-/// small angles. For scenes where they cost at most this many legs: up to 4 ms.
+/// Finer samplings. On the reference floor, whose own light is 80 times the object's, each has at
+/// most a third of the squared error of the one before. Without them the error is 10 % of the light
+/// that bounces there (L2 over photon noise); with them it is 2.8, 1.6 and 0.9 %. Patches that
+/// touch the surfaces that they face need the small angles. A scene takes the finest sampling that
+/// costs at most kCheapLegs, which is up to 4 ms.
 constexpr std::array<StaticLightSampling, 3> kFinerSamplings = {{
     {.outer_angle = 0.4, .middle_angle = 0.3},
     {.least_patch = 2, .outer_angle = 0.3, .middle_angle = 0.2},
@@ -84,35 +86,37 @@ StaticLightSampling sampling_for(const Scene& scene) {
   return sampling;
 }
 
-/// Half as coarse again, for a third of the time.
+/// A sampling with edges one and a half times as long, for a third of the time.
 StaticLightSampling coarser_than(const StaticLightSampling& sampling) {
   StaticLightSampling coarser = denser(sampling, 1 / 1.5);
   coarser.zone_divisions = sampling.zone_divisions;
   return coarser;
 }
 
-/// Densities of the bounces of bright captures, of which the first that costs at most so many legs
-/// is taken: up to 20 ms. Of the wall's error of 1.4e-4 (L2 over photon noise) twice as dense a
-/// sampling leaves 2.6e-5.
+/// Densities of the bounces of bright captures. The first that costs at most kBrightLegs is taken,
+/// which is up to 20 ms. The wall's error is 1.4e-4 (L2 over photon noise); with a
+/// sampling twice as dense it is 2.6e-5.
 constexpr std::array kBrightDensities{2.8, 2.0, 1.4};
 constexpr std::size_t kBrightLegs = 3'000'000;
 
-/// Density of the coarse bounces that tell whether what a hidden object takes off them matters: on
-/// a desk it is off by 40 % (L2), that of the usual ones by 3 %.
+/// Density of the coarse bounces. They tell whether the light that a hidden object blocks matters.
+/// On a desk, the blocked light is off by 40 % (L2) in the coarse bounces and by 3 % in the
+/// usual ones.
 constexpr double kShadowDensity = 0.5;
 
-/// Error of a sampling, as a part of what it differs by from a coarser one. Errors fall with the
-/// square of the edges of patches and cells, legs with their fourth power: of e for the finer one,
-/// the coarser one has e sqrt(`legs`), `legs` the ratio of their numbers. Measured against a
-/// sampling three times as dense, on seven random scenes and the reference floor, it is 0.5 to 1.6
-/// times this; where shadows' edges decide, errors fall less. With the power 2/3, the middle of
-/// these, a bright wall claims too much (stability row photons_1e7: 288 of 30 allowed).
+/// Error of a sampling as a share of its difference from a coarser one. Errors grow with the square
+/// of the edges of patches and cells, and the number of legs falls with their fourth power. If the
+/// finer sampling has the error e, the coarser one has e sqrt(`legs`), where `legs` is the ratio of
+/// the numbers of legs. Measured against a sampling three times as dense, on seven random scenes
+/// and the reference floor, the error is 0.5 to 1.6 times this estimate; where shadows' edges
+/// decide, errors fall less. With the power 2/3, the middle of these, a bright wall claims too much
+/// (stability row photons_1e7: 288 of 30 allowed).
 double of_difference(double legs) {
-  constexpr double kLeast = 0.3;  // by judgement: of hardly any more legs nothing is known
+  constexpr double kLeast = 0.3;  // by judgement: hardly any more legs tell nothing
   return 1 / std::max(std::sqrt(legs) - 1, kLeast);
 }
 
-/// Share of a cell below which a part of it is rounding.
+/// Share of a cell's area below which a part of it is rounding error.
 constexpr double kSliver = 1e-9;
 
 /// Light smoothed over the pulse's width.
@@ -129,9 +133,9 @@ HistogramCube smoothed(const Sensor& sensor, const HistogramCube& light) {
   return smooth;
 }
 
-/// Relative error of `light` against `better`, weighted as photon noise weighs it, and as large as
-/// independent errors would have to be to sum up as these do: errors go together along a zone as
-/// far as their autocorrelation reaches, and across zones.
+/// Relative error of `light` against `better`, weighted as photon noise weighs it. Errors are
+/// correlated along a zone, as far as their autocorrelation reaches, and across zones. The result
+/// is as large as independent errors would have to be to sum up as these do.
 double relative_error(const HistogramCube& light, const HistogramCube& better,
                       const HistogramCube& smooth) {
   double size = 0;
@@ -169,8 +173,8 @@ double total(const HistogramCube& light) {
   return std::accumulate(light.values.begin(), light.values.end(), 0.0);
 }
 
-/// Faces that can hide one surface from another: those whose planes have some of the other
-/// surfaces on both sides. A room's own walls are none.
+/// Faces that can hide one surface from another. The plane of such a face has parts of the other
+/// surfaces on both sides. A room's own walls are no such faces.
 std::vector<OccluderFace> blocking_faces(const std::vector<Surface>& surfaces) {
   std::vector<std::vector<OccluderFace>> all;
   for (const Surface& surface : surfaces)
@@ -209,8 +213,8 @@ std::array<SurfaceCell, 2> halves(const SurfaceCell& cell) {
   return parts;
 }
 
-/// Whether a face stands across a cell, on it or within `near` of it, so that it hides from one
-/// part of the cell what it does not hide from the other.
+/// Whether a face stands across a cell, on it or within `near` of it. Such a face hides things from
+/// one part of the cell that it does not hide from the other part.
 bool stands_across(const OccluderFace& face, const SurfaceCell& cell, double near) {
   const Vector3d normal = face_normal(face.corners);
   const double middle = normal.dot(cell.center - face.corners[0]);
@@ -227,8 +231,8 @@ bool stands_across(const OccluderFace& face, const SurfaceCell& cell, double nea
   return !foot.empty();
 }
 
-/// The parallelogram with the area, middle and second moments of a polygon on a cell, whose corners
-/// go from its first half edge to its second.
+/// The parallelogram with the area, middle and second moments of a polygon on a cell. The polygon's
+/// corners turn from the cell's first half edge to its second.
 SurfaceCell like_polygon(const std::vector<Vector3d>& corners, SurfaceCell cell) {
   const Vector3d u = cell.half_u.normalized(), v = cell.half_v.normalized();
   const Vector3d origin = cell.center;
@@ -262,8 +266,8 @@ SurfaceCell like_polygon(const std::vector<Vector3d>& corners, SurfaceCell cell)
   return cell;
 }
 
-/// The parts of a cell between the faces that stand across it; none where no face does. A cell
-/// knows from its centre alone what is hidden from it.
+/// The parts of a cell between the faces that stand across it; none where no face stands across it.
+/// What is hidden from a cell is determined at its centre alone.
 std::vector<SurfaceCell> parts_between(const std::vector<OccluderFace>& faces,
                                        const SurfaceCell& cell, double near) {
   const Vector3d &c = cell.center, &u = cell.half_u, &v = cell.half_v;
@@ -289,7 +293,7 @@ std::vector<SurfaceCell> parts_between(const std::vector<OccluderFace>& faces,
   return cells;
 }
 
-/// Whether some of either piece lies on the front side of the other.
+/// Whether each piece has a part on the front side of the other; pieces of one surface do not.
 bool facing(const KnownBounces::Piece& a, const KnownBounces::Piece& b) {
   const Vector3d way = b.cell.center - a.cell.center;
   const double reach_a =
@@ -320,8 +324,8 @@ BLINDCORNER_MULTIVERSION void add_moved(const double* from, std::size_t count, d
   for (std::size_t i = 0; i < count; ++i) out[i] += early * from[i] + late * from[i - 1];
 }
 
-/// Time axis of cells that are summed once or twice at the end: a spread path is two or four
-/// deposits, however long it is.
+/// Time axis of cells that are summed once or twice at the end. A spread path takes two or four
+/// deposits, however long the spread is.
 struct Axis {
   double cells_per_metre;
   std::size_t cells;
@@ -336,10 +340,10 @@ struct Axis {
     row[i] += weight - late;
     row[i + 1] += late;
   }
-  /// Adds a trapezium, light spread evenly over two widths (cells), to a row that is summed twice.
+  /// Adds a trapezium to a row that is summed twice: light spread evenly over two widths (cells).
   void spread(double* row, double at, double weight, double a, double b) const {
     const double scale = weight / (a * b);
-    at += 1;  // a sum's steps lie half a cell early, twice
+    at += 1;  // each of the two sums puts its steps half a cell early
     const double sum = 0.5 * (a + b), difference = 0.5 * std::abs(a - b);
     deposit(row, at - sum, scale);
     deposit(row, at - difference, -scale);
@@ -348,7 +352,7 @@ struct Axis {
   }
 };
 
-/// The largest of the widths, and what the others come to together; none below one cell.
+/// The largest of the widths, and the root sum of squares of the others; each at least one cell.
 inline std::array<double, 2> two_widths(const std::array<double, 4>& half, double cells_per_metre) {
   const double largest = std::max(std::max(half[0], half[1]), std::max(half[2], half[3]));
   const double square =
@@ -381,7 +385,7 @@ KnownBounces::KnownBounces(const Scene& scene, const StaticLightSampling& sampli
     if (distance(face, faces_) < std::numeric_limits<double>::infinity()) add_middle(face);
   }
   roots_ = middle_.size();
-  // Breadth first, so that halves are neighbours; the list grows on the way.
+  // Breadth first, so that the halves of a cell are neighbours; the list grows during the loop.
   std::size_t next = 0;
   while (next < middle_.size()) {
     Middle& cell = middle_[next++];
@@ -413,7 +417,7 @@ double KnownBounces::allowed_edge(double distance) const {
                   sampling_.least_middle * largest_);
 }
 
-/// From the middle of a piece to the nearest of the faces that it faces; infinite without any.
+/// Distance from a piece's centre to the nearest face that it faces; infinite if it faces none.
 double KnownBounces::distance(const Piece& piece, const std::vector<Piece>& faces) {
   double least = std::numeric_limits<double>::infinity();
   for (const Piece& face : faces) {
@@ -426,7 +430,7 @@ double KnownBounces::distance(const Piece& piece, const std::vector<Piece>& face
 
 namespace {
 
-/// Rectangles around patches, one on each face that has some.
+/// Rectangles around patches: one rectangle on each face that has patches.
 class Extents {
  public:
   explicit Extents(const std::vector<KnownBounces::Piece>& faces)
@@ -463,10 +467,10 @@ class Extents {
   }
 
  private:
-  /// Facets of a mesh that look nearly the same way share their patches: extents that are too large
-  /// only make cells finer.
+  /// Mesh facets with nearly the same normal share their patches. Extents that are too large only
+  /// make cells finer.
   static constexpr double kSameNormal = 0.8;  // cosine of 37 degrees, by judgement
-  /// Of the face's half edges.
+  /// Ranges in units of the face's half edges.
   struct Ranges {
     double low_u = 1, high_u = -1, low_v = 1, high_v = -1;
     void add(double u, double v) {
@@ -489,7 +493,7 @@ struct KnownBounces::Ends {
   std::optional<PatchTree> seen;
   KnownPatches seen_patches;
   std::size_t lit_count = 0;   // patches
-  std::vector<Piece> extents;  // of all patches on a face: the rectangle around them
+  std::vector<Piece> extents;  // for each face the rectangle around all patches on it
 
   const PatchTree& lit_for(int zone) const {
     return lit[lit.size() == 1 ? 0 : static_cast<std::size_t>(zone)];
@@ -562,12 +566,12 @@ std::vector<const KnownBounces::Element*> KnownBounces::middle_for(const Ends& e
   return chosen;
 }
 
-/// Light of all zones by path, to be summed once and twice.
+/// Light of all zones by path, in rows that are summed once or twice.
 struct KnownBounces::TimeRows {
-  /// Cells a bin, by judgement: what bounces on is smooth over several bins.
+  /// Cells per bin, by judgement: light that bounces on is smooth over several bins.
   static constexpr int kPerBin = 2;
-  /// Cells before path zero and after the end of the axis, for ends of pulses half a cell early,
-  /// and by judgement some more.
+  /// Cells before path zero and after the end of the axis. Pulse ends that lie half a cell early
+  /// need them; by judgement there are some more.
   static constexpr std::size_t kMargin = 8;
 
   Axis axis;
@@ -581,12 +585,12 @@ struct KnownBounces::TimeRows {
         once(sensor.zones.size() * stride, 0.0),
         twice(once) {}
 
-  /// Path of zero length.
+  /// A zone's row, from the cell of path length zero.
   double* once_of(int zone) { return once.data() + zone * static_cast<long>(stride) + kMargin; }
   double* twice_of(int zone) { return twice.data() + zone * static_cast<long>(stride) + kMargin; }
 };
 
-/// Source, p, r, detector.
+/// Paths from the source over lit patch p and seen patch r to the detector.
 void KnownBounces::add_two(const Ends& ends, const std::vector<std::vector<std::size_t>>& blocks,
                            const std::vector<OccluderFace>& blockers, std::size_t part,
                            TimeRows& rows) const {
@@ -618,11 +622,11 @@ void KnownBounces::add_two(const Ends& ends, const std::vector<std::vector<std::
 
 namespace {
 
-/// What a cell gathers, by path.
+/// Light that a cell gathers, by path.
 struct Gathered {
   std::vector<double> row;
   std::size_t first = 0, last = 0;  // lit cells of the row
-  Vector3d arrives;                 // mean direction to where it came from
+  Vector3d arrives;                 // mean direction to the patches that the light came from
 
   void gather(const KnownLegs& in, const Axis& axis, double margin) {
     double early = std::numeric_limits<double>::infinity(), late = 0, all = 0;
@@ -650,7 +654,7 @@ struct Gathered {
 
 }  // namespace
 
-/// Source, p, cell, r, detector.
+/// Paths from the source over lit patch p, a middle cell and seen patch r to the detector.
 void KnownBounces::add_three(const Ends& ends, const std::vector<const Element*>& all_middle,
                              const std::vector<OccluderFace>& bodies, std::size_t part,
                              TimeRows& rows) const {
@@ -669,7 +673,7 @@ void KnownBounces::add_three(const Ends& ends, const std::vector<const Element*>
     const ShadowView shadows = bodies.empty() ? middle.shadows : ShadowView(blockers, cell.center);
     out.find(cell, shadows, seen);
     int gathered = -1;  // zone
-    // Patches of a zone whose paths adjoin leave together, as one that is as wide as all of them.
+    // Patches of a zone whose paths adjoin are merged into one that is as wide as all of them.
     struct Run {
       int zone = -1;
       double weight = 0, length = 0, square = 0, half2 = 0;  // sums over patches, weighted
@@ -681,7 +685,8 @@ void KnownBounces::add_three(const Ends& ends, const std::vector<const Element*>
       const double half2 =
           std::max(run.square / run.weight - length * length, 0.0) * 3 + run.half2 / run.weight;
       const double width = std::max(2 * axis.cells_per_metre * std::sqrt(half2), 1.0);
-      // Delayed by the way out and spread evenly: the ends of a sum, half a cell early as above.
+      // The light is delayed by the way out and spread evenly. A sum's ends are deposited, half a
+      // cell early as above.
       const double at =
           length * axis.cells_per_metre + 0.5 + static_cast<double>(light.first) - kMargin;
       const double weight = middle.scattered * run.weight / width;
@@ -825,7 +830,8 @@ const KnownBounces* StaticBackgroundModel::finer_bounces() const {
     if (!bounces_.any() || !own.relay_points.empty()) return;
     const RelaySetup setup(scene_, own);
     for (const double density : kBrightDensities) {
-      // Patches and cells become that many along either edge: at least so many times the legs.
+      // Patches and cells become `density` times as many along either edge, so that legs become at
+      // least density^2 times as many.
       if (static_cast<double>(bounces_.legs(setup)) * std::pow(density, 2) > kBrightLegs) continue;
       auto finer = std::make_unique<KnownBounces>(scene_, denser(sampling_, density));
       if (finer->legs(setup) > kBrightLegs) continue;
@@ -882,7 +888,7 @@ HistogramCube StaticBackgroundModel::bounces_behind(const RelaySetup& setup,
 
 StaticBackgroundModel::Own StaticBackgroundModel::measured_direct(bool fine) const {
   const SensorPlacement own = sensor_placement(scene_);
-  if (!own.relay_points.empty()) return {};  // they come with captures
+  if (!own.relay_points.empty()) return {};  // relay points come with captures
   const RelaySetup setup(scene_, own);
   const HistogramCube light = setup.direct_return(pulses_, fine ? kFineCells : kDirectCells);
   const HistogramCube better = setup.direct_return(pulses_, fine ? kBetterThanFine : kBetterCells);
@@ -898,7 +904,7 @@ StaticBackgroundModel::Own StaticBackgroundModel::measured_bounces(Sampling samp
   const KnownBounces& bounces = bounces_of(sampling);
   const KnownBounces& below = &bounces == &bounces_ ? coarser_bounces() : bounces_;
   const std::size_t legs = bounces.legs(setup), legs_below = below.legs(setup);
-  if (legs == 0 || legs_below == 0) return {};  // the sensor sees none of what faces each other
+  if (legs == 0 || legs_below == 0) return {};  // the sensor sees no surfaces that face each other
   bounces.add(setup, pulses_, light);
   below.add(setup, pulses_, coarser);
   const double times = static_cast<double>(legs) / static_cast<double>(legs_below);
