@@ -62,7 +62,7 @@ class Sampler {
         rotation_(rotation),
         sampling_(sampling) {}
 
-  /// `parent`: a whole cell that this one is a half of, and whose surface it sees.
+  /// `parent`: the whole cell of which this cell is a half. Both see the same surface.
   void sample(const Cell& cell, int splits, int edges, const RelayPatch* parent = nullptr) {
     RelayPatch patch;
     const Trace trace = parent != nullptr ? inherit(cell, *parent, patch) : look(cell, patch);
@@ -102,7 +102,8 @@ class Sampler {
  private:
   enum class Trace { nothing, mixed, whole };
 
-  /// Samples the halves of a cell where `patch`, all or a part of what it sees, asks for that.
+  /// Samples the halves of a cell if `split` asks for it and returns whether it does. `patch` is
+  /// all or a part of the surface that the cell sees.
   bool divide(const Cell& cell, const RelayPatch& patch, int splits, int edges,
               const RelayPatch* whole) {
     if (splits >= sampling_.split_depth || !sampling_.split) return false;
@@ -114,7 +115,7 @@ class Sampler {
     return true;
   }
 
-  /// A cell as so many points along both edges.
+  /// Represents a cell by nu and nv points along its edges.
   void represent(const Cell& cell, RelayPatch& patch, int nu, int nv) {
     patch.group = group_++;
     if (nu * nv > 1) {
@@ -136,7 +137,7 @@ class Sampler {
     return places;
   }
 
-  /// Nodes with the solid angle shared by its density.
+  /// Adds Gauss nodes. The density of the solid angle decides each node's share of it.
   void add_nodes(const Cell& cell, const RelayPatch& whole, const std::vector<QuadraturePoint>& us,
                  const std::vector<QuadraturePoint>& vs) {
     const double uc = 0.5 * (cell.u0 + cell.u1), hu = 0.5 * (cell.u1 - cell.u0);
@@ -155,7 +156,7 @@ class Sampler {
         total += node.solid_angle;
         patches.push_back(node);
         if (!sampling_.node_extents) continue;
-        // Its part of the cell, as a parallelogram through the middles of the part's edges.
+        // The node's part of the cell, as a parallelogram through the middles of the part's edges.
         const double um = uc + 0.5 * (pu.begin + pu.end) * hu;
         const double vm = vc + 0.5 * (pv.begin + pv.end) * hv;
         const Vector3d left = meet(cell, uc + pu.begin * hu, vm, whole);
@@ -172,7 +173,7 @@ class Sampler {
     }
   }
 
-  /// Fills the patch of a whole cell; `mixed` when its corners do not see what its centre does.
+  /// Fills the patch of a whole cell. Returns `mixed` when centre and corners see different things.
   Trace look(const Cell& cell, RelayPatch& patch) const {
     const double uc = 0.5 * (cell.u0 + cell.u1);
     const double vc = 0.5 * (cell.v0 + cell.v1);
@@ -181,8 +182,8 @@ class Sampler {
       if (hit) fill(cell, *hit, patch);
       return hit ? Trace::whole : Trace::nothing;
     }
-    // Corners a hair inside, so that a field that ends on a surface's edge is not mixed. A border
-    // nearer to a cell's edge than that is overlooked.
+    // The corner rays start slightly inside, so that a field that ends on a surface's edge is not
+    // mixed. A border nearer to a cell's edge than this inset is overlooked.
     constexpr double kInset = 1e-3;
     const std::array<double, 2> us = {cell.u0 + kInset * (cell.u1 - cell.u0),
                                       cell.u1 - kInset * (cell.u1 - cell.u0)};
@@ -205,7 +206,7 @@ class Sampler {
     return Trace::whole;
   }
 
-  /// The patch of a cell that sees the plane of another.
+  /// Fills the patch of a cell that sees the same plane as its parent.
   Trace inherit(const Cell& cell, const RelayPatch& parent, RelayPatch& patch) const {
     patch = parent;
     const double uc = 0.5 * (cell.u0 + cell.u1);
@@ -217,13 +218,13 @@ class Sampler {
     return Trace::whole;
   }
 
-  /// The whole cell as a patch of what its centre sees.
+  /// Fills the patch of a whole cell with the surface that its centre sees.
   void fill(const Cell& cell, const RayHit& hit, RelayPatch& patch) const {
     patch = patch_at(hit);
     fill(cell, patch);
   }
 
-  /// Extent and solid angle of a cell whose centre is known.
+  /// Fills in extent and solid angle of a cell whose centre is known.
   void fill(const Cell& cell, RelayPatch& patch) const {
     const double uc = 0.5 * (cell.u0 + cell.u1);
     const double vc = 0.5 * (cell.v0 + cell.v1);
@@ -245,8 +246,9 @@ class Sampler {
     return patch;
   }
 
-  /// A mixed cell as a patch for each flat surface in it, with its share of the cell and of the
-  /// cell's edges, by rays along a lattice that has a column and a row for each ray.
+  /// Divides a mixed cell into one patch for each flat surface in it. Each patch has its share of
+  /// the cell and of the cell's edges. The shares are found by rays on a lattice that has a column
+  /// and a row for each ray.
   std::vector<RelayPatch> parts_of(const Cell& cell) const {
     const int rays = sampling_.edge_rays;
     const int turn = static_cast<int>(std::lround(rays * (std::sqrt(5.0) - 1) / 2));  // Fibonacci
@@ -281,7 +283,7 @@ class Sampler {
       RelayPatch& patch = part.patch;
       patch.whole = false;
       patch.solid_angle = cell.solid_angle() * part.weight / all;
-      // Even light of the same mean and variance along both edges; one ray stands for its own row.
+      // Even light of the same mean and variance along both edges. One ray stands for its own row.
       const auto side = [&](double from, double to, double sum, double squares) {
         const double mean = sum / part.weight;
         const double own = 1.0 / (12 * rays * rays);
@@ -291,7 +293,7 @@ class Sampler {
       };
       const auto us = side(cell.u0, cell.u1, part.u, part.uu);
       const auto vs = side(cell.v0, cell.v1, part.v, part.vv);
-      const RelayPatch at = patch;  // whose plane it is
+      const RelayPatch at = patch;  // gives the plane
       patch.center = meet(cell, us[1], vs[1], at);
       patch.area_center = patch.center;
       patch.distance = (patch.center - origin_).norm();
@@ -309,8 +311,8 @@ class Sampler {
     return geometry_of(surfaces_[static_cast<std::size_t>(hit.surface)].shape)->two_sided();
   }
 
-  /// Where a direction of the cell meets the patch's plane, at most four times as far off as the
-  /// patch; one that misses the plane keeps the patch's distance.
+  /// Point where a direction of the cell meets the patch's plane, at most four times as far away as
+  /// the patch. A direction that misses the plane keeps the patch's distance.
   Vector3d meet(const Cell& cell, double u, double v, const RelayPatch& patch) const {
     const Vector3d d = world(cell, u, v);
     const double rate = d.dot(patch.normal);
@@ -379,7 +381,8 @@ std::vector<RelayPatch> sample_region(const RayScene& rays, const std::vector<Su
       }
     }
   } else {
-    // Rings of equal width with 6 (2 ring + 1) sectors: cells of equal size and nearly square.
+    // Rings of equal width with 3 (2 ring + 1) sectors: cells of equal size and nearly square. A
+    // single ring has four sectors.
     const double half = std::get<AngularCone>(region).half_angle;
     for (int ring = 0; ring < n; ++ring) {
       const int sectors = n == 1 ? 4 : 3 * (2 * ring + 1);

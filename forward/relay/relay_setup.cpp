@@ -17,37 +17,38 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Largest distance of a given relay point from the relay surface that it is taken to lie on, m.
+/// Largest distance of a given relay point from the relay surface to which it is assigned, m.
 constexpr double kRelayPointTolerance = 0.5;
 
-/// Cells along a side of a zone where the field ends in it, and points along each side of these
-/// that tell how much of one is lit. The reference floor's light is then within 9e-5 (L2) of that
-/// of cells a quarter as large.
+/// Number of cells along a side of a zone in which the field ends, and number of points along each
+/// side of such a cell that measure its lit share. The reference floor's light is then within 9e-5
+/// (L2) of that of cells a quarter as large.
 constexpr int kRimDivisions = 64;
 constexpr int kRimPoints = 4;
 
-/// Rays to a cell over a border of surfaces. On the crossing, {4, 0.3, 5} with these errs as little
-/// as with 34 and takes three quarters of the time.
+/// Rays to a cell over a border of surfaces. On the crossing, {4, 0.3, 5} errs as little with these
+/// as with 34 rays and takes three quarters of the time.
 constexpr int kDirectEdgeRays = 13;
 
-/// Spreads that two, three, ... Gauss nodes stand for as well as two stand for one: a node more
-/// takes half as much work as a cell halved (street: the same error in 0.45 of the time).
+/// Spreads that two, three, ... Gauss nodes represent as well as two nodes represent a spread of
+/// one. One more node takes half as much work as halving the cell (street: the same error in 0.45
+/// of the time).
 constexpr std::array<double, 4> kDirectReach = {1, 1.7, 2.4, 3};
 
-/// Nodes for a spread.
+/// Number of nodes for a spread.
 int direct_nodes(double spread) {
   const auto reach = std::ranges::lower_bound(kDirectReach, spread);
   const auto most = static_cast<int>(kDirectReach.size()) - 1;
   return 2 + std::min(static_cast<int>(reach - kDirectReach.begin()), most);
 }
 
-/// Whether the field lights all directions of a zone, seen from the same point.
+/// Whether the field lights all directions of a zone, if both have the same apex.
 bool lies_within(const AngularRectangle& zone, const FieldOfIllumination& field) {
   if (const auto* r = std::get_if<AngularRectangle>(&field)) {
     return zone.left >= r->left && zone.right <= r->right && zone.top >= r->top &&
            zone.bottom <= r->bottom;
   }
-  // Convex: the corners tell.
+  // The field is convex, so that the corners decide.
   for (const double right : {zone.left, zone.right}) {
     for (const double down : {zone.top, zone.bottom}) {
       if (!contains(field, direction_from_tangents(std::tan(right), std::tan(down)))) return false;
@@ -63,12 +64,12 @@ std::vector<Surface> only_occluders(const std::vector<Surface>& surfaces) {
   return chosen;
 }
 
-/// Directions of a zone that is no relay point.
+/// Directions of a zone that is not a relay point.
 const AngularRectangle& footprint(const Sensor& sensor, int zone) {
   return std::get<AngularRectangle>(sensor.zones[static_cast<std::size_t>(zone)].footprint);
 }
 
-/// Words for a capture's sensor pose that stands in the place of the scene's; empty: it does not.
+/// Text on a capture's sensor pose that replaces the scene's pose; empty if none does.
 std::string pose_of_its_own(const Scene& scene, const SensorPlacement& placement) {
   const Transform& T = placement.T_world_sensor;
   if (T.isApprox(scene.T_world_sensor, 1e-9)) return "";
@@ -118,7 +119,7 @@ void check_relay_visible(const Scene& scene) {
     throw measured_law_without_points(scene);
   }
   const auto stated = [](const Vector3d& point) { return point.allFinite(); };
-  if (points && !std::ranges::any_of(placement.relay_points, stated)) return;  // captures say
+  if (points && !std::ranges::any_of(placement.relay_points, stated)) return;  // in captures
   RelaySetup(scene, placement).relay_points();
 }
 
@@ -214,7 +215,7 @@ std::vector<WeightedPatch> RelaySetup::lit(const RelaySampling& sampling, bool r
   std::vector<WeightedPatch> patches;
   if (uses_points()) {
     for (int z = 0; z < scene_.sensor.zone_count(); ++z) {
-      // A zone whose detector is dead still marks a spot that is lit.
+      // A zone with a dead detector still marks a lit spot.
       if (!placement_.relay_points[static_cast<std::size_t>(z)].allFinite()) continue;
       patches.push_back(point_patch(z));
       patches.back().patch.group = z;
@@ -323,8 +324,8 @@ HistogramCube RelaySetup::direct_return(const PulseTable& pulses,
   sampling.edge_depth = cells.edge_depth;
   sampling.edge_rays = kDirectEdgeRays;
   sampling.halves_inherit = true;
-  // Paths between neighbouring nodes must lie well within the pulse, or a grazing floor becomes a
-  // comb.
+  // The path difference between neighbouring nodes must lie well within the pulse. Otherwise the
+  // light of a grazing floor becomes a comb.
   const double most = cells.spread * kSpeedOfLight *
                       std::hypot(sensor.response.core_sigma(), sensor.bin_width / std::sqrt(12.0));
   const double bins_per_metre = 1 / (kSpeedOfLight * sensor.bin_width);
@@ -337,7 +338,7 @@ HistogramCube RelaySetup::direct_return(const PulseTable& pulses,
     const auto& footprint = std::get<AngularRectangle>(zone.footprint);
     const bool lights_all = lies_within(footprint, field);
     const double rim = (footprint.right - footprint.left) / kRimDivisions;
-    // Spread of the path along either edge, in units of what two nodes may stand for.
+    // Spread of the path along either edge, in units of the spread that two nodes may represent.
     const auto spreads = [&](const RelayPatch& patch) {
       const Vector3d gradient = 2 * (patch.center - detector_) / patch.distance;
       return std::array{std::abs(gradient.dot(patch.half_u)) / (std::sqrt(3.0) * most),
@@ -348,12 +349,12 @@ HistogramCube RelaySetup::direct_return(const PulseTable& pulses,
       const auto [u, v] = spreads(patch);
       return std::array{direct_nodes(u), direct_nodes(v)};
     };
-    own.node_extents = !lights_all;  // where the field's rim is asked for
+    own.node_extents = !lights_all;  // needed to test the field's rim
     own.split = [&](const RelayPatch& patch) {
       const auto [u, v] = spreads(patch);
       if (std::max(u, v) > kDirectReach.back()) return u >= v ? 1 : 2;
       if (lights_all) return 0;
-      // The field's rim is a step.
+      // The light steps at the field's rim, so that cells on it are halved.
       const double wide = patch.half_u.norm(), high = patch.half_v.norm();
       if (2 * std::max(wide, high) <= rim * patch.distance || !on_rim(patch, field)) return 0;
       return wide >= high ? 1 : 2;
