@@ -36,12 +36,12 @@ namespace blindcorner {
 namespace {
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-/// Tolerance of the exhaustive search's model: finer than any that the fit of a capture asks for,
-/// or what is missed would be the judge's own error.
+/// Tolerance of the exhaustive search's model. It is finer than any tolerance that the fit of a
+/// capture asks for; otherwise a missed optimum could be the judge's own error.
 constexpr double kJudge = 0.02;
-/// Times that a fresh fitter's first answer is measured.
+/// Number of times that a fresh fitter's first answer is measured.
 constexpr int kFirstAnswers = 3;
-/// In the endurance run, every so many frames one is also fitted without a prediction.
+/// In the endurance run, one in this many frames is also fitted without a prediction.
 constexpr std::size_t kFitEvery = 10;
 constexpr std::size_t kMemorySamples = 200;
 constexpr std::size_t kMemoryLines = 10;
@@ -60,9 +60,9 @@ struct MovingArguments : StudyArguments {
   ExhaustiveOptions exhaustive;
 };
 
-/// What became of one frame; times in ms, errors in m, NaN: not measured.
+/// Results of one frame: times in ms, errors in m; NaN: not measured.
 struct Frame {
-  bool starts = false;  ///< of a new object: there is nothing to predict from
+  bool starts = false;  ///< first frame of a new object, without a prediction
   std::string error;
   double fit_ms = kNone, fit_error = kNone;
   double tracked_ms = kNone, tracked_error = kNone;
@@ -70,7 +70,7 @@ struct Frame {
   double memory = 0;  ///< MB, resident after the frame's fit
 };
 
-/// Memory along an endurance run; at the end of each tenth also its times.
+/// Memory along an endurance run. At the end of each tenth it also has the times of that tenth.
 struct Endurance {
   int frames = 0;
   double resident = 0, peak = 0;              ///< MB
@@ -104,7 +104,7 @@ std::vector<Transform> wanted_path(const MovingArguments& arguments, const Scene
   return sensor_path(through, arguments.frames + 1);
 }
 
-/// The capture of a fresh fitter's first answer, then those of the frames.
+/// Renders the capture for a fresh fitter's first answer, then the captures of the frames.
 std::vector<Capture> render(const MovingArguments& arguments, const Scene& scene) {
   const std::vector<Transform> path = wanted_path(arguments, scene);
   std::vector<Scene> seen;
@@ -145,7 +145,7 @@ std::vector<Capture> captures_of(const MovingArguments& arguments, const Scene& 
                         static_cast<std::size_t>(arguments.frames) + 1);
 }
 
-/// Scene read, fitter made, capture fitted: each time as a new process would.
+/// Reads the scene, makes a fitter and fits the capture each time, as a new process would.
 std::vector<double> first_answers(const MovingArguments& arguments, const std::string& path,
                                   const Capture& capture) {
   std::vector<double> times;
@@ -157,7 +157,7 @@ std::vector<double> first_answers(const MovingArguments& arguments, const std::s
   return times;
 }
 
-/// Every frame by itself, one after the other.
+/// Fits every frame by itself, one after the other.
 std::vector<FitResult> fit_frames(const Fitter& fitter, std::span<const Capture> captures,
                                   Run& run) {
   std::vector<FitResult> results(captures.size());
@@ -169,7 +169,7 @@ std::vector<FitResult> fit_frames(const Fitter& fitter, std::span<const Capture>
       results[i] = fitter.fit(captures[i]);
       frame.fit_ms = milliseconds_since(start);
       frame.fit_error = position_error(fitter.scene(), results[i]);
-      results[i].histograms.clear();  // the figures are of the fit's own memory
+      results[i].histograms.clear();  // the memory figures count the fit alone
     } catch (const std::exception& error) {
       frame.error = error.what();
     }
@@ -198,7 +198,7 @@ void track_frames(const Fitter& fitter, const Motion& motion, std::span<const Ca
   }
 }
 
-/// Every so many frames against an exhaustive search at the sensor's pose.
+/// Compares every n-th frame with an exhaustive search at the sensor's pose.
 void search_frames(const MovingArguments& arguments, const Scene& scene,
                    std::span<const Capture> captures, const std::vector<FitResult>& results,
                    Run& run) {
@@ -217,13 +217,13 @@ void search_frames(const MovingArguments& arguments, const Scene& scene,
   }
 }
 
-/// Many more sensor poses along the same path, none of them met before. The light is that of the
-/// nearest frame: this run measures memory and time, not accuracy.
+/// Runs many more sensor poses along the same path, none of which the fitter has met before. Each
+/// takes the light of the nearest frame: this run measures memory and time, not accuracy.
 void endure(const MovingArguments& arguments, const Fitter& fitter, const Motion& motion,
             std::span<const Capture> captures, Run& run) {
   if (arguments.endurance == 0) return;
   const auto count = static_cast<std::size_t>(arguments.endurance);
-  // Both ends have been met.
+  // The fitter has met both ends of the path; they are left out.
   const std::vector<Transform> path = sensor_path(run.sensors, arguments.endurance + 2);
   Progress progress(run.scene + ": endurance", count);
   std::optional<Tracker> tracker;
@@ -283,7 +283,7 @@ Run measure(const MovingArguments& arguments, const std::string& path) {
   std::vector<FitResult> results;
   {
     const Fitter fitter(scene, arguments.fit);
-    fitter.fit(all.front());  // what is done once for a scene is the first answer's
+    fitter.fit(all.front());  // work done once for a scene counts to the first answer
     results = fit_frames(fitter, captures, run);
   }
   {
@@ -306,7 +306,7 @@ std::vector<double> values_of(const Run& run, double Frame::*member, bool follow
   return values;
 }
 
-/// A quantile of what was measured; NaN: nothing was.
+/// A quantile of the measured values; NaN if there are none.
 double quantile_or_none(const std::vector<double>& values, double share) {
   return values.empty() ? kNone : quantile(values, share);
 }
@@ -318,7 +318,7 @@ TableRow row_of(const Run& run) {
   const std::vector<double> tracks = values_of(run, &Frame::tracked_ms, true);
   const std::vector<double> missed = values_of(run, &Frame::missed);
   const auto reached = std::ranges::count_if(missed, [](double m) { return m <= kReached; });
-  // Errors beside the exhaustive search's are those of the same frames.
+  // Fit errors beside those of the exhaustive search come from the same frames.
   std::vector<double> fit_errors;
   for (const Frame& frame : run.frames) {
     if (missed.empty() ? !std::isnan(frame.fit_error) : !std::isnan(frame.missed)) {

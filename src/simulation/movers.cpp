@@ -16,12 +16,12 @@ namespace {
 
 using Eigen::Vector2d;
 
-/// Root mean square speed from which an object may move, m/s: who stands sways by less.
+/// Root mean square speed above which an object moves, m/s. A standing person sways by less.
 constexpr double kMoves = 0.5;
-/// Least side of a body, m: discs need one.
+/// Least side of a body, m: the discs need a side above zero.
 constexpr double kThinnest = 0.05;
 
-/// Discs of an object's bounding rectangle, along its longer side, and the turn to that side.
+/// Discs of an object's bounding rectangle along its longer side, and the turn to that side (rad).
 std::pair<VehicleFootprint, double> body_of(const GroundObject& object, double size) {
   Eigen::AlignedBox2d box;
   for (const Vector2d& corner : object.outline) box.extend(Vector2d(size * corner));
@@ -32,13 +32,13 @@ std::pair<VehicleFootprint, double> body_of(const GroundObject& object, double s
   return {VehicleFootprint::rectangle(sides.y(), sides.x(), middle.y()), kPi / 2};
 }
 
-/// Whether nothing is known of an object's place but the prior.
+/// Whether nothing but the prior is known of an object's x or y.
 bool is_anywhere(const PoseMode& mode, const GroundObject& object) {
   return std::ranges::any_of(mode.undetermined,
                              [&](int u) { return u == object.x || u == object.y; });
 }
 
-/// Value of an unknown of a mode, or what is known.
+/// Value of an unknown of a mode, or the known value where there is no unknown.
 double value_of(const PoseMode& mode, int unknown, double known) {
   return unknown >= 0 ? mode.pose[unknown] : known;
 }
@@ -55,7 +55,7 @@ class ObjectVelocity {
   Vector2d mean() const {
     return {value(velocity_.mean, object_.x), value(velocity_.mean, object_.y)};
   }
-  /// Of x and y; zero for what is known.
+  /// The matrix's block of x and y; zero for known components.
   Eigen::Matrix2d block(const Eigen::MatrixXd& matrix) const {
     Eigen::Matrix2d block = Eigen::Matrix2d::Zero();
     const int at[] = {object_.x, object_.y};
@@ -81,9 +81,9 @@ StandingAndMoving split_by_motion(const Scene& scene, const Motion& motion,
                                   const HiddenAnswer& answer) {
   StandingAndMoving split{answer, {}};
   const std::vector<PoseVelocity>& velocities = answer.velocities;
-  if (velocities.size() != answer.mixture.modes.size()) return split;  // nothing known to move
-  // The vehicle does not brake for somebody whom nobody has perceived: the prior says that somebody
-  // may be there, with any velocity, in every frame and to every perception.
+  if (velocities.size() != answer.mixture.modes.size()) return split;  // nothing is known to move
+  // The vehicle does not brake for a person whom nobody has perceived. The prior alone says that
+  // somebody may be there, with any velocity, in every frame and to every perception.
   const double presence = answer.mixture.presence_probability;
   const double prior = scene.presence_prior;
   if (!(presence > prior)) return split;

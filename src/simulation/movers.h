@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Of what is known of hidden objects, what stands and what moves.
+/// Splits an answer on hidden objects into standing and moving ones.
 #pragma once
 
 #include <vector>
@@ -12,18 +12,18 @@
 
 namespace blindcorner {
 
-/// An answer in two parts: a map holds what stands, traffic what moves, and each object of each
-/// mode is in one of them.
+/// An answer in two parts. A map holds the standing objects, and the traffic holds the moving ones.
+/// Each object of each mode is in one of the two.
 struct StandingAndMoving {
   HiddenAnswer standing;      ///< the answer, without the objects that move
   std::vector<Mover> moving;  ///< at the time of the answer plus its age
 };
 
-/// An object moves where the root mean square of its speed is above half a metre a second: also one
-/// whose velocity nobody knows yet, if the scene's motion lets it be fast. A mover's probability is
-/// that of its mode, times what the answer adds to the scene's prior of presence as a share of the
-/// doubt that the prior leaves; without any, the object stays where it is in the answer. `scene`:
-/// as the map has it (shapes).
+/// An object moves if the root mean square of its speed is above half a metre a second. An object
+/// of still unknown velocity also moves, if the scene's motion lets it be fast. A mover's
+/// probability is that of its mode times a factor: the presence that the answer adds to the scene's
+/// prior, as a share of the doubt that the prior leaves. If the answer adds none, the object stays
+/// in the standing part. `scene` is the map's (shapes).
 StandingAndMoving split_by_motion(const Scene& scene, const Motion& motion,
                                   const HiddenAnswer& answer);
 

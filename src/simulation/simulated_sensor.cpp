@@ -21,27 +21,27 @@
 namespace blindcorner {
 namespace {
 
-/// Sampling of light by way of a retroreflective object, between the steps of the fit's sampling
-/// densities, which are powers of the square root of two, so that no point is shared. One sum over
-/// the relay; where the lobe spreads paths by more than kWideLobe of the pulse, one sum is off by
-/// itself, and pairs of patches take its place.
+/// Sampling of three-bounce light by way of a retroreflective object. The fit's sampling densities
+/// are powers of the square root of two; these lie between them, so that no point is shared. The
+/// narrow lobe takes one sum over the relay. Where the lobe spreads paths by more than kWideLobe of
+/// the pulse, one sum has an error of its own, and pairs of patches replace it.
 constexpr SamplingStep kNarrowLobeSampling{0.85, 0.85, false};
 constexpr SamplingStep kWideLobeSampling{2.4, 4.8, true};
 constexpr double kWideLobe = 0.5;
-/// Coarser points of the object. The first that err by less than kObjectError (L2, against
-/// kWideLobeSampling's) at relay patches of kCoarseRelay will do: beside a wide lobe the object may
-/// be small. On the crossing cyclist 13.5 takes 1.1 s a render and kWideLobeSampling's 9.9 s; with
-/// either, the relay's patches make an error of 2.5 %.
+/// Coarser points of the object, because the object may be small beside a wide lobe. The first step
+/// that errs by less than kObjectError (L2, against kWideLobeSampling's) is taken; it is tested
+/// with relay patches of kCoarseRelay. On the crossing cyclist a render takes 1.1 s with 13.5
+/// and 9.9 s with kWideLobeSampling's step. In both, the relay's patches err by 2.5 %.
 constexpr std::array kObjectSteps{13.5, 9.5, 6.7};
 constexpr double kCoarseRelay = 8;
 constexpr double kObjectError = 0.005;
 constexpr std::size_t kObjectPoses = 4;  // by judgement
-/// Of other materials: the error at which a sampling is chosen, a share of the light's peak, and
-/// how much coarser than the fit's step it then is.
+/// For other materials: the error at which a sampling is chosen, as a share of the light's peak,
+/// and the factor by which its step is then made finer than the fit's.
 constexpr double kTolerance = 0.01;
 constexpr double kBetweenSteps = 0.85;
-/// Cells of the direct return and of the later static bounces; the fit's are {4, 0.3, 5} and the
-/// defaults.
+/// Cells of the direct return and of the further static bounces. The fit uses {4, 0.3, 5} and the
+/// default sampling.
 constexpr DirectSampling kDirectCells{5, 0.27, 6};
 constexpr StaticLightSampling kBounceCells{.zone_divisions = 1,
                                            .outer_divisions = 2,
@@ -62,7 +62,7 @@ bool holds_static_background(const Scene& scene) {
 
 HistogramCube dark(const Sensor& sensor) { return {sensor.rows, sensor.columns, sensor.bins}; }
 
-/// Whether the sensor lights and sees some of the relay.
+/// Whether the sensor lights and sees a part of the relay.
 bool sees_relay(const Scene& scene, const Transform& T_world_sensor) {
   Scene moved = scene;
   moved.T_world_sensor = T_world_sensor;
@@ -74,8 +74,9 @@ bool sees_relay(const Scene& scene, const Transform& T_world_sensor) {
   return true;
 }
 
-/// Whether the lobe's footprint on the relay is wide against the pulse, with the object in the
-/// middle of its search region and the relay where the scene's own sensor looks.
+/// Whether the lobe's footprint on the relay is wide relative to the pulse. The object is taken to
+/// be at its placement in the scene (by default the middle of its search region), and the relay
+/// where the scene's own sensor looks.
 bool wide_lobe(const Scene& scene, const RetroreflectiveMaterial& retro) {
   const auto hit =
       RayScene(scene.surfaces)
@@ -86,7 +87,7 @@ bool wide_lobe(const Scene& scene, const RetroreflectiveMaterial& retro) {
   return retro.lobe_sigma * distance > kWideLobe * pulse;
 }
 
-/// Relative error (L2) of some poses' light against a better one; 1 where there is none.
+/// Relative error (L2) of the light of several poses against `better`; 1 where `better` is dark.
 double relative_error(const std::vector<HistogramCube>& light,
                       const std::vector<HistogramCube>& better) {
   double error = 0, size = 0;
@@ -99,7 +100,7 @@ double relative_error(const std::vector<HistogramCube>& light,
   return size > 0 ? std::sqrt(error / size) : 1;
 }
 
-/// The coarsest points of an object beside a wide lobe that are fine enough.
+/// The coarsest object step that is fine enough beside a wide lobe.
 double object_step(const std::shared_ptr<const SceneTransport>& transport) {
   const auto& all = transport->probe_poses;
   const std::vector<PoseVector> poses(
@@ -146,7 +147,7 @@ struct SimulatedSensor::Impl {
     fast.sampling_step->object *= kBetweenSteps;
   }
 
-  /// Null where no relay surface is in view: there is no light by way of the object.
+  /// Null where no relay surface is in view; there is then no light by way of the object.
   std::unique_ptr<ForwardModel> model(const Transform& T_world_sensor) const {
     if (!sees_relay(scene, T_world_sensor)) return nullptr;
     return make_fast_model(transport, SensorPlacement{T_world_sensor, {}}, fast);
@@ -166,7 +167,7 @@ struct SimulatedSensor::Impl {
     return light;
   }
 
-  /// What the sensor makes of the light: photons, with the truth beside.
+  /// The sensor's capture of the light: photon counts, together with the truth.
   Capture capture_of(const SensedLight& expected, const Transform& T_world_sensor,
                      const std::optional<PoseVector>& pose, std::uint64_t seed,
                      int exposures) const;

@@ -24,11 +24,11 @@
 namespace blindcorner {
 namespace {
 
-/// Speeds and errors come from another sequence than what is drawn of the world.
+/// Speeds and errors come from another random sequence than the world's random values.
 constexpr std::uint64_t kSpeedSeed = 0xa0761d6478bd642f;
 /// Seeds of trials with injected errors begin this far from the others.
 constexpr std::uint64_t kErrorSeeds = 1'000'000;
-/// A body that a cell's border only touches is not in the cell: rounding, m.
+/// Tolerance for rounding, m: a body that only touches a cell's border is not in the cell.
 constexpr double kTouches = 1e-9;
 
 double drawn(std::mt19937_64& random, double lower, double upper) {
@@ -46,7 +46,7 @@ Trial drawn_trial(const DriveTrials& trials, int number, std::uint64_t seed) {
   return trial;
 }
 
-/// Where the scene lets the hidden objects be: x and y intervals, m, of all of them together.
+/// Whether a point (m) lies in the x and y intervals that the scene allows for any hidden object.
 bool in_search_region(const Scene& scene, const Eigen::Vector2d& at) {
   for (int object = 0; object < object_count(scene); ++object) {
     bool inside = true;
@@ -60,7 +60,7 @@ bool in_search_region(const Scene& scene, const Eigen::Vector2d& at) {
   return false;
 }
 
-/// Whether a body reaches into a cell, which is what the map's probability is of.
+/// Whether a body reaches into a cell. The map's probability is that of this event.
 bool occupied(const std::vector<Polygon>& bodies, const Eigen::Vector2d& center, double size) {
   const double half = size / 2 - kTouches;
   const Polygon cell{center + Eigen::Vector2d(-half, -half), center + Eigen::Vector2d(half, -half),
@@ -69,7 +69,7 @@ bool occupied(const std::vector<Polygon>& bodies, const Eigen::Vector2d& center,
                              [&](const Polygon& body) { return convex_distance(cell, body) <= 0; });
 }
 
-/// Of the last map before the hidden objects came in sight.
+/// Statements of the last map before the hidden objects came in sight.
 ReliabilityDiagram map_statements(const Drive& drive, std::uint64_t seed,
                                   const DriveResult& result) {
   ReliabilityDiagram map(kMapBins);
@@ -85,12 +85,12 @@ ReliabilityDiagram map_statements(const Drive& drive, std::uint64_t seed,
   return map;
 }
 
-/// The risk of decisions that the drive file names.
+/// The decision risk that the drive file names.
 double own_risk(const Drive& drive) {
   return drive.speed_mode == SpeedMode::safe ? drive.risk : drive.traffic_risk;
 }
 
-/// For something that is no curve, m/s^2.
+/// Hardest braking for anything but a curve, m/s^2.
 double hardest_braking(const DriveResult& result) {
   double hardest = 0;
   for (const DriveFrame& frame : result.frames) {
@@ -101,7 +101,7 @@ double hardest_braking(const DriveResult& result) {
   return hardest;
 }
 
-/// Place in the list of perceptions.
+/// Position in the list of perceptions.
 std::ptrdiff_t rank(const std::string& perception) {
   static const std::vector<std::string> names = perception_names();
   return std::ranges::find(names, perception) - names.begin();
@@ -140,7 +140,7 @@ std::vector<Trial> plan_trials(const Drive& drive, const TrialsOptions& options)
     }
   }
   for (int i = 0; i < options.error_trials; ++i) {
-    // A bin's trials go through all speed zones, so that errors and speeds are not mixed up.
+    // A bin's trials go through all speed zones, so that errors and speeds are not confounded.
     const int bin = i % kErrorBins;
     Trial trial = drawn_trial(drive.trials, i / kErrorBins, options.seed);
     trial.seed = options.seed + kErrorSeeds + static_cast<std::uint64_t>(i);
@@ -219,7 +219,7 @@ void run_trials(const std::vector<Trial>& trials, int threads, const TrialRun& r
   std::mutex mutex;
   std::exception_ptr failure;
   const auto work = [&] {
-    // A drive by itself in each thread: two drives side by side waste less than one on two cores.
+    // Each thread runs a drive by itself: two drives side by side waste less than one on two cores.
     tbb::task_arena arena(1);
     for (std::size_t i = next++; i < trials.size(); i = next++) {
       try {

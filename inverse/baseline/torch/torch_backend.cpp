@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// The network by libtorch. This file is a shared library of its own (see cnn_backend.h) and the
-/// only one that includes libtorch's headers.
+/// The network, implemented with libtorch. This file is a shared library of its own (see
+/// cnn_backend.h) and the only file that includes libtorch's headers.
 #include <caffe2/serialize/inline_container.h>
 #include <torch/csrc/jit/serialization/pickler.h>
 #include <torch/torch.h>
@@ -21,24 +21,24 @@ namespace blindcorner {
 namespace {
 
 using torch::Tensor;
-/// What a file holds: tensors and one text by name.
+/// Contents of a file: tensors and one text, by name.
 using Entries = c10::Dict<c10::IValue, c10::IValue>;
 
 constexpr const char* kMetadata = "metadata";
 
-/// What is trained: a network and the loss of its outputs.
+/// A network to train and the loss of its outputs.
 class Network : public torch::nn::Module {
  public:
-  /// `histograms` [batch, zones, bins] and `sensors` [batch, 3] to [batch, outputs]. `random` drops
-  /// half of the second convolution's values; null: none are dropped.
+  /// Maps `histograms` [batch, zones, bins] and `sensors` [batch, 3] to [batch, outputs]. `random`
+  /// chooses half of the second convolution's values to drop; null: none are dropped.
   virtual Tensor forward(const Tensor& histograms, const Tensor& sensors,
                          std::mt19937_64* random) = 0;
-  /// Mean over the batch and the `targets` [batch, outputs].
+  /// Mean loss over the batch and the `targets` [batch, outputs].
   virtual Tensor loss(const Tensor& outputs, const Tensor& targets) const = 0;
 };
 
-/// Zeros and twos, equally likely. One random word makes 64 of them: libtorch's own dropout takes
-/// a quarter of a training step.
+/// A mask of zeros and twos, equally likely. One random word makes 64 of them: libtorch's own
+/// dropout takes a quarter of a training step.
 Tensor dropout_mask(at::IntArrayRef sizes, std::mt19937_64& random) {
   Tensor mask = torch::empty(sizes);
   auto* values = mask.data_ptr<float>();
@@ -53,7 +53,8 @@ Tensor dropout_mask(at::IntArrayRef sizes, std::mt19937_64& random) {
   return mask;
 }
 
-/// As a convolution of one step, which oneDNN computes faster than BLAS does the product.
+/// Computes the layer as a convolution of one step. oneDNN computes it faster than BLAS computes
+/// the product.
 Tensor dense(torch::nn::Linear& layer, const Tensor& x) {
   return torch::conv1d(x.unsqueeze(2), layer->weight.unsqueeze(2), layer->bias).squeeze(2);
 }
@@ -94,8 +95,8 @@ class PublishedNetwork : public Network {
   torch::nn::Linear output;
 };
 
-/// One of the ensemble. Its outputs are a mean and the logarithm of a variance for each target. Its
-/// widths are by judgement, four to eight times the published network's.
+/// One network of the ensemble. Its outputs are a mean and the logarithm of a variance for each
+/// target. Its widths are by judgement, four to eight times the published network's.
 class WideNetwork : public Network {
  public:
   explicit WideNetwork(const CnnShape& shape)
@@ -108,7 +109,7 @@ class WideNetwork : public Network {
         hidden(register_module("hidden", torch::nn::Linear(48 * steps(shape.bins) + 3, 64))),
         output(register_module("output", torch::nn::Linear(64, 2 * shape.outputs))) {}
 
-  /// Without dropout: variances learnt with it state errors that there are not when it is off.
+  /// Without dropout: variances learnt with dropout state errors that are absent when it is off.
   Tensor forward(const Tensor& histograms, const Tensor& sensors,
                  std::mt19937_64* /*random*/) override {
     Tensor x = torch::relu(norm1->forward(conv1->forward(histograms)));
@@ -116,13 +117,13 @@ class WideNetwork : public Network {
     x = torch::cat({torch::relu(x).flatten(1), sensors}, 1);
     x = output->forward(torch::relu(dense(hidden, x)));
     const std::int64_t half = x.size(1) / 2;
-    // Deviations from a thousandth to seven times half of a range.
+    // Standard deviations from a thousandth to seven times half of a range.
     constexpr double kMinLogVariance = -14, kMaxLogVariance = 4;
     const Tensor spread = x.narrow(1, half, half).clamp(kMinLogVariance, kMaxLogVariance);
     return torch::cat({x.narrow(1, 0, half), spread}, 1);
   }
 
-  /// Negative logarithm of the Gaussian likelihood, less its constant.
+  /// Negative logarithm of the Gaussian likelihood, without its constant.
   Tensor loss(const Tensor& outputs, const Tensor& targets) const override {
     const std::int64_t half = targets.size(1);
     const Tensor log_variance = outputs.narrow(1, half, half);
@@ -131,7 +132,7 @@ class WideNetwork : public Network {
   }
 
  private:
-  /// What two convolutions of five bins in steps of two leave.
+  /// Number of steps after two convolutions of five bins in steps of two.
   static std::int64_t steps(std::int64_t bins) { return ((bins - 5) / 2 + 1 - 5) / 2 + 1; }
 
   torch::nn::Conv1d conv1;
@@ -146,7 +147,7 @@ int members_of(const CnnShape& shape) {
   return shape.network == CnnArchitecture::wide ? kWideMembers : 1;
 }
 
-/// Of a member's weights in files: the published network stands alone.
+/// Prefix of a member's weights in files. The published network has no members and no prefix.
 std::string prefix_of(const CnnShape& shape, int member) {
   return shape.network == CnnArchitecture::wide ? "member" + std::to_string(member) + "." : "";
 }
@@ -164,7 +165,7 @@ std::vector<std::pair<std::string, Tensor>> state_of(const Network& network) {
   return state;
 }
 
-/// Entries in a fixed order, as values of their own: a view would be stored with all that it views.
+/// Adds entries in a fixed order, as copies. A view would be stored with its whole storage.
 void add_state(const std::vector<std::pair<std::string, Tensor>>& state, const std::string& prefix,
                Entries& entries) {
   for (const auto& [name, tensor] : state) {
@@ -178,8 +179,8 @@ Entries entries_with(const std::string& metadata) {
   return entries;
 }
 
-/// As torch::pickle_save, less the tag of libtorch's own on a dict: torch.load takes it for a call
-/// of code and refuses it unless told not to.
+/// Bytes as torch::pickle_save makes them, without the tag that libtorch puts on a dict. torch.load
+/// takes this tag for a call of code and refuses it unless told not to.
 std::string pickled(const Entries& entries) {
   std::string pickle;
   torch::jit::Pickler pickler(
@@ -207,8 +208,8 @@ Entries unpickled(const std::string& bytes, const std::string& where) {
   const char* const kAccepted =
       "is damaged, truncated or no file of weights; accepted: what cnn train or PyTorch's "
       "torch.save wrote, a dict of tensors and the text 'metadata'";
-  // The archive's reader forgives an end that is cut off; a zip archive ends with this record (end
-  // of central directory, without a comment).
+  // The archive's reader accepts a file whose end is cut off. A complete zip archive ends with this
+  // record (end of central directory, without a comment).
   constexpr std::size_t kEndRecord = 22;
   if (bytes.size() < kEndRecord || bytes.compare(bytes.size() - kEndRecord, 4, "PK\x05\x06") != 0) {
     throw Error(where, kAccepted);
@@ -228,7 +229,7 @@ std::string shape_text(at::IntArrayRef sizes) {
   return text.empty() ? "a number" : text;
 }
 
-/// The tensor of a name; Error unless it is there in the wanted type and shape, and finite.
+/// The tensor of a name. Throws Error unless it exists in the wanted type and shape and is finite.
 Tensor tensor_of(const Entries& entries, const std::string& name, const Tensor& like,
                  const std::string& where) {
   const auto entry = entries.find(name);
@@ -259,7 +260,7 @@ void load_state(const Entries& entries, const std::string& prefix, Network& netw
 }
 
 Tensor tensor_view(const std::vector<float>& values, std::vector<std::int64_t> sizes) {
-  // libtorch takes no pointer to const; nobody writes through this one.
+  // libtorch takes no pointer to const; no code writes through this one.
   return torch::from_blob(const_cast<float*>(values.data()), sizes);
 }
 
@@ -273,7 +274,7 @@ struct DataTensors {
   Tensor histograms, sensors, targets;
 };
 
-/// One thread computes: steps are too small to share, and sums must not depend on their number.
+/// Uses one thread. Steps are too small to share, and sums must not depend on the thread count.
 void use_one_thread() { at::set_num_threads(1); }
 
 class TorchNetwork : public CnnNetwork {
@@ -315,8 +316,8 @@ class TorchNetwork : public CnnNetwork {
   std::vector<std::unique_ptr<Network>> members_;
 };
 
-/// Adam (Kingma and Ba 2015) with PyTorch's defaults, over all weights in one array: parameter by
-/// parameter its many small operations take a fifth of a training step.
+/// Adam (Kingma and Ba 2015) with PyTorch's defaults, over all weights in one array. Done parameter
+/// by parameter, its many small operations take a fifth of a training step.
 class FlatAdam {
  public:
   FlatAdam(torch::nn::Module& network, double learning_rate) : learning_rate_(learning_rate) {
@@ -342,7 +343,7 @@ class FlatAdam {
   void zero_gradients() { gradients_.zero_(); }
 
   void step() {
-    // Adam's own (Kingma and Ba 2015).
+    // Adam's own constants (Kingma and Ba 2015).
     constexpr double kBeta1 = 0.9, kBeta2 = 0.999, kEpsilon = 1e-8;
     const torch::NoGradGuard no_gradient;
     ++steps_;
@@ -396,7 +397,7 @@ class MemberTrainer {
     }
   }
 
-  /// Runs epoch `number`, whose random numbers depend on it and the seed only.
+  /// Runs epoch `number`. Its random numbers depend only on `number` and the seed.
   CnnEpoch run_epoch(int number) {
     use_one_thread();
     std::seed_seq seeds{static_cast<std::uint32_t>(options_.seed),
@@ -483,7 +484,7 @@ class TorchTrainer : public CnnTrainer {
     for (const auto& member : members_) member->load(entries, where);
   }
 
-  /// Members are trained side by side, each by one thread, so that their number changes nothing.
+  /// Trains members in parallel, each with one thread, so that the thread count changes no result.
   CnnEpoch run_epoch(int number) override {
     std::vector<CnnEpoch> epochs(members_.size());
     std::atomic<std::size_t> next{0};
@@ -546,8 +547,8 @@ class TorchBackend : public CnnBackend {
   std::unique_ptr<CnnNetwork> network(const std::string& bytes, const CnnShape& shape,
                                       const std::string& where) const override {
     const Entries entries = unpickled(bytes, where);
-    // Weights of a network take more than a byte for each zone, bin and output: what claims more is
-    // not made room for.
+    // Weights of a network take more than a byte for each zone, bin and output. No memory is
+    // allocated for a file that claims more of these than it has bytes.
     const int largest = std::max({shape.zones, shape.bins, shape.outputs});
     if (static_cast<std::size_t>(largest) > bytes.size()) {
       throw Error(where + ": metadata", "zones, bins or unknowns: found " +

@@ -20,8 +20,8 @@ namespace blindcorner {
 namespace {
 
 constexpr int kBins = 128;
-constexpr int kChannels = 10;          ///< of one measurement, the reference included
-constexpr int kLines = 3 * kChannels;  ///< of one measurement
+constexpr int kChannels = 10;          ///< channels of one measurement, the reference included
+constexpr int kLines = 3 * kChannels;  ///< lines of one measurement
 constexpr std::size_t kFieldsBeforeBins = 3;
 constexpr std::size_t kRawFields = kFieldsBeforeBins + kBins;
 
@@ -59,8 +59,8 @@ RawLine parse_raw_line(std::string_view line, const std::string& where) {
 
 using Report = std::function<void(LineFault, const std::string&)>;
 
-/// Puts lines together to measurements and these to captures. In a stream, lines that come twice
-/// are told from lines that are missing, and a gap is taken to be shorter than a measurement.
+/// Joins lines to measurements and measurements to captures. In a stream, it tells repeated lines
+/// from missing lines, and it takes a gap to be shorter than a measurement.
 class Assembler {
  public:
   Assembler(Tmf882xLayout layout, bool has_results, bool stream, std::string path, Report report)
@@ -91,7 +91,7 @@ class Assembler {
     if (++expected_ == kLines) finish_measurement();
   }
 
-  /// A result of 8 x 8 mode: its number's lowest two bits count the pairs of measurements.
+  /// Adds a result of 8 x 8 mode. The lowest two bits of its number count pairs of measurements.
   void add_result(int number, int line) {
     if (layout_.side != 8) return;
     has_results_ = true;
@@ -110,7 +110,7 @@ class Assembler {
     intact_ = next == 0;
   }
 
-  /// The board started again: the next measurement is the first of a frame.
+  /// The board has restarted: the next measurement is the first of a frame.
   void restart(int line) {
     if (begun_ && (expected_ != 0 || measurement_ != 0)) {
       warn(line, "the board started again within a capture, which is left out", LineFault::restart);
@@ -134,7 +134,7 @@ class Assembler {
     last_ = RawLine{};
   }
 
-  /// The captures that are complete.
+  /// Hands out the complete captures.
   std::vector<Capture> take() { return std::exchange(captures_, {}); }
 
   std::vector<Capture> finish(bool cut_off) {
@@ -157,8 +157,9 @@ class Assembler {
     report_(fault, line_place(path_, line) + ": " + message);
   }
 
-  /// Of a frame of several measurements that nothing numbers, a line or a few are missing, no more
-  /// than a measurement: the frame is left out, and it is known where the next one begins.
+  /// Handles missing lines in a stream whose frames have several measurements without numbers. At
+  /// most one measurement is taken to be missing. The frame is left out, and it is known where the
+  /// next frame begins.
   bool bridge(int line, int found) {
     const bool numbered = layout_.measurements == 1 || (layout_.side == 8 && has_results_);
     if (!stream_ || numbered || !begun_ || !known_) return false;
@@ -225,13 +226,13 @@ class Assembler {
   std::string path_;
   Report report_;
 
-  std::array<double, kChannels * kBins> counts_{};  ///< of the current measurement
+  std::array<double, kChannels * kBins> counts_{};  ///< counts of the current measurement
   HistogramCube frame_;
-  RawLine last_;          ///< in a stream
+  RawLine last_;          ///< the previous line; used in a stream
   int expected_ = 0;      ///< index of the next line
   int measurement_ = 0;   ///< place of the current measurement in its frame
   bool begun_ = false;    ///< a line was accepted
-  bool waiting_ = false;  ///< lines were lost, none accepted since
+  bool waiting_ = false;  ///< lines were lost, and none was accepted since
   bool lost_ = false;     ///< nothing tells where a frame begins
   bool known_ = true;     ///< `measurement_` can be believed
   bool intact_ = true;    ///< all measurements of the frame so far were seen
@@ -239,7 +240,7 @@ class Assembler {
   std::vector<Capture> captures_;
 };
 
-/// Which sensor's lines to use: the chosen one's, or those of the first in the log.
+/// Decides which sensor's lines to use: those of the chosen one, or of the first one in the log.
 class AddressFilter {
  public:
   AddressFilter(int wanted, Report report)
@@ -268,13 +269,13 @@ bool recognise(const ImportSource& source) {
   return source.beginning().find("#Raw,") != std::string::npos;
 }
 
-/// What the driver prints when the board starts.
+/// Whether the line is the text that the driver prints when the board starts.
 bool is_greeting(std::string_view line) {
   return line.find("TMF88") != std::string_view::npos &&
          line.find("Arduino") != std::string_view::npos;
 }
 
-/// What the lines say, one by one.
+/// Interprets the lines one by one.
 class LogLines {
  public:
   LogLines(Tmf882xLayout layout, int i2c_address, bool has_results, bool stream, std::string path,
@@ -284,10 +285,10 @@ class LogLines {
         assembler_(layout, has_results, stream, path_, report),
         filter_(i2c_address, report) {}
 
-  /// False: the text ends within this line, which says nothing therefore.
+  /// Returns false if the text ends within this line; the line is then ignored.
   bool add(const TextLine& line) {
     std::string_view text = line.text;
-    // Whatever a serial monitor puts before its lines, no such line has this sign within.
+    // A serial monitor may put text before its lines; such text never contains this sign.
     if (const std::size_t begins = text.find('#'); begins != std::string_view::npos) {
       text.remove_prefix(begins);
     }
@@ -338,7 +339,7 @@ CaptureFile read(const ImportSource& source, const ImportOptions& options, Impor
   const std::size_t notes_before = notes.size();
   LogLines lines(layout, options.i2c_address, has_results, false, path,
                  [&](LineFault, const std::string& text) { notes.push_back(text); });
-  bool cut_off = false;  // within its last line
+  bool cut_off = false;  // the text ends within its last line
   for (const TextLine& line : lines_of(source.bytes())) {
     cut_off = !lines.add(line);
     if (cut_off) break;
@@ -387,12 +388,12 @@ class LogStream : public LineReader {
   }
 
  private:
-  LineYield* yield_ = nullptr;  ///< of the line that is being read
+  LineYield* yield_ = nullptr;  ///< output for the line that is being read
   LogLines lines_;
 };
 
 std::string print(const Capture& capture, const std::string& where) {
-  constexpr int kAddress = 65;  // the sensor's own unless it is told another
+  constexpr int kAddress = 65;  // the sensor's default address
   constexpr double kMostCounts = (1 << 24) - 1;
   const HistogramCube& counts = capture.counts;
   if (counts.bins != kBins) {
