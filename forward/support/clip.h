@@ -7,7 +7,7 @@
 
 namespace blindcorner {
 
-/// The part of a convex polygon, corners in order, on the inner side of a plane through `at`.
+/// The part of a convex polygon (corners in order) on the inner side of a plane through `at`.
 std::vector<Eigen::Vector3d> clip(const std::vector<Eigen::Vector3d>& polygon,
                                   const Eigen::Vector3d& at, const Eigen::Vector3d& inward);
 

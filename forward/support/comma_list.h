@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Names in messages.
+/// Lists of names in messages.
 #pragma once
 
 #include <string>
@@ -7,7 +7,7 @@
 
 namespace blindcorner {
 
-/// "x_m, y_m, yaw_rad".
+/// Joins names with commas: "x_m, y_m, yaw_rad".
 inline std::string comma_list(const std::vector<std::string>& names) {
   std::string text;
   for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Run-time dispatch of hot loops: compiled for several instruction sets, chosen by the loader.
+/// Run-time dispatch of hot loops. They are compiled for several instruction sets, and the loader
+/// chooses one.
 #pragma once
 
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && \
@@ -10,7 +11,8 @@
 #define BLINDCORNER_MULTIVERSION
 #endif
 
-/// Before a loop whose iterations touch disjoint memory: too many arrays to check at run time.
+/// Marks a loop whose iterations touch disjoint memory, where the arrays are too many for a check
+/// at run time.
 #if defined(__GNUC__) && !defined(__clang__)
 #define BLINDCORNER_INDEPENDENT _Pragma("GCC ivdep")
 #elif defined(__clang__)

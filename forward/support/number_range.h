@@ -7,7 +7,7 @@
 
 namespace blindcorner {
 
-/// Numbers that a field accepts; `lower` and `upper` themselves belong to it unless said otherwise.
+/// Numbers that a field accepts. `lower` and `upper` are accepted unless the flags exclude them.
 struct NumberRange {
   double lower = -std::numeric_limits<double>::infinity();
   double upper = std::numeric_limits<double>::infinity();

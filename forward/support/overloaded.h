@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Lambdas as one visitor of a variant.
+/// Combines lambdas into one visitor of a variant.
 #pragma once
 
 namespace blindcorner {
@@ -8,7 +8,7 @@ template <class... Ts>
 struct overloaded : Ts... {
   using Ts::operator()...;
 };
-/// Implied by C++20, which Clang has from version 17 on.
+/// C++20 implies this deduction guide; Clang does so from version 17 on.
 template <class... Ts>
 overloaded(Ts...) -> overloaded<Ts...>;
 

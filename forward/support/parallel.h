@@ -3,10 +3,11 @@
 ///
 /// If an iteration throws, oneTBB cancels its loop and every loop inside the other iterations. A
 /// loop that is cancelled from outside returns early and without an exception, so that the code
-/// behind it reads results that nobody wrote. A context of its own keeps each loop from that: only
-/// its own iterations cancel it, and then it throws.
+/// after it reads results that were never written. Each loop therefore has a context of its own:
+/// only its own iterations cancel it, and then it throws.
 ///
-/// A thread that waits for its loop takes no work from outside, which may need what it holds.
+/// A thread that waits for its loop takes no work from outside. Such work may need a resource
+/// that the thread holds.
 #pragma once
 
 #include <tbb/parallel_for.h>
@@ -16,9 +17,9 @@
 
 namespace blindcorner {
 
-/// tbb::parallel_for of its arguments; throws what an iteration throws. An object, because of a
-/// function of this name, oneTBB's own would be taken wherever an argument is oneTBB's (a range, a
-/// partitioner).
+/// Calls tbb::parallel_for with its arguments and throws what an iteration throws. It is an object
+/// and not a function: with a function of this name, the compiler would choose oneTBB's own
+/// wherever an argument is a oneTBB type (a range, a partitioner).
 inline constexpr struct {
   template <typename... Arguments>
   void operator()(const Arguments&... arguments) const {
@@ -29,7 +30,7 @@ inline constexpr struct {
   }
 } parallel_for;
 
-/// tbb::parallel_invoke of its functions; throws what one of them throws.
+/// Calls tbb::parallel_invoke with its functions and throws what one of them throws.
 inline constexpr struct {
   template <typename... Functions>
   void operator()(const Functions&... functions) const {

@@ -9,8 +9,8 @@
 
 namespace blindcorner {
 
-/// Value that the share `share` (0 to 1) of the values lies below, linear between order statistics;
-/// 0 of no values.
+/// The value below which the share `share` (0 to 1) of the values lies. It is linear between order
+/// statistics, and 0 if there are no values.
 inline double quantile(std::vector<double> values, double share) {
   if (values.empty()) return 0;
   const double place = share * static_cast<double>(values.size() - 1);
