@@ -407,7 +407,7 @@ TEST(SafeSpeedDrive, SlowsDownACarThatDoesNotBrakeForCurves) {
   const SimulatedSensor street(drive.scene);
   DriveOptions options;
   options.keep_pictures = false;
-  options.speed = 8;
+  options.speed = 12;
   options.perception = "los";
   const double safe = slowest_at_the_corner(drive, drive_through(drive, street, options));
   drive.speed_mode = SpeedMode::wanted;
