@@ -194,7 +194,8 @@ TEST_F(RealCaptures, PersonWalksBetweenTheFloorMarks) {
   EXPECT_LE(median(distances), 0.065);
   EXPECT_GE(share, 0.85);
   expect_steps_along_the_sides(order);
-  // Not asserted: a test shares the machine with others. docs/measured.md has the command that measures.
+  // Not asserted: a test shares the machine with others. docs/measured.md has the command that
+  // measures.
   RecordProperty("ms_per_frame", static_cast<int>(median(times)));
 }
 
