@@ -182,13 +182,10 @@ class Sampler {
       if (hit) fill(cell, *hit, patch);
       return hit ? Trace::whole : Trace::nothing;
     }
-    // The corner rays start slightly inside, so that a field that ends on a surface's edge is not
-    // mixed. A border nearer to a cell's edge than this inset is overlooked.
-    constexpr double kInset = 1e-3;
-    const std::array<double, 2> us = {cell.u0 + kInset * (cell.u1 - cell.u0),
-                                      cell.u1 - kInset * (cell.u1 - cell.u0)};
-    const std::array<double, 2> vs = {cell.v0 + kInset * (cell.v1 - cell.v0),
-                                      cell.v1 - kInset * (cell.v1 - cell.v0)};
+    const double inset_u = sampling_.edge_inset * (cell.u1 - cell.u0);
+    const double inset_v = sampling_.edge_inset * (cell.v1 - cell.v0);
+    const std::array<double, 2> us = {cell.u0 + inset_u, cell.u1 - inset_u};
+    const std::array<double, 2> vs = {cell.v0 + inset_v, cell.v1 - inset_v};
     int same = 0;
     int missed = 0;
     for (const double u : us) {

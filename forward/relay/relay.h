@@ -41,6 +41,9 @@ struct RelaySampling {
   int divisions = 1;   ///< least number of divisions of the region along each side
   int edge_depth = 4;  ///< quarterings where a cell straddles the border of surfaces
   int edge_rays = 34;  ///< rays that divide such a cell among its surfaces; a Fibonacci number
+  /// Distance of a cell's corner rays from its corners, as a share of its edges, so that a field
+  /// that ends on a surface's edge is not mixed. A border nearer to a cell's edge is overlooked.
+  double edge_inset = 0.02;
   bool centers_only = false;  ///< one ray to a cell: the surface at its centre stands for all of it
   bool with_radiance = true;  ///< compute the radiance that seen patches send back
   int split_depth = 12;       ///< largest number of halvings by `split` or `points`

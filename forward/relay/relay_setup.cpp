@@ -29,6 +29,9 @@ constexpr int kRimPoints = 4;
 /// Rays to a cell over a border of surfaces. On the crossing, {4, 0.3, 5} errs as little with these
 /// as with 34 rays and takes three quarters of the time.
 constexpr int kDirectEdgeRays = 13;
+/// Inset of a cell's corner rays. With the default 0.02, the edge of a building that lay in the rim
+/// of a cell made an error of 9e-4 (L2) on the crossing.
+constexpr double kDirectEdgeInset = 1e-3;
 
 /// Spreads that two, three, ... Gauss nodes represent as well as two nodes represent a spread of
 /// one. One more node takes half as much work as halving the cell (street: the same error in 0.45
@@ -323,6 +326,7 @@ HistogramCube RelaySetup::direct_return(const PulseTable& pulses,
   sampling.divisions = cells.divisions;
   sampling.edge_depth = cells.edge_depth;
   sampling.edge_rays = kDirectEdgeRays;
+  sampling.edge_inset = kDirectEdgeInset;
   sampling.halves_inherit = true;
   // The path difference between neighbouring nodes must lie well within the pulse. Otherwise the
   // light of a grazing floor becomes a comb.

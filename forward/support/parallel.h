@@ -17,28 +17,23 @@
 
 namespace blindcorner {
 
-/// Calls tbb::parallel_for with its arguments and throws what an iteration throws. It is an object
-/// and not a function: with a function of this name, the compiler would choose oneTBB's own
-/// wherever an argument is a oneTBB type (a range, a partitioner).
-inline constexpr struct {
-  template <typename... Arguments>
-  void operator()(const Arguments&... arguments) const {
-    tbb::this_task_arena::isolate([&] {
-      tbb::task_group_context own(tbb::task_group_context::isolated);
-      tbb::parallel_for(arguments..., own);
-    });
-  }
-} parallel_for;
+/// Runs `loop`, which takes the context of its own. Throws what an iteration throws.
+template <typename Loop>
+void run_whole(const Loop& loop) {
+  tbb::this_task_arena::isolate([&] {
+    tbb::task_group_context own(tbb::task_group_context::isolated);
+    loop(own);
+  });
+}
 
-/// Calls tbb::parallel_invoke with its functions and throws what one of them throws.
-inline constexpr struct {
-  template <typename... Functions>
-  void operator()(const Functions&... functions) const {
-    tbb::this_task_arena::isolate([&] {
-      tbb::task_group_context own(tbb::task_group_context::isolated);
-      tbb::parallel_invoke(functions..., own);
-    });
-  }
-} parallel_invoke;
+/// tbb::parallel_for and tbb::parallel_invoke with their arguments. They are objects and not
+/// functions: with functions of these names, the compiler would choose oneTBB's own wherever an
+/// argument is a oneTBB type (a range, a partitioner).
+inline constexpr auto parallel_for = [](const auto&... arguments) {
+  run_whole([&](tbb::task_group_context& own) { tbb::parallel_for(arguments..., own); });
+};
+inline constexpr auto parallel_invoke = [](const auto&... functions) {
+  run_whole([&](tbb::task_group_context& own) { tbb::parallel_invoke(functions..., own); });
+};
 
 }  // namespace blindcorner

@@ -44,7 +44,7 @@ constexpr double kSensorAngle = 0.4;
 constexpr DirectSampling kDirectCells{4, 0.3, 5};
 /// Better cells, against which that error is measured. Inside a surface, the error of two Gauss
 /// nodes grows with the fourth power of the cell's edge. Over a border, the better cells are a
-/// third as long. The better cells err by 0.2 to 0.9 times as much as the usual ones.
+/// third as long. The better cells err by at most 0.9 times as much as the usual ones.
 constexpr DirectSampling kBetterCells{6, 0.25, 6};
 /// Cells for bright captures. Against cells a tenth as large (L2 over photon noise), the usual
 /// cells are off by 1.6e-5 (TMF8828 wall), 1e-4 (its floor) and 7e-5 (street), the fine cells by

@@ -163,6 +163,7 @@ TEST(RelayTest, ASeamNearACellsEdgeIsSeen) {
   RelaySampling sampling;
   sampling.edge_depth = 5;
   sampling.edge_rays = 13;
+  sampling.edge_inset = 1e-3;
   const double top = std::tan(-5 * kDegree), bottom = std::tan(5 * kDegree);
   const double seam = 0.01 * (bottom - top);
   const std::vector<Surface> room = {

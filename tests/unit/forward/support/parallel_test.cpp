@@ -18,8 +18,8 @@ namespace {
 struct Stopped {};
 
 /// One iteration throws while a loop runs inside another one: `inner` must write all results before
-/// the code behind it reads them. `inner` takes the number
-/// of iterations and what each of them does.
+/// the code behind it reads them. `inner` takes the number of iterations and what each of them
+/// does.
 template <typename Inner>
 void expect_whole(const Inner& inner) {
   using namespace std::chrono_literals;
