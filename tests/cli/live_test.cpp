@@ -128,18 +128,18 @@ TEST_F(LiveCli, ThroughAPipe) {
 TEST_F(LiveCli, ThroughATcpPortThatComesLater) {
   ASSERT_EQ(shell("$B live \"$S\" -i tcp://127.0.0.1:1 --once --no-page 2> $D/err"), 2);
   EXPECT_THAT(text("err"), HasSubstr("tcp://127.0.0.1:1: could not be opened"));
-  ASSERT_EQ(shell("$B replay \"$W\" --listen tcp://127.0.0.1:0 --rate 20 > $D/port & "
-                  "until [ -s $D/port ]; do sleep 0.1; done; "
-                  "$B live \"$S\" -i $(head -n 1 $D/port) --once --no-page > $D/live 2> $D/err"),
+  ASSERT_EQ(shell("$B replay \"$W\" --listen tcp://127.0.0.1:0 --rate 20 > $D/port 2> $D/err & "
+                  "until [ -s $D/port ] || ! kill -0 $!; do sleep 0.1; done; "
+                  "$B live \"$S\" -i $(head -n 1 $D/port) --once --no-page > $D/live 2>> $D/err"),
             0)
       << text("err");
   expect_all(answers("live"), kWalkFrames);
 }
 
 TEST_F(LiveCli, ThroughAPseudoTerminal) {
-  ASSERT_EQ(shell("$B replay \"$W\" --rate 20 > $D/port & "
-                  "until [ -s $D/port ]; do sleep 0.1; done; "
-                  "$B live \"$S\" -i $(head -n 1 $D/port) --once --no-page > $D/live 2> $D/err"),
+  ASSERT_EQ(shell("$B replay \"$W\" --rate 20 > $D/port 2> $D/err & "
+                  "until [ -s $D/port ] || ! kill -0 $!; do sleep 0.1; done; "
+                  "$B live \"$S\" -i $(head -n 1 $D/port) --once --no-page > $D/live 2>> $D/err"),
             0)
       << text("err");
   expect_all(answers("live"), kWalkFrames);
