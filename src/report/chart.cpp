@@ -265,11 +265,44 @@ std::string point_title(const Chart& chart, const ChartSeries& series, const Cha
          formatted(": %.3g</title>", point.y);
 }
 
+/// Labels beside the points of one series. Points that lie together share a label.
+class Labels {
+ public:
+  void add(double x, double y, const std::string& text) {
+    if (!all_.empty() && std::abs(x - all_.back().x) < 40 && std::abs(y - all_.back().y) < 12) {
+      all_.back().text += ", " + text;
+    } else {
+      all_.push_back({x, y, text});
+    }
+  }
+  /// A line higher for each series, so that those of one series are not over those of another.
+  std::string text(const Chart& chart, const std::string& colour, std::size_t series) const {
+    std::string svg;
+    for (const Label& label : all_) {
+      const bool near_right = label.x > 0.7 * chart.width;
+      const double above = label.y - 5 - 12 * static_cast<double>(series);
+      svg += formatted("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"%s\" fill=\"%s\">",
+                       near_right ? label.x - 5 : label.x + 5, above > 40 ? above : label.y + 14,
+                       near_right ? "end" : "start", colour.c_str()) +
+             html_safe(label.text) + "</text>";
+    }
+    return svg;
+  }
+
+ private:
+  struct Label {
+    double x, y;
+    std::string text;
+  };
+  std::vector<Label> all_;
+};
+
 void add_series(const Chart& chart, std::size_t i, const Axis& x, const Axis& y, std::string& svg) {
   const ChartSeries& series = chart.series[i];
   const std::string colour = colour_of(chart, i);
   std::string path;
-  std::string marks, labels;
+  std::string marks;
+  Labels labels;
   for (const ChartPoint& p : series.points) {
     if (!x.shows(p.x) || !y.shows(p.y)) continue;
     const double px = x.pixel(p.x), py = y.pixel(p.y);
@@ -278,20 +311,14 @@ void add_series(const Chart& chart, std::size_t i, const Axis& x, const Axis& y,
     const char* radius = open ? "4.5" : series.style == SeriesStyle::marks ? "3" : "2";
     marks += formatted("<circle cx=\"%.1f\" cy=\"%.1f\" r=\"%s\" %s=\"%s\"", px, py, radius,
                        open ? "fill=\"none\" stroke" : "fill", colour.c_str());
-    if (series.style == SeriesStyle::labelled_line) {
-      const bool near_right = px > 0.7 * chart.width;
-      labels += formatted("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"%s\" fill=\"%s\">",
-                          near_right ? px - 5 : px + 5, py - 5, near_right ? "end" : "start",
-                          colour.c_str()) +
-                html_safe(p.label) + "</text>";
-    }
+    if (series.style == SeriesStyle::labelled_line) labels.add(px, py, p.label);
     marks += series.style == SeriesStyle::dots ? "/>" : point_title(chart, series, p) + "</circle>";
   }
   if (is_joined(series.style)) {
     svg +=
         "<path fill=\"none\" stroke-width=\"1.5\" stroke=\"" + colour + "\" d=\"" + path + "\"/>";
   }
-  if (series.style != SeriesStyle::line) svg += marks + labels;
+  if (series.style != SeriesStyle::line) svg += marks + labels.text(chart, colour, i);
 }
 
 }  // namespace

@@ -34,7 +34,13 @@ struct Group {
   Results results;
 };
 
-std::vector<Group> groups_of(const std::vector<TrialResult>& results) {
+double risk_of(const Drive& drive, const Group& group) {
+  const double own = drive.speed_mode == SpeedMode::safe ? drive.risk : drive.traffic_risk;
+  return group.risk.value_or(own);
+}
+
+/// By perception in the order of the trials, then by risk.
+std::vector<Group> groups_of(const Drive& drive, const std::vector<TrialResult>& results) {
   std::vector<Group> groups;
   for (const TrialResult& result : results) {
     const Trial& trial = result.trial;
@@ -48,6 +54,11 @@ std::vector<Group> groups_of(const std::vector<TrialResult>& results) {
     }
     group->results.push_back(&result);
   }
+  std::map<std::string, std::size_t> order;
+  for (const Group& group : groups) order.emplace(group.perception, order.size());
+  std::ranges::sort(groups, {}, [&](const Group& g) {
+    return std::pair(order.at(g.perception), risk_of(drive, g));
+  });
   return groups;
 }
 
@@ -111,9 +122,8 @@ std::string mean_cell(const std::vector<double>& list) {
                    list.size());
 }
 
-std::string risk_text(const Drive& drive, const std::optional<double>& risk) {
-  const double own = drive.speed_mode == SpeedMode::safe ? drive.risk : drive.traffic_risk;
-  return formatted("%g", risk.value_or(own));
+std::string risk_text(const Drive& drive, const Group& group) {
+  return formatted("%g", risk_of(drive, group));
 }
 
 std::string cost_table(const Drive& drive, const std::vector<Group>& groups) {
@@ -121,7 +131,7 @@ std::string cost_table(const Drive& drive, const std::vector<Group>& groups) {
       "<table><tr><th>perception<th>risk<th>collisions where somebody comes<th>speed at impact, "
       "m/s<th>brakes hard<th>brakes where nobody comes<th>time lost, s<th>mean speed, m/s</tr>\n";
   for (const Group& group : groups) {
-    rows += "<tr><td>" + html_safe(group.perception) + "<td>" + risk_text(drive, group.risk) +
+    rows += "<tr><td>" + html_safe(group.perception) + "<td>" + risk_text(drive, group) +
             share_cell(chosen(group.results, someone), collided) +
             mean_cell(values(group.results, impact)) + share_cell(group.results, hard_on(drive)) +
             share_cell(chosen(group.results, nobody), braked) +
@@ -262,10 +272,9 @@ Chart front_chart(const Drive& drive, const std::vector<Group>& groups) {
     for (const double speed : speeds) sum += speed;
     chart.series[place->second].points.push_back({sum / static_cast<double>(speeds.size()),
                                                   share(count(risky, collided), risky.size()),
-                                                  risk_text(drive, group.risk)});
+                                                  risk_text(drive, group)});
   }
   for (ChartSeries& series : chart.series) {
-    std::ranges::sort(series.points, {}, [](const ChartPoint& p) { return std::stod(p.label); });
     // One point has no front: what it is stands in the legend.
     if (series.points.size() == 1) series.style = SeriesStyle::marks;
   }
@@ -298,7 +307,7 @@ std::string front_section(const Drive& drive, const std::vector<TrialResult>& re
   // Trials of earlier versions say nothing of impacts and brakings.
   std::vector<TrialResult> told;
   std::ranges::copy_if(results, std::back_inserter(told), &TrialResult::with_costs);
-  const std::vector<Group> groups = groups_of(told);
+  const std::vector<Group> groups = groups_of(drive, told);
   if (groups.empty()) return "";
   std::vector<Chart> charts{speed_chart(drive, groups, limits), front_chart(drive, groups)};
   if (auto paper = paper_chart(limits)) charts.push_back(std::move(*paper));
