@@ -28,6 +28,9 @@ constexpr std::size_t kMostBody = 1024;  ///< bytes; no request of the page has 
 constexpr std::size_t kRequestsPerConnection = 100;
 constexpr auto kBeat = 1s;  ///< a comment in a silent stream shows who is gone
 
+/// What a queue says of a job: nothing, or in later versions whether it took the job.
+using Taken = decltype(std::declval<httplib::TaskQueue&>().enqueue({}));
+
 /// A bounded pool. Whoever enqueues waits, and that is only the thread that accepts connections.
 class BoundedPool : public httplib::TaskQueue {
  public:
@@ -35,13 +38,14 @@ class BoundedPool : public httplib::TaskQueue {
     for (std::size_t i = 0; i < kWorkers; ++i) threads_.emplace_back([this] { run(); });
   }
 
-  void enqueue(std::function<void()> job) override {
+  Taken enqueue(std::function<void()> job) override {
     {
       std::unique_lock lock(mutex_);
       changed_.wait(lock, [&] { return ending_ || jobs_.size() < kMostWaiting; });
       jobs_.push_back(std::move(job));
     }
     changed_.notify_all();
+    return static_cast<Taken>(true);
   }
   /// From now on nobody waits.
   void end() {

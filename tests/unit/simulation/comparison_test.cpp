@@ -7,6 +7,8 @@
 
 #include <cmath>
 #include <numeric>
+#include <string>
+#include <string_view>
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
@@ -30,11 +32,11 @@ ComparisonOptions few() {
   return options;
 }
 
-const Condition& named(const std::vector<Condition>& conditions, const std::string& name) {
+const Condition& named(const std::vector<Condition>& conditions, std::string_view name) {
   for (const Condition& c : conditions) {
     if (c.name == name) return c;
   }
-  throw Error("no condition " + name);
+  throw Error("no condition " + std::string(name));
 }
 
 TEST(ComparisonConditions, ChangeWhatTheySayAndNothingElse) {

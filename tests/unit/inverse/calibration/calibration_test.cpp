@@ -9,6 +9,8 @@
 #include <array>
 #include <cmath>
 #include <random>
+#include <string>
+#include <string_view>
 #include <tuple>
 
 #include "blindcorner/forward/error.h"
@@ -55,11 +57,11 @@ std::vector<Capture> captures_of(const Scene& instrument, int count, double ambi
   return captures;
 }
 
-const CalibratedParameter& parameter(const Calibration& calibration, const std::string& name) {
+const CalibratedParameter& parameter(const Calibration& calibration, std::string_view name) {
   for (const CalibratedParameter& p : calibration.parameters) {
     if (p.name == name) return p;
   }
-  throw Error("parameter", name + " is missing");
+  throw Error("parameter", std::string(name) + " is missing");
 }
 
 /// Within four standard errors, and the standard error small against the prior.
