@@ -3,9 +3,7 @@
 
 #include <vector>
 
-#ifndef TINYOBJLOADER_USE_DOUBLE  // Debian 13's package defines it
 #define TINYOBJLOADER_USE_DOUBLE
-#endif
 #include <tiny_obj_loader.h>
 
 #include "blindcorner/forward/error.h"
