@@ -18,6 +18,8 @@ constexpr double kLegendRow = 14, kLegendGap = 14;
 /// Width of a letter, pixels, rather more than less: for breaking the legend into rows.
 constexpr double kLetter = 6.8;
 constexpr double kLetterHeight = 13;
+/// Labels of points, pixels: the height of a line, and how near points share one.
+constexpr double kLabelLine = 12, kLabelWidth = 40;
 /// About as many ticks fit on an axis.
 constexpr int kTicks = 4;
 constexpr int kMaxDecades = 8;
@@ -269,20 +271,23 @@ std::string point_title(const Chart& chart, const ChartSeries& series, const Cha
 class Labels {
  public:
   void add(double x, double y, const std::string& text) {
-    if (!all_.empty() && std::abs(x - all_.back().x) < 40 && std::abs(y - all_.back().y) < 12) {
+    if (!all_.empty() && std::abs(x - all_.back().x) < kLabelWidth &&
+        std::abs(y - all_.back().y) < kLabelLine) {
       all_.back().text += ", " + text;
     } else {
       all_.push_back({x, y, text});
     }
   }
-  /// A line higher for each series, so that those of one series are not over those of another.
+  /// A line higher for each series, so that those of one series are not over those of another;
+  /// below the point where that would leave the picture.
   std::string text(const Chart& chart, const std::string& colour, std::size_t series) const {
     std::string svg;
     for (const Label& label : all_) {
       const bool near_right = label.x > 0.7 * chart.width;
-      const double above = label.y - 5 - 12 * static_cast<double>(series);
+      const double above = label.y - 5 - kLabelLine * static_cast<double>(series);
       svg += formatted("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"%s\" fill=\"%s\">",
-                       near_right ? label.x - 5 : label.x + 5, above > 40 ? above : label.y + 14,
+                       near_right ? label.x - 5 : label.x + 5,
+                       above > kTop + kLetterHeight ? above : label.y + 14,
                        near_right ? "end" : "start", colour.c_str()) +
              html_safe(label.text) + "</text>";
     }
