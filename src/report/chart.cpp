@@ -285,7 +285,7 @@ class Labels {
     for (const Label& label : all_) {
       const bool near_right = label.x > 0.7 * chart.width;
       const double above = label.y - 5 - kLabelLine * static_cast<double>(series);
-      svg += formatted("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"%s\" fill=\"%s\">",
+      svg += formatted("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"%s\" style=\"fill:%s\">",
                        near_right ? label.x - 5 : label.x + 5,
                        above > kTop + kLetterHeight ? above : label.y + 14,
                        near_right ? "end" : "start", colour.c_str()) +
