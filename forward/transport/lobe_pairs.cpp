@@ -25,7 +25,9 @@ constexpr double kScale = 1 / (1 - (1 + kReach2 / 2) * kFloor);
 
 /// Patches as arrays; of what is seen, one.
 struct Ends {
-  const double *weight, *path, *variance, *x, *y, *factor, *ee, *ff, *ef, *ke, *kf, *gu, *gv;
+  const double *weight, *path, *variance, *x, *y, *factor, *ee, *ff, *ef;
+  const double *xxxx, *xxxy, *xxyy, *xyyy, *yyyy;
+  const double *ke, *kf, *gu, *gv;
 };
 
 BLINDCORNER_MULTIVERSION void pair_up(const Ends& lit, std::size_t count, const Ends& seen,
@@ -37,6 +39,8 @@ BLINDCORNER_MULTIVERSION void pair_up(const Ends& lit, std::size_t count, const 
   const double seen_ee = *seen.ee, seen_ff = *seen.ff, seen_ef = *seen.ef;
   const double seen_ke = *seen.ke, seen_kf = *seen.kf;
   const double seen_gu = *seen.gu, seen_gv = *seen.gv;
+  const double seen_xxxx = *seen.xxxx, seen_xxxy = *seen.xxxy, seen_xxyy = *seen.xxyy;
+  const double seen_xyyy = *seen.xyyy, seen_yyyy = *seen.yyyy;
   BLINDCORNER_INDEPENDENT
   for (std::size_t i = 0; i < count; ++i) {
     const double area = seen_factor * lit.factor[i];  // of the map over solid angle
@@ -51,7 +55,20 @@ BLINDCORNER_MULTIVERSION void pair_up(const Ends& lit, std::size_t count, const 
     const double lobe = std::max(gaussian_of_square(std::min(square, kReach2)) - kFloor, 0.0);
     const double gu = seen_gu + lit.gu[i];
     const double gv = seen_gv + lit.gv[i];
-    weight[i] = light * lit.weight[i] * area * lobe * std::sqrt(inverse);
+    // Edgeworth's correction: fourth cumulants times fourth derivatives of the normal distribution.
+    // With a = C^-1 X and Q = C^-1 these are its density times a^4 - 6 Q a^2 + 3 Q^2 (symmetrised).
+    const double xx = ff * inverse, yy = ee * inverse, xy = -ef * inverse;
+    const double ax = xx * x + xy * y, ay = xy * x + yy * y;
+    const double axx = ax * ax, axy = ax * ay, ayy = ay * ay;
+    const double fourth =
+        (seen_xxxx + lit.xxxx[i]) * (axx * axx + 3 * xx * (xx - 2 * axx)) +
+        (seen_yyyy + lit.yyyy[i]) * (ayy * ayy + 3 * yy * (yy - 2 * ayy)) +
+        4 * (seen_xxxy + lit.xxxy[i]) * (axx * axy + 3 * (xx * (xy - axy) - xy * axx)) +
+        4 * (seen_xyyy + lit.xyyy[i]) * (ayy * axy + 3 * (yy * (xy - axy) - xy * ayy)) +
+        6 * (seen_xxyy + lit.xxyy[i]) *
+            (axy * axy - xx * ayy - yy * axx + xx * yy + 2 * xy * (xy - 2 * axy));
+    const double shape = std::max(1 + fourth / 24, 0.0);
+    weight[i] = light * lit.weight[i] * area * lobe * shape * std::sqrt(inverse);
     // Covariance of the path with x and y, and what it is where the lobe brings both to zero.
     const double ke = lit.ke[i] - seen_ke;
     const double kf = lit.kf[i] - seen_kf;
@@ -124,6 +141,37 @@ BLINDCORNER_MULTIVERSION void LobeEnds::map(const LobePieces& p, std::size_t cou
   }
 }
 
+/// Fourth cumulants of where light is on the map, over the pieces [begin, end) of a patch whose
+/// weight, mean and covariance are known. A piece is even along both of its edges.
+void LobeEnds::find_fourth(std::size_t begin, std::size_t end, std::size_t to) {
+  const Mapped& m = mapped_;
+  double xxxx = 0, xxxy = 0, xxyy = 0, xyyy = 0, yyyy = 0;
+  for (std::size_t i = begin; i < end; ++i) {
+    const double w = m.weight[i] / weight_[to];
+    const double dx = m.x[i] - x_[to], dy = m.y[i] - y_[to];
+    const double ux = m.ux[i], uy = m.uy[i], vx = m.vx[i], vy = m.vy[i];
+    const double dxx = dx * dx, dxy = dx * dy, dyy = dy * dy;
+    const double uxx = ux * ux, uxy = ux * uy, uyy = uy * uy;
+    const double vxx = vx * vx, vxy = vx * vy, vyy = vy * vy;
+    const double sxx = (uxx + vxx) / 3, sxy = (uxy + vxy) / 3, syy = (uyy + vyy) / 3;
+    // Moments of d + s u + t v: s^2 and t^2 have the mean 1/3, s^4 and t^4 1/5.
+    xxxx += w * (dxx * dxx + 6 * dxx * sxx + (uxx * uxx + vxx * vxx) / 5 + 2 * uxx * vxx / 3);
+    xxxy += w * (dxx * dxy + 3 * (dxx * sxy + dxy * sxx) + (uxx * uxy + vxx * vxy) / 5 +
+                 (uxx * vxy + uxy * vxx) / 3);
+    xxyy += w * (dxx * dyy + dxx * syy + dyy * sxx + 4 * dxy * sxy + (uxx * uyy + vxx * vyy) / 5 +
+                 (uxx * vyy + uyy * vxx + 4 * uxy * vxy) / 9);
+    xyyy += w * (dyy * dxy + 3 * (dyy * sxy + dxy * syy) + (uyy * uxy + vyy * vxy) / 5 +
+                 (uyy * vxy + uxy * vyy) / 3);
+    yyyy += w * (dyy * dyy + 6 * dyy * syy + (uyy * uyy + vyy * vyy) / 5 + 2 * uyy * vyy / 3);
+  }
+  const double ee = ee_[to], ff = ff_[to], ef = ef_[to];
+  xxxx_[to] = xxxx - 3 * ee * ee;
+  xxxy_[to] = xxxy - 3 * ee * ef;
+  xxyy_[to] = xxyy - ee * ff - 2 * ef * ef;
+  xyyy_[to] = xyyy - 3 * ff * ef;
+  yyyy_[to] = yyyy - 3 * ff * ff;
+}
+
 /// The pieces [begin, end) become patch `to`, if there is light.
 bool LobeEnds::add(std::size_t begin, std::size_t end, std::size_t to) {
   const Mapped& m = mapped_;
@@ -161,6 +209,7 @@ bool LobeEnds::add(std::size_t begin, std::size_t end, std::size_t to) {
   ef_[to] = xy * inverse - x * y;
   ke_[to] = xp * inverse - x * path;
   kf_[to] = yp * inverse - y * path;
+  find_fourth(begin, end, to);
   return true;
 }
 
@@ -168,8 +217,8 @@ void LobeEnds::fill(const LobePieces& pieces, const std::vector<int>& group_end,
                     const std::vector<int>& group_zone, const Vector3d& normal,
                     const Vector3d& half_u, const Vector3d& half_v) {
   const std::size_t groups = group_end.size();
-  for (auto* v : {&weight_, &path_, &variance_, &x_, &y_, &factor_, &ee_, &ff_, &ef_, &ke_, &kf_,
-                  &gu_, &gv_}) {
+  for (auto* v : {&weight_, &path_, &variance_, &x_, &y_, &factor_, &ee_, &ff_, &ef_, &xxxx_,
+                  &xxxy_, &xxyy_, &xyyy_, &yyyy_, &ke_, &kf_, &gu_, &gv_}) {
     if (v->size() < groups) v->resize(groups);
   }
   if (zone_.size() < groups) zone_.resize(groups);
@@ -233,8 +282,9 @@ void LobePairs::find_lit(const LobeEnds& lit, const LobeEnds::Block& seen, Block
 void LobePairs::pair(const LobeEnds& lit, const Blocks& near, const LobeEnds& seen, std::size_t i,
                      double scale, Pulses& pulses) const {
   const auto from = [](const LobeEnds& e, std::size_t k) {
-    return Ends{&e.weight_[k], &e.path_[k], &e.variance_[k], &e.x_[k],  &e.y_[k],
-                &e.factor_[k], &e.ee_[k],   &e.ff_[k],       &e.ef_[k], &e.ke_[k],
+    return Ends{&e.weight_[k], &e.path_[k], &e.variance_[k], &e.x_[k],    &e.y_[k],
+                &e.factor_[k], &e.ee_[k],   &e.ff_[k],       &e.ef_[k],   &e.xxxx_[k],
+                &e.xxxy_[k],   &e.xxyy_[k], &e.xyyy_[k],     &e.yyyy_[k], &e.ke_[k],
                 &e.kf_[k],     &e.gu_[k],   &e.gv_[k]};
   };
   pulses.resize(lit.size_);

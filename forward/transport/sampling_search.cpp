@@ -35,6 +35,8 @@ constexpr double kRuleObject = 2;
 /// The same of pairs' object points, whose estimate holds for the patches' sake: where on the
 /// object light turns back does not move the lobe's middle.
 constexpr double kPairsObject = 8 * kCoarsest;
+/// And of their patches, whose light is even at any width (lobe_pairs.h).
+constexpr double kPairsRelay = 2 * kCoarsest;
 /// Most pairs of lit and seen patches that a lobe's model takes for an evaluation (about 0.2 s):
 /// the search for a sampling ends there, whatever the tolerance.
 constexpr double kMaxPairs = 4e7;
@@ -122,7 +124,10 @@ class SamplingSearch {
         [](const FastModel& m) { return m.sampling().object_nodes; });
     sampling_step.object = object.coarseness;
     const Choice relay = coarsest(
-        rules ? kRuleRelay : kCoarsest, tolerance - std::min(object.change, 0.5 * tolerance), 1,
+        rules                            ? kRuleRelay
+        : kernel_ == Kernel::retro_pairs ? kPairsRelay
+                                         : kCoarsest,
+        tolerance - std::min(object.change, 0.5 * tolerance), 1,
         [&](double c) {
           return model({c, sampling_step.object});
         },
@@ -176,13 +181,15 @@ class SamplingSearch {
     const double patches = sampling.lit.size() + sampling.seen.size();
     return kernel_ == Kernel::retro_single && patches * sampling.object_nodes > share * kMaxLegs;
   }
-  /// Whether pairs see an even relay as even. A row of normal distributions, each as wide as a
-  /// patch of edge w and the lobe together, has ripples of 2 exp(-2 pi^2 (sigma^2 + w^2 / 12) /
-  /// w^2); each seen patch and object point sees another phase of them.
+  /// Whether pairs see an even relay as even. Seen patches that are small against the lit ones see
+  /// ripples of a row of patches of edge w: what is left of them (lobe_pairs.h) is 2 (1 - pi^4 /
+  /// 180) exp(-2 pi^2 (sigma^2 / w^2 + 1 / 12)). Each seen patch and object point sees another
+  /// phase.
   bool resolves_lobe(const FastModel& m) const {
     if (kernel_ != Kernel::retro_pairs) return true;
     const double edge = m.sampling_step()->relay * kLobePatch;  // in units of the lobe
-    const double ripple = 2 * std::exp(-2 * kPi * kPi * (1 / (edge * edge) + 1.0 / 12));
+    const double ripple = 2 * (1 - std::pow(kPi, 4) / 180) *
+                          std::exp(-2 * kPi * kPi * (1 / (edge * edge) + 1.0 / 12));
     const auto seen = static_cast<double>(m.sampling().seen.group_end.size()) /
                       view_->transport->scene.sensor.zone_count();
     return ripple < options_.tolerance * std::sqrt(std::max(seen * m.sampling().object_nodes, 1.0));
@@ -237,11 +244,20 @@ class SamplingSearch {
         }
       }
     }
-    if (!changes.empty()) unresolved_ += changes.back();
     if (candidates.empty()) {
       unresolved_ += tolerance;
       return {last_skipped, tolerance};
     }
+    if (changes.empty()) return {candidates.back().coarseness, tolerance};
+    if (kernel_ == Kernel::retro_pairs) {
+      // The time is up. Changes fall at least with the square of the edges.
+      const double at = candidates[changes.size() - 1].coarseness;
+      for (std::size_t k = changes.size(); k < candidates.size(); ++k) {
+        const double expected = changes.back() * std::pow(candidates[k].coarseness / at, 2);
+        if (expected < tolerance) return {candidates[k].coarseness, expected};
+      }
+    }
+    unresolved_ += changes.back();
     return {candidates.back().coarseness, tolerance};
   }
 

@@ -26,7 +26,7 @@ namespace {
 /// narrow lobe takes one sum over the relay. Where the lobe spreads paths by more than kWideLobe of
 /// the pulse, one sum has an error of its own, and pairs of patches replace it.
 constexpr SamplingStep kNarrowLobeSampling{0.85, 0.85, false};
-constexpr SamplingStep kWideLobeSampling{2.4, 4.8, true};
+constexpr SamplingStep kWideLobeSampling{4.8, 4.8, true};
 constexpr double kWideLobe = 0.5;
 /// Coarser points of the object, because the object may be small beside a wide lobe. The first step
 /// that errs by less than kObjectError (L2, against kWideLobeSampling's) is taken; it is tested
