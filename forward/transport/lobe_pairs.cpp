@@ -14,9 +14,8 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Patches that are looked at together: two to four vectors of doubles, and few enough to skip
-/// many.
-constexpr std::size_t kBlock = 16;
+/// Patches that are looked at together: one or two vectors of doubles, and few enough to skip many.
+constexpr std::size_t kBlock = 8;
 /// Squared distance in standard deviations at which a lobe ends. It is lowered by what it is there,
 /// so that it ends without a step; what is left is scaled to hold all of the light.
 constexpr double kReach2 = 16;
@@ -30,9 +29,11 @@ struct Ends {
   const double *ke, *kf, *gu, *gv;
 };
 
-BLINDCORNER_MULTIVERSION void pair_up(const Ends& lit, std::size_t count, const Ends& seen,
-                                      double lobe_variance, double scale, double* __restrict weight,
-                                      double* __restrict path, double* __restrict variance) {
+/// Pulses of one seen patch with the lit patches of some blocks, kBlock for each of them.
+BLINDCORNER_MULTIVERSION void pair_up(const Ends& lit, const std::vector<PatchRange>& blocks,
+                                      const Ends& seen, double lobe_variance, double scale,
+                                      double* __restrict weight, double* __restrict path,
+                                      double* __restrict variance) {
   const double light = *seen.weight * scale * kScale / (2 * kPi);
   const double seen_path = *seen.path, seen_variance = *seen.variance;
   const double seen_x = *seen.x, seen_y = *seen.y, seen_factor = *seen.factor;
@@ -41,41 +42,50 @@ BLINDCORNER_MULTIVERSION void pair_up(const Ends& lit, std::size_t count, const 
   const double seen_gu = *seen.gu, seen_gv = *seen.gv;
   const double seen_xxxx = *seen.xxxx, seen_xxxy = *seen.xxxy, seen_xxyy = *seen.xxyy;
   const double seen_xyyy = *seen.xyyy, seen_yyyy = *seen.yyyy;
-  BLINDCORNER_INDEPENDENT
-  for (std::size_t i = 0; i < count; ++i) {
-    const double area = seen_factor * lit.factor[i];  // of the map over solid angle
-    const double own = lobe_variance * area;
-    const double ee = own + seen_ee + lit.ee[i];
-    const double ff = own + seen_ff + lit.ff[i];
-    const double ef = seen_ef + lit.ef[i];
-    const double x = lit.x[i] - seen_x;
-    const double y = lit.y[i] - seen_y;
-    const double inverse = 1 / (ee * ff - ef * ef);
-    const double square = (ff * x * x - 2 * ef * x * y + ee * y * y) * inverse;
-    const double lobe = std::max(gaussian_of_square(std::min(square, kReach2)) - kFloor, 0.0);
-    const double gu = seen_gu + lit.gu[i];
-    const double gv = seen_gv + lit.gv[i];
-    // Edgeworth's correction: fourth cumulants times fourth derivatives of the normal distribution.
-    // With a = C^-1 X and Q = C^-1 these are its density times a^4 - 6 Q a^2 + 3 Q^2 (symmetrised).
-    const double xx = ff * inverse, yy = ee * inverse, xy = -ef * inverse;
-    const double ax = xx * x + xy * y, ay = xy * x + yy * y;
-    const double axx = ax * ax, axy = ax * ay, ayy = ay * ay;
-    const double fourth =
-        (seen_xxxx + lit.xxxx[i]) * (axx * axx + 3 * xx * (xx - 2 * axx)) +
-        (seen_yyyy + lit.yyyy[i]) * (ayy * ayy + 3 * yy * (yy - 2 * ayy)) +
-        4 * (seen_xxxy + lit.xxxy[i]) * (axx * axy + 3 * (xx * (xy - axy) - xy * axx)) +
-        4 * (seen_xyyy + lit.xyyy[i]) * (ayy * axy + 3 * (yy * (xy - axy) - xy * ayy)) +
-        6 * (seen_xxyy + lit.xxyy[i]) *
-            (axy * axy - xx * ayy - yy * axx + xx * yy + 2 * xy * (xy - 2 * axy));
-    const double shape = std::max(1 + fourth / 24, 0.0);
-    weight[i] = light * lit.weight[i] * area * lobe * shape * std::sqrt(inverse);
-    // Covariance of the path with x and y, and what it is where the lobe brings both to zero.
-    const double ke = lit.ke[i] - seen_ke;
-    const double kf = lit.kf[i] - seen_kf;
-    const double shift = (ke * (ff * x - ef * y) + kf * (ee * y - ef * x)) * inverse;
-    const double known = (ff * ke * ke - 2 * ef * ke * kf + ee * kf * kf) * inverse;
-    path[i] = seen_path + lit.path[i] - shift;
-    variance[i] = std::max(seen_variance + lit.variance[i] - known, 0.0) + (gu * gu + gv * gv) / 3;
+  for (const PatchRange block : blocks) {
+    BLINDCORNER_INDEPENDENT
+    for (std::size_t k = 0; k < kBlock; ++k) {
+      const std::size_t i = block.begin + k;
+      const double area = seen_factor * lit.factor[i];  // of the map over solid angle
+      const double own = lobe_variance * area;
+      const double ee = own + seen_ee + lit.ee[i];
+      const double ff = own + seen_ff + lit.ff[i];
+      const double ef = seen_ef + lit.ef[i];
+      const double x = lit.x[i] - seen_x;
+      const double y = lit.y[i] - seen_y;
+      const double inverse = 1 / (ee * ff - ef * ef);
+      const double square = (ff * x * x - 2 * ef * x * y + ee * y * y) * inverse;
+      const double lobe = std::max(gaussian_of_square(std::min(square, kReach2)) - kFloor, 0.0);
+      const double gu = seen_gu + lit.gu[i];
+      const double gv = seen_gv + lit.gv[i];
+      // Edgeworth's correction: fourth cumulants times fourth derivatives of the normal
+      // distribution. With a = C^-1 X and Q = C^-1 these are its density times a^4 - 6 Q a^2 + 3
+      // Q^2 (symmetrised).
+      const double xx = ff * inverse, yy = ee * inverse, xy = -ef * inverse;
+      const double ax = xx * x + xy * y, ay = xy * x + yy * y;
+      const double axx = ax * ax, axy = ax * ay, ayy = ay * ay;
+      const double fourth =
+          (seen_xxxx + lit.xxxx[i]) * (axx * axx + 3 * xx * (xx - 2 * axx)) +
+          (seen_yyyy + lit.yyyy[i]) * (ayy * ayy + 3 * yy * (yy - 2 * ayy)) +
+          4 * (seen_xxxy + lit.xxxy[i]) * (axx * axy + 3 * (xx * (xy - axy) - xy * axx)) +
+          4 * (seen_xyyy + lit.xyyy[i]) * (ayy * axy + 3 * (yy * (xy - axy) - xy * ayy)) +
+          6 * (seen_xxyy + lit.xxyy[i]) *
+              (axy * axy - xx * ayy - yy * axx + xx * yy + 2 * xy * (xy - 2 * axy));
+      const double shape = std::max(1 + fourth / 24, 0.0);
+      const double light_of_pair = light * lit.weight[i] * area * lobe * shape * std::sqrt(inverse);
+      weight[k] = k < block.count ? light_of_pair : 0.0;
+      // Covariance of the path with x and y, and what it is where the lobe brings both to zero.
+      const double ke = lit.ke[i] - seen_ke;
+      const double kf = lit.kf[i] - seen_kf;
+      const double shift = (ke * (ff * x - ef * y) + kf * (ee * y - ef * x)) * inverse;
+      const double known = (ff * ke * ke - 2 * ef * ke * kf + ee * kf * kf) * inverse;
+      path[k] = seen_path + lit.path[i] - shift;
+      variance[k] =
+          std::max(seen_variance + lit.variance[i] - known, 0.0) + (gu * gu + gv * gv) / 3;
+    }
+    weight += kBlock;
+    path += kBlock;
+    variance += kBlock;
   }
 }
 
@@ -219,7 +229,7 @@ void LobeEnds::fill(const LobePieces& pieces, const std::vector<int>& group_end,
   const std::size_t groups = group_end.size();
   for (auto* v : {&weight_, &path_, &variance_, &x_, &y_, &factor_, &ee_, &ff_, &ef_, &xxxx_,
                   &xxxy_, &xxyy_, &xyyy_, &yyyy_, &ke_, &kf_, &gu_, &gv_}) {
-    if (v->size() < groups) v->resize(groups);
+    if (v->size() < groups + kBlock) v->resize(groups + kBlock);  // whole blocks are read
   }
   if (zone_.size() < groups) zone_.resize(groups);
   const Vector3d e = normal.unitOrthogonal();
@@ -271,15 +281,52 @@ bool LobePairs::in_reach(const LobeEnds::Block& lit, const LobeEnds::Block& seen
   return x * x < kReach2 * (own + seen.ee + lit.ee) && y * y < kReach2 * (own + seen.ff + lit.ff);
 }
 
-void LobePairs::find_lit(const LobeEnds& lit, const LobeEnds::Block& seen, Blocks& near) const {
-  near.clear();
+void LobePairs::find_lit(const LobeEnds& lit, const LobeEnds::Block& seen, Near& near) const {
+  near.blocks.clear();
+  for (auto* v :
+       {&near.left, &near.right, &near.low, &near.high, &near.factor, &near.ee, &near.ff}) {
+    v->clear();
+  }
   for (const LobeEnds::Block& block : lit.blocks_) {
     if (same_zone_ && block.zone != seen.zone) continue;
-    if (in_reach(block, seen)) near.push_back(&block);
+    if (!in_reach(block, seen)) continue;
+    near.blocks.push_back({block.begin, block.end - block.begin});
+    near.left.push_back(block.left);
+    near.right.push_back(block.right);
+    near.low.push_back(block.low);
+    near.high.push_back(block.high);
+    near.factor.push_back(block.factor);
+    near.ee.push_back(block.ee);
+    near.ff.push_back(block.ff);
   }
 }
 
-void LobePairs::pair(const LobeEnds& lit, const Blocks& near, const LobeEnds& seen, std::size_t i,
+/// The blocks that one seen patch reaches: in_reach() of the patch.
+BLINDCORNER_MULTIVERSION void LobePairs::find_reached(const LobeEnds& seen, std::size_t i,
+                                                      Near& near) const {
+  const std::size_t count = near.blocks.size();
+  near.within.resize(count);
+  const double px = seen.x_[i], py = seen.y_[i], ee = seen.ee_[i], ff = seen.ff_[i];
+  const double own = variance_ * seen.factor_[i];
+  const double *left = near.left.data(), *right = near.right.data();
+  const double *low = near.low.data(), *high = near.high.data();
+  const double *factor = near.factor.data(), *lit_ee = near.ee.data(), *lit_ff = near.ff.data();
+  double* __restrict within = near.within.data();
+  BLINDCORNER_INDEPENDENT
+  for (std::size_t b = 0; b < count; ++b) {
+    const double x = std::max(std::max(left[b] - px, px - right[b]), 0.0);
+    const double y = std::max(std::max(low[b] - py, py - high[b]), 0.0);
+    const double lobe = own * factor[b];
+    within[b] = std::min(kReach2 * (lobe + ee + lit_ee[b]) - x * x,
+                         kReach2 * (lobe + ff + lit_ff[b]) - y * y);
+  }
+  near.reached.clear();
+  for (std::size_t b = 0; b < count; ++b) {
+    if (within[b] > 0) near.reached.push_back(near.blocks[b]);
+  }
+}
+
+void LobePairs::pair(const LobeEnds& lit, Near& near, const LobeEnds& seen, std::size_t i,
                      double scale, Pulses& pulses) const {
   const auto from = [](const LobeEnds& e, std::size_t k) {
     return Ends{&e.weight_[k], &e.path_[k], &e.variance_[k], &e.x_[k],    &e.y_[k],
@@ -287,29 +334,11 @@ void LobePairs::pair(const LobeEnds& lit, const Blocks& near, const LobeEnds& se
                 &e.xxxy_[k],   &e.xxyy_[k], &e.xyyy_[k],     &e.yyyy_[k], &e.ke_[k],
                 &e.kf_[k],     &e.gu_[k],   &e.gv_[k]};
   };
-  pulses.resize(lit.size_);
-  pulses.count = 0;
-  const LobeEnds::Block own{i,           i + 1,      0,          seen.x_[i],
-                            seen.x_[i],  seen.y_[i], seen.y_[i], seen.factor_[i],
-                            seen.ee_[i], seen.ff_[i]};
-  for (auto block = near.begin(); block != near.end();) {
-    if (!in_reach(**block, own)) {
-      ++block;
-      continue;
-    }
-    // Neighbours at once.
-    const std::size_t begin = (*block)->begin;
-    std::size_t end = begin;
-    for (; block != near.end() && ((*block)->begin == begin || (*block)->begin == end) &&
-           in_reach(**block, own);
-         ++block) {
-      end = (*block)->end;
-    }
-    pair_up(from(lit, begin), end - begin, from(seen, i), variance_, scale,
-            pulses.weight.data() + pulses.count, pulses.path.data() + pulses.count,
-            pulses.variance.data() + pulses.count);
-    pulses.count += end - begin;
-  }
+  find_reached(seen, i, near);
+  pulses.count = near.reached.size() * kBlock;
+  pulses.resize(pulses.count);
+  pair_up(from(lit, 0), near.reached, from(seen, i), variance_, scale, pulses.weight.data(),
+          pulses.path.data(), pulses.variance.data());
 }
 
 }  // namespace blindcorner

@@ -38,6 +38,11 @@ struct Pulses {
   }
 };
 
+/// Patches [begin, begin + count).
+struct PatchRange {
+  std::size_t begin, count;
+};
+
 /// Pieces of relay patches as a point of the object sees them: arrays of one length, not owned.
 struct LobePieces {
   const double* weight;        ///< light by way of the piece, W or sr; 0: not seen
@@ -110,10 +115,10 @@ class LobePairs {
   template <typename Visit>  // (int zone, const Pulses&)
   void visit(const LobeEnds& lit, const LobeEnds& seen, double scale, Pulses& pulses,
              const Visit& visit_pulses) const {
-    Blocks near;
+    Near near;
     for (const LobeEnds::Block& block : seen.blocks_) {
       find_lit(lit, block, near);
-      if (near.empty()) continue;
+      if (near.blocks.empty()) continue;
       for (std::size_t i = block.begin; i < block.end; ++i) {
         pair(lit, near, seen, i, scale, pulses);
         visit_pulses(block.zone, pulses);
@@ -122,12 +127,18 @@ class LobePairs {
   }
 
  private:
-  using Blocks = std::vector<const LobeEnds::Block*>;
+  /// Lit blocks near a seen one, and which of them one seen patch reaches.
+  struct Near {
+    std::vector<PatchRange> blocks, reached;
+    std::vector<double> left, right, low, high, factor, ee, ff;  ///< of each block
+    std::vector<double> within;                                  ///< reach less distance, signed
+  };
 
   bool in_reach(const LobeEnds::Block& lit, const LobeEnds::Block& seen) const;
-  void find_lit(const LobeEnds& lit, const LobeEnds::Block& seen, Blocks& near) const;
-  void pair(const LobeEnds& lit, const Blocks& near, const LobeEnds& seen, std::size_t i,
-            double scale, Pulses& pulses) const;
+  void find_lit(const LobeEnds& lit, const LobeEnds::Block& seen, Near& near) const;
+  void find_reached(const LobeEnds& seen, std::size_t i, Near& near) const;
+  void pair(const LobeEnds& lit, Near& near, const LobeEnds& seen, std::size_t i, double scale,
+            Pulses& pulses) const;
 
   double variance_;
   bool same_zone_;

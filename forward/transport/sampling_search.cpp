@@ -39,7 +39,7 @@ constexpr double kPairsObject = 8 * kCoarsest;
 constexpr double kPairsRelay = 2 * kCoarsest;
 /// Most pairs of lit and seen patches that a lobe's model takes for an evaluation (about 0.2 s):
 /// the search for a sampling ends there, whatever the tolerance.
-constexpr double kMaxPairs = 4e7;
+constexpr double kMaxPairs = 2.5e7;
 /// Most legs between patches and the object's points that its single sum takes, for the same time.
 constexpr double kMaxLegs = 4e6;
 
@@ -123,11 +123,15 @@ class SamplingSearch {
         },
         [](const FastModel& m) { return m.sampling().object_nodes; });
     sampling_step.object = object.coarseness;
+    // Of pairs, root mean squares of errors that have nothing to do with each other.
+    const double taken = std::min(object.change, 0.5 * tolerance);
     const Choice relay = coarsest(
         rules                            ? kRuleRelay
         : kernel_ == Kernel::retro_pairs ? kPairsRelay
                                          : kCoarsest,
-        tolerance - std::min(object.change, 0.5 * tolerance), 1,
+        kernel_ == Kernel::retro_pairs ? std::sqrt(tolerance * tolerance - taken * taken)
+                                       : tolerance - taken,
+        1,
         [&](double c) {
           return model({c, sampling_step.object});
         },

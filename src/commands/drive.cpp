@@ -37,7 +37,6 @@ struct DriveArguments {
   double speed = 0;
   double light = 0;
   int check_sensor = 0;
-  bool real_time = false;
   bool no_page = false;
   bool animation = false;
   bool require_goal = false;
@@ -139,6 +138,9 @@ void print_real_time(const Printout& out, const Drive& drive, const DriveResult&
   print_stage(out, "plan", result, &DriveTimes::plan, interval);
   print_stage(out, "control", result, &DriveTimes::control, interval);
   print_stage(out, "(sense)", result, &DriveTimes::sense, interval);
+  const auto passed = std::ranges::count(result.frames, FrameFate::busy, &DriveFrame::fate);
+  out.text("  frames passed over while perception was busy: %td of %zu\n", passed,
+           result.frames.size());
 }
 
 /// What is driven with: `--perception`, or what the file says.
@@ -218,7 +220,7 @@ int run_drive(const DriveArguments& arguments) {
     options.perception = name;
     const Driven& driven = all.emplace_back(options, drive_through(drive, sensor, options));
     write_drive(arguments, drive, driven, names.size() == 1 ? directory : directory / name);
-    if (arguments.real_time) print_real_time(arguments.out, drive, driven.result);
+    if (options.real_time) print_real_time(arguments.out, drive, driven.result);
     if (arguments.check_sensor > 0) {
       check_sensor(arguments.out, sensor, driven.result, arguments.check_sensor);
     }
@@ -262,8 +264,9 @@ void add_drive_command(CLI::App& app, int& exit_code) {
       .add_option("--light", arguments->light,
                   "factor on the laser's light; daylight stays; default: the drive file's")
       ->check(positive_number());
-  command.add_flag("--real-time", arguments->real_time,
-                   "say whether each stage keeps the sensor's rate on this machine");
+  command.add_flag("--real-time", arguments->options.real_time,
+                   "answers take as long as on this machine, and frames that come meanwhile are "
+                   "passed over; prints the times of each stage");
   command
       .add_option("--check-sensor", arguments->check_sensor,
                   "compare the simulated light with the reference renderer's on so many frames")

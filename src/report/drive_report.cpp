@@ -384,6 +384,7 @@ json drive_json(const Drive& drive, const DriveOptions& options, const DriveResu
           {"scene", drive.scene.name},
           {"perception", options.perception},
           {"perception_delay_s", declared_delay(drive, options.perception)},
+          {"real_time", options.real_time},
           {"seed", options.seed},
           {"light", drive.sensor.light},
           {"outcome", outcome_word(result.outcome)},

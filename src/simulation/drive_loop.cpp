@@ -155,6 +155,7 @@ class DriveLoop {
   double time_ = 0;             ///< s
   double map_time_ = 0;         ///< s, time of the map's last update
   double busy_until_ = 0;       ///< s; until then perception works on a frame
+  bool started_ = false;        ///< perception has answered a frame
   double standing_since_ = -1;  ///< s; negative: the vehicle drives, or has a plan
   double clearance_ = std::numeric_limits<double>::infinity();  ///< m, least since the last frame
   VehicleState sensed_from_;  ///< true state at the time of the frame that perception works on
@@ -344,9 +345,13 @@ void DriveLoop::take_frame(const SensedEvent& event) {
       sensed = sensor_.sense(frame.T_world_sensor, world_.hidden(event.capture_time),
                              options_.seed + kFrameSeeds * (event.frame + 1));
     }
-    const StageTimer watch(frame.time_ms.perceive);
     sensed_from_ = event.vehicle;
-    answer.answer = perception_->perceive(sensed.capture, T_world_believed, event.capture_time);
+    {
+      const StageTimer watch(frame.time_ms.perceive);
+      answer.answer = perception_->perceive(sensed.capture, T_world_believed, event.capture_time);
+    }
+    if (options_.real_time && started_) answer.ready = time_ + frame.time_ms.perceive / 1000;
+    started_ = true;
     busy_until_ = answer.ready;
     if (options_.keep_pictures) {
       frame.counts = std::move(sensed.capture.counts);

@@ -27,6 +27,10 @@ struct DriveOptions {
   std::shared_ptr<const Fitter> fitter;  ///< solver's fitter for the drive's scene; null: a new one
   bool keep_pictures = true;             ///< keeps histograms and grids of the frames, for a page
   bool keep_last_map = false;            ///< keeps the grid of last_map()'s frame, for statistics
+  /// Answers take as long as they take on this machine, and frames that come meanwhile are passed
+  /// over. Only the first frame, which starts perception up, has the declared delay. The same seed
+  /// then gives another drive each time.
+  bool real_time = false;
   double injected_error = 0;             ///< m, error of the misled oracles (perception.h)
   PerceptionNetworks networks;           ///< networks of the perceptions that need one
   /// Called before each sensor frame with the time of the drive, s. An exception from it ends the

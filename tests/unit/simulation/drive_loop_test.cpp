@@ -200,6 +200,32 @@ TEST(DriveLoop, ADelayHoldsAnswersBack) {
   EXPECT_EQ(result.frames[3].fate, FrameFate::used);
 }
 
+// The solver's answers come after its own run time; meanwhile frames are passed over, not queued.
+TEST(DriveLoop, InRealTimeFramesArePassedOverWhileTheSolverIsBusy) {
+  Drive drive = robot();
+  drive.sensor.rate = 200;
+  drive.time_limit = 1.0;
+  DriveOptions options;
+  options.seed = 1;
+  options.real_time = true;
+  const DriveResult result = drive_through(drive, SimulatedSensor(drive.scene), options);
+  bool first = true;
+  std::size_t passed = 0;
+  for (std::size_t i = 0; i < result.frames.size(); ++i) {
+    const DriveFrame& frame = result.frames[i];
+    if (frame.fate != FrameFate::used) continue;
+    const double ready =
+        frame.time + (first ? drive.delay["solver"] : frame.time_ms.perceive / 1000);
+    first = false;
+    for (std::size_t k = i + 1; k < result.frames.size(); ++k) {
+      if (result.frames[k].time + 1e-3 > ready) break;
+      EXPECT_EQ(result.frames[k].fate, FrameFate::busy) << k;
+      ++passed;
+    }
+  }
+  EXPECT_GT(passed, 0U);
+}
+
 TEST(DriveLoop, FramesThatNeverArriveLeaveTheVehicleWaiting) {
   Drive drive = robot();
   drive.sensor.missing_share = 1;

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <vector>
@@ -172,8 +173,11 @@ TEST_P(LobePairsOnAPlane, CellsOfTheObjectWidenThePath) {
     double result = 0;
     LobePairs(sigma_, true)
         .visit(lit.seen(along), lit.seen(along), 1.0, pulses, [&](int, const Pulses& p) {
-          ASSERT_EQ(p.count, 1u);
-          result = p.variance[0];
+          const auto end = p.weight.begin() + static_cast<std::ptrdiff_t>(p.count);
+          const auto lit = [](double weight) { return weight > 0; };
+          ASSERT_EQ(std::count_if(p.weight.begin(), end, lit), 1);
+          const auto at = std::find_if(p.weight.begin(), end, lit) - p.weight.begin();
+          result = p.variance[static_cast<std::size_t>(at)];
         });
     return result;
   };
