@@ -286,7 +286,8 @@ TimeGate best_run(const std::vector<bool>& unusable, const std::vector<double>& 
       continue;
     }
     run.end = k + 1;
-    sum += light[static_cast<std::size_t>(k)];
+    // Rounding can make no light a little less than none.
+    sum += std::max(light[static_cast<std::size_t>(k)], 0.0);
     if (std::pair{sum, run.end - run.first} > most) {
       most = {sum, run.end - run.first};
       best = run;

@@ -94,7 +94,7 @@ TEST_F(LiveCli, AFileIsTrackedFrameByFrameAsFitDoes) {
   const json fitted = json::parse(text("fit/result.json"))["captures"];
   expect_all(lines, 2 * kWalkFrames);
   ASSERT_EQ(lines.size(), fitted.size());
-  std::size_t alike = 0;
+  bool same_modes = true;  // until now
   for (std::size_t i = 0; i < lines.size(); ++i) {
     for (const auto& [key, value] : fitted[i].items()) EXPECT_TRUE(lines[i].contains(key)) << key;
     EXPECT_EQ(lines[i]["skipped"], 0);
@@ -103,17 +103,18 @@ TEST_F(LiveCli, AFileIsTrackedFrameByFrameAsFitDoes) {
                 fitted[i]["presence_probability"].get<double>(), 0.01);
     EXPECT_EQ(lines[i]["mean"].is_null(), fitted[i]["mean"].is_null());
     if (lines[i]["mean"].is_null()) continue;
-    bool same = true;
+    same_modes = same_modes && lines[i]["modes"].size() == fitted[i]["modes"].size();
+    // Capture files hold single precision, a difference of 1e-7 at first. Where several places
+    // explain a young track alike, it decides which of them is kept. The track then differs within
+    // its covariance until new frames decide.
+    const double allowed = i < 10 ? 0.01 : same_modes ? 0.5 : 2;  // standard deviations
     for (std::size_t k = 0; k < 2; ++k) {
-      const double live = lines[i]["mean"][k], fit = fitted[i]["mean"][k];
       const double sigma = std::sqrt(fitted[i]["covariance"][k][k].get<double>());
-      same = same && std::abs(live - fit) < 0.5 * sigma;
+      EXPECT_NEAR(lines[i]["mean"][k].get<double>(), fitted[i]["mean"][k].get<double>(),
+                  allowed * sigma)
+          << i;
     }
-    alike += same ? 1 : 0;
   }
-  // Capture files hold single precision, and `fit` knows all captures beforehand: while several
-  // places explain a young track alike, the two keep somewhat different ones, and both say so.
-  EXPECT_GE(alike, 19 * fitted.size() / 20);
   EXPECT_THAT(text("err"), HasSubstr("ended: lines 1360, frames 80, answers 80"));
 }
 

@@ -174,9 +174,9 @@ TEST_P(LobePairsOnAPlane, CellsOfTheObjectWidenThePath) {
     LobePairs(sigma_, true)
         .visit(lit.seen(along), lit.seen(along), 1.0, pulses, [&](int, const Pulses& p) {
           const auto end = p.weight.begin() + static_cast<std::ptrdiff_t>(p.count);
-          const auto lit = [](double weight) { return weight > 0; };
-          ASSERT_EQ(std::count_if(p.weight.begin(), end, lit), 1);
-          const auto at = std::find_if(p.weight.begin(), end, lit) - p.weight.begin();
+          const auto bright = [](double weight) { return weight > 0; };
+          ASSERT_EQ(std::count_if(p.weight.begin(), end, bright), 1);
+          const auto at = std::find_if(p.weight.begin(), end, bright) - p.weight.begin();
           result = p.variance[static_cast<std::size_t>(at)];
         });
     return result;
