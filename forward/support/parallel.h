@@ -29,10 +29,10 @@ void run_whole(const Loop& loop) {
 /// tbb::parallel_for and tbb::parallel_invoke with their arguments. They are objects and not
 /// functions: with functions of these names, the compiler would choose oneTBB's own wherever an
 /// argument is a oneTBB type (a range, a partitioner).
-inline constexpr auto parallel_for = [](const auto&... arguments) {
+inline constexpr auto parallel_for = [](const auto&... arguments) {  // NOLINT: called like it
   run_whole([&](tbb::task_group_context& own) { tbb::parallel_for(arguments..., own); });
 };
-inline constexpr auto parallel_invoke = [](const auto&... functions) {
+inline constexpr auto parallel_invoke = [](const auto&... functions) {  // NOLINT: called like it
   run_whole([&](tbb::task_group_context& own) { tbb::parallel_invoke(functions..., own); });
 };
 

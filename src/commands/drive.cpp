@@ -218,7 +218,8 @@ int run_drive(const DriveArguments& arguments) {
   std::vector<Driven> all;
   for (const std::string& name : names) {
     options.perception = name;
-    const Driven& driven = all.emplace_back(options, drive_through(drive, sensor, options));
+    all.push_back({options, drive_through(drive, sensor, options)});
+    const Driven& driven = all.back();
     write_drive(arguments, drive, driven, names.size() == 1 ? directory : directory / name);
     if (options.real_time) print_real_time(arguments.out, drive, driven.result);
     if (arguments.check_sensor > 0) {
