@@ -250,94 +250,84 @@ void LobeEnds::fill(const LobePieces& pieces, const std::vector<int>& group_end,
     }
     begin = end;
   }
-  find_blocks();
-}
-
-void LobeEnds::find_blocks() {
   blocks_.clear();
-  for (std::size_t begin = 0; begin < size_;) {
-    Block block{begin, begin, zone_[begin], x_[begin], x_[begin], y_[begin], y_[begin], 0, 0, 0};
-    std::size_t& i = block.end;
-    for (; i < size_ && i - begin < kBlock && zone_[i] == block.zone; ++i) {
-      block.left = std::min(block.left, x_[i]);
-      block.right = std::max(block.right, x_[i]);
-      block.low = std::min(block.low, y_[i]);
-      block.high = std::max(block.high, y_[i]);
-      block.factor = std::max(block.factor, factor_[i]);
-      block.ee = std::max(block.ee, ee_[i]);
-      block.ff = std::max(block.ff, ff_[i]);
-    }
-    blocks_.push_back(block);
-    begin = block.end;
+  for (std::size_t begin = 0; begin < size_; begin += blocks_.patches.back().count) {
+    blocks_.add(*this, begin);
   }
 }
 
-/// Whether lobes between the two come near. Farther from an ellipse's middle along an axis than its
-/// reach in standard deviations along that axis, none of it is.
-bool LobePairs::in_reach(const LobeEnds::Block& lit, const LobeEnds::Block& seen) const {
-  const double own = variance_ * seen.factor * lit.factor;
-  const double x = std::max({lit.left - seen.right, seen.left - lit.right, 0.0});
-  const double y = std::max({lit.low - seen.high, seen.low - lit.high, 0.0});
-  return x * x < kReach2 * (own + seen.ee + lit.ee) && y * y < kReach2 * (own + seen.ff + lit.ff);
+void LobeEnds::Blocks::clear() {
+  patches.clear();
+  zone.clear();
+  for (auto* v : {&left, &right, &low, &high, &factor, &ee, &ff}) v->clear();
 }
 
-void LobePairs::find_lit(const LobeEnds& lit, const LobeEnds::Block& seen, Near& near) const {
-  near.blocks.clear();
-  for (auto* v :
-       {&near.left, &near.right, &near.low, &near.high, &near.factor, &near.ee, &near.ff}) {
-    v->clear();
-  }
-  for (const LobeEnds::Block& block : lit.blocks_) {
-    if (same_zone_ && block.zone != seen.zone) continue;
-    if (!in_reach(block, seen)) continue;
-    near.blocks.push_back({block.begin, block.end - block.begin});
-    near.left.push_back(block.left);
-    near.right.push_back(block.right);
-    near.low.push_back(block.low);
-    near.high.push_back(block.high);
-    near.factor.push_back(block.factor);
-    near.ee.push_back(block.ee);
-    near.ff.push_back(block.ff);
-  }
+/// The block of the patches from `begin` on.
+void LobeEnds::Blocks::add(const LobeEnds& ends, std::size_t begin) {
+  std::size_t end = begin;
+  while (end < ends.size_ && end - begin < kBlock && ends.zone_[end] == ends.zone_[begin]) ++end;
+  const auto range = [&](const std::vector<double>& values) {
+    const auto at = [&](std::size_t i) { return values.begin() + static_cast<std::ptrdiff_t>(i); };
+    return std::minmax_element(at(begin), at(end));
+  };
+  patches.push_back({begin, end - begin});
+  zone.push_back(ends.zone_[begin]);
+  const auto [most_left, most_right] = range(ends.x_);
+  left.push_back(*most_left);
+  right.push_back(*most_right);
+  const auto [lowest, highest] = range(ends.y_);
+  low.push_back(*lowest);
+  high.push_back(*highest);
+  factor.push_back(*range(ends.factor_).second);
+  ee.push_back(*range(ends.ee_).second);
+  ff.push_back(*range(ends.ff_).second);
 }
 
-/// The blocks that one seen patch reaches: in_reach() of the patch.
-BLINDCORNER_MULTIVERSION void LobePairs::find_reached(const LobeEnds& seen, std::size_t i,
-                                                      Near& near) const {
-  const std::size_t count = near.blocks.size();
-  near.within.resize(count);
+std::array<std::size_t, 2> LobeEnds::Blocks::of_zone(int z) const {
+  const auto first = std::ranges::find(zone, z);
+  const auto end = std::find_if(first, zone.end(), [&](int other) { return other != z; });
+  return {static_cast<std::size_t>(first - zone.begin()),
+          static_cast<std::size_t>(end - zone.begin())};
+}
+
+/// Blocks whose lobes may come near. Farther from an ellipse's middle along an axis than its reach
+/// in standard deviations along that axis, none of it is.
+BLINDCORNER_MULTIVERSION void LobePairs::find_reached(const LobeEnds& lit, const LobeEnds& seen,
+                                                      std::size_t i, Reach& reach) const {
+  const auto [first, end] = reach.blocks;
+  const LobeEnds::Blocks& all = lit.blocks_;
+  reach.within.resize(all.size());
   const double px = seen.x_[i], py = seen.y_[i], ee = seen.ee_[i], ff = seen.ff_[i];
   const double own = variance_ * seen.factor_[i];
-  const double *left = near.left.data(), *right = near.right.data();
-  const double *low = near.low.data(), *high = near.high.data();
-  const double *factor = near.factor.data(), *lit_ee = near.ee.data(), *lit_ff = near.ff.data();
-  double* __restrict within = near.within.data();
+  const double *left = all.left.data(), *right = all.right.data();
+  const double *low = all.low.data(), *high = all.high.data();
+  const double *factor = all.factor.data(), *lit_ee = all.ee.data(), *lit_ff = all.ff.data();
+  double* __restrict within = reach.within.data();
   BLINDCORNER_INDEPENDENT
-  for (std::size_t b = 0; b < count; ++b) {
+  for (std::size_t b = first; b < end; ++b) {
     const double x = std::max(std::max(left[b] - px, px - right[b]), 0.0);
     const double y = std::max(std::max(low[b] - py, py - high[b]), 0.0);
     const double lobe = own * factor[b];
     within[b] = std::min(kReach2 * (lobe + ee + lit_ee[b]) - x * x,
                          kReach2 * (lobe + ff + lit_ff[b]) - y * y);
   }
-  near.reached.clear();
-  for (std::size_t b = 0; b < count; ++b) {
-    if (within[b] > 0) near.reached.push_back(near.blocks[b]);
+  reach.reached.clear();
+  for (std::size_t b = first; b < end; ++b) {
+    if (within[b] > 0) reach.reached.push_back(all.patches[b]);
   }
 }
 
-void LobePairs::pair(const LobeEnds& lit, Near& near, const LobeEnds& seen, std::size_t i,
-                     double scale, Pulses& pulses) const {
+void LobePairs::pair(const LobeEnds& lit, const std::vector<PatchRange>& blocks,
+                     const LobeEnds& seen, std::size_t i, double scale, Pulses& pulses) const {
   const auto from = [](const LobeEnds& e, std::size_t k) {
     return Ends{&e.weight_[k], &e.path_[k], &e.variance_[k], &e.x_[k],    &e.y_[k],
                 &e.factor_[k], &e.ee_[k],   &e.ff_[k],       &e.ef_[k],   &e.xxxx_[k],
                 &e.xxxy_[k],   &e.xxyy_[k], &e.xyyy_[k],     &e.yyyy_[k], &e.ke_[k],
                 &e.kf_[k],     &e.gu_[k],   &e.gv_[k]};
   };
-  find_reached(seen, i, near);
-  pulses.count = near.reached.size() * kBlock;
+  pulses.count = blocks.size() * kBlock;
   pulses.resize(pulses.count);
-  pair_up(from(lit, 0), near.reached, from(seen, i), variance_, scale, pulses.weight.data(),
+  pair_up(from(lit, 0), blocks, from(seen, i), variance_, scale, pulses.weight.data(),
           pulses.path.data(), pulses.variance.data());
 }
 

@@ -19,6 +19,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstddef>
 #include <vector>
 
@@ -29,7 +30,7 @@ struct Pulses {
   std::vector<double> weight;    ///< 0: no light
   std::vector<double> path;      ///< m
   std::vector<double> variance;  ///< m^2
-  std::size_t count = 0;         ///< of pairs: how many are in use
+  std::size_t count = 0;         ///< of pairs: how many are in use, dark ones included
 
   void resize(std::size_t size) {
     for (auto* v : {&weight, &path, &variance}) {
@@ -69,13 +70,19 @@ class LobeEnds {
 
  private:
   friend class LobePairs;
-  /// Consecutive patches of one zone, and what bounds them.
-  struct Block {
-    std::size_t begin, end;
-    int zone;
-    double left, right, low, high;  ///< of the map
-    double factor;                  ///< largest of 1 / (1 + c)
-    double ee, ff;                  ///< largest variances of a patch along both axes
+  /// Blocks of consecutive patches of one zone, and what bounds each: arrays of one length.
+  struct Blocks {
+    std::vector<PatchRange> patches;
+    std::vector<int> zone;
+    std::vector<double> left, right, low, high;  ///< of the map
+    std::vector<double> factor;                  ///< largest of 1 / (1 + c)
+    std::vector<double> ee, ff;                  ///< largest variances of a patch along both axes
+
+    std::size_t size() const { return patches.size(); }
+    void clear();
+    void add(const LobeEnds& ends, std::size_t begin);
+    /// [first, end) of those of a zone.
+    std::array<std::size_t, 2> of_zone(int z) const;
   };
   /// Pieces on the map.
   struct Mapped {
@@ -87,7 +94,6 @@ class LobeEnds {
            const Eigen::Vector3d& e, const Eigen::Vector3d& f);
   bool add(std::size_t begin, std::size_t end, std::size_t to);
   void find_fourth(std::size_t begin, std::size_t end, std::size_t to);
-  void find_blocks();
 
   std::size_t size_ = 0;
   Mapped mapped_;
@@ -99,7 +105,7 @@ class LobeEnds {
   std::vector<double> ke_, kf_;  ///< covariance of place and path over a patch, m
   std::vector<double> gu_, gv_;  ///< change of the leg along the object's cell, m
   std::vector<int> zone_;
-  std::vector<Block> blocks_;
+  Blocks blocks_;
 };
 
 /// The sum over pairs. The lobe ends four standard deviations off, where it is lowered to zero and
@@ -115,30 +121,30 @@ class LobePairs {
   template <typename Visit>  // (int zone, const Pulses&)
   void visit(const LobeEnds& lit, const LobeEnds& seen, double scale, Pulses& pulses,
              const Visit& visit_pulses) const {
-    Near near;
-    for (const LobeEnds::Block& block : seen.blocks_) {
-      find_lit(lit, block, near);
-      if (near.blocks.empty()) continue;
-      for (std::size_t i = block.begin; i < block.end; ++i) {
-        pair(lit, near, seen, i, scale, pulses);
-        visit_pulses(block.zone, pulses);
-      }
+    Reach reach;
+    reach.blocks = {0, lit.blocks_.size()};
+    for (std::size_t i = 0; i < seen.size_; ++i) {
+      const int zone = seen.zone_[i];
+      const bool other = i == 0 || zone != seen.zone_[i - 1];
+      if (same_zone_ && other) reach.blocks = lit.blocks_.of_zone(zone);
+      find_reached(lit, seen, i, reach);
+      if (reach.reached.empty()) continue;
+      pair(lit, reach.reached, seen, i, scale, pulses);
+      visit_pulses(zone, pulses);
     }
   }
 
  private:
-  /// Lit blocks near a seen one, and which of them one seen patch reaches.
-  struct Near {
-    std::vector<PatchRange> blocks, reached;
-    std::vector<double> left, right, low, high, factor, ee, ff;  ///< of each block
-    std::vector<double> within;                                  ///< reach less distance, signed
+  /// Lit blocks that a seen patch may reach, [first, end), and those that it does.
+  struct Reach {
+    std::array<std::size_t, 2> blocks;
+    std::vector<PatchRange> reached;
+    std::vector<double> within;  ///< [blocks] reach less distance, signed
   };
 
-  bool in_reach(const LobeEnds::Block& lit, const LobeEnds::Block& seen) const;
-  void find_lit(const LobeEnds& lit, const LobeEnds::Block& seen, Near& near) const;
-  void find_reached(const LobeEnds& seen, std::size_t i, Near& near) const;
-  void pair(const LobeEnds& lit, Near& near, const LobeEnds& seen, std::size_t i, double scale,
-            Pulses& pulses) const;
+  void find_reached(const LobeEnds& lit, const LobeEnds& seen, std::size_t i, Reach& reach) const;
+  void pair(const LobeEnds& lit, const std::vector<PatchRange>& blocks, const LobeEnds& seen,
+            std::size_t i, double scale, Pulses& pulses) const;
 
   double variance_;
   bool same_zone_;
