@@ -64,7 +64,8 @@ struct Sampling {
 Sampling sample(const SensorView& view, const SamplingNeeds& needs);
 
 /// Width of a relay patch for pairs in standard deviations of the lobe, as seen from the object, at
-/// coarseness 1: an even relay then has ripples of 1e-6 (lobe_pairs.h).
+/// coarseness 1: an even relay then has ripples of 3e-5 at most (resolves_lobe in
+/// sampling_search.cpp).
 constexpr double kLobePatch = 1.5;
 
 }  // namespace blindcorner

@@ -35,7 +35,7 @@ constexpr double kRuleObject = 2;
 /// The same of pairs' object points, whose estimate holds for the patches' sake: where on the
 /// object light turns back does not move the lobe's middle.
 constexpr double kPairsObject = 8 * kCoarsest;
-/// And of their patches, whose light is even at any width (lobe_pairs.h).
+/// And of their patches: resolves_lobe() says how wide they may be.
 constexpr double kPairsRelay = 2 * kCoarsest;
 /// Most pairs of lit and seen patches that a lobe's model takes for an evaluation (about 0.2 s):
 /// the search for a sampling ends there, whatever the tolerance.

@@ -208,7 +208,7 @@ TEST(DriveLoop, InRealTimeFramesArePassedOverWhileTheSolverIsBusy) {
   DriveOptions options;
   options.seed = 1;
   options.real_time = true;
-  const DriveResult result = drive_through(drive, SimulatedSensor(drive.scene), options);
+  const DriveResult result = drive_through(drive, sensor(), options);
   bool first = true;
   std::size_t passed = 0;
   for (std::size_t i = 0; i < result.frames.size(); ++i) {
