@@ -3,6 +3,8 @@
 
 #include <cmath>
 
+#include "forward/support/overloaded.h"
+
 namespace blindcorner {
 
 int object_count(const Scene& scene) { return 1 + static_cast<int>(scene.further_hidden.size()); }
@@ -26,6 +28,15 @@ std::vector<Placement> stated_placements(const Scene& scene) {
     placements.push_back(hidden_object(scene, i).placement);
   }
   return placements;
+}
+
+std::string material_name(const Material& material) {
+  return std::visit(
+      overloaded{[](const LambertianMaterial&) -> std::string { return "Lambertian"; },
+                 [](const RetroreflectiveMaterial&) -> std::string { return "retroreflective"; },
+                 [](const MeasuredLawMaterial&) -> std::string { return "measured law"; },
+                 [](const BrdfMaterial& m) { return m.name; }},
+      material);
 }
 
 std::string scene_place(const Scene& scene) { return scene.path.empty() ? scene.name : scene.path; }

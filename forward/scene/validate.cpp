@@ -193,25 +193,17 @@ void check_sensor(const Sensor& sensor, Problems& problems) {
 }
 
 void check_shape(const Shape& shape, const std::string& field, Problems& problems) {
-  const auto length = [&](const char* name, double value) {
-    problems.number(field + "." + name, value, kLength);
-  };
-  std::visit(
-      overloaded{[&](const RectangleShape& s) {
-                   length("width_m", s.width);
-                   length("height_m", s.height);
-                 },
-                 [&](const BoxShape& s) { problems.vector(field + ".size_m", s.size, kLength); },
-                 [&](const SphereShape& s) { length("radius_m", s.radius); },
-                 [&](const CylinderShape& s) {
-                   length("radius_m", s.radius);
-                   length("height_m", s.height);
-                 },
-                 [&](const MeshShape& s) {
-                   problems.require(s.mesh != nullptr, field + ".file", "no mesh",
-                                    "a mesh made by make_mesh or read from a file");
-                 }},
-      shape);
+  const auto length = overloaded{
+      [&](const char* name, double value) { problems.number(field + "." + name, value, kLength); },
+      [&](const char* name, const Vector3d& value) {
+        problems.vector(field + "." + name, value, kLength);
+      }};
+  std::visit(overloaded{[&](const MeshShape& s) {
+                          problems.require(s.mesh != nullptr, field + ".file", "no mesh",
+                                           "a mesh made by make_mesh or read from a file");
+                        },
+                        [&](const auto& s) { std::decay_t<decltype(s)>::lengths(s, length); }},
+             shape);
 }
 
 void check_surfaces(const std::vector<Surface>& surfaces, Problems& problems) {
@@ -244,6 +236,9 @@ void check_material(const Material& material, const std::string& field, Problems
                                           kExponent);
                           problems.number(law + "axis_across", m.axis_across, kTangent);
                           problems.number(law + "axis_up", m.axis_up, kTangent);
+                        },
+                        [&](const BrdfMaterial& m) {
+                          problems.require(m.brdf != nullptr, field, "no BRDF", "a BRDF");
                         }},
              material);
 }

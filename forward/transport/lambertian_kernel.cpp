@@ -6,6 +6,8 @@
 /// for shadows' edges, so that few points do. A rule of n points over a stretch whose path changes
 /// by 2a errs like exp(-2 (n s / a)^2), s the pulse's width, as long as it resolves the inverse
 /// squares too.
+///
+/// Any other BRDF has the same samples, and its pairs are summed one by one.
 #include <algorithm>
 #include <cmath>
 
@@ -82,7 +84,11 @@ class LambertianKernel final : public TransportKernel {
         grid_(transport_->grid(one_arrival_ ? PathGrid::Paths::whole : PathGrid::Paths::legs,
                                extra_variance_, way_back(inputs.view, *sampling_),
                                inputs.tolerance)) {
-    if (inputs.all_pairs) pulses_ = transport_->pulses(extra_variance_, Kernel::lambertian);
+    const auto* material = std::get_if<BrdfMaterial>(&transport_->scene.hidden.material);
+    if (material != nullptr) brdf_ = material->brdf;
+    if (inputs.all_pairs || brdf_ != nullptr) {
+      pulses_ = transport_->pulses(extra_variance_, Kernel::lambertian);
+    }
   }
 
   void render(const ObjectInPlace& object, Scratch& s) const override {
@@ -111,6 +117,7 @@ class LambertianKernel final : public TransportKernel {
   }
 
   std::string detail() const override {
+    if (brdf_ != nullptr) return {};
     return std::string(one_arrival_ ? ", one of which arrives at once" : ", which are convolved") +
            " on a grid of paths with a step of " + two_digits(1e3 * grid_->step()) + " mm";
   }
@@ -119,10 +126,11 @@ class LambertianKernel final : public TransportKernel {
   /// Light arriving at an object point, convolved with the light that leaves it to each zone.
   void add_point(const SurfacePoint& point, const ShadowView* shadows, Scratch& s) const {
     const PatchArrays& relay = sampling_->relay;
-    const double scale = transport_->scene.hidden.albedo / kPi * point.area;
+    const double scale =
+        transport_->scene.hidden.albedo * point.area * (brdf_ == nullptr ? 1 / kPi : 1.0);
     exchange_paths(point, relay, s);
     shade_patches(point, relay, shadows, s);
-    if (pulses_) return all_pairs(scale, s);
+    if (pulses_) return all_pairs(point, scale, s);
     if (one_arrival_) return pair_with_one(scale, s);
     grid_->find_splines(s.path.data(), s.weight.data(), relay.size(), s.splines);
     const std::size_t lit_sets = sampling_->lit.set_end.size();
@@ -171,7 +179,10 @@ class LambertianKernel final : public TransportKernel {
   }
 
   /// The same without the grid: one pulse for each pair.
-  void all_pairs(double scale, Scratch& s) const {
+  void all_pairs(const SurfacePoint& point, double scale, Scratch& s) const {
+    const auto direction = [&](std::size_t patch) -> Vector3d {
+      return (sampling_->relay.center(static_cast<int>(patch)) - point.center).normalized();
+    };
     const Sensor& sensor = transport_->scene.sensor;
     const PatchArrays& relay = sampling_->relay;
     const double bins_per_metre = 1 / (kSpeedOfLight * sensor.bin_width);
@@ -182,9 +193,12 @@ class LambertianKernel final : public TransportKernel {
       const auto [in_begin, in_end] = relay.set(confocal_ ? z : 0);
       const auto [out_begin, out_end] = relay.set(lit_sets + z);
       for (std::size_t r = out_begin; r < out_end; ++r) {
+        if (s.weight[r] <= 0) continue;
+        const Vector3d out = direction(r);
         for (std::size_t p = in_begin; p < in_end; ++p) {
-          const double light = scale * s.weight[p] * s.weight[r];
+          double light = scale * s.weight[p] * s.weight[r];
           if (light <= 0) continue;
+          if (brdf_ != nullptr) light *= brdf_->value(point.normal, direction(p), out);
           pulses_->add(row, axis_bins_, start + (s.path[p] + s.path[r]) * bins_per_metre,
                        extra_variance_, light);
         }
@@ -201,6 +215,7 @@ class LambertianKernel final : public TransportKernel {
   int axis_bins_;
   std::shared_ptr<const PathGrid> grid_;
   std::shared_ptr<const PulseTable> pulses_;  ///< of each pair by itself, where that is asked for
+  std::shared_ptr<const Brdf> brdf_;          ///< null: Lambertian
 };
 
 }  // namespace

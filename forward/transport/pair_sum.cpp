@@ -326,6 +326,18 @@ void PairSum::add_lambertian(int zone, double scattered, const std::vector<Leg>&
   }
 }
 
+void PairSum::add_brdf(int zone, double area_albedo, const Brdf& brdf, const Vector3d& normal,
+                       const std::vector<Leg>& in, const std::vector<Leg>& out) {
+  const Deposit put = deposit(zone);
+  for (const Leg& r : out) {
+    const double scale = area_albedo * r.weight * r.cosine;
+    for (const Leg& p : in) {
+      put(scale * p.weight * p.cosine * brdf.value(normal, p.direction, r.direction),
+          p.length + r.length);
+    }
+  }
+}
+
 void PairSum::add_retroreflective(int zone, double area, double albedo, double sigma,
                                   const std::vector<Leg>& in, const std::vector<Leg>& out) {
   const Deposit put = deposit(zone);

@@ -63,6 +63,9 @@ class PairSum {
   /// Lambertian cell: `scattered` is its area times albedo over pi.
   void add_lambertian(int zone, double scattered, const std::vector<Leg>& in,
                       const std::vector<Leg>& out);
+  /// Any cell of that area times albedo, with its BRDF.
+  void add_brdf(int zone, double area_albedo, const Brdf& brdf, const Eigen::Vector3d& normal,
+                const std::vector<Leg>& in, const std::vector<Leg>& out);
   /// Retroreflective cell of `area` m^2: f = rho G(alpha; sigma) / sqrt(cos_i cos_o), alpha's
   /// Gaussian in chords of the unit sphere, so that it is normalised exactly.
   void add_retroreflective(int zone, double area, double albedo, double sigma,

@@ -135,10 +135,10 @@ class ReferenceRenderer final : public ForwardModel {
   /// Lit patches: one list for all zones, or one for each (confocal).
   Patches lit_for(const PlacedObject& object) const;
   Patches seen_for(const PlacedObject& object) const;  ///< [zone]
-  Split path_split(const Vector3d& object, double all_light) const;
+  Split path_split(const PlacedObject& placed, double all_light) const;
   std::vector<WeightedPatch> split_by_path(
       const std::function<std::vector<WeightedPatch>()>& sample, RelaySampling& sampling,
-      const Vector3d& object) const;
+      const PlacedObject& object) const;
   double longest_edge(const PlacedObject& placed) const;
   std::vector<SurfaceCell> cells_of(const PlacedObject& placed) const;
   void add_object(const PlacedObject& placed, const Blockers& blockers, PairSum& sum) const;
@@ -191,13 +191,21 @@ double exchanged(const RelayPatch& patch, const Vector3d& object) {
 
 /// Divides cells, as of a floor seen at a grazing angle, whose paths to the object differ by more
 /// than the pulse can stand. Two Gauss nodes err by the fourth power of the half difference h over
-/// the pulse's width, so a cell with the share s of the region's light may have h^4 = 0.1 / s.
-Split ReferenceRenderer::path_split(const Vector3d& object, double all_light) const {
+/// the pulse's width, so a cell with the share s of the region's light may have h^4 = 0.1 / s. The
+/// lobe of a BRDF is divided until half an edge is at most half of the lobe's standard deviation.
+Split ReferenceRenderer::path_split(const PlacedObject& placed, double all_light) const {
+  constexpr double kLobeHalfEdge = 0.5;
+  const auto* material = std::get_if<BrdfMaterial>(&placed.object->material);
+  const double angle = material != nullptr ? kLobeHalfEdge * material->brdf->narrowest_lobe()
+                                           : std::numeric_limits<double>::infinity();
+  const Vector3d object = placed.T_world_object.translation();
   const double pulse = kSpeedOfLight * std::hypot(scene_.sensor.response.core_sigma(),
                                                   scene_.sensor.bin_width / std::sqrt(12.0));
-  return [object, pulse, all_light, origin = setup_.origin()](const RelayPatch& patch) {
-    const Vector3d gradient =
-        (patch.center - origin).normalized() + (patch.center - object).normalized();
+  return [object, pulse, all_light, angle, origin = setup_.origin()](const RelayPatch& patch) {
+    const Vector3d way = patch.center - object;
+    const double half_u = patch.half_u.norm(), half_v = patch.half_v.norm();
+    if (std::max(half_u, half_v) > angle * way.norm()) return half_u >= half_v ? 1 : 2;
+    const Vector3d gradient = (patch.center - origin).normalized() + way.normalized();
     const double u = std::abs(gradient.dot(patch.half_u)) / pulse;
     const double v = std::abs(gradient.dot(patch.half_v)) / pulse;
     if (std::pow(std::max(u, v), 4) * exchanged(patch, object) <= kPathError * all_light) return 0;
@@ -208,10 +216,11 @@ Split ReferenceRenderer::path_split(const Vector3d& object, double all_light) co
 /// Samples evenly to learn the region's light, then again with cells divided by their paths.
 std::vector<WeightedPatch> ReferenceRenderer::split_by_path(
     const std::function<std::vector<WeightedPatch>()>& sample, RelaySampling& sampling,
-    const Vector3d& object) const {
+    const PlacedObject& object) const {
   sampling.split = nullptr;
   double all_light = 0;
-  for (const WeightedPatch& p : sample()) all_light += exchanged(p.patch, object);
+  const Vector3d place = object.T_world_object.translation();
+  for (const WeightedPatch& p : sample()) all_light += exchanged(p.patch, place);
   sampling.split = path_split(object, all_light);
   return sample();
 }
@@ -235,7 +244,7 @@ ReferenceRenderer::Patches ReferenceRenderer::seen_for(const PlacedObject& objec
   for (std::size_t z = 0; z < seen.size(); ++z) {
     if (scene_.sensor.zones[z].dead) continue;
     const auto even = [&] { return setup_.seen(static_cast<int>(z), sampling); };
-    seen[z] = split_by_path(even, sampling, object.T_world_object.translation());
+    seen[z] = split_by_path(even, sampling, object);
   }
   return seen;
 }
@@ -256,10 +265,9 @@ ReferenceRenderer::Patches ReferenceRenderer::lit_for(const PlacedObject& object
   } else {
     sampling.nodes = [](const RelayPatch&) { return std::array{2, 2}; };
   }
-  const Vector3d center = object.T_world_object.translation();
   const bool split = !sampling.split;
   const auto sampled = [&](const auto& sample) {
-    return split ? split_by_path(sample, sampling, center) : sample();
+    return split ? split_by_path(sample, sampling, object) : sample();
   };
   if (scene_.sensor.illumination == Illumination::flash) {
     return {sampled([&] { return setup_.lit(sampling); })};
@@ -304,6 +312,7 @@ void ReferenceRenderer::add_object(const PlacedObject& placed, const Blockers& b
                                    PairSum& sum) const {
   const HiddenObject& object = *placed.object;
   const auto* retro = std::get_if<RetroreflectiveMaterial>(&object.material);
+  const auto* other = std::get_if<BrdfMaterial>(&object.material);
   const Patches lit = lit_for(placed);
   const Patches seen = seen_for(placed);
   for (const SurfaceCell& cell : cells_of(placed)) {
@@ -313,10 +322,12 @@ void ReferenceRenderer::add_object(const PlacedObject& placed, const Blockers& b
       if (z == 0 || lit.size() > 1) in = legs_to(cell, lit[zone], blockers);
       if (in.empty() || seen[zone].empty()) continue;
       const std::vector<Leg> out = legs_to(cell, seen[zone], blockers);
-      if (retro == nullptr) {
-        sum.add_lambertian(z, cell.area * object.albedo / kPi, in, out);
-      } else {
+      if (retro != nullptr) {
         sum.add_retroreflective(z, cell.area, object.albedo, retro->lobe_sigma, in, out);
+      } else if (other != nullptr) {
+        sum.add_brdf(z, cell.area * object.albedo, *other->brdf, cell.normal, in, out);
+      } else {
+        sum.add_lambertian(z, cell.area * object.albedo / kPi, in, out);
       }
     }
   }

@@ -30,7 +30,8 @@ RelaySampling sampling_of(int divisions) {
 
 RelayPaths::RelayPaths(const Scene& scene, const SensorPlacement& placement)
     : setup_(scene, placement),
-      comes_back_(!std::holds_alternative<LambertianMaterial>(scene.hidden.material)),
+      comes_back_(std::holds_alternative<RetroreflectiveMaterial>(scene.hidden.material) ||
+                  std::holds_alternative<MeasuredLawMaterial>(scene.hidden.material)),
       shadows_(has_occluders(scene)) {
   const RelaySampling zones = sampling_of(kZoneDivisions);
   const bool confocal = scene.sensor.illumination == Illumination::confocal;

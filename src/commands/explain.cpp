@@ -278,12 +278,6 @@ void print_scaling(const Scene& scene, const SensorPlacement& sensor, const Plac
       "  Lambertian and -2, -2 and -2 of a retroreflective object are its limits)\n");
 }
 
-const char* object_kind(const Material& material) {
-  if (std::holds_alternative<LambertianMaterial>(material)) return "Lambertian object";
-  if (std::holds_alternative<RetroreflectiveMaterial>(material)) return "retroreflective object";
-  return "object with a measured law";
-}
-
 int run_explain(const ExplainArguments& arguments) {
   const Scene scene = read_scene(arguments.scene);
   const SensorPlacement sensor = known_placement(scene, arguments.capture);
@@ -315,7 +309,8 @@ int run_explain(const ExplainArguments& arguments) {
   }
   std::printf("scene %s:", scene.name.c_str());
   for (int i = 0; i < object_count(scene); ++i) {
-    std::printf("%s %s", i == 0 ? "" : ",", object_kind(hidden_object(scene, i).material));
+    std::printf("%s %s object", i == 0 ? "" : ",",
+                material_name(hidden_object(scene, i).material).c_str());
   }
   std::printf("\n");
   if (const auto size = planned.model->size()) {

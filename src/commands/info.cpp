@@ -68,11 +68,6 @@ std::string unknowns_text(const Scene& scene) {
   return text;
 }
 
-const char* material_name(const Material& material) {
-  if (std::holds_alternative<LambertianMaterial>(material)) return "Lambertian";
-  return std::holds_alternative<MeasuredLawMaterial>(material) ? "measured law" : "retroreflective";
-}
-
 std::string describe_scene(const Scene& scene) {
   std::string text = "scene     " + scene.name + "\n" + sensor_text(scene.sensor);
   const Eigen::Vector3d place = scene.T_world_sensor.translation();
@@ -90,7 +85,7 @@ std::string describe_scene(const Scene& scene) {
     const HiddenObject& hidden = hidden_object(scene, i);
     text += line("hidden    %s: %s, %s, albedo %.3g, there with probability %.3g beforehand",
                  hidden.name.c_str(), shape_name(hidden.shape).c_str(),
-                 material_name(hidden.material), hidden.albedo, scene.presence_prior);
+                 material_name(hidden.material).c_str(), hidden.albedo, scene.presence_prior);
   }
   return text + unknowns_text(scene);
 }

@@ -184,7 +184,7 @@ void JsonReader::exclude(std::string_view key, const std::string& accepted) cons
 }
 
 std::string_view JsonReader::at_most_one_of(
-    std::initializer_list<std::string_view> alternatives) const {
+    const std::vector<std::string_view>& alternatives) const {
   std::string_view chosen;
   for (const std::string_view name : alternatives) {
     const bool there = decided_by(name);
@@ -201,7 +201,7 @@ std::string_view JsonReader::at_most_one_of(
 }
 
 std::string_view JsonReader::exactly_one_of(
-    std::initializer_list<std::string_view> alternatives) const {
+    const std::vector<std::string_view>& alternatives) const {
   const std::string_view chosen = at_most_one_of(alternatives);
   if (chosen.empty()) {
     fail("none of these fields", "one of " + list_words(to_strings(alternatives)));

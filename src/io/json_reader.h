@@ -73,9 +73,9 @@ class JsonReader {
   /// Tells a record which fields may be there, where the reader itself refuses others.
   void looks_for(const std::vector<std::string>& names) const;
   /// The one field of `alternatives` that is there; empty: none. Refuses several.
-  std::string_view at_most_one_of(std::initializer_list<std::string_view> alternatives) const;
+  std::string_view at_most_one_of(const std::vector<std::string_view>& alternatives) const;
   /// The same, and refuses none.
-  std::string_view exactly_one_of(std::initializer_list<std::string_view> alternatives) const;
+  std::string_view exactly_one_of(const std::vector<std::string_view>& alternatives) const;
 
   /// Elements of an array with at least `smallest` elements.
   std::vector<JsonReader> elements(std::size_t smallest = 0) const;

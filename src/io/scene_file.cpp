@@ -14,9 +14,11 @@
 #include "blindcorner/forward/scene/validate.h"
 #include "blindcorner/forward/sensor/link_budget.h"
 #include "forward/scene/limits.h"
+#include "forward/support/overloaded.h"
 #include "io/file_bytes.h"
 #include "io/file_kind.h"
 #include "io/json_reader.h"
+#include "io/material.h"
 #include "io/mesh_file.h"
 #include "io/sensor_reader.h"
 
@@ -141,8 +143,6 @@ void check_winding(const JsonReader& reader, const Shape& shape) {
       "corners counter-clockwise as seen from outside, or \"two_sided\": true");
 }
 
-double length(const JsonReader& reader, const char* key) { return reader.at(key).number(kLength); }
-
 /// "center_m", "normal" and "up" of a rectangle.
 Transform place_rectangle(const JsonReader& reader, const Shape& /*shape*/) {
   Transform T = Transform::Identity();
@@ -180,32 +180,31 @@ struct ShapeEntry {
   std::vector<std::string_view> placing;
   Transform (*place)(const JsonReader&, const Shape&);
 };
+template <class S>
+Shape read_lengths(const JsonReader& reader) {
+  S shape;
+  S::lengths(
+      shape,
+      overloaded{
+          [&](const char* name, double& value) { value = reader.at(name).number(kLength); },
+          [&](const char* name, Vector3d& value) { value = reader.at(name).vector(kLength); }});
+  return shape;
+}
+
+/// A shape that consists of its lengths.
+template <class S>
+ShapeEntry of_lengths(std::string_view name, std::vector<std::string_view> placing = {},
+                      Transform (*place)(const JsonReader&, const Shape&) = nullptr) {
+  std::vector<std::string_view> dimensions;
+  const S shape;
+  S::lengths(shape, [&](const char* length, const auto&) { dimensions.emplace_back(length); });
+  return {name, dimensions, read_lengths<S>, std::move(placing), place};
+}
+
 const std::array kShapes = {
-    ShapeEntry{"rectangle",
-               {"width_m", "height_m"},
-               [](const JsonReader& r) -> Shape {
-                 return RectangleShape{length(r, "width_m"), length(r, "height_m")};
-               },
-               {"center_m", "normal", "up"},
-               place_rectangle},
-    ShapeEntry{
-        "box",
-        {"size_m"},
-        [](const JsonReader& r) -> Shape { return BoxShape{r.at("size_m").vector(kLength)}; },
-        {"center_m", "base_m", "yaw_deg"},
-        place_upright},
-    ShapeEntry{"sphere",
-               {"radius_m"},
-               [](const JsonReader& r) -> Shape { return SphereShape{length(r, "radius_m")}; },
-               {},
-               nullptr},
-    ShapeEntry{"cylinder",
-               {"radius_m", "height_m"},
-               [](const JsonReader& r) -> Shape {
-                 return CylinderShape{length(r, "radius_m"), length(r, "height_m")};
-               },
-               {},
-               nullptr},
+    of_lengths<RectangleShape>("rectangle", {"center_m", "normal", "up"}, place_rectangle),
+    of_lengths<BoxShape>("box", {"center_m", "base_m", "yaw_deg"}, place_upright),
+    of_lengths<SphereShape>("sphere"), of_lengths<CylinderShape>("cylinder"),
     ShapeEntry{"mesh",
                {"file", "scale", "two_sided"},
                [](const JsonReader& r) -> Shape { return read_mesh(r); },
@@ -286,30 +285,6 @@ Shape read_hidden_shape(const JsonReader& reader) {
   return own.read(reader);
 }
 
-Material read_material(const JsonReader& reader) {
-  if (!reader.present()) return LambertianMaterial{};
-  if (reader.is_string()) {
-    if (reader.word({"lambertian", "retroreflective"}) == "lambertian") return LambertianMaterial{};
-    return RetroreflectiveMaterial{.lobe_sigma = kDegree};
-  }
-  if (!reader.is_object()) {
-    reader.fail(
-        R"("lambertian", "retroreflective", {"retroreflective": {...}} or {"measured_law": {...}})");
-  }
-  reader.allow_only({"retroreflective", "measured_law"});
-  if (reader.exactly_one_of({"retroreflective", "measured_law"}) == "measured_law") {
-    const JsonReader law = reader.at("measured_law");
-    law.allow_only({"cosine_exponent", "distance_exponent", "axis_across", "axis_up"});
-    return MeasuredLawMaterial{.cosine_exponent = law.at("cosine_exponent").number(kExponent),
-                               .distance_exponent = law.at("distance_exponent").number(kExponent),
-                               .axis_across = law.at("axis_across").number_or(0, kTangent),
-                               .axis_up = law.at("axis_up").number_or(0, kTangent)};
-  }
-  const JsonReader lobe = reader.at("retroreflective");
-  lobe.allow_only({"lobe_sigma_deg"});
-  return RetroreflectiveMaterial{lobe.at("lobe_sigma_deg").number_or(1, kLobe) * kDegree};
-}
-
 bool has_yaw(const Shape& shape) { return yaw_period(shape) > 0; }
 
 /// Text for "accepted" from one unknown's range.
@@ -387,8 +362,8 @@ std::vector<Unknown> read_unknowns(const JsonReader& reader,
   std::vector<Unknown> unknowns;
   reader.looks_for(names_of_unknowns(objects));
   for (const auto& item : reader.fields()) {
-    const auto& [key, field] = item;
-    field.attempt([&] { unknowns.push_back(read_named_unknown(key, field, objects)); });
+    item.second.attempt(
+        [&] { unknowns.push_back(read_named_unknown(item.first, item.second, objects)); });
   }
   if (unknowns.empty() && reader.fields().empty()) reader.fail("at least one unknown");
   return unknowns;

@@ -14,8 +14,11 @@
 #include "adding/readout_noise.h"
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
+#include "blindcorner/forward/transport/forward_model.h"
+#include "blindcorner/inverse/fit.h"
 #include "blindcorner/io/scene_file.h"
 #include "blindcorner/planner/vehicles/vehicle.h"
+#include "unit/test_scenes.h"
 
 namespace blindcorner {
 namespace {
@@ -131,6 +134,51 @@ TEST_F(Adding, SensorAndMaterialStandInASceneFile) {
   const auto* retro = std::get_if<RetroreflectiveMaterial>(&read.hidden.material);
   ASSERT_NE(retro, nullptr);
   EXPECT_NEAR(retro->lobe_sigma, 3 * kDegree, 1e-12);
+}
+
+// A plate whose mirror direction leads from the lit spot back to the wall is brighter than matt by
+// pi f; the fast model and the reference renderer agree over the search region.
+TEST_F(Adding, BothModelsKnowTheGlossyMaterial) {
+  const auto fields = nlohmann::ordered_json::parse(R"({"share": 0.6, "exponent": 20})");
+  Scene scene = read_scene(SOURCE_DIR "/scenes/tmf8828_wall.json");
+  scene.hidden.material = glossy_material(JsonReader(fields, "glossy.json"));
+  EXPECT_EQ(material_name(scene.hidden.material), "glossy");
+  const Brdf& brdf = *std::get<BrdfMaterial>(scene.hidden.material).brdf;
+  const Eigen::Vector3d normal = Eigen::Vector3d::UnitX();
+  const Eigen::Vector3d in = Eigen::Vector3d(1, 0.5, 0.2).normalized();
+  const Eigen::Vector3d out = Eigen::Vector3d(1, -0.3, 0.4).normalized();
+  EXPECT_DOUBLE_EQ(brdf.value(normal, in, out), brdf.value(normal, out, in));
+
+  const auto fast = make_fast_model(scene, sensor_placement(scene));
+  const auto reference = make_reference_renderer(scene, sensor_placement(scene));
+  scene.hidden.material = LambertianMaterial{};
+  const auto matt = make_fast_model(scene, sensor_placement(scene));
+  std::mt19937_64 random(3);
+  for (int i = 0; i < 4; ++i) {
+    const PoseVector pose = testing_scenes::random_pose(scene, random);
+    const HistogramCube light = reference->three_bounce(pose);
+    EXPECT_LT(testing_scenes::difference(fast->three_bounce(pose), light), 0.01)
+        << pose.transpose();
+    EXPECT_GT(testing_scenes::difference(matt->three_bounce(pose), light), 0.1) << pose.transpose();
+  }
+}
+
+// The whole fit takes the material, too. Where the scene says that the plate is matt, it errs.
+TEST_F(Adding, AFitPlacesAGlossyPlate) {
+  const auto fields = nlohmann::ordered_json::parse(R"({"share": 0.6, "exponent": 20})");
+  Scene scene = read_scene(SOURCE_DIR "/scenes/tmf8828_wall.json");
+  scene.hidden.material = glossy_material(JsonReader(fields, "glossy.json"));
+  const PoseVector truth = testing_scenes::stated_pose(scene);
+  const Capture capture = testing_scenes::reference_capture(scene, truth, 3e5, 1);
+  const auto chi_squared = [&] {
+    const PoseMixture posterior = fit(scene, capture).posterior;
+    const PoseMode& best = posterior.modes.front();
+    const PoseVector error = pose_error(scene, best.pose, truth);
+    return error.dot(best.covariance.ldlt().solve(error));
+  };
+  EXPECT_LT(chi_squared(), 18.5);  // 0.1 % of chi squared with four degrees of freedom
+  scene.hidden.material = LambertianMaterial{};
+  EXPECT_GT(chi_squared(), 18.5);
 }
 
 // Between two reports it says what the last one said.

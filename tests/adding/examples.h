@@ -4,9 +4,11 @@
 
 #include <memory>
 
+#include "blindcorner/forward/scene/scene.h"
 #include "blindcorner/planner/vehicles/vehicle_model.h"
 #include "blindcorner/simulation/perception.h"
 #include "forward/scene/shapes/shape_geometry.h"
+#include "io/json_reader.h"
 #include "io/readers/capture_reader.h"
 
 namespace CLI {
@@ -19,9 +21,14 @@ namespace blindcorner {
 struct HexagonShape {
   double edge = 0.5;    ///< m, also the distance of the corners from the axis
   double height = 1.0;  ///< m
+  static void lengths(auto& shape, auto visit) {
+    visit("edge_m", shape.edge);
+    visit("height_m", shape.height);
+  }
   std::unique_ptr<const ShapeGeometry> geometry() const;
 };
 
+Material glossy_material(const JsonReader& reader);
 CaptureReader hex_reader();
 std::unique_ptr<Perception> reported_perception(const PerceptionSetup& setup);
 std::shared_ptr<const VehicleModel> cart();

@@ -2,6 +2,7 @@
 /// Everything that is known before a capture is evaluated.
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -41,7 +42,30 @@ struct MeasuredLawMaterial {
   /// Tangents of the axis against the relay's normal, along the relay's surface_axes (relay.h).
   double axis_across = 0.0, axis_up = 0.0;
 };
-using Material = std::variant<LambertianMaterial, RetroreflectiveMaterial, MeasuredLawMaterial>;
+/// How a smooth surface scatters light: its bidirectional reflectance distribution function.
+class Brdf {
+ public:
+  virtual ~Brdf() = default;
+  /// Share of the light from `in` that leaves towards `out`, 1/sr, at an albedo of 1 (Lambertian:
+  /// 1/pi). Unit vectors away from the surface, on the side of the `normal`. The same where `in`
+  /// and `out` change places (Helmholtz reciprocity). Thread safe.
+  virtual double value(const Eigen::Vector3d& normal, const Eigen::Vector3d& in,
+                       const Eigen::Vector3d& out) const = 0;
+  /// Standard deviation of its narrowest lobe, rad; pi / 2 without one. The reference renderer
+  /// divides the relay by it. The fast model finds its sampling itself.
+  virtual double narrowest_lobe() const = 0;
+};
+/// Any material that has a BRDF. Its light is a sum over pairs of a way in and a way out, which
+/// takes longer than the sums for the materials above.
+struct BrdfMaterial {
+  std::string name;
+  std::shared_ptr<const Brdf> brdf;
+};
+using Material =
+    std::variant<LambertianMaterial, RetroreflectiveMaterial, MeasuredLawMaterial, BrdfMaterial>;
+
+/// "Lambertian", "retroreflective", "measured law", or the name of a material with a BRDF.
+std::string material_name(const Material& material);
 
 struct HiddenObject {
   std::string name = "object";

@@ -18,25 +18,38 @@ namespace blindcorner {
 /// forward/scene/shapes. Internal to the library.
 class ShapeGeometry;
 
+// A shape's `lengths` calls `visit(name, value)` for each of its lengths in m, a double or a
+// vector, with its name in scene files. Reading and validation go through it.
+
 /// Flat rectangle in its own y-z plane with normal +x. Only the side of the normal reflects.
 struct RectangleShape {
   double width = 1.0;   ///< m, along its own y
   double height = 1.0;  ///< m, along its own z
+  static void lengths(auto& shape, auto visit) {
+    visit("width_m", shape.width);
+    visit("height_m", shape.height);
+  }
   std::unique_ptr<const ShapeGeometry> geometry() const;
 };
 /// Box with edges along its own axes.
 struct BoxShape {
   Eigen::Vector3d size = Eigen::Vector3d::Ones();  ///< m
+  static void lengths(auto& shape, auto visit) { visit("size_m", shape.size); }
   std::unique_ptr<const ShapeGeometry> geometry() const;
 };
 struct SphereShape {
   double radius = 0.5;  ///< m
+  static void lengths(auto& shape, auto visit) { visit("radius_m", shape.radius); }
   std::unique_ptr<const ShapeGeometry> geometry() const;
 };
 /// Vertical cylinder, closed at top and bottom.
 struct CylinderShape {
   double radius = 0.5;  ///< m
   double height = 1.0;  ///< m, along z
+  static void lengths(auto& shape, auto visit) {
+    visit("radius_m", shape.radius);
+    visit("height_m", shape.height);
+  }
   std::unique_ptr<const ShapeGeometry> geometry() const;
 };
 

@@ -131,19 +131,6 @@ double zone_sum(const HistogramCube& cube, int zone) {
   return std::accumulate(cube.zone(zone), cube.zone(zone) + cube.bins, 0.0);
 }
 
-double norm(const std::vector<double>& values) {
-  double total = 0;
-  for (const double v : values) total += v * v;
-  return std::sqrt(total);
-}
-
-/// Relative L2 difference.
-double difference(const HistogramCube& got, const HistogramCube& want) {
-  std::vector<double> d(want.values.size());
-  for (std::size_t i = 0; i < d.size(); ++i) d[i] = got.values[i] - want.values[i];
-  return norm(d) / norm(want.values);
-}
-
 std::string model_name(bool fast) { return fast ? "fast" : "reference"; }
 
 /// What holds for both models.

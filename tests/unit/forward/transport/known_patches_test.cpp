@@ -49,7 +49,7 @@ KnownPatches floor_and_wall() {
   return patches;
 }
 
-double sum(const std::vector<double>& values) {
+double total(const std::vector<double>& values) {
   return std::accumulate(values.begin(), values.end(), 0.0);
 }
 
@@ -64,7 +64,7 @@ TEST(PatchTree, EveryCutHoldsAllLightAndItsMeanPath) {
       KnownPatches parts;
       tree.cut({{x, 0.3, z}, 0.1}, parts);
       sizes.insert(parts.size());
-      EXPECT_NEAR(sum(parts.weight), sum(patches.weight), 1e-12);
+      EXPECT_NEAR(total(parts.weight), total(patches.weight), 1e-12);
       double cut_path = 0, area = 0;
       for (std::size_t i = 0; i < parts.size(); ++i) {
         cut_path += parts.weight[i] * parts.leg[i];
