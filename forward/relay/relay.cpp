@@ -233,13 +233,13 @@ class Sampler {
   RelayPatch patch_at(const RayHit& hit) const {
     RelayPatch patch;
     patch.surface = hit.surface;
-    patch.normal = two_sided(hit) && !reflects(hit) ? Vector3d(-hit.normal) : hit.normal;
+    const bool front = reflects(hit);
+    const bool seen = front || two_sided(hit);
+    patch.normal = seen && !front ? Vector3d(-hit.normal) : hit.normal;
     patch.center = hit.point;
     patch.area_center = hit.point;
     patch.distance = hit.distance;
-    patch.albedo = reflects(hit) || two_sided(hit)
-                       ? surfaces_[static_cast<std::size_t>(hit.surface)].albedo
-                       : 0.0;
+    patch.albedo = seen ? surfaces_[static_cast<std::size_t>(hit.surface)].albedo : 0.0;
     return patch;
   }
 
@@ -331,10 +331,6 @@ class Sampler {
 };
 
 }  // namespace
-
-Vector3d direction_from_tangents(double right, double down) {
-  return Vector3d(1, -right, -down).normalized();
-}
 
 std::pair<Vector3d, Vector3d> surface_axes(const Vector3d& normal) {
   Vector3d u = Vector3d::UnitZ().cross(normal);

@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <cmath>
 #include <functional>
 #include <utility>
 #include <vector>
@@ -74,7 +75,10 @@ std::vector<RelayPatch> sample_region(const RayScene& rays, const std::vector<Su
                                       const RelaySampling& sampling);
 
 /// Unit vector (sensor frame) for tangent coordinates right and down.
-Eigen::Vector3d direction_from_tangents(double right, double down);
+inline Eigen::Vector3d direction_from_tangents(double right, double down) {
+  const double inverse = 1 / std::sqrt(1 + right * right + down * down);
+  return {inverse, -right * inverse, -down * inverse};
+}
 
 /// Two unit directions u and v along a surface with this normal. u is horizontal (x where every
 /// direction is horizontal). v = normal x u, which points up on a wall.

@@ -46,22 +46,30 @@ struct Line {
   double at(double a, double b) const { return k0 + ka * a + kb * b; }
 };
 
-/// Splits a convex polygon by a line.
-void split(const Polygon& polygon, const Line& line, Polygon& inside, Polygon& outside) {
-  inside.size = outside.size = 0;
-  for (int i = 0; i < polygon.size; ++i) {
-    const auto p = static_cast<std::size_t>(i);
-    const auto q = static_cast<std::size_t>((i + 1) % polygon.size);
-    const double fp = line.at(polygon.a[p], polygon.b[p]);
-    const double fq = line.at(polygon.a[q], polygon.b[q]);
-    (fp >= 0 ? inside : outside).add(polygon.a[p], polygon.b[p]);
+/// Splits a convex polygon by a line; `outside` may be null.
+void split(const Polygon& polygon, const Line& line, Polygon& inside, Polygon* outside) {
+  inside.size = 0;
+  if (outside != nullptr) outside->size = 0;
+  if (polygon.size == 0) return;
+  const auto last = static_cast<std::size_t>(polygon.size) - 1;
+  double fp = line.at(polygon.a[0], polygon.b[0]);
+  const double first = fp;
+  for (std::size_t p = 0; p <= last; ++p) {
+    const std::size_t q = p < last ? p + 1 : 0;
+    const double fq = p < last ? line.at(polygon.a[q], polygon.b[q]) : first;
+    if (fp >= 0) {
+      inside.add(polygon.a[p], polygon.b[p]);
+    } else if (outside != nullptr) {
+      outside->add(polygon.a[p], polygon.b[p]);
+    }
     if ((fp >= 0) != (fq >= 0)) {
       const double t = fp / (fp - fq);
       const double a = polygon.a[p] + t * (polygon.a[q] - polygon.a[p]);
       const double b = polygon.b[p] + t * (polygon.b[q] - polygon.b[p]);
       inside.add(a, b);
-      outside.add(a, b);
+      if (outside != nullptr) outside->add(a, b);
     }
+    fp = fq;
   }
 }
 
@@ -279,15 +287,15 @@ struct Cuts {
 
 /// A patch behind one face: what is left of the square is what the pyramid does not hold.
 Area behind_one(const Cuts& cuts) {
-  Polygon hidden = whole_patch();
-  Polygon inside;
-  Polygon outside;
+  std::array<Polygon, 2> polygons;
+  polygons[0] = whole_patch();
+  std::size_t hidden = 0;
   for (const Line& line : cuts.all()) {
-    split(hidden, line, inside, outside);
-    hidden = inside;
+    split(polygons[hidden], line, polygons[1 - hidden], nullptr);
+    hidden = 1 - hidden;
   }
   Area area;
-  accumulate(hidden, area);
+  accumulate(polygons[hidden], area);
   return {4 - area.size, -area.moment_a, -area.moment_b};
 }
 
@@ -303,7 +311,7 @@ Area behind_many(std::span<const Cuts> faces) {
       Polygon outside;
       for (const Line& line : cuts.all()) {
         if (piece.size < 3) break;
-        split(piece, line, inside, outside);
+        split(piece, line, inside, &outside);
         if (outside.size >= 3) left.push_back(outside);
         piece = inside;
       }
