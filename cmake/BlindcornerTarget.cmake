@@ -6,7 +6,9 @@ function(blindcorner_flags target)
   if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_LESS 13)
     target_compile_options(${target} PRIVATE -Wno-restrict)  # false alarms on std::string, GCC PR 105329
   endif()
-  if(CMAKE_UNITY_BUILD)
+  if(CMAKE_CXX_COMPILER_ID MATCHES "Clang")
+    target_compile_options(${target} PRIVATE -Wno-pass-failed)  # loops it does not vectorise
+  elseif(CMAKE_UNITY_BUILD)
     target_compile_options(${target} PRIVATE -Wno-subobject-linkage)  # of types that stay in one source
   endif()
   if(BLINDCORNER_WARNINGS_AS_ERRORS)

@@ -115,7 +115,8 @@ std::vector<Vector3d> FastModel::relay_corners() const {
   std::vector<Vector3d> corners;
   for (Plane& plane : planes) {
     // Lower and upper chain of the points in order of one axis (Andrew 1979).
-    const auto [x, y] = surface_axes(plane.normal);
+    const auto axes = surface_axes(plane.normal);
+    const Vector3d &x = axes.first, &y = axes.second;
     std::ranges::sort(plane.points, {}, [&](const Vector3d& p) { return x.dot(p); });
     for (const double side : {1.0, -1.0}) {
       const std::size_t first = corners.size();

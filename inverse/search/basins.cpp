@@ -40,7 +40,7 @@ void add_turned(const Scene& scene, const PoseVector& pose, std::vector<Start>& 
     if (unknown.component != Component::yaw) continue;
     const auto i = static_cast<Eigen::Index>(k);
     for (int j = 1; j < kYaws; ++j) {
-      Start& start = starts.emplace_back(pose);
+      Start& start = starts.emplace_back(Start{pose});
       start.pose[i] += j * unknown.range() / kYaws;
       if (period_of(scene, k) <= 0 && start.pose[i] > unknown.upper) {
         start.pose[i] -= unknown.range();

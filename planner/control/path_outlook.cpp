@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <ranges>
 #include <string>
 #include <utility>
 
@@ -93,7 +92,8 @@ const std::vector<std::size_t>& PathOutlook::seen_from(Station& station) {
 std::vector<Encounter> PathOutlook::encounters(std::span<const PoseHypothesis> hypotheses,
                                                double from) {
   std::vector<double> first_seen(grid_.cells(), kNever);
-  for (Station& station : std::views::reverse(stations_)) {
+  for (auto at = stations_.rbegin(); at != stations_.rend(); ++at) {
+    Station& station = *at;
     const double s = station.place.arc_length;
     if (s > from + options_.horizon) continue;
     if (s < from) break;

@@ -7,7 +7,6 @@
 #include <cstddef>
 #include <limits>
 #include <map>
-#include <ranges>
 #include <string>
 #include <utility>
 
@@ -189,7 +188,7 @@ void stop_at(std::span<const PathPoint> path, double arc_length, std::span<doubl
   }
   const auto after = std::ranges::upper_bound(path, arc_length, {}, &PathPoint::arc_length);
   const auto first = std::max<std::ptrdiff_t>(1, after - path.begin()) - 1;
-  std::ranges::fill(speeds | std::views::drop(first), 0.0);
+  std::ranges::fill(speeds.subspan(static_cast<std::size_t>(first)), 0.0);
 }
 
 }  // namespace blindcorner

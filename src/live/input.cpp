@@ -41,7 +41,7 @@ constexpr std::array kSpeeds = {
 speed_t speed_of(int baud) {
   std::string accepted;
   for (const auto& [rate, speed] : kSpeeds) {
-    if (rate == baud) return speed;
+    if (rate == baud) return static_cast<speed_t>(speed);
     accepted += (accepted.empty() ? "" : ", ") + std::to_string(rate);
   }
   throw Error("baud", "found " + std::to_string(baud) + ", accepted: " + accepted);

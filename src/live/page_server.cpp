@@ -225,7 +225,7 @@ struct PageServer::Impl {
     if (served.greeting) *first += served.greeting();
     response.set_chunked_content_provider(
         "text/event-stream",
-        [this, queue, first](std::size_t, httplib::DataSink& sink) {
+        [queue, first](std::size_t, httplib::DataSink& sink) {
           if (!first->empty()) {
             const std::string text = std::exchange(*first, {});
             return sink.write(text.data(), text.size());

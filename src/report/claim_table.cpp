@@ -40,8 +40,8 @@ nlohmann::ordered_json study_json(const std::string& format, const ClaimStudyOpt
 }
 
 nlohmann::ordered_json level_json(const ClaimLevel& level) {
-  using Json = nlohmann::ordered_json;
-  return {{"photons", level.photons ? Json(*level.photons) : Json(nullptr)},
+  using nlohmann::ordered_json;
+  return {{"photons", level.photons ? ordered_json(*level.photons) : ordered_json(nullptr)},
           {"exposures", level.exposure.exposures},
           {"ambient_counts_per_bin", level.exposure.ambient},
           {"failures", level.failures}};

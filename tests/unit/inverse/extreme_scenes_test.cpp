@@ -13,7 +13,7 @@
 #include <memory>
 #include <numeric>
 #include <random>
-#include <ranges>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -149,7 +149,8 @@ int found(const std::string& scene_file, const PoseVector& truth, double photons
   int found = 0;
   for (const std::uint64_t seed : seeds) {
     const FitResult result = fitter.fit(make_capture(scene, light, truth, budget, seed));
-    const bool in = std::ranges::any_of(result.posterior.modes | std::views::take(modes),
+    const auto& all = result.posterior.modes;
+    const bool in = std::ranges::any_of(std::span(all).first(std::min(modes, all.size())),
                                         [&](const PoseMode& mode) {
                                           const PoseVector d = pose_error(scene, mode.pose, truth);
                                           return d.dot(mode.covariance.ldlt().solve(d)) <= region;
