@@ -224,23 +224,26 @@ void check_surfaces(const std::vector<Surface>& surfaces, Problems& problems) {
 }
 
 void check_material(const Material& material, const std::string& field, Problems& problems) {
-  std::visit(overloaded{[](const LambertianMaterial&) {},
-                        [&](const RetroreflectiveMaterial& m) {
-                          problems.number(field + ".retroreflective.lobe_sigma_deg",
-                                          m.lobe_sigma / kDegree, kLobe);
-                        },
-                        [&](const MeasuredLawMaterial& m) {
-                          const std::string law = field + ".measured_law.";
-                          problems.number(law + "cosine_exponent", m.cosine_exponent, kExponent);
-                          problems.number(law + "distance_exponent", m.distance_exponent,
-                                          kExponent);
-                          problems.number(law + "axis_across", m.axis_across, kTangent);
-                          problems.number(law + "axis_up", m.axis_up, kTangent);
-                        },
-                        [&](const BrdfMaterial& m) {
-                          problems.require(m.brdf != nullptr, field, "no BRDF", "a BRDF");
-                        }},
-             material);
+  std::visit(
+      overloaded{[](const LambertianMaterial&) {},
+                 [&](const RetroreflectiveMaterial& m) {
+                   problems.number(field + ".retroreflective.lobe_sigma_deg",
+                                   m.lobe_sigma / kDegree, kLobe);
+                 },
+                 [&](const MeasuredLawMaterial& m) {
+                   const std::string law = field + ".measured_law.";
+                   problems.number(law + "cosine_exponent", m.cosine_exponent, kExponent);
+                   problems.number(law + "distance_exponent", m.distance_exponent, kExponent);
+                   problems.number(law + "axis_across", m.axis_across, kTangent);
+                   problems.number(law + "axis_up", m.axis_up, kTangent);
+                 },
+                 [&](const BrdfMaterial& m) {
+                   problems.require(m.brdf != nullptr, field, "no BRDF", "a BRDF");
+                   problems.require(!m.name.empty(), field, "no name", "a name");
+                   if (m.brdf == nullptr) return;
+                   problems.number(field + ".narrowest_lobe", m.brdf->narrowest_lobe(), kPositive);
+                 }},
+      material);
 }
 
 /// An object's extent at most, in ways that light goes while the sensor records: what lies beyond

@@ -115,6 +115,7 @@ CoarseScene::CoarseScene(const Scene& scene_)
     if (const auto* retro = std::get_if<RetroreflectiveMaterial>(&hidden.material)) {
       object.lobe_sigma = retro->lobe_sigma;
     }
+    if (const auto* other = std::get_if<BrdfMaterial>(&hidden.material)) object.brdf = other->brdf;
     objects.push_back(std::move(object));
   }
 }
@@ -153,7 +154,7 @@ CoarseModel::CoarseModel(std::shared_ptr<const CoarseScene> shared,
     const double lobe = shared_->objects[static_cast<std::size_t>(i)].lobe_sigma;
     // A spot without an extent gets its light back, however wide the lobe is.
     const bool wide_lobe = lobe > 0 && extent > 0 && lobe * farthest > kWideLobe * extent;
-    wide = wide || wide_lobe;
+    wide = wide || wide_lobe || shared_->objects[static_cast<std::size_t>(i)].brdf != nullptr;
     pairs_.push_back(lobe <= 0 || wide_lobe);
   }
   if (std::ranges::none_of(pairs_, [](bool p) { return p; })) return;
@@ -323,6 +324,7 @@ void CoarseModel::render(const SurfaceCell& cell, const Vector3d& middle, const 
     return (std::pow(gradient.dot(cell.half_u), 2) + std::pow(gradient.dot(cell.half_v), 2)) / 3;
   };
   const double lobe = shared_->objects[object].lobe_sigma;
+  const Brdf* brdf = shared_->objects[object].brdf.get();
   const double scale = hidden_object(shared_->scene, static_cast<int>(object)).albedo * cell.area;
   if (!pairs_[object]) {
     for (std::size_t r = 0; r < seen_runs_.size(); ++r) {
@@ -359,7 +361,9 @@ void CoarseModel::render(const SurfaceCell& cell, const Vector3d& middle, const 
         weight *= std::sqrt(seen.cosine * arriving[p].cosine) * std::exp(-0.5 * chord2 / sigma2) /
                   (2 * kPi * sigma2);
       } else {
-        weight *= seen.cosine * arriving[p].cosine / kPi;
+        weight *=
+            seen.cosine * arriving[p].cosine *
+            (brdf == nullptr ? 1 / kPi : brdf->value(cell.normal, in.direction, leaving.direction));
       }
       add(seen_runs_[r].zone, seen.path + arriving[p].path,
           in.variance + leaving.variance + own_variance(in.direction + leaving.direction), weight,

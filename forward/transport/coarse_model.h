@@ -25,8 +25,9 @@ class CoarseScene {
   explicit CoarseScene(const Scene& scene);
 
   struct Object {
-    std::vector<SurfaceCell> cells;  ///< m, own coordinates at size 1
-    double lobe_sigma = 0;           ///< rad; 0: Lambertian
+    std::vector<SurfaceCell> cells;    ///< m, own coordinates at size 1
+    double lobe_sigma = 0;             ///< rad; 0: not retroreflective
+    std::shared_ptr<const Brdf> brdf;  ///< null: Lambertian or retroreflective
   };
 
   const Scene& scene;

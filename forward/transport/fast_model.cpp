@@ -21,10 +21,13 @@ using Eigen::Vector3d;
 /// shares are means over the probed placements, and a pose near the dim patches sees more of them.
 constexpr double kDimBound = 0.3;
 
-std::unique_ptr<TransportKernel> make_kernel(Kernel kernel, const KernelInputs& inputs) {
+std::unique_ptr<TransportKernel> make_kernel(Kernel kernel, bool all_pairs,
+                                             const KernelInputs& inputs) {
   switch (kernel) {
     case Kernel::lambertian:
-      return make_lambertian_kernel(inputs);
+      return all_pairs ? make_brdf_kernel(inputs) : make_lambertian_kernel(inputs);
+    case Kernel::brdf_pairs:
+      return make_brdf_kernel(inputs);
     case Kernel::retro_single:
       return make_retro_single_kernel(inputs);
     case Kernel::retro_pairs:
@@ -52,6 +55,24 @@ bool faces_relay(const Sampling& sampling, const Vector3d& center, const Vector3
   });
 }
 
+void visit_points(const Sampling& sampling, const ObjectInPlace& object,
+                  const std::function<void(const SurfacePoint&, const ShadowView*)>& visit) {
+  const double size = object.placement.size;
+  for (const SurfacePoint& own : sampling.points) {
+    const SurfacePoint point{object.T_world_object * Vector3d(size * own.center),
+                             object.T_world_object.linear() * own.normal, size * size * own.area};
+    if (!faces_relay(sampling, point.center, point.normal)) continue;
+    if (!object.shaded()) {
+      visit(point, nullptr);
+      continue;
+    }
+    ShadowView shadows(object.occluders, point.center);
+    object.bodies.cast(point.center, shadows);
+    shadows.leave_out_clear_of(sampling.relay.center_of_all, sampling.relay.radius_of_all);
+    visit(point, shadows.empty() ? nullptr : &shadows);
+  }
+}
+
 /// The view's kernel. Pairs replace the single sum if `sampling_step` asks for them, unless the
 /// relay consists of points, which have no lobe, or the term is switched off.
 Kernel FastModel::kernel_for(const SensorView& view, const FastModelOptions& options,
@@ -73,12 +94,13 @@ FastModel::FastModel(std::shared_ptr<const SensorView> view, const FastModelOpti
       pulse_sigma_(view_->transport->pulse_sigma(extra_variance_)),
       axis_bins_(unwrapped_bins(scene_.sensor)),
       kernel_(kernel_for(*view_, options, found_.sampling_step)),
-      sampling_(std::make_shared<Sampling>(
-          sample(*view_, {kernel_, found_.sampling_step, options.tolerance, pulse_sigma_,
-                          options.overrides.switched_on(Term::dim_patches)}))),
-      sum_(make_kernel(kernel_, {*view_, sampling_, options.tolerance, extra_variance_,
-                                 options.overrides.switched_on(Term::patch_pairs),
-                                 options.overrides.switched_on(Term::whole_axis)})) {
+      sampling_(std::make_shared<Sampling>(sample(
+          *view_,
+          {kernel_, found_.sampling_step, options.tolerance, pulse_sigma_,
+           kernel_ == Kernel::brdf_pairs || options.overrides.switched_on(Term::dim_patches)}))),
+      sum_(make_kernel(kernel_, options.overrides.switched_on(Term::patch_pairs),
+                       {*view_, sampling_, options.tolerance, extra_variance_,
+                        options.overrides.switched_on(Term::whole_axis)})) {
   if (options.overrides.switched_on(Term::occlusion)) {
     occluders_ = view_->transport->occluders;
   } else if (!options.overrides.switched_off(Term::occlusion)) {
@@ -152,10 +174,14 @@ void FastModel::complete_plan() const {
       std::to_string(sampling_->dim_patches + sampling_->lit.size() + sampling_->seen.size()) +
       " relay patches exchange less than " + two_digits(kNegligible * tolerance) +
       " of the light with the search region";
+  if (kernel_ == Kernel::brdf_pairs) {
+    dim.used = true;
+    dim.reason = "the object may send more light there than a matt one";
+  }
   plan_.decide(dim);
   PlanDecision pairs = plan_.decision(Term::patch_pairs);
   pairs.reason += found_.pairs_reason + sum_->detail();
-  if (kernel_ == Kernel::lambertian) {
+  if (by_rules(kernel_)) {
     pairs.bound = tolerance;
   } else {
     // Pairs also divide the relay by the lobe. The error of coarser patches is the search's last

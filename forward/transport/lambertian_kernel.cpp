@@ -6,8 +6,6 @@
 /// for shadows' edges, so that few points do. A rule of n points over a stretch whose path changes
 /// by 2a errs like exp(-2 (n s / a)^2), s the pulse's width, as long as it resolves the inverse
 /// squares too.
-///
-/// Any other BRDF has the same samples, and its pairs are summed one by one.
 #include <algorithm>
 #include <cmath>
 
@@ -83,31 +81,14 @@ class LambertianKernel final : public TransportKernel {
         axis_bins_(unwrapped_bins(transport_->scene.sensor)),
         grid_(transport_->grid(one_arrival_ ? PathGrid::Paths::whole : PathGrid::Paths::legs,
                                extra_variance_, way_back(inputs.view, *sampling_),
-                               inputs.tolerance)) {
-    const auto* material = std::get_if<BrdfMaterial>(&transport_->scene.hidden.material);
-    if (material != nullptr) brdf_ = material->brdf;
-    if (inputs.all_pairs || brdf_ != nullptr) {
-      pulses_ = transport_->pulses(extra_variance_, Kernel::lambertian);
-    }
-  }
+                               inputs.tolerance)) {}
 
   void render(const ObjectInPlace& object, Scratch& s) const override {
     const int zones = transport_->scene.sensor.zone_count();
     s.prepare(zones, 0);
-    const double size = object.placement.size;
-    for (const SurfacePoint& own : sampling_->points) {
-      const SurfacePoint point{object.T_world_object * Vector3d(size * own.center),
-                               object.T_world_object.linear() * own.normal, size * size * own.area};
-      if (!faces_relay(*sampling_, point.center, point.normal)) continue;
-      if (!object.shaded()) {
-        add_point(point, nullptr, s);
-        continue;
-      }
-      ShadowView shadows(object.occluders, point.center);
-      object.bodies.cast(point.center, shadows);
-      shadows.leave_out_clear_of(sampling_->relay.center_of_all, sampling_->relay.radius_of_all);
-      add_point(point, shadows.empty() ? nullptr : &shadows, s);
-    }
+    visit_points(*sampling_, object, [&](const SurfacePoint& point, const ShadowView* shadows) {
+      add_point(point, shadows, s);
+    });
     for (int z = 0; z < zones; ++z) {
       PathLight& pairs = s.pairs[static_cast<std::size_t>(z)];
       if (whole_axis_) pairs.take_all();
@@ -117,7 +98,6 @@ class LambertianKernel final : public TransportKernel {
   }
 
   std::string detail() const override {
-    if (brdf_ != nullptr) return {};
     return std::string(one_arrival_ ? ", one of which arrives at once" : ", which are convolved") +
            " on a grid of paths with a step of " + two_digits(1e3 * grid_->step()) + " mm";
   }
@@ -126,11 +106,9 @@ class LambertianKernel final : public TransportKernel {
   /// Light arriving at an object point, convolved with the light that leaves it to each zone.
   void add_point(const SurfacePoint& point, const ShadowView* shadows, Scratch& s) const {
     const PatchArrays& relay = sampling_->relay;
-    const double scale =
-        transport_->scene.hidden.albedo * point.area * (brdf_ == nullptr ? 1 / kPi : 1.0);
+    const double scale = transport_->scene.hidden.albedo / kPi * point.area;
     exchange_paths(point, relay, s);
     shade_patches(point, relay, shadows, s);
-    if (pulses_) return all_pairs(point, scale, s);
     if (one_arrival_) return pair_with_one(scale, s);
     grid_->find_splines(s.path.data(), s.weight.data(), relay.size(), s.splines);
     const std::size_t lit_sets = sampling_->lit.set_end.size();
@@ -178,34 +156,6 @@ class LambertianKernel final : public TransportKernel {
     }
   }
 
-  /// The same without the grid: one pulse for each pair.
-  void all_pairs(const SurfacePoint& point, double scale, Scratch& s) const {
-    const auto direction = [&](std::size_t patch) -> Vector3d {
-      return (sampling_->relay.center(static_cast<int>(patch)) - point.center).normalized();
-    };
-    const Sensor& sensor = transport_->scene.sensor;
-    const PatchArrays& relay = sampling_->relay;
-    const double bins_per_metre = 1 / (kSpeedOfLight * sensor.bin_width);
-    const std::size_t lit_sets = sampling_->lit.set_end.size();
-    for (std::size_t z = 0; z < sampling_->seen.set_end.size(); ++z) {
-      const double start = sensor.zones[z].time_zero / sensor.bin_width;
-      double* row = s.rows + static_cast<std::ptrdiff_t>(z) * axis_bins_;
-      const auto [in_begin, in_end] = relay.set(confocal_ ? z : 0);
-      const auto [out_begin, out_end] = relay.set(lit_sets + z);
-      for (std::size_t r = out_begin; r < out_end; ++r) {
-        if (s.weight[r] <= 0) continue;
-        const Vector3d out = direction(r);
-        for (std::size_t p = in_begin; p < in_end; ++p) {
-          double light = scale * s.weight[p] * s.weight[r];
-          if (light <= 0) continue;
-          if (brdf_ != nullptr) light *= brdf_->value(point.normal, direction(p), out);
-          pulses_->add(row, axis_bins_, start + (s.path[p] + s.path[r]) * bins_per_metre,
-                       extra_variance_, light);
-        }
-      }
-    }
-  }
-
   std::shared_ptr<const SceneTransport> transport_;
   std::shared_ptr<const Sampling> sampling_;
   bool confocal_;
@@ -214,8 +164,6 @@ class LambertianKernel final : public TransportKernel {
   double extra_variance_;  ///< s^2
   int axis_bins_;
   std::shared_ptr<const PathGrid> grid_;
-  std::shared_ptr<const PulseTable> pulses_;  ///< of each pair by itself, where that is asked for
-  std::shared_ptr<const Brdf> brdf_;          ///< null: Lambertian
 };
 
 }  // namespace

@@ -189,15 +189,26 @@ double exchanged(const RelayPatch& patch, const Vector3d& object) {
   return patch.solid_angle * patch.albedo * cosine / way.squaredNorm();
 }
 
+/// Half an edge of a relay cell, as seen from the object, in standard deviations of the narrowest
+/// lobe of its BRDF.
+constexpr double kLobeEdge = 0.5;
+
+/// Most cells along an object that a lobe may ask for, by judgement of time.
+constexpr double kMaxLobeCells = 300;
+
+/// rad; infinite of materials without a BRDF of their own.
+double narrowest_lobe(const HiddenObject& object) {
+  const auto* material = std::get_if<BrdfMaterial>(&object.material);
+  return material != nullptr ? material->brdf->narrowest_lobe()
+                             : std::numeric_limits<double>::infinity();
+}
+
 /// Divides cells, as of a floor seen at a grazing angle, whose paths to the object differ by more
 /// than the pulse can stand. Two Gauss nodes err by the fourth power of the half difference h over
-/// the pulse's width, so a cell with the share s of the region's light may have h^4 = 0.1 / s. The
-/// lobe of a BRDF is divided until half an edge is at most half of the lobe's standard deviation.
+/// the pulse's width, so a cell with the share s of the region's light may have h^4 = 0.1 / s. For
+/// a BRDF, cells are also divided until the object sees half an edge under at most kLobeEdge.
 Split ReferenceRenderer::path_split(const PlacedObject& placed, double all_light) const {
-  constexpr double kLobeHalfEdge = 0.5;
-  const auto* material = std::get_if<BrdfMaterial>(&placed.object->material);
-  const double angle = material != nullptr ? kLobeHalfEdge * material->brdf->narrowest_lobe()
-                                           : std::numeric_limits<double>::infinity();
+  const double angle = kLobeEdge * narrowest_lobe(*placed.object);
   const Vector3d object = placed.T_world_object.translation();
   const double pulse = kSpeedOfLight * std::hypot(scene_.sensor.response.core_sigma(),
                                                   scene_.sensor.bin_width / std::sqrt(12.0));
@@ -296,7 +307,18 @@ double ReferenceRenderer::longest_edge(const PlacedObject& placed) const {
                 "found an object of " + std::to_string(2 * radius) + " m, accepted: at most " +
                     std::to_string(kMaxCells * edge) + " m at this pulse and distance");
   }
-  return edge / placed.size;
+  // Over an edge e at the distance r, the way that a mirror sends light turns by 2 e / r. The
+  // nearest part of the object is not all of it.
+  const double middle = std::max(distance, 0.5 * (distance + radius));
+  const double for_lobe = kLobeEdge * narrowest_lobe(*placed.object) * middle;
+  if (2 * radius > kMaxLobeCells * for_lobe) {
+    throw Error("reference renderer",
+                "found a lobe of " + std::to_string(narrowest_lobe(*placed.object)) +
+                    " rad, accepted: at least " +
+                    std::to_string(2 * radius / (kMaxLobeCells * kLobeEdge * middle)) +
+                    " rad at this object and distance");
+  }
+  return std::min(edge, for_lobe) / placed.size;
 }
 
 std::vector<SurfaceCell> ReferenceRenderer::cells_of(const PlacedObject& placed) const {

@@ -218,6 +218,7 @@ struct Limits {
   double rule_spread;   ///< m, standard deviation of the path between two points of a rule
   double rule_share;    ///< of all light; a relay cell with no more needs next to no points
   double object_angle;  ///< rad, between two points of the object
+  double lobe = std::numeric_limits<double>::infinity();  ///< rad, narrowest of a BRDF
 
   Limits(const SamplingNeeds& needs, double coarse, const HiddenObject& object)
       : coarseness(coarse), pulse_sigma(needs.pulse_sigma) {
@@ -232,6 +233,11 @@ struct Limits {
     rule_spread = coarseness * kRuleSpread * needs.pulse_sigma / std::sqrt(digits);
     rule_share = tolerance * std::pow(coarseness, 3);
     object_angle = coarseness * kObjectRuleAngle / digits;
+    if (const auto* material = std::get_if<BrdfMaterial>(&object.material)) {
+      // From a point to the next, the mirrored way turns by twice the angle.
+      lobe = material->brdf->narrowest_lobe();
+      object_angle = std::min(object_angle, coarseness * lobe / std::sqrt(digits / 2));
+    }
     if (needs.kernel == Kernel::retro_pairs) {
       // A patch stands for a Gaussian within the lobe, so it must be narrow against the lobe.
       const double sigma = std::get<RetroreflectiveMaterial>(object.material).lobe_sigma;
@@ -255,7 +261,7 @@ class RelaySampler {
         limits_(needs, needs.sampling_step.relay, view.transport->scene.hidden),
         objects_(view.transport->T_world_probes),
         single_(needs.kernel == Kernel::retro_single),
-        rules_(needs.kernel == Kernel::lambertian),
+        rules_(by_rules(needs.kernel)),
         pairs_(needs.kernel == Kernel::retro_pairs),
         negligible_(needs.keep_dim_patches ? 0.0 : kNegligible * needs.tolerance) {}
 
@@ -315,6 +321,7 @@ class RelaySampler {
 
   /// Fractional number of Gauss-Legendre points along both edges of a cell. Over a path that
   /// changes by 2 a, n points have an error of exp(-2 (n s / a)^2), where s is the pulse's width.
+  /// The same holds for the angle and the width of a BRDF's lobe.
   /// For inverse squares of a distance r over a half edge h, the error is exp(-2 n asinh(r / h)).
   /// Few points have a larger error: two or three have the error that the formula gives for 0.13
   /// ln(1 / error) fewer (from the rules' error terms). A cell's allowed error is the tolerance as
@@ -324,7 +331,8 @@ class RelaySampler {
     const double digits = std::log1p(brightness.share(patch) / limits_.rule_share);
     const auto ranges = objects_.ranges(places, view_.setup.origin());
     const auto along = [&](double path, double angle) {
-      const double for_pulse = path / limits_.pulse_sigma * std::sqrt(digits / 2);
+      const double for_pulse =
+          std::max(path / limits_.pulse_sigma, angle / limits_.lobe) * std::sqrt(digits / 2);
       const double for_distance = 0.5 * digits / std::asinh(1 / angle);
       return (std::max(for_pulse, for_distance) + kFewPoints * digits) / limits_.coarseness;
     };
@@ -521,7 +529,7 @@ PointSpacing spacing_of(const std::vector<SurfaceCell>& cells,
 void sample_object(const SensorView& view, const SamplingNeeds& needs, Sampling& into) {
   const HiddenObject& hidden = view.transport->scene.hidden;
   const Limits limits(needs, needs.sampling_step.object, hidden);
-  const bool rules = needs.kernel == Kernel::lambertian;
+  const bool rules = by_rules(needs.kernel);
   const double extent = 2 * bounding_radius(hidden.shape, Anchor::center);
   const auto seen_from =
       seen_from_probes(into.seen, *view.transport, needs.kernel == Kernel::retro_pairs);

@@ -36,6 +36,11 @@ struct SensorView {
   }
 };
 
+/// Whether relay and object have rules of points, for light that changes slowly over them.
+inline bool by_rules(Kernel kernel) {
+  return kernel == Kernel::lambertian || kernel == Kernel::brdf_pairs;
+}
+
 /// How finely to sample, and for which sum.
 struct SamplingNeeds {
   Kernel kernel;
@@ -48,11 +53,11 @@ struct SamplingNeeds {
 struct Sampling {
   PatchArrays lit;      ///< of the flash field, or of all zones one after the other (confocal)
   PatchArrays seen;     ///< of all zones, one after the other
-  PatchArrays relay;    ///< what is lit, then what is seen (Lambertian)
+  PatchArrays relay;    ///< what is lit, then what is seen (rules of points)
   int dim_patches = 0;  ///< left out
 
   int object_nodes = 0;              ///< of the scene's own placement
-  std::vector<SurfacePoint> points;  ///< of a Lambertian object, in its own coordinates
+  std::vector<SurfacePoint> points;  ///< of a rule, in the object's own coordinates
   double object_edge = 1.0;          ///< m, of cells of a retroreflector
   bool object_midpoint = false;      ///< cells are so small that their centres will do
   /// [cell] which anchor's lobes stand for its own: cells near each other on one side of the

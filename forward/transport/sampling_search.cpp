@@ -107,12 +107,12 @@ class SamplingSearch {
     // Pairs err by the object's cells the same at a coarser relay.
     SamplingStep sampling_step{2.0, kCoarsest};
     if (kernel_ == Kernel::retro_pairs) sampling_step.relay = kCoarsest;
-    if (kernel_ == Kernel::lambertian) sampling_step.relay = kRuleRelay;
+    if (by_rules(kernel_)) sampling_step.relay = kRuleRelay;
     // Half of the time is left for a finer relay.
     while (too_long(*model(sampling_step), 0.5) && sampling_step.relay < kCoarsest) {
       sampling_step.relay *= kCoarsenessStep;
     }
-    const bool rules = kernel_ == Kernel::lambertian;
+    const bool rules = by_rules(kernel_);
     const Choice object = coarsest(
         rules                            ? kRuleObject
         : kernel_ == Kernel::retro_pairs ? kPairsObject
@@ -182,6 +182,11 @@ class SamplingSearch {
   bool too_long(const FastModel& m, double share) const {
     if (kernel_ == Kernel::retro_pairs) return near_share_ * pair_count(m) > share * kMaxPairs;
     const Sampling& sampling = m.sampling();
+    if (kernel_ == Kernel::brdf_pairs) {
+      // Of a confocal sensor, the light of a zone's own spot only.
+      const double sets = view_->confocal ? view_->transport->scene.sensor.zone_count() : 1.0;
+      return pair_count(m) / sets > share * kMaxPairs;
+    }
     const double patches = sampling.lit.size() + sampling.seen.size();
     return kernel_ == Kernel::retro_single && patches * sampling.object_nodes > share * kMaxLegs;
   }
@@ -215,7 +220,7 @@ class SamplingSearch {
       std::vector<HistogramCube> cubes;
     };
     std::vector<Candidate> candidates;
-    const bool rules = kernel_ == Kernel::lambertian;
+    const bool rules = by_rules(kernel_);
     std::vector<double> changes;  // [candidate] to at least twice as many cells
     double last_skipped = 0;      // coarseness
     const double step = rules ? kRuleStep : kCoarsenessStep;

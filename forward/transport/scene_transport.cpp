@@ -60,6 +60,7 @@ std::vector<PoseVector> poses_to_judge_by(const Scene& scene) {
 double widest_blur(Kernel kernel) {
   switch (kernel) {
     case Kernel::lambertian:
+    case Kernel::brdf_pairs:
       return 0;
     case Kernel::retro_single:
       return 6;

@@ -2,6 +2,7 @@
 /// How light is carried by way of a hidden object: one type for each way, behind one interface.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -27,7 +28,6 @@ struct KernelInputs {
   std::shared_ptr<const Sampling> sampling;
   double tolerance;
   double extra_variance;  ///< s^2, of the extra Gaussian pulse
-  bool all_pairs;         ///< of a Lambertian object: no convolution
   bool whole_axis;        ///< looks at times that no light can reach, too
 };
 
@@ -43,6 +43,8 @@ class TransportKernel {
 
 /// A Lambertian object: light arriving and light leaving are two sums, which are convolved.
 std::unique_ptr<TransportKernel> make_lambertian_kernel(const KernelInputs& inputs);
+/// Any BRDF, a Lambertian object's as well: a pulse for each pair of a way in and a way out.
+std::unique_ptr<TransportKernel> make_brdf_kernel(const KernelInputs& inputs);
 /// A narrow lobe: light comes back from about where it fell.
 std::unique_ptr<TransportKernel> make_retro_single_kernel(const KernelInputs& inputs);
 /// Any lobe: pairs of a lit and a seen patch within the lobe's reach.
@@ -51,6 +53,11 @@ std::unique_ptr<TransportKernel> make_retro_pairs_kernel(const KernelInputs& inp
 /// Whether any seen patch may lie on the front side of an object point.
 bool faces_relay(const Sampling& sampling, const Eigen::Vector3d& center,
                  const Eigen::Vector3d& normal);
+
+/// Calls `visit` with each point of the object in place that may face the relay, and with what
+/// hides the relay from it; null: nothing.
+void visit_points(const Sampling& sampling, const ObjectInPlace& object,
+                  const std::function<void(const SurfacePoint&, const ShadowView*)>& visit);
 
 /// For reasons.
 std::string two_digits(double value);

@@ -84,6 +84,7 @@ double lobe_ratio(const Scene& scene, const std::vector<Vector3d>& relay_points,
 }
 
 Kernel kernel_for(const Scene& scene, double ratio, const PlanOverrides& overrides) {
+  if (std::holds_alternative<BrdfMaterial>(scene.hidden.material)) return Kernel::brdf_pairs;
   if (!std::holds_alternative<RetroreflectiveMaterial>(scene.hidden.material)) {
     return Kernel::lambertian;
   }
@@ -97,12 +98,11 @@ void decide_kernel(TransportPlan& plan, const Scene& scene, double ratio,
   plan.kernel = kernel_for(scene, ratio, overrides);
   PlanDecision pairs{Term::patch_pairs, "pairs of lit and seen relay patches", false,
                      "a Lambertian object's light factorises into two sums", 0.0};
-  if (std::holds_alternative<BrdfMaterial>(scene.hidden.material)) {
+  if (plan.kernel == Kernel::brdf_pairs) {
     pairs.used = true;
     pairs.reason = "the BRDF of a " + material_name(scene.hidden.material) +
                    " object depends on both directions";
-  }
-  if (plan.kernel != Kernel::lambertian) {
+  } else if (plan.kernel != Kernel::lambertian) {
     pairs.used = ratio > kSingleSumRatio;
     pairs.reason = "the lobe's footprint is at most " + number(ratio) + " of the lit spot" +
                    (pairs.used ? ", above " : ", not above ") + number(kSingleSumRatio);

@@ -88,7 +88,7 @@ class Explanation:
     expect. Counts are of one capture at one pose."""
 
     scene: str
-    kernel: str  #: lambertian, retro_single or retro_pairs: how light is carried by the object
+    kernel: str  #: lambertian, brdf_pairs, retro_single or retro_pairs: how the object carries light
     terms: list[dict[str, Any]]  #: name, used, reason, bound (share of the peak; None: unknown)
     zones: dict[str, NDArray[np.float64]]
     """[zones] ``direct``, ``three_bounce``, ``peak`` (counts), ``gate_bins``,

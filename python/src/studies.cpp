@@ -61,6 +61,8 @@ const char* kernel_word(Kernel kernel) {
   switch (kernel) {
     case Kernel::lambertian:
       return "lambertian";
+    case Kernel::brdf_pairs:
+      return "brdf_pairs";
     case Kernel::retro_single:
       return "retro_single";
     case Kernel::retro_pairs:

@@ -124,6 +124,8 @@ struct TermCost {
 TermCost cost_of(const PlanDecision& decision, const Planned& planned, const Measured& plain,
                  const std::vector<PoseVector>& poses) {
   if (!can_be_switched(decision)) return {};
+  const bool needed = decision.term == Term::patch_pairs || decision.term == Term::dim_patches;
+  if (needed && planned.plan.kernel == Kernel::brdf_pairs) return {};
   FastModelOptions switched = planned.options;
   // A lobe's pairs have a sampling of their own, and are compared with the tolerance as a whole.
   const bool lobe = planned.plan.kernel != Kernel::lambertian;
@@ -266,10 +268,11 @@ void print_scaling(const Scene& scene, const SensorPlacement& sensor, const Plac
         "              d^%.2f r^%.2f\n",
         e.three_bounce_relay, e.three_bounce_object);
   } else {
+    const bool brdf = std::holds_alternative<BrdfMaterial>(scene.hidden.material);
     std::printf(
-        "    three-bounce  I dOmega rho/pi cos cos/r^2 * rho_o/pi A * cos cos/r^2 rho/pi dOmega"
+        "    three-bounce  I dOmega rho/pi cos cos/r^2 * rho_o%s A * cos cos/r^2 rho/pi dOmega"
         "  d^%.2f r^%.2f\n",
-        e.three_bounce_relay, e.three_bounce_object);
+        brdf ? " f" : "/pi", e.three_bounce_relay, e.three_bounce_object);
   }
   std::printf(
       "    background    E_sun dLambda rho/pi dOmega                         d^0\n"

@@ -250,6 +250,7 @@ std::string objects_text(const Scene& scene) {
     const HiddenObject& object = hidden_object(scene, i);
     if (i > 0) text += ", ";
     if (std::holds_alternative<RetroreflectiveMaterial>(object.material)) text += "retro ";
+    if (const auto* other = std::get_if<BrdfMaterial>(&object.material)) text += other->name + ' ';
     text += shape_name(object.shape);
   }
   return text;

@@ -47,9 +47,11 @@ SceneChange material(const Scene& scene) {
   SceneChange change{
       "another material",
       matt ? "The object is retroreflective (lobe of 1 degree) instead of matt, of the same albedo."
-           : "The object is matt instead of retroreflective, of the same albedo.",
+           : "The object is matt instead of " + material_name(scene.hidden.material) +
+                 ", of the same albedo.",
       matt ? "the scene says that the object is matt, and it sends light back to where it came from"
-           : "the scene says that the object is retroreflective, and it is matt",
+           : "the scene says that the object is " + material_name(scene.hidden.material) +
+                 ", and it is matt",
       "", scene};
   if (matt) {
     change.scene->hidden.material = RetroreflectiveMaterial{};

@@ -28,7 +28,7 @@ struct HexagonShape {
   std::unique_ptr<const ShapeGeometry> geometry() const;
 };
 
-Material glossy_material(const JsonReader& reader);
+Material read_glossy(const JsonReader& reader);
 CaptureReader hex_reader();
 std::unique_ptr<Perception> reported_perception(const PerceptionSetup& setup);
 std::shared_ptr<const VehicleModel> cart();

@@ -30,6 +30,8 @@ class Glossy final : public Brdf {
   double share_, exponent_;
 };
 
+}  // namespace
+
 Material read_glossy(const JsonReader& reader) {
   reader.allow_only({"share", "exponent"});
   const double share = reader.at("share").number(NumberRange::between(0, 1));
@@ -37,9 +39,5 @@ Material read_glossy(const JsonReader& reader) {
   return BrdfMaterial{"glossy", std::make_shared<Glossy>(share, exponent)};
 }
 // [/material]
-
-}  // namespace
-
-Material glossy_material(const JsonReader& reader) { return read_glossy(reader); }
 
 }  // namespace blindcorner

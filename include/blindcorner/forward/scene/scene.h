@@ -42,7 +42,7 @@ struct MeasuredLawMaterial {
   /// Tangents of the axis against the relay's normal, along the relay's surface_axes (relay.h).
   double axis_across = 0.0, axis_up = 0.0;
 };
-/// How a smooth surface scatters light: its bidirectional reflectance distribution function.
+/// How a surface scatters light: its bidirectional reflectance distribution function.
 class Brdf {
  public:
   virtual ~Brdf() = default;
@@ -51,8 +51,8 @@ class Brdf {
   /// and `out` change places (Helmholtz reciprocity). Thread safe.
   virtual double value(const Eigen::Vector3d& normal, const Eigen::Vector3d& in,
                        const Eigen::Vector3d& out) const = 0;
-  /// Standard deviation of its narrowest lobe, rad; pi / 2 without one. The reference renderer
-  /// divides the relay by it. The fast model finds its sampling itself.
+  /// Standard deviation of its narrowest lobe, rad; pi / 2 without one. Relay and object are
+  /// sampled by it.
   virtual double narrowest_lobe() const = 0;
 };
 /// Any material that has a BRDF. Its light is a sum over pairs of a way in and a way out, which

@@ -103,7 +103,7 @@ class ForwardModel {
 /// Sampling of the reference renderer, denser than the fast model's and different from it: uniform
 /// cells, divided further where paths or a lobe ask for it. Flat cells of the relay, of rectangles
 /// and of boxes have 2 x 2 Gauss-Legendre nodes each. Cells of curved objects and of meshes, and
-/// lit cells that resolve a lobe, have one node.
+/// lit cells that resolve a retroreflector's lobe, have one node.
 struct ReferenceOptions {
   /// Relay cells along each side of a zone. Where the field has more than eight zones along a side:
   /// cells along an eighth of the field, and at least two per zone.
@@ -142,8 +142,8 @@ struct FastModelOptions {
 
   /// Error of a bin relative to the pose's peak. The model takes the coarsest sampling whose
   /// estimated error is below this. The estimate compares the sampling with at least twice as many
-  /// cells at eight poses of the search region; it is no bound for every pose. For matt objects and
-  /// for pairs of patches, the error is twice the relative error of all bins (L2), root mean square
+  /// cells at eight poses of the search region; it is no bound for every pose. Except for single
+  /// sums of a lobe, the error is twice the relative error of all bins (L2), root mean square
   /// over the poses.
   double tolerance = 0.01;
   /// Standard deviation of an extra Gaussian pulse, s. It widens the basins of attraction.
@@ -164,7 +164,8 @@ std::shared_ptr<const SceneTransport> make_scene_transport(const Scene& scene);
 
 /// The fast model: sums over incoming and outgoing light instead of pairs. For a Lambertian object
 /// these sums are convolved on a grid of paths. For a narrow lobe, one sum over the relay is used
-/// where it meets the tolerance, else pairs within the lobe's reach. Smooth in the pose. With
+/// where it meets the tolerance, else pairs within the lobe's reach. For any other BRDF, all pairs
+/// of a way in and a way out are summed. Smooth in the pose. With
 /// `options.sampling_step` given, the model costs little more than sampling the relay as the sensor
 /// sees it.
 std::unique_ptr<ForwardModel> make_fast_model(std::shared_ptr<const SceneTransport> transport,

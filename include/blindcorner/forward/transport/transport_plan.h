@@ -20,6 +20,7 @@ struct OccluderFace {
 /// How light is summed by way of the hidden object.
 enum class Kernel {
   lambertian,    ///< incoming and outgoing light are two separate sums
+  brdf_pairs,    ///< any other BRDF: sum over pairs of a way in and a way out
   retro_single,  ///< the lobe is small against the lit spot: only light about p = r counts
   retro_pairs    ///< the lobe is wide, or one sum misses the tolerance: sum over pairs of patches
 };
