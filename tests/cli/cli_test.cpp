@@ -2128,7 +2128,7 @@ TEST_F(CliTutorial, RunsAsItIsWritten) {
   const json result = json::parse(text_of(path("known/result.json")));
   const json& capture = result["captures"][0];
   ASSERT_EQ(result["unknowns"][0], "x_m");
-  for (const auto& [i, truth] : std::vector<std::pair<int, double>>{{0, 0.28}, {1, 0.5}}) {
+  for (const auto& [i, truth] : std::vector<std::pair<std::size_t, double>>{{0, 0.28}, {1, 0.5}}) {
     EXPECT_NEAR(capture["truth"][i].get<double>(), truth, 1e-6);
     const double sigma = std::sqrt(capture["modes"][0]["covariance"][i][i].get<double>());
     EXPECT_NEAR(capture["modes"][0]["pose"][i].get<double>(), truth, 4 * sigma);
