@@ -137,10 +137,10 @@ class Fan {
 
 }  // namespace
 
-SensorView sensor_view(const Scene& scene, const Transform& T_world_sensor,
-                       const std::vector<Vector3d>& relay_points) {
+SensorOutlines sensor_outlines(const Scene& scene, const Transform& T_world_sensor,
+                               const std::vector<Vector3d>& relay_points) {
   const Surroundings surroundings(scene);
-  SensorView view;
+  SensorOutlines view;
   view.position = T_world_sensor.translation();
   view.forward = T_world_sensor.linear() * Vector3d::UnitX();
   Fan fan(view.position, view.forward);

@@ -13,7 +13,7 @@ namespace blindcorner {
 using Outline = std::vector<Eigen::Vector2d>;
 
 /// What a sensor at one place sees of the known surfaces.
-struct SensorView {
+struct SensorOutlines {
   Eigen::Vector3d position;  ///< m, world
   Eigen::Vector3d forward;   ///< optical axis, unit, world
   Outline field_of_view;     ///< of all zones, from the sensor to the surfaces they see
@@ -22,7 +22,7 @@ struct SensorView {
 };
 
 /// `relay_points` replace the zones' footprints when there is one per zone.
-SensorView sensor_view(const Scene& scene, const Transform& T_world_sensor,
-                       const std::vector<Eigen::Vector3d>& relay_points);
+SensorOutlines sensor_outlines(const Scene& scene, const Transform& T_world_sensor,
+                               const std::vector<Eigen::Vector3d>& relay_points);
 
 }  // namespace blindcorner

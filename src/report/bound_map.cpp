@@ -149,7 +149,7 @@ std::string cells(const BoundMap& map, const View& view, const ErrorScale& scale
   return svg;
 }
 
-std::string surroundings(const BoundMap& map, const View& view, const SensorView& sensor) {
+std::string surroundings(const BoundMap& map, const View& view, const SensorOutlines& sensor) {
   std::string svg = "<path d=\"" + path_of(view, sensor.field_of_view, true) +
                     "\" fill=\"var(--field,#f0e442)\" fill-opacity=\"0.22\" "
                     "stroke=\"var(--field-edge,#a39200)\" "
@@ -175,7 +175,7 @@ std::string surroundings(const BoundMap& map, const View& view, const SensorView
   return svg;
 }
 
-std::string sensor_mark(const View& view, const SensorView& sensor) {
+std::string sensor_mark(const View& view, const SensorOutlines& sensor) {
   const double x = view.x(sensor.position.x()), y = view.y(sensor.position.y());
   const Vector2d ahead = sensor.forward.head<2>() * 18;
   return formatted(
@@ -210,7 +210,8 @@ ErrorScale error_scale(const std::vector<BoundMap>& maps) {
 
 std::string overview_svg(const BoundMap& map, const ErrorScale& scale, int number) {
   const std::string id = "overview" + std::to_string(number);
-  const SensorView sensor = sensor_view(map.scene, map.scene.T_world_sensor, map.relay_points);
+  const SensorOutlines sensor =
+      sensor_outlines(map.scene, map.scene.T_world_sensor, map.relay_points);
   Vector2d low = low_corner(map), high = high_corner(map);
   const auto include = [&](const Vector2d& p) {
     low = low.cwiseMin(p);

@@ -133,7 +133,7 @@ std::string vehicle_picture(const Drive& drive, const VehicleState& state, const
 std::string frame_picture(const Drive& drive, const DriveFrame& frame, const Canvas& canvas) {
   const Scene& scene = drive.scene;
   std::string text = canvas.line(
-      sensor_view(scene, frame.T_world_sensor, {}).field_of_view,
+      sensor_outlines(scene, frame.T_world_sensor, {}).field_of_view,
       "fill=\"#f0e442\" fill-opacity=\".25\" stroke=\"#a39200\" stroke-opacity=\".5\"", true);
   Points path;
   const std::size_t step = frame.path.size() / kPathPoints + 1;

@@ -162,7 +162,7 @@ json picture_json(const Drive& drive, const DriveFrame& frame, const std::vector
       object.push_back(zone_json(*frame.object_counts, z));
     }
   }
-  const SensorView view = sensor_view(drive.scene, frame.T_world_sensor, {});
+  const SensorOutlines view = sensor_outlines(drive.scene, frame.T_world_sensor, {});
   return {{"grid", grid_text(frame.occupancy)},
           {"now", modes_later(drive, frame, 0)},
           {"later", frame.velocities.empty() ? json::array() : modes_later(drive, frame, kAhead)},

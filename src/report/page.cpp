@@ -88,7 +88,7 @@ json scene_json(const Scene& scene) {
             {"dead", dead}}}};
 }
 
-json view_json(const SensorView& view) {
+json view_json(const SensorOutlines& view) {
   json zones = json::array();
   for (const std::vector<Outline>& zone : view.zones) {
     json outlines = json::array();
@@ -118,7 +118,7 @@ class Views {
     const auto [entry, is_new] = numbers_.try_emplace(key, views_.size());
     if (is_new) {
       views_.push_back(
-          view_json(sensor_view(scene_, conditions.T_world_sensor, conditions.relay_points)));
+          view_json(sensor_outlines(scene_, conditions.T_world_sensor, conditions.relay_points)));
     }
     return entry->second;
   }
@@ -282,7 +282,7 @@ std::string page_of(const Scene& scene, const json& data) {
 json page_scene(const Scene& scene) { return scene_json(scene); }
 
 json page_view(const Scene& scene) {
-  return view_json(sensor_view(scene, scene.T_world_sensor, {}));
+  return view_json(sensor_outlines(scene, scene.T_world_sensor, {}));
 }
 
 json page_histograms(const Scene& scene, const FittedHistograms& fitted, int max_zones) {
@@ -318,7 +318,7 @@ std::string result_page(const Scene& scene, const std::vector<FitResult>& result
 std::string scene_page(const Scene& scene) {
   json data = {{"result", result_json(scene, {})}, {"scene", scene_json(scene)}};
   data["headline"] = "What the scene file says. Nothing is fitted yet.";
-  data["views"] = json::array({view_json(sensor_view(scene, scene.T_world_sensor, {}))});
+  data["views"] = json::array({view_json(sensor_outlines(scene, scene.T_world_sensor, {}))});
   return page_of(scene, data);
 }
 
