@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 /// Any BRDF: one pulse for each pair of a way in and a way out at every point of the object. Relay
 /// and object have the points of a Lambertian object (lambertian_kernel.cpp).
-#include <array>
-
 #include "blindcorner/forward/constants.h"
 #include "forward/transport/transport_kernel.h"
 
@@ -53,6 +51,7 @@ class BrdfKernel final : public TransportKernel {
           if (s.weight[p] <= 0) continue;
           const double reflected =
               brdf_ == nullptr ? 1 / kPi : brdf_->value(point.normal, direction(p), out);
+          if (reflected <= 0) continue;
           pulses_->add(row, axis_bins_, start + (s.path[p] + s.path[r]) * bins_per_metre,
                        extra_variance_, scale * reflected * s.weight[p] * s.weight[r]);
         }

@@ -307,14 +307,15 @@ double ReferenceRenderer::longest_edge(const PlacedObject& placed) const {
                 "found an object of " + std::to_string(2 * radius) + " m, accepted: at most " +
                     std::to_string(kMaxCells * edge) + " m at this pulse and distance");
   }
+  const double lobe = narrowest_lobe(*placed.object);
+  if (std::isinf(lobe)) return edge / placed.size;
   // Over an edge e at the distance r, the way that a mirror sends light turns by 2 e / r. The
   // nearest part of the object is not all of it.
   const double middle = std::max(distance, 0.5 * (distance + radius));
-  const double for_lobe = kLobeEdge * narrowest_lobe(*placed.object) * middle;
+  const double for_lobe = kLobeEdge * lobe * middle;
   if (2 * radius > kMaxLobeCells * for_lobe) {
     throw Error("reference renderer",
-                "found a lobe of " + std::to_string(narrowest_lobe(*placed.object)) +
-                    " rad, accepted: at least " +
+                "found a lobe of " + std::to_string(lobe) + " rad, accepted: at least " +
                     std::to_string(2 * radius / (kMaxLobeCells * kLobeEdge * middle)) +
                     " rad at this object and distance");
   }

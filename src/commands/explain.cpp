@@ -312,8 +312,10 @@ int run_explain(const ExplainArguments& arguments) {
   }
   std::printf("scene %s:", scene.name.c_str());
   for (int i = 0; i < object_count(scene); ++i) {
-    std::printf("%s %s object", i == 0 ? "" : ",",
-                material_name(hidden_object(scene, i).material).c_str());
+    const Material& material = hidden_object(scene, i).material;
+    const bool law = std::holds_alternative<MeasuredLawMaterial>(material);
+    std::printf("%s %s", i == 0 ? "" : ",",
+                law ? "object with a measured law" : (material_name(material) + " object").c_str());
   }
   std::printf("\n");
   if (const auto size = planned.model->size()) {

@@ -46,26 +46,23 @@ constexpr std::array kMaterials{
 Material read_material(const JsonReader& reader) {
   if (!reader.present()) return LambertianMaterial{};
   std::vector<std::string_view> words, objects;
-  std::string accepted, last;
-  const auto accept = [&](const std::string& form) {
-    if (!last.empty()) accepted += (accepted.empty() ? "" : ", ") + last;
-    last = form;
-  };
   for (const MaterialEntry& entry : kMaterials) {
-    if (entry.alone == nullptr) continue;
-    words.push_back(entry.name);
-    accept('"' + std::string(entry.name) + '"');
-  }
-  for (const MaterialEntry& entry : kMaterials) {
-    if (entry.read == nullptr) continue;
-    objects.push_back(entry.name);
-    accept("{\"" + std::string(entry.name) + "\": {...}}");
+    if (entry.alone != nullptr) words.push_back(entry.name);
+    if (entry.read != nullptr) objects.push_back(entry.name);
   }
   const auto named = [](std::string_view name) {
     return *std::ranges::find(kMaterials, name, &MaterialEntry::name);
   };
   if (reader.is_string()) return named(reader.word(words)).alone();
-  if (!reader.is_object()) reader.fail(accepted + " or " + last);
+  if (!reader.is_object()) {
+    std::string accepted;
+    for (const std::string_view word : words) accepted += '"' + std::string(word) + "\", ";
+    for (const std::string_view name : objects) {
+      const char* before = name == objects.front() ? "" : name == objects.back() ? " or " : ", ";
+      accepted += before + ("{\"" + std::string(name) + "\": {...}}");
+    }
+    reader.fail(accepted);
+  }
   reader.allow_only(objects);
   const std::string_view name = reader.exactly_one_of(objects);
   return named(name).read(reader.at(name));

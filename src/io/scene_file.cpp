@@ -180,6 +180,7 @@ struct ShapeEntry {
   std::vector<std::string_view> placing;
   Transform (*place)(const JsonReader&, const Shape&);
 };
+
 template <class S>
 Shape read_lengths(const JsonReader& reader) {
   S shape;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <utility>
 
 #include "blindcorner/forward/error.h"
 #include "blindcorner/forward/scene/validate.h"
@@ -40,6 +41,15 @@ class Returning final : public Brdf {
 class BrdfModels : public testing::TestWithParam<bool> {
  protected:
   bool fast() const { return GetParam(); }
+  double light(const Scene& scene) const {
+    return sum(model_of(scene, fast())->three_bounce(stated_pose(scene)));
+  }
+  /// Light of the object with this BRDF over that of the same object, matt.
+  double over_matt(Scene scene, std::shared_ptr<const Brdf> brdf) const {
+    const double matt = light(scene);
+    scene.hidden.material = BrdfMaterial{"tested", std::move(brdf)};
+    return light(scene) / matt;
+  }
 };
 
 INSTANTIATE_TEST_SUITE_P(Models, BrdfModels, testing::Values(false, true), [](const auto& tested) {
@@ -87,10 +97,6 @@ TEST_P(BrdfModels, ALobeOverALitDisc) {
     scene.hidden.placement.position = Vector3d(0.6 - d, 0, 0);
     scene.hidden.placement.yaw = 0;
     scene.unknowns = {{Component::x, 0.095, 0.105, std::nullopt}};
-    const PoseVector pose = stated_pose(scene);
-    const double matt = sum(model_of(scene, fast())->three_bounce(pose));
-    scene.hidden.material = BrdfMaterial{"returning", std::make_shared<Returning>(exponent)};
-    const double lobe = sum(model_of(scene, fast())->three_bounce(pose));
     // The sensor's light on the wall falls as the third power of its own cosine.
     const auto integral = [&](double n) {
       constexpr int kSteps = 2000;
@@ -103,7 +109,9 @@ TEST_P(BrdfModels, ALobeOverALitDisc) {
       return total;
     };
     const double want = kPi * integral(exponent) / integral(0);
-    EXPECT_NEAR(lobe / matt, want, (fast() ? 0.01 : 0.002) * want) << exponent;
+    EXPECT_NEAR(over_matt(scene, std::make_shared<Returning>(exponent)), want,
+                (fast() ? 0.01 : 0.002) * want)
+        << exponent;
   }
 }
 
@@ -132,10 +140,6 @@ TEST_P(BrdfModels, AMirrorLobeOverAPlate) {
     scene.hidden.placement.position = Vector3d(0.6 - d, 0, 0);
     scene.hidden.placement.yaw = 0;
     scene.unknowns = {{Component::x, 0.195, 0.205, std::nullopt}};
-    const PoseVector pose = stated_pose(scene);
-    const double matt = sum(model_of(scene, fast())->three_bounce(pose));
-    scene.hidden.material = BrdfMaterial{"mirror", std::make_shared<Mirror>(exponent)};
-    const double lobe = sum(model_of(scene, fast())->three_bounce(pose));
     const auto integral = [&](double n) {
       constexpr int kSteps = 400;
       double total = 0;
@@ -150,7 +154,9 @@ TEST_P(BrdfModels, AMirrorLobeOverAPlate) {
       return total;
     };
     const double want = kPi * integral(exponent) / integral(0);
-    EXPECT_NEAR(lobe / matt, want, (fast() ? 0.02 : 0.01) * want) << exponent;
+    EXPECT_NEAR(over_matt(scene, std::make_shared<Mirror>(exponent)), want,
+                (fast() ? 0.02 : 0.01) * want)
+        << exponent;
   }
 }
 
