@@ -47,8 +47,6 @@ void set_ray(RTCRay& ray, const Eigen::Vector3d& origin, const Eigen::Vector3d& 
 struct RayScene::Impl {
   RTCDevice device = nullptr;
   RTCScene scene = nullptr;
-  Eigen::Vector3d center = Eigen::Vector3d::Zero();  ///< of a ball around all bodies
-  double radius = 0;
   /// What Embree counts its coordinates from: single precision has 1 cm left of 100 km.
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();
 
@@ -107,10 +105,9 @@ RayScene::RayScene(const std::vector<std::vector<Triangle>>& bodies)
     }
   }
   if (!box.isEmpty()) {
-    impl_->center = box.center();
-    impl_->radius = box.diagonal().norm() / 2;
     // Bodies about the world's origin are as precise as they can be.
-    if (impl_->center.norm() > impl_->radius) impl_->origin = impl_->center;
+    const Eigen::Vector3d center = box.center();
+    if (center.norm() > box.diagonal().norm() / 2) impl_->origin = center;
   }
   for (std::size_t i = 0; i < bodies.size(); ++i) impl_->add(static_cast<unsigned>(i), bodies[i]);
   rtcCommitScene(impl_->scene);
@@ -155,15 +152,6 @@ bool RayScene::blocked(const Eigen::Vector3d& from, const Eigen::Vector3d& to) c
   rtcOccluded1(impl_->scene, &context, &ray);
 #endif
   return ray.tfar < 0;
-}
-
-bool RayScene::may_block(const Eigen::Vector3d& from, const Eigen::Vector3d& to,
-                         double margin) const {
-  const Eigen::Vector3d way = to - from;
-  const double along = way.dot(impl_->center - from) / way.squaredNorm();
-  const Eigen::Vector3d nearest = from + std::clamp(along, 0.0, 1.0) * way;
-  const double reach = impl_->radius + margin;
-  return (nearest - impl_->center).squaredNorm() <= reach * reach;
 }
 
 }  // namespace blindcorner

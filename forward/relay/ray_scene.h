@@ -36,10 +36,6 @@ class RayScene {
   /// distance, for single precision) do not count, so both may lie on surfaces.
   bool blocked(const Eigen::Vector3d& from, const Eigen::Vector3d& to) const;
 
-  /// Whether the straight line between two points comes within `margin` m of a ball around all
-  /// bodies. Where it does not, nothing blocks it, nor any line that ends less than `margin` away.
-  bool may_block(const Eigen::Vector3d& from, const Eigen::Vector3d& to, double margin) const;
-
  private:
   struct Impl;
   std::unique_ptr<Impl> impl_;

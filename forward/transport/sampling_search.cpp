@@ -37,10 +37,10 @@ constexpr double kRuleObject = 2;
 constexpr double kPairsObject = 8 * kCoarsest;
 /// And of their patches: resolves_lobe() says how wide they may be.
 constexpr double kPairsRelay = 2 * kCoarsest;
-/// Most pairs of lit and seen patches that a lobe's model takes for an evaluation (about 0.2 s):
-/// the search for a sampling ends there, whatever the tolerance.
+/// Most pairs of lit and seen patches that a lobe's model takes for an evaluation, by judgement of
+/// time: the search for a sampling ends there, whatever the tolerance.
 constexpr double kMaxPairs = 2.5e7;
-/// Most legs between patches and the object's points that its single sum takes, for the same time.
+/// Most legs between patches and the object's points that its single sum takes, likewise.
 constexpr double kMaxLegs = 4e6;
 
 /// Change of a bin, relative to the peak, that no coarse sampling makes: where one sum differs so

@@ -151,7 +151,7 @@ void PoseObjective::shapes(const LightSource& light, const PoseVector& pose,
     light.local->light(compiled_.scene, pose, buffer.object.data());
   } else {
     // Remembered light counts too: which thread finds it is chance.
-    if (light.models != nullptr) *renders_ += solver_.observation().captures;
+    if (light.models != nullptr) renders_ += solver_.observation().captures;
     if (light.models == nullptr || !recent_.find(*light.models, pose, buffer.object)) {
       render(light, pose, buffer.object);
       if (light.models != nullptr && !light.once) recent_.keep(*light.models, pose, buffer.object);

@@ -5,7 +5,6 @@
 #include <Eigen/Core>
 #include <array>
 #include <atomic>
-#include <memory>
 #include <mutex>
 #include <optional>
 #include <span>
@@ -153,11 +152,9 @@ class PoseObjective {
   const CompiledScene& compiled() const { return compiled_; }
   int rows() const { return rows_; }
 
-  /// Histograms of one capture that models were asked for by this objective and by those that count
-  /// with it; those that were still known included, so that the number is the same at any number of
-  /// threads.
-  long renders() const { return *renders_; }
-  void count_with(const PoseObjective& other) { renders_ = other.renders_; }
+  /// Number of histograms, of one capture each, that models were asked for. Histograms that were
+  /// still known count too, so that the number is the same at any number of threads.
+  long renders() const { return renders_; }
 
  private:
   void point(ShapeBuffer& buffer, bool object) const;
@@ -174,7 +171,7 @@ class PoseObjective {
   std::vector<std::pair<int, int>> direct_range_;  // [observed zones] lit bins, [first, end)
   int rows_ = 0;
   mutable RecentLight recent_;
-  std::shared_ptr<std::atomic<long>> renders_ = std::make_shared<std::atomic<long>>(0);
+  mutable std::atomic<long> renders_ = 0;
 };
 
 }  // namespace blindcorner

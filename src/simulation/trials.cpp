@@ -255,8 +255,6 @@ std::pair<std::string, std::uint64_t> trial_key(const Trial& trial) {
           trial.seed};
 }
 
-bool same_trial(const Trial& a, const Trial& b) { return trial_key(a) == trial_key(b); }
-
 std::vector<std::string> perceptions_of(const std::vector<TrialResult>& results) {
   std::vector<std::string> names;
   for (const TrialResult& result : results) {

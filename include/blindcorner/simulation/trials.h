@@ -114,9 +114,6 @@ Drive drive_of(const Drive& drive, const Trial& trial);
 /// The key of a trial: its perception, with its risk if it has one, and its seed.
 std::pair<std::string, std::uint64_t> trial_key(const Trial& trial);
 
-/// Whether two trials are the same: the same perception, risk and seed.
-bool same_trial(const Trial& a, const Trial& b);
-
 /// The perceptions of some results, in the order of their first results.
 std::vector<std::string> perceptions_of(const std::vector<TrialResult>& results);
 
